@@ -227,7 +227,8 @@ def silicone_fits(folder: Path) -> Iterator[str]:
     yield rule(5)
     for words, records, names in silicone_cases(rest, tones):
         fit = property_fit(records, names)
-        errors = np.concatenate([fit.predict(record).relative_errors for record in records])
+        channels = [channel for record in records for channel in fit.predict(record).channels]
+        errors = np.concatenate([one.predicted / one.measured - 1 for one in channels])
         residuals = ", ".join(f"{100 * error:+.1f}" for error in errors.tolist()) if len(errors) > 1 else "–"
         yield row(
             words,

@@ -9,15 +9,11 @@ if TYPE_CHECKING:
     from ancf_casadi.estimation.prediction import RecordPrediction
     from ancf_casadi.estimation.resampling import MonteCarlo, monte_carlo
     from ancf_casadi.estimation.saved import SavedFit, load_fit
-    from problems.beam.comparison import compare_laws
-    from problems.beam.curves.prediction import ResponsePrediction
     from problems.beam.curves.record import ResponseRecord
-    from problems.beam.fitting import fit_beam
+    from problems.beam.fitting import compare_laws, fit_beam
     from problems.beam.motions.marker_record import MarkerRecord
-    from problems.beam.motions.prediction import MotionPrediction
     from problems.beam.motions.record import Camera, Channel, MotionRecord
     from problems.beam.result import BeamFit
-    from problems.beam.values.prediction import ValuePrediction
     from problems.beam.values.records import FrequencyRecord, StaticRecord
     from problems.decay.band import IsolatedMode, isolate_mode
     from problems.decay.comparison import compare_decay_laws
@@ -57,19 +53,16 @@ __all__ = [
     "MarkerRecord",
     "MeasuredModes",
     "MonteCarlo",
-    "MotionPrediction",
     "MotionRecord",
     "PerElement",
     "RayleighFit",
     "RecordPrediction",
-    "ResponsePrediction",
     "ResponseRecord",
     "SavedFit",
     "Smooth",
     "Smoothness",
     "StaticRecord",
     "StudyReport",
-    "ValuePrediction",
     "compare_decay_laws",
     "compare_laws",
     "fit_beam",

@@ -59,8 +59,8 @@ NOT_CALLED = frozenset(
     " Backbone Equilibrium LinearFrf Modes PeriodicMotion ReducedModel ReducedTrajectory ResponseCurve Trajectory"
     " DampingCurve LawCurve BeamFunctions MotionFunctions ReducedFunctions DecayFit DecayFits DecayModes"
     " FrequencyMatch FrfFit"
-    " IsolatedMode LawComparison MonteCarlo MotionPrediction RayleighFit RecordPrediction SavedFit"
-    " ResponsePrediction StudyReport ValuePrediction BeamFit".split()  # results, which the package makes
+    " IsolatedMode LawComparison MonteCarlo RayleighFit RecordPrediction SavedFit"
+    " StudyReport BeamFit".split()  # results, which the package makes
 )
 
 

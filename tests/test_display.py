@@ -53,10 +53,8 @@ from problems import (
     LeastChange,
     MarkerRecord,
     MeasuredModes,
-    MotionPrediction,
     MotionRecord,
     PerElement,
-    ResponsePrediction,
     ResponseRecord,
     SavedFit,
     Smooth,
@@ -137,30 +135,26 @@ def made(folder):
         ResponseRecord([1.8, 1.9, 2.0], [0.01, 0.02, 0.01], base=base), Global("thickness"), PerElement("thickness"),
         Smooth("thickness"), LeastChange(), Smoothness(), FrfRecord(np.arange(1.0, 9.0), np.ones(8), "receptance"),
         isolate_mode(record, band=(1.0, 3.0)), run_study(folder / "study.toml", folder / "results"),
-        *fits(folder, model, record, base),
+        *fits(folder, model, record),
         ancf_casadi.AncfError("no"), InputError("must be positive", "width"), *(error("no") for error in errors),
         ancf_casadi.SimulationError("no", time=1.0), ancf_casadi.ContinuationError("no", partial=rest),
     ]  # fmt: skip
     return {type(own).__name__: own for own in found}
 
 
-def fits(folder, model, record, base):
+def fits(folder, model, record):
     """Return the result of each fit, and predictions."""
     decay, frequencies = fit_decay(record), FrequencyRecord(model, [1.9, 10.8])
     decay.save(folder / "fit.json")
     beam = fit_beam(model, frequencies, unknowns=["elastic_modulus"])
     lines = np.linspace(1.0, 3.0, 41)
     receptance = 1.0 / (2.0**2 - lines**2 + 0.04j * lines) + 0.05 * np.random.default_rng(1).standard_normal(41)
-    motion, curve = MotionRecord([record]), ResponseRecord([1.8, 1.9, 2.0], [0.01, 0.02, 0.01], base=base)
-    three, zeros = np.ones(3), np.zeros(len(TIME))
     return [
         decay, load_fit(folder / "fit.json"), decay.predict(record), beam, beam.predict(frequencies),
         fit_decays([record, record]), fit_modes(record, modes=1), fit_rayleigh((1.0, 5.0, 9.0), (0.01, 0.02, 0.04)),
         fit_frf(FrfRecord(lines, receptance, "receptance"), frequencies=[2.0]), monte_carlo(decay, runs=2),
         match_frequencies(model.beam, targets=(1.9, 10.4), unknowns=[Global("thickness"), Global("density")]),
         compare_decay_laws(record, laws=("linear", "quadratic"), frequency_laws=("constant",)),
-        MotionPrediction(motion, (zeros,), (zeros,), (1e-4,)),
-        ResponsePrediction(curve, three, three, three, three, np.zeros(3, dtype=bool)),
     ]  # fmt: skip
 
 

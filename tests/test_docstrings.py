@@ -12,7 +12,7 @@ import problems
 from ancf_casadi.support.compilation import c_compiler
 
 SLOW = (
-    "ContinuationError", "DecayFit", "MotionPrediction", "ResponsePrediction", "SampledLoad",
+    "ContinuationError", "DecayFit", "RecordPrediction", "SampledLoad",
     "BeamFit", "compare_laws", "fit_beam", "write_fmu",
 )  # fmt: skip
 PUBLIC = [

@@ -67,7 +67,9 @@ class TestCompositeStrip:
     def test_the_computed_deflections_and_the_estimate_are_those_of_the_elastica(self, page, stiffness_alone):
         forces, measured = 9.81e-3 * np.array(page.HUNG_G), 1e-3 * np.array(page.DEFLECTION_MM)
         exact = [elastica(force, stiffness_alone.estimates["bending_stiffness"]) for force in forces]
-        np.testing.assert_allclose(stiffness_alone.predict(page.composite_record()).values, exact, rtol=2e-5)
+        np.testing.assert_allclose(
+            stiffness_alone.predict(page.composite_record()).channels[0].predicted, exact, rtol=2e-5
+        )
 
         def misfit(stiffness):
             return sum((elastica(f, stiffness) / y - 1) ** 2 for f, y in zip(forces, measured, strict=True))

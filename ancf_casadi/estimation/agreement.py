@@ -14,8 +14,8 @@ expectation K - 1.  The interval of the mean includes this scatter,
 with t of Student's distribution with K - 1 degrees of freedom, or if tau = 0 of the normal distribution.  Two records
 hardly determine tau, and their interval is wide.
 
-``parts`` has the estimates from parts of the residuals of a fit, to first order: one Gauss-Newton step from the
-estimates x of the whole fit, with the rows J_k, r_k of a part,
+``part_estimates`` has the estimates from a part of the residuals of a fit, to first order: one Gauss-Newton step from
+the estimates x of the whole fit, with the rows J_k, r_k of the part,
 
     x_k = x - (J_k' J_k)^-1 J_k' r_k,
 
@@ -34,12 +34,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL, Estimates, quantile
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, quantile
 from ancf_casadi.estimation.solver.loss import row_weights
 from ancf_casadi.estimation.solver.noise import estimated_noise
 from ancf_casadi.support.arrays import Array, Mask
@@ -57,23 +59,43 @@ class Agreement:
     name, unit : str
         The quantity.
     values, errors : ndarray
-        Estimates (K,) and their standard errors (K,), K of 2 or more.
-    scatter : float
-        Standard deviation tau between the records, beyond the standard errors.
-    probability : float
-        Probability of a Q as large or larger if the estimates agree.
-    mean, error : float
-        Mean of the estimates and its standard error, which includes the scatter.
+        Estimates (K,) and their standard errors (K,), all positive; K is 2 or more.
     """
 
     name: str
     unit: str
     values: Array
     errors: Array
-    scatter: float
-    probability: float
-    mean: float
-    error: float
+
+    @cached_property
+    def scatter(self) -> float:
+        """Standard deviation tau between the records, beyond the standard errors."""
+        freedom = len(self.values) - 1
+        if self._excess(0.0) <= freedom:
+            return 0.0
+        widest = float(np.ptp(self.values)) ** 2
+        return math.sqrt(scipy.optimize.brentq(lambda variance: self._excess(variance) - freedom, 0.0, widest))
+
+    @property
+    def probability(self) -> float:
+        """Probability of a Q as large or larger if the estimates agree."""
+        return float(scipy.special.chdtrc(len(self.values) - 1, self._excess(0.0)))
+
+    @property
+    def mean(self) -> float:
+        """Weighted mean x of the estimates."""
+        return float(np.average(self.values, weights=1 / (self.errors**2 + self.scatter**2)))
+
+    @property
+    def error(self) -> float:
+        """Standard error of the mean, which includes the scatter."""
+        variance, freedom = self.scatter**2, len(self.values) - 1
+        return math.sqrt(max(1.0, self._excess(variance) / freedom) / float(np.sum(1 / (self.errors**2 + variance))))
+
+    def _excess(self, variance: float) -> float:
+        """Return Q for a variance tau^2."""
+        weights = 1 / (self.errors**2 + variance)
+        return float(weights @ (self.values - np.average(self.values, weights=weights)) ** 2)
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -135,51 +157,7 @@ class Agreement:
         }
 
 
-def agreement(name: str, unit: str, values: Array, errors: Array) -> Agreement:
-    """Return the agreement of estimates (K,) with standard errors (K,), all positive; K is 2 or more."""
-    freedom = len(values) - 1
-
-    def mean_and_excess(variance: float) -> tuple[float, float, float]:
-        weights = 1 / (errors**2 + variance)
-        mean = float(weights @ values / weights.sum())
-        return mean, float(weights @ (values - mean) ** 2), float(weights.sum())
-
-    Q = mean_and_excess(0.0)[1]
-    τ2 = 0.0
-    if freedom < Q:
-        widest = float(np.ptp(values)) ** 2
-        τ2 = float(scipy.optimize.brentq(lambda variance: mean_and_excess(variance)[1] - freedom, 0.0, widest))
-    mean, excess, total = mean_and_excess(τ2)
-    error = math.sqrt(max(1.0, excess / freedom) / total)
-    return Agreement(
-        name=name,
-        unit=unit,
-        values=values,
-        errors=errors,
-        scatter=math.sqrt(τ2),
-        probability=float(scipy.special.chdtrc(freedom, Q)),
-        mean=mean,
-        error=error,
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class PartEstimate:
-    """Estimates from a part of the residuals of a fit, to first order.
-
-    Parameters
-    ----------
-    values : ndarray
-        Estimates (n,); nan for unknowns that the part does not determine, or that are at a bound.
-    covariance : ndarray
-        Covariance (n, n), nan for the same unknowns.
-    """
-
-    values: Array
-    covariance: Array
-
-
-def agreement_of_parts(fit: Estimates, masks: Sequence[Mask]) -> tuple[Agreement, ...]:
+def agreement_of_parts(fit: Fit, masks: Sequence[Mask]) -> tuple[Agreement, ...]:
     """Return the agreement of parts of the residuals of a fit on each unknown that two or more of them determine.
 
     The noise of a part counts as no less than that of the fit: a few values may be near their curve by chance.
@@ -193,37 +171,37 @@ def agreement_of_parts(fit: Estimates, masks: Sequence[Mask]) -> tuple[Agreement
     """
     if len(masks) < 2:
         return ()
-    found, y = [_part(fit, mask, math.sqrt(fit.noise.variance)) for mask in masks], fit.coordinates
-    values = np.array([y.unknowns(part.values) for part in found])
-    steps = np.array([np.sqrt(np.diag(part.covariance)) for part in found])
-    errors = steps * np.abs([y.slopes(part.values) for part in found])
+    found, y = [part_estimates(fit, mask, math.sqrt(fit.noise.variance)) for mask in masks], fit.coordinates
+    values = np.array([y.unknowns(part) for part, _ in found])
+    steps = np.array([np.sqrt(np.diag(covariance)) for _, covariance in found])
+    errors = steps * np.abs([y.slopes(part) for part, _ in found])
     own = [np.flatnonzero((steps[:, k] > 0.0) & (steps[:, k] < fit.scale[k])) for k in range(len(fit.names))]
     return tuple(
-        agreement(fit.names[k], fit.units[k], values[rows, k], errors[rows, k])
+        Agreement(fit.names[k], fit.units[k], values[rows, k], errors[rows, k])
         for k, rows in enumerate(own)
         if len(rows) > 1
     )
 
 
-def parts(fit: Estimates, masks: Sequence[Mask]) -> list[PartEstimate]:
-    """Return the estimates from each part of the residuals of a fit, a mask (m,) of its rows."""
-    return [_part(fit, mask) for mask in masks]
+def part_estimates(fit: Fit, mask: Mask, least: float = 0.0) -> tuple[Array, Array]:
+    """Return the estimates (n,) from a part of the residuals of a fit, to first order, and their covariance (n, n).
 
-
-def _part(fit: Estimates, mask: Mask, least: float = 0.0) -> PartEstimate:
+    Both are nan for unknowns that the part does not determine, or that are at a bound.  The noise of the part counts as
+    no less than a standard deviation ``least``.
+    """
     n = len(fit.names)
     weights = row_weights(fit.residuals[mask], fit.huber)
     rows = fit.jacobian[mask] * fit.scale * weights[:, None]
     free = np.flatnonzero(~fit.active_bounds & (np.linalg.norm(rows, axis=0) > 0.0))
     values, covariance = np.full(n, math.nan), np.full((n, n), math.nan)
     if not 0 < len(free) < len(rows):
-        return PartEstimate(values, covariance)
+        return values, covariance
     length = np.linalg.norm(rows[:, free], axis=0)
     basis, triangle = np.linalg.qr(rows[:, free] / length)
     size = np.abs(np.diag(triangle))
     # part of a column that the other columns do not explain, relative, below which it is undetermined
     if size.min() < 1e-10 * size.max():
-        return PartEstimate(values, covariance)
+        return values, covariance
     inverse = (fit.scale[free] / length)[:, None] * np.linalg.inv(triangle)
     r = weights * fit.residuals[mask]
     values[free] = fit.values[free] - inverse @ (basis.T @ r)
@@ -232,4 +210,4 @@ def _part(fit: Estimates, mask: Mask, least: float = 0.0) -> PartEstimate:
     noise = estimated_noise(r - basis @ (basis.T @ r), basis, series, times).at_least(least)
     allowance = len(rows) * fit.systematic**2 * np.eye(len(free))
     covariance[np.ix_(free, free)] = inverse @ (noise.form(basis) + allowance) @ inverse.T
-    return PartEstimate(values, covariance)
+    return values, covariance

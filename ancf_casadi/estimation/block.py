@@ -8,15 +8,21 @@ weights once residuals are known, and for a finer discretisation once its error 
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, Self
 
 import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
+from ancf_casadi.estimation.solver.least_squares import residual_function
+from ancf_casadi.estimation.solver.loss import noise_of
+from ancf_casadi.estimation.solver.polish import residuals_and_jacobian
+from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, Index
 
 
@@ -71,7 +77,7 @@ class Fitted:
     @property
     def errors(self) -> Array:
         """Standard errors (m,) of the computed values due to those of the estimates, in standard deviations."""
-        return self.fit.errors_of(self.fit.jacobian[self.rows] / self.scale)
+        return np.nan_to_num(self.fit.errors_of(self.fit.jacobian[self.rows] / self.scale))
 
 
 @dataclass(frozen=True)
@@ -93,23 +99,72 @@ class Account:
     data: dict[str, Any] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, eq=False)
+class SeriesWeights:
+    """Standard deviations of the series of residuals of a block, which groups of series share.
+
+    Parameters
+    ----------
+    lengths : array of int (c,)
+        Lengths of the series.
+    deviations : array (c,)
+        Standard deviation of each series, in its unit.
+    floors : array (c,)
+        Least standard deviation of each series that residuals may give.
+    groups : tuple of tuple of int
+        Series that share a standard deviation.
+    known : tuple of bool
+        Whether the user gave the standard deviation of a group.
+    """
+
+    lengths: Index
+    deviations: Array
+    floors: Array
+    groups: tuple[tuple[int, ...], ...]
+    known: tuple[bool, ...]
+
+    @property
+    def scale(self) -> float:
+        """The geometric mean G of the standard deviations."""
+        return math.exp(float(self.lengths @ np.log(self.deviations)) / float(self.lengths.sum()))
+
+    def root_mean_square(self, sizes: Array) -> float:
+        """Return the root mean square of the residuals if those of series c have the size ``sizes[c]`` (its unit)."""
+        return math.sqrt(float(self.lengths @ (sizes / self.deviations) ** 2) / float(self.lengths.sum()))
+
+    def split(self, residuals: Array) -> list[Array]:
+        """Return the residuals of each series, in its unit, from those of all in standard deviations."""
+        parts = np.split(residuals, np.cumsum(self.lengths)[:-1])
+        return [part * deviation for part, deviation in zip(parts, self.deviations.tolist(), strict=True)]
+
+    def improved(self, series: Sequence[Array], *, robust: bool = False) -> SeriesWeights:
+        """Return the weights with the standard deviations of noise, one array per series, where none is known."""
+        deviations = self.deviations.copy()
+        for group, known in zip(self.groups, self.known, strict=True):
+            if not known:
+                noise, own = np.concatenate([series[k] for k in group]), list(group)
+                size = (noise_of(noise) if robust else math.sqrt(float(np.mean(noise**2)))) if noise.size else 0.0
+                deviations[own] = np.maximum(size, self.floors[own])
+        return replace(self, deviations=deviations)
+
+
 class Block(ABC):
     """Measurements of one kind, and what their residuals depend on."""
 
     @property
     @abstractmethod
-    def records(self) -> Sequence[Any]:
-        """The measurements."""
+    def lengths(self) -> Sequence[Sequence[int]]:
+        """Lengths of the series of residuals of each record, which follow one another; 1 for single values."""
 
     @property
-    @abstractmethod
     def series(self) -> list[int]:
-        """Lengths of the series of residuals, which follow one another; 1 for single values."""
+        """Lengths of all series of residuals."""
+        return [length for record in self.lengths for length in record]
 
     @property
-    @abstractmethod
     def owners(self) -> Index:
         """Record of each residual, from 0, (m,)."""
+        return np.repeat(np.arange(len(self.lengths)), [sum(record) for record in self.lengths])
 
     @property
     def times(self) -> Array:
@@ -168,3 +223,26 @@ class Block(ABC):
     @abstractmethod
     def account(self, fitted: Fitted) -> Account:
         """Return what a result says of the block."""
+
+    @abstractmethod
+    def channels(self, fitted: Fitted) -> Sequence[PredictedChannel]:
+        """Return measured and computed values."""
+
+    def predicted(self, fit: Fit, kind: str) -> RecordPrediction:
+        """Return the values of the block, whose records were not fitted, at the estimates of a fit of some kind.
+
+        Raises
+        ------
+        FitError
+            If they cannot be computed.
+        """
+        evaluation = self.evaluation()
+        evaluate = residual_function(
+            lambda *x: evaluation.residuals(dict(zip(fit.names, x, strict=True))), fit.coordinates
+        )
+        residuals, jacobian = residuals_and_jacobian(evaluate, fit.values / fit.scale)
+        if evaluation.failure:
+            raise FitError(f"the record cannot be predicted: {evaluation.failure}")
+        own = replace(fit, residuals=residuals, jacobian=jacobian / fit.scale)
+        fitted = Fitted(own, slice(None), 1.0, np.zeros(len(fit.names)), evaluation)
+        return RecordPrediction(kind, tuple(self.channels(fitted)))

@@ -15,7 +15,7 @@ more free unknowns than the best counts as a rival.
 
 Coloured residuals carry less information on the laws, and criteria that count all m of them overstate the differences.
 n is the number of residuals with white noise that would determine the unknowns as well
-(``Estimates.effective_samples``), which is m for white residuals.  The model with the lowest S gives the best estimate
+(``Fit.effective_samples``), which is m for white residuals.  The model with the lowest S gives the best estimate
 of the noise.  The n of its residuals is therefore used for all models, as QAIC uses the overdispersion of the most
 general model.  Residuals that are not noise, but motion that no model explains, may lead the models astray in ways that
 n does not show: if their power is concentrated in the spectrum by a factor c above 3 (``concentration``), n is at most
@@ -39,7 +39,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ancf_casadi.estimation.estimates import Estimates
+from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, concentration
 
 LEAST_EXPLAINED = 1 / 3  # ratio n/m below which no law is said to explain all of the motion
@@ -84,7 +84,7 @@ class Candidate:
 
     @classmethod
     def of(
-        cls, name: str, fit: Estimates, terms: Sequence[str], counted: Sequence[str] = (), prior: float = 1.0
+        cls, name: str, fit: Fit, terms: Sequence[str], counted: Sequence[str] = (), prior: float = 1.0
     ) -> Candidate:
         """Return a fit as a candidate.
 
@@ -184,7 +184,7 @@ def judge(candidates: Sequence[Candidate]) -> Verdict:
     return Verdict(aicc, bic, best, settled, n, tuple(warnings))
 
 
-def vagueness(fit: Estimates, names: Sequence[str]) -> float:
+def vagueness(fit: Fit, names: Sequence[str]) -> float:
     """Return the largest uncertainty among the named unknowns, relative to the effect of all of them on the residuals.
 
     It is max_k |J_k| w_k / sum_k |J_k| |x_k|, with the columns J_k of the Jacobian, and w_k the longer of the two

@@ -28,11 +28,10 @@ from fractions import Fraction
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.estimates import Coordinates
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solver.least_squares import residual_function
 from ancf_casadi.estimation.solver.polish import residuals_and_jacobian
-from ancf_casadi.estimation.solver.unknown import Unknown
+from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array
 

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from ancf_casadi.estimation.agreement import Agreement
-from ancf_casadi.estimation.prediction import RecordPrediction
+from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel
 from ancf_casadi.estimation.solver.noise import autocorrelation
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
+from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text, prefixed
 
 PLOTS_PER_ROW = 4  # plots of estimates in a row
 
@@ -119,26 +120,70 @@ def saved_figure(fits: Mapping[str, Any]) -> Figure:
     return figure
 
 
+def channels_or_estimates(fits: Mapping[str, Any]) -> Figure:
+    """Draw the channels of a fit; the estimates of several."""
+    return saved_figure(fits) if len(fits) > 1 else channels_figure(fits)
+
+
 @literal_text
-def prediction_figure(predictions: Mapping[str, RecordPrediction]) -> Figure:
-    """Draw measured and predicted values of each channel, amplitudes of complex ones, and their differences below."""
-    shown = [(label, one, channel) for label, one in predictions.items() for channel in one.channels][:4]
-    figure = Figure(figsize=(4.0 * len(shown), 4.2), layout="constrained")
-    plots = figure.subplots(2, len(shown), squeeze=False, sharex="col")
-    for (upper, lower), (label, one, channel) in zip(plots.T, shown, strict=True):
-        # few values are drawn as points
-        style = {"marker": "o", "ms": 4, "ls": ""} if len(one.places) < 30 else {"lw": 0.8}
-        for values, colour, name in (
-            (channel.measured, MEASURED, "measured"),
-            (channel.predicted, COMPUTED, "predicted"),
-        ):
-            upper.plot(
-                one.places, values.real if np.isrealobj(values) else np.abs(values), color=colour, label=name, **style
-            )
-        lower.plot(one.places, np.abs(channel.residuals) if np.iscomplexobj(channel.residuals) else channel.residuals,
-                   color=MEASURED, **style)  # fmt: skip
-        quantity = f"{channel.name}, {channel.unit}".removesuffix(", ")
+def channels_figure(results: Mapping[str, Any]) -> Figure:
+    """Draw measured (dots) and computed values, amplitudes of complex ones, and their differences below.
+
+    Channels of one result that share a diagram, unit and axis are drawn over one another.
+
+    Parameters
+    ----------
+    results : mapping of str to RecordPrediction, or to the result of a fit with ``channels``
+        The results by their labels.
+    """
+    diagrams: dict[tuple[str, ...], list[PredictedChannel]] = {}
+    for label, result in results.items():
+        for one in result.channels:
+            diagrams.setdefault((label, one.diagram or one.name, one.unit, one.axis), []).append(one)
+    columns = min(PLOTS_PER_ROW, len(diagrams))
+    rows = -(-len(diagrams) // columns)
+    figure = Figure(figsize=(1.0 + 4.4 * columns, 4.6 * rows), layout="constrained")
+    plots = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=(2, 1) * rows)
+    for k, ((label, title, unit, axis), channels) in enumerate(diagrams.items()):
+        upper, lower = plots[2 * (k // columns) : 2 * (k // columns) + 2, k % columns]
+        lower.sharex(upper)
+        size, prefix = prefixed(max(float(np.nanmax(np.abs(one.predicted))) for one in channels), unit)
+        centred = len(channels) > 1 and axis == TIME_AXIS  # the means of positions are far apart
+        for number, one in enumerate(channels):
+            _draw_channel(upper, lower, one, size, f"C{number % 10}" if len(channels) > 1 else COMPUTED, centred)
+        quantity = f"{title}{' less its mean' * centred}, {prefix}".removesuffix(", ")
         upper.set(ylabel=quantity, title=label)
-        lower.set(ylabel="difference", xlabel=one.label)
-        upper.legend(frameon=False)
+        upper.tick_params(labelbottom=False)
+        unit = "%" if isinstance(channels[0].size, np.ndarray) else prefix
+        lower.set(ylabel=f"difference, {unit}".removesuffix(", "), xlabel=axis)
+        if all((one.places == np.rint(one.places)).all() for one in channels):
+            lower.xaxis.set_major_locator(MaxNLocator(integer=True))
+        upper.lines[0].set_label("measured")
+        upper.legend(frameon=False, fontsize="small")
+    for unused in plots.reshape(rows, 2, columns).swapaxes(1, 2).reshape(-1, 2)[len(diagrams) :].ravel():
+        figure.delaxes(unused)
     return figure
+
+
+def _draw_channel(upper: Axes, lower: Axes, one: PredictedChannel, size: float, colour: str, centred: bool) -> None:
+    """Draw a channel in units of a size: values above, residuals below, which are relative if the values are single."""
+    order = np.argsort(one.places, kind="stable")
+    measured, computed, rest = (
+        np.abs(values) if np.iscomplexobj(values) else values.real
+        for values in (one.measured, one.predicted, one.residuals)
+    )
+    mean = measured.mean() if centred else 0.0
+    upper.plot(one.places, (measured - mean) / size, ".", ms=6 if one.labels else 3, color=MEASURED)
+    upper.plot(
+        one.places[order],
+        (computed - mean)[order] / size,
+        lw=1,
+        color=colour,
+        label=one.name,
+        marker="_" if one.labels else "",
+        ms=14,
+    )
+    rest = 100 * rest / one.size if isinstance(one.size, np.ndarray) else rest / size
+    lower.plot(one.places[order], rest[order], lw=0.6, marker="." if one.labels else "", color=colour)
+    if one.labels and np.nanmin(computed) > 0.0 and np.nanmax(computed) > 10.0 * np.nanmin(computed):
+        upper.set_yscale("log")

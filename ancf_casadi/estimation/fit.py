@@ -1,23 +1,279 @@
-"""The solution of a least-squares problem: estimates with warnings, notes and JSON."""
+"""Estimates of a least-squares fit and their standard errors, to first order, with warnings, notes and JSON.
+
+A fit minimises L(x) = sum rho(r_i) over m residuals r(x).  With J their Jacobian by the n free unknowns (those not at a
+bound), psi, w and e as in ``loss``, and the covariance R of the psi (``noise``), the estimates have to first order the
+covariance
+
+    C = (J' J)^-1 (J' R J/w^2 + m e^2 J' J) (J' J)^-1
+
+For white noise this is (phi/w) (J' J)^-1 with phi of ``loss``.  Standard errors take an unknown at its bound as known;
+intervals do not (``intervals``).
+
+The solver may work with the reciprocal y = 1/x of an unknown (``Unknown.reciprocal``).  All of the above then holds for
+y; its standard error becomes that of x to first order, and the ends of its interval are the reciprocals of those of y.
+
+To first order, a change c of the residuals shifts the estimates by -(J' D J)^-1 J' D c, with D the diagonal matrix of
+the psi'(r_i); ``Fit.shifts`` gives this in standard errors.
+
+References
+----------
+G. A. F. Seber, C. J. Wild, Nonlinear Regression, Wiley (1989), Sections 2.1, 5.3.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
+import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.estimates import Estimates
-from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, concentration
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, Quantities, first_order_ends, moves, quantile
+from ancf_casadi.estimation.solver.loss import dispersion, influence, row_weights
+from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, Noise, autocorrelation, concentration
+from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown
+from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.tables import known
 
 CORRELATED = 0.95  # correlation of two unknowns beyond which there is a warning
 
 
 @dataclass(frozen=True, eq=False)
-class Fit(Estimates):
-    """Estimated unknowns and their uncertainty, with the parameters and attributes of ``Estimates``."""
+class Fit:
+    """Estimated unknowns and their uncertainty; ``fit["name"]`` is the value of an unknown.
+
+    The arrays are in the coordinates of the solver: the unknowns, or the reciprocals of those that are reciprocal.
+
+    Parameters
+    ----------
+    unknowns : tuple of Unknown
+        The n unknowns, free or not.
+    values : ndarray
+        Estimates (n,).
+    covariance : ndarray
+        Covariance (n, n); nan for unknowns at a bound.
+    active_bounds : ndarray of bool
+        Unknowns at a bound (n,).
+    residuals : ndarray
+        Residuals (m,).
+    series : tuple of int
+        Lengths of the series of residuals, which follow one another; each series is in the order of time.  Empty if the
+        residuals have no order.
+    times : ndarray or None
+        Times of the residuals (m,), s; None if those of a series are equally spaced.
+    noise : Noise
+        Covariance of the noise in the residuals.
+    jacobian : ndarray
+        Jacobian of the residuals (m, n).
+    condition : float
+        Condition number of the Jacobian of the free unknowns, its columns scaled to unit length.
+    huber : float
+        Residual d beyond which the loss grows linearly; infinite for least squares.
+    systematic : float
+        Root mean square e of a systematic error of the residuals, for which the standard errors allow.
+    status : str
+        Return status of IPOPT.
+    iterations : int
+        Iterations of IPOPT, and Gauss-Newton steps.
+    solve_seconds : float
+        Solution time of IPOPT, s.
+    model : casadi.Function
+        Coordinates in units of their scales -> residuals, and their Jacobian by these.
+    settings : mapping
+        Settings of ``least_squares``, for a fit to other data.
+    """
+
+    unknowns: tuple[Unknown, ...]
+    values: Array
+    covariance: Array
+    active_bounds: Mask
+    residuals: Array
+    series: tuple[int, ...]
+    times: Array | None
+    noise: Noise
+    jacobian: Array
+    condition: float
+    huber: float
+    systematic: float
+    status: str
+    iterations: int
+    solve_seconds: float
+    model: cs.Function
+    settings: Mapping[str, Any]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the unknowns."""
+        return tuple(unknown.name for unknown in self.unknowns)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the unknowns."""
+        return tuple(unknown.unit for unknown in self.unknowns)
+
+    @cached_property
+    def coordinates(self) -> Coordinates:
+        """The coordinates of the solver."""
+        return Coordinates.of(self.unknowns)
+
+    @property
+    def scale(self) -> Array:
+        """Scales of the coordinates (n,): typical sizes of their changes."""
+        return self.coordinates.scale
+
+    @property
+    def lower(self) -> Array:
+        """Lower bounds of the coordinates (n,)."""
+        return self.coordinates.lower
+
+    @property
+    def upper(self) -> Array:
+        """Upper bounds of the coordinates (n,)."""
+        return self.coordinates.upper
+
+    @property
+    def estimates(self) -> dict[str, float]:
+        """Value of each unknown by name; infinite for a reciprocal of zero."""
+        return dict(zip(self.names, self.coordinates.unknowns(self.values).tolist(), strict=True))
+
+    def __getitem__(self, name: str) -> float:
+        """Return the value of an unknown."""
+        return self.estimates[name]
+
+    @property
+    def at_bound(self) -> tuple[str, ...]:
+        """Names of the unknowns at a bound."""
+        return tuple(name for name, active in zip(self.names, self.active_bounds, strict=True) if active)
+
+    @property
+    def rank(self) -> int:
+        """Number of free unknowns."""
+        return int(np.count_nonzero(~self.active_bounds))
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of residuals less the number of free unknowns."""
+        return len(self.residuals) - self.rank
+
+    @property
+    def residual_rms(self) -> float:
+        """Root mean square of the residuals, Eq. (10)."""
+        return math.sqrt(np.mean(self.residuals**2))
+
+    @property
+    def autocorrelation(self) -> float:
+        """Correlation of successive residuals of a series; nan if there are none."""
+        if max(self.series, default=len(self.residuals)) < 2:
+            return math.nan
+        return float(autocorrelation(self.residuals, self.series, self.times)[1])
+
+    @property
+    def effective_samples(self) -> float:
+        """Number of residuals with white noise of equal variance that would determine the unknowns as well, at most m.
+
+        It is m over ``noise.growth``, the mean increase of the variances by the colour of the noise.
+        """
+        return len(self.residuals) / max(self.noise.growth, 1.0)
+
+    @property
+    def white_errors(self) -> Array:
+        """Standard errors (n,) if the noise were white; nan for unknowns at a bound."""
+        errors, free = np.full(len(self.names), math.nan), ~self.active_bounds
+        triangle = np.linalg.qr(self.jacobian[:, free] * self.scale[free], mode="r")
+        phi = dispersion(self.residuals, self.degrees_of_freedom, self.huber, self.systematic)
+        w = influence(self.residuals, self.huber)[1]
+        errors[free] = self.scale[free] * np.linalg.norm(np.linalg.inv(triangle), axis=1) * math.sqrt(phi / w)
+        return errors
+
+    def dispersion(self, column: Array) -> float:
+        """Return the variance phi of the residuals in the direction of a column (m,); nan for no degrees of freedom."""
+        w = influence(self.residuals, self.huber)[1]
+        return self.noise.along(column) / w + len(self.residuals) * w * self.systematic**2
+
+    @property
+    def errors(self) -> Array:
+        """Standard errors of the coordinates (n,); nan at a bound."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard error of each unknown by name; nan at a bound."""
+        errors = self.errors * np.abs(self.coordinates.slopes(self.values))
+        return dict(zip(self.names, errors.tolist(), strict=True))
+
+    @property
+    def correlations(self) -> Array:
+        """Correlations (n, n); nan for unknowns at a bound, or if all residuals are zero."""
+        with np.errstate(invalid="ignore"):
+            return self.covariance / np.outer(self.errors, self.errors)
+
+    def intervals(self, level: float = CONFIDENCE_LEVEL) -> Array:
+        """Return the intervals (n, 2) of the unknowns for a confidence level, to first order.
+
+        The interval of a reciprocal unknown has no upper end if the reciprocal may be at its lower bound.
+
+        Raises
+        ------
+        InputError
+            If the level is not between 0 and 1.
+        """
+        ends = first_order_ends(self, self.values, np.eye(len(self.names)), level)
+        ends = np.clip(ends, self.lower[:, None], self.upper[:, None])
+        inverse = self.coordinates.reciprocal
+        ends[inverse & (ends[:, 0] <= self.lower), 0] = 0.0
+        with np.errstate(divide="ignore"):
+            ends[inverse] = 1 / ends[inverse, ::-1]
+        return np.asarray(ends)
+
+    def derived(self, quantities: Quantities) -> tuple[Array, Array]:
+        """Return quantities (q,) and their standard errors to first order, nan where no free unknown enters."""
+        values, jacobian = self.linearised(quantities)
+        return values, self.errors_of(jacobian)
+
+    def derived_intervals(self, quantities: Quantities, level: float = CONFIDENCE_LEVEL) -> Array:
+        """Return the intervals (q, 2) of quantities, to first order; nan where no unknown enters."""
+        return first_order_ends(self, *self.linearised(quantities), level)
+
+    def shifts(self, change: Array) -> Array:
+        """Return the shifts (n,) of the estimates by a change of the residuals (m,), in standard errors.
+
+        The shifts are to first order.  An unknown at a bound has no standard error; the length of its one-sided
+        interval over the quantile t takes its place.  A shift is nan where neither is known.
+        """
+        weights = row_weights(self.residuals, self.huber)
+        columns, change = self.jacobian * self.scale * weights[:, None], weights * change
+        free = columns[:, ~self.active_bounds]
+        shifts = np.empty(len(self.names))
+        shifts[~self.active_bounds] = -np.linalg.lstsq(free, change)[0]
+        for k in np.flatnonzero(self.active_bounds).tolist():
+            column = columns[:, k] - free @ np.linalg.lstsq(free, columns[:, k])[0]
+            shifts[k] = -(column @ change) / (column @ column)
+        errors = self.errors
+        reach = np.abs(np.diag(moves(self, CONFIDENCE_LEVEL)[self.active_bounds]))
+        errors[self.active_bounds] = reach / self.quantile(CONFIDENCE_LEVEL)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(shifts * self.scale / errors)
+
+    def quantile(self, level: float) -> float:
+        """Return the quantile t of a two-sided interval (``quantile``)."""
+        return quantile(level, self.noise.freedom)
+
+    def linearised(self, quantities: Quantities) -> tuple[Array, Array]:
+        """Return quantities (q,) and their Jacobian (q, n) at the estimates."""
+        y = cs.MX.sym("y", len(self.names))
+        q = cs.densify(quantities(*self.coordinates.symbols(cs.vertsplit(y))))
+        values, jacobian = cs.Function("quantities", [y], [q, cs.densify(cs.jacobian(q, y))])(self.values)
+        return values.full().ravel(), jacobian.full()
+
+    def errors_of(self, jacobian: Array) -> Array:
+        """Return the standard errors of quantities from their Jacobian (q, n); nan where no free unknown enters."""
+        free = ~self.active_bounds
+        own = jacobian[:, free]
+        errors = np.sqrt(np.sum((own @ self.covariance[np.ix_(free, free)]) * own, axis=1))
+        return np.where(own.any(axis=1), errors, math.nan)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -56,23 +312,24 @@ class Fit(Estimates):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""
-        white = self.white_errors.tolist()
+        values, errors = self.estimates.values(), self.standard_errors.values()
+        columns = (self.unknowns, values, errors, self.white_errors.tolist(), self.intervals().tolist())
         return {
             "unknowns": [
                 {
-                    "name": name,
-                    "unit": unit,
+                    "name": own.name,
+                    "unit": own.unit,
                     "value": value,
                     "standard_error": known(error),
-                    "standard_error_white": known(white[k]),
+                    "standard_error_white": known(white),
                     "interval_95": [known(low), known(high)],
-                    "bounds": [known(self.unknowns[k].lower), known(self.unknowns[k].upper)],
-                    "at_bound": active,
+                    "bounds": [known(own.lower), known(own.upper)],
+                    "at_bound": own.name in self.at_bound,
                 }
-                for k, (name, unit, value, error, (low, high), active) in enumerate(self._rows())
+                for own, value, error, white, (low, high) in zip(*columns, strict=True)
             ],
-            "covariance": _matrix(self.covariance),
-            "correlations": _matrix(self.correlations),
+            "covariance": [[known(value) for value in row] for row in self.covariance.tolist()],
+            "correlations": [[known(value) for value in row] for row in self.correlations.tolist()],
             "rank": self.rank,
             "condition": known(self.condition),
             "residuals": len(self.residuals),
@@ -94,14 +351,8 @@ class Fit(Estimates):
         ends = dict.fromkeys(f"{end:.2g}" for end in (np.nanmin(ratio), np.nanmax(ratio)))
         return f"coloured noise: standard errors {' to '.join(ends)} times those for white noise"
 
-    def _rows(self) -> list[tuple[str, str, float, float, list[float], bool]]:
-        """Return name, unit, value, standard error, interval and active bound of each unknown."""
-        values, errors = self.estimates.values(), self.standard_errors.values()
-        ends, active = self.intervals().tolist(), self.active_bounds.tolist()
-        return list(zip(self.names, self.units, values, errors, ends, active, strict=True))
 
-
-def colour_warning(fit: Estimates, *, noise_free: float = 0.0) -> str | None:
+def colour_warning(fit: Fit, *, noise_free: float = 0.0) -> str | None:
     """Return a warning if residuals are not noise and their root mean square is above ``noise_free``; None if not."""
     if not fit.residual_rms > noise_free:
         return None
@@ -114,7 +365,3 @@ def colour_warning(fit: Estimates, *, noise_free: float = 0.0) -> str | None:
         "does not explain all of the motion, unless the sensor colours its noise; another law, or more modes, may "
         "explain the rest"
     )
-
-
-def _matrix(values: Array) -> list[list[float | None]]:
-    return [[known(value) for value in row] for row in values.tolist()]

@@ -1,4 +1,9 @@
-"""A record, and what the estimates of a fit to other records predict for it."""
+"""A record, and what the estimates of a fit to other records predict for it.
+
+The predicted values h have, to first order, the standard errors diag(J C J')^1/2 that the covariance C of the estimates
+causes, with J = dh/dx.  The difference to the measured values also contains their noise and the error of the model,
+which a prediction shows and a fit may hide.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +16,7 @@ import numpy as np
 from ancf_casadi.support.arrays import Array, ComplexArray, root_mean_square
 from ancf_casadi.support.tables import Reported, Table, known
 
+TIME_AXIS = "time, s"  # axis of a motion
 LARGEST_PREDICTION_ERROR = 3.0  # rms error over noise and standard error above which there is a warning
 
 
@@ -25,9 +31,20 @@ class PredictedChannel:
     measured, predicted : ndarray
         Values (m,), real or complex.
     errors : ndarray
-        Standard errors (m,) of the predicted values due to the uncertainty of the estimates.
-    noise : float
-        Standard deviation of the measured values; nan if unknown.
+        Standard errors (m,) of the predicted values due to the uncertainty of the estimates; nan if unknown.
+    places : ndarray
+        Times, frequencies or numbers (m,) of the values.
+    axis : str
+        Meaning of the places, with their unit.
+    noise : float or ndarray
+        Standard deviation of the measured values, one or (m,); nan if unknown.
+    size : float or ndarray, optional
+        Size of the measured values, one or (m,), to which ``relative_error`` refers; their root mean square if not
+        given.
+    labels : tuple of str
+        Name of each value, if they are single ones, which the table lists; none in a series.
+    diagram : str
+        Title of the diagram that channels share in a figure; each has its own if not given.
     """
 
     name: str
@@ -35,7 +52,12 @@ class PredictedChannel:
     measured: Array | ComplexArray
     predicted: Array | ComplexArray
     errors: Array
-    noise: float = math.nan
+    places: Array
+    axis: str
+    noise: float | Array = math.nan
+    size: float | Array | None = None
+    labels: tuple[str, ...] = ()
+    diagram: str = ""
 
     @property
     def residuals(self) -> Array | ComplexArray:
@@ -49,9 +71,10 @@ class PredictedChannel:
 
     @property
     def relative_error(self) -> float:
-        """``rms_error`` over the root mean square of the measured values."""
-        size = root_mean_square(np.abs(self.measured))
-        return self.rms_error / size if size else math.nan
+        """Root mean square of the residuals over ``size``."""
+        size = root_mean_square(np.abs(self.measured)) if self.size is None else self.size
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return root_mean_square(np.abs(self.residuals) / size) if np.any(size) else math.nan
 
     @property
     def standard_error(self) -> float:
@@ -59,15 +82,42 @@ class PredictedChannel:
         return root_mean_square(self.errors)
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """A sentence if the error is beyond noise and uncertainty; else nothing."""
-        expected = math.hypot(self.standard_error, self.noise)
-        if not self.rms_error > LARGEST_PREDICTION_ERROR * expected:
-            return ()
+    def warning(self) -> str | None:
+        """Warning if the error is beyond noise and uncertainty; None if not."""
+        scatter = np.hypot(self.errors if np.ndim(self.noise) else self.standard_error, self.noise)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = root_mean_square(np.abs(self.residuals) / scatter)
+        if not ratio > LARGEST_PREDICTION_ERROR:
+            return None
         return (
-            f"{self.name}: the error {self.rms_error:.2g} is {self.rms_error / expected:.2g} times as large as "
-            "noise and the uncertainty of the estimates explain; the model does not hold for this record",
+            f"{self.name}: the error {self.rms_error:.2g} is {ratio:.2g} times as large as "
+            "noise and the uncertainty of the estimates explain; the model does not hold for this record"
         )
+
+    def lines(self) -> list[str]:
+        """Return single values as text."""
+        found = []
+        columns = (self.measured, self.predicted, self.errors)
+        for label, measured, value, error in zip(self.labels, *(column.tolist() for column in columns), strict=False):
+            seen = f"measured {measured:.6g}, " * math.isfinite(measured)
+            text = f"{self.name}, {label}: {seen}predicted {value:.6g} {self.unit}".rstrip()
+            found.append(f"{text}, standard error {error:.2g}" if math.isfinite(error) else text)
+        return found
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the errors, and the single values, for JSON."""
+        data = {
+            "channel": self.name,
+            "unit": self.unit,
+            "rms_error": known(self.rms_error),
+            "relative_error": known(self.relative_error),
+            "standard_error": known(self.standard_error),
+            "noise": known(root_mean_square(np.atleast_1d(self.noise))),
+        }
+        columns = {"place": self.places, "measured": self.measured, "predicted": self.predicted, "error": self.errors}
+        rows = zip(self.labels, *(column.tolist() for column in columns.values()), strict=False)
+        values = [{"label": label, **dict(zip(columns, map(known, row), strict=True))} for label, *row in rows]
+        return {**data, "values": values} if values else data
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +130,8 @@ class RecordPrediction(Reported):
         Kind of the fit.
     channels : tuple of PredictedChannel
         Measured and predicted values.
-    places : ndarray
-        Times, frequencies or numbers (m,) of the values.
-    label : str
-        What these are, with their unit.
+    notes : tuple of str
+        Limitations of the prediction, one sentence each.
 
     Examples
     --------
@@ -92,14 +140,27 @@ class RecordPrediction(Reported):
     >>> prediction = fit.predict(([57.0], [0.005]))
     >>> print(f"{prediction.channels[0].predicted[0]:.4f}")
     0.0051
+
+    Fit the first half of a motion, and predict the whole:
+
+    >>> from ancf_casadi import Beam, HarmonicBase, Model, RayleighDamping, simulate
+    >>> from problems import MarkerRecord, fit_beam
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> model, base = Model(beam), HarmonicBase(amplitude=5e-3, frequency=1.9)
+    >>> true, guess = RayleighDamping(alpha=0.5), RayleighDamping(alpha=0.2)
+    >>> run = simulate(model, damping=true, base=base, duration=0.5, sample_rate=50.0)
+    >>> first, whole = (MarkerRecord(run.time[:k], run.tip[:k], base=base) for k in (13, 26))
+    >>> prediction = fit_beam(model, first, guess).predict(whole)
+    >>> {name: error < 1e-3 for name, error in prediction.relative_errors.items()}
+    {'position x, tip': True, 'position y, tip': True}
     """
 
-    _drawing = "ancf_casadi.estimation.figures.prediction_figure"
+    _drawing = "ancf_casadi.estimation.figures.channels_figure"
 
     kind: str
     channels: tuple[PredictedChannel, ...]
-    places: Array
-    label: str
+    notes: tuple[str, ...] = ()
 
     @property
     def residuals(self) -> tuple[Array | ComplexArray, ...]:
@@ -113,7 +174,11 @@ class RecordPrediction(Reported):
 
     @property
     def relative_errors(self) -> dict[str, float]:
-        """``rms_errors`` over the root mean square of the measured values."""
+        """Root mean square of the residuals of each channel over the size of its values.
+
+        The size is the travel of a motion, the root mean square about its mean; each value itself of amplitudes of a
+        response, static tests and frequencies; 1 rad of phases; the root mean square of the values of any other record.
+        """
         return {one.name: one.relative_error for one in self.channels}
 
     @property
@@ -123,24 +188,21 @@ class RecordPrediction(Reported):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Channels whose error is beyond noise and uncertainty."""
-        return tuple(note for one in self.channels for note in one.warnings)
+        """Limitations of the prediction, and channels whose error is beyond noise and uncertainty."""
+        return (*self.notes, *(one.warning for one in self.channels if one.warning))
 
     def table(self) -> Table:
-        """Return the errors of each channel."""
+        """Return the errors of each channel; notes list single values."""
         columns = ("channel", "unit", "rms_error", "relative_error", "standard_error", "noise")
-        rows = [
-            (one.name, one.unit, one.rms_error, known(one.relative_error), known(one.standard_error), known(one.noise))
-            for one in self.channels
-        ]
-        return Table("prediction", f"Predicted less measured values, {self.kind}", columns, rows)
+        rows = [tuple(one.to_dict()[column] for column in columns) for one in self.channels]
+        lines = [line for one in self.channels for line in one.lines()]
+        return Table("prediction", f"Predicted less measured values, {self.kind}", columns, rows, lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the errors for JSON."""
-        table = self.table()
+        """Return the errors of each channel, and single values, for JSON."""
         return {
             "kind": f"prediction of {self.kind}",
-            "channels": [dict(zip(table.columns, row, strict=True)) for row in table.rows],
+            "channels": [one.to_dict() for one in self.channels],
             "warnings": list(self.warnings),
         }
 

@@ -41,8 +41,8 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL
 from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL
 from ancf_casadi.estimation.result import FitResult, LeastSquaresResult
 from ancf_casadi.estimation.solver.noise import autocorrelation
 from ancf_casadi.exceptions import AncfError, FitError, InputError

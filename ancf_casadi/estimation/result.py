@@ -18,9 +18,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.agreement import Agreement
-from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL, Quantities
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.profile import profile_interval
+from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, Quantities, profile_interval
 from ancf_casadi.estimation.solver.least_squares import refitted
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array

@@ -33,11 +33,11 @@ import numpy as np
 
 from ancf_casadi.estimation.block import Block, Evaluation, Fitted
 from ancf_casadi.estimation.determination import check_determined
-from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL, Coordinates
 from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL
 from ancf_casadi.estimation.solver.least_squares import least_squares, residual_function
 from ancf_casadi.estimation.solver.loss import HUBER
-from ancf_casadi.estimation.solver.unknown import Unknown, started
+from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, started
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, Mask
 
@@ -97,7 +97,7 @@ class FitProblem:
         for block, rows in zip(self.blocks, self.rows, strict=True):
             owners = np.full(sum(self.series), -1)
             owners[rows] = block.owners
-            found += [owners == k for k in range(len(block.records))]
+            found += [owners == k for k in range(len(block.lengths))]
         return found
 
     @property

@@ -54,6 +54,7 @@ class Differentiable(cs.Callback):
         self._respond, self._size, self._inputs, self._part = respond, size, inputs, int(jacobian)
         self._last: tuple[Array, tuple[Array, Array]] | None = None
         self._jacobians: list[Differentiable] = []
+        self.failure = ""  # reason of the first failure
         self.construct("response", {})
 
     def at(self, inputs: Array) -> tuple[Array, Array]:
@@ -61,7 +62,8 @@ class Differentiable(cs.Callback):
         if self._last is None or not np.array_equal(self._last[0], inputs):
             try:
                 found = self._respond(inputs)
-            except (AncfError, np.linalg.LinAlgError):
+            except (AncfError, np.linalg.LinAlgError) as error:
+                self.failure = self.failure or str(error)
                 found = np.full(self._size, math.nan), np.full((self._size, self._inputs), math.nan)
             self._last = inputs, found
         return self._last[1]

@@ -1,4 +1,4 @@
-"""Damping laws and properties of a beam from any mix of measurements.
+"""Damping laws and properties of a beam from any mix of measurements, and the comparison of laws on them.
 
     fit = fit_beam(model, [decay, sag, frequencies, curve], law, unknowns=["elastic_modulus", "tip_mass"])
     print(fit.report())
@@ -31,6 +31,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from functools import partial
 from itertools import product
 from types import NoneType
@@ -41,6 +42,7 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.estimation.block import Block
+from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.estimation.solve import FitProblem, solve
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
@@ -48,6 +50,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, flag, instances, is_sequence, positive, shown, whole
+from ancf_casadi.support.parallel import run_all
 from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.curves.block import curve_block
 from problems.beam.curves.record import ResponseRecord
@@ -55,7 +58,7 @@ from problems.beam.motions.block import motion_block
 from problems.beam.motions.marker_record import MarkerRecord, motion_record
 from problems.beam.motions.record import MotionRecord
 from problems.beam.properties import CLAMP_STIFFNESS, Owners, first_values, is_property, with_clamp
-from problems.beam.result import BeamFit
+from problems.beam.result import BeamFit, law_name
 from problems.beam.unknowns import (
     BASE_AMPLITUDE,
     GROUPS,
@@ -187,17 +190,16 @@ def fit_beam(
     if not listed:
         raise InputError("nothing is to be estimated; name properties, or free a parameter of the law", "unknowns")
     own = tuple(restricted(listed, bounds or {}, priors or {}))
-    shared = _known_to_curves(own, law, first)
     blocks: list[Block] = []
     for one, numbered in _configured(motions, model, models):
         load = tuple(name.removeprefix("start_") for name in LOADS if name in wanted)
         blocks.append(motion_block(one, numbered, law, first, load=load, tolerance=tolerance, robust=robust))
     for one, numbered in _configured(curves, model, models):
-        number, most = whole(harmonics, "harmonics", 1), one.size - one.free.start
         # modes of the reduced model above the highest that a response curve is about
         enough = max(mode_of(record, frequencies) for record in curves) + 1 + 2
-        count = min(enough, most) if modes is None else whole(modes, "modes", 1, most)
-        blocks.append(curve_block(one, numbered, law, shared, first, modes=count, harmonics=number))
+        count = enough if modes is None else whole(modes, "modes", 1, one.size - one.free.start)
+        number, names = whole(harmonics, "harmonics", 1), [unknown.name for unknown in own]
+        blocks.append(curve_block(one, numbered, law, names, first, modes=count, harmonics=number))
     blocks += [ValueBlock(record.with_model(models[id(record.model)]), first) for record in values]
     solution = solve(FitProblem(tuple(blocks), own, robust), _starts(own, only_values=not motions and not curves))
     again = partial(_again, model, damping, {
@@ -205,6 +207,57 @@ def fit_beam(
         "tolerance": tolerance, "modes": modes, "harmonics": harmonics,
     })  # fmt: skip
     return BeamFit(solution.fit, given=models[id(model)], guess=law, first=first, solution=solution, again=again)
+
+
+def compare_laws(
+    model: Model,
+    records: Any,
+    laws: Sequence[DampingLaw],
+    *,
+    executor: Executor | None = None,
+    jobs: int = 1,
+    progress: bool = False,
+    **settings: Any,
+) -> LawComparison[BeamFit]:
+    """Fit several damping laws to any mix of measurements, and select one by information criteria.
+
+    Parameters
+    ----------
+    model, records
+        As in ``fit_beam``.
+    laws : sequence of DampingLaw
+        Laws with guesses of their parameters, the simplest first.
+    executor, jobs, progress
+        As in ``run_all``; the laws are fitted in parallel.  With ``jobs`` above 1 a script must call this under
+        ``if __name__ == "__main__":``.
+    **settings
+        Further settings of ``fit_beam``.
+
+    Raises
+    ------
+    InputError
+        If there is no law, or as in ``fit_beam``.
+    FitError
+        If a fit does not converge.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, HarmonicBase, Model, QuadraticDamping, RayleighDamping, simulate
+    >>> from problems import MarkerRecord, compare_laws
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> model, base = Model(beam), HarmonicBase(amplitude=5e-3, frequency=1.9)
+    >>> true, laws = QuadraticDamping(eta2=2.0), [RayleighDamping(alpha=0.2), QuadraticDamping(eta2=1.0)]
+    >>> run = simulate(model, damping=true, base=base, duration=0.25, sample_rate=50.0)
+    >>> comparison = compare_laws(model, MarkerRecord(run.time, run.tip, base=base), laws)
+    >>> type(comparison.best.law).__name__, round(comparison.best.estimates["eta2"], 2)
+    ('QuadraticDamping', 2.0)
+    """
+    laws = instances(laws, "laws", DampingLaw)
+    tasks = [partial(fit_beam, model, records, law, **settings) for law in laws]
+    fits: list[Any] = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="laws")
+    terms = tuple(tuple(own.name for own in law.parameters) for law in laws)
+    return LawComparison(tuple(law_name(law) for law in laws), tuple(fits), terms)
 
 
 def _again(model: Model, damping: DampingLaw | None, settings: Mapping[str, Any], records: Any) -> BeamFit:
@@ -278,13 +331,6 @@ def _configured(records: Sequence[Any], model: Model, models: Mapping[int, Model
 def _frequencies(model: Model) -> Array:
     # modes among which those of the response curves are sought
     return natural_modes(model, count=min(12, model.size - model.free.start)).frequencies
-
-
-def _known_to_curves(unknowns: Sequence[Unknown], law: DampingLaw, first: Mapping[str, float]) -> tuple[str, ...]:
-    """Return the unknowns on which response curves depend."""
-    known = {*first, *(own.name for own in law.parameters)}
-    prefixes = ("frequency_", "excitation")
-    return tuple(one.name for one in unknowns if one.name in known or one.name.startswith(prefixes))
 
 
 def _starts(unknowns: Sequence[Unknown], *, only_values: bool) -> list[dict[str, float]]:

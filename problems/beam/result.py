@@ -16,9 +16,10 @@ from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.dynamics.derivatives.release_load import held_start, start_jacobians
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.estimation.agreement import Agreement, agreement_of_parts
-from ancf_casadi.estimation.block import Account
+from ancf_casadi.estimation.block import Account, Block
 from ancf_casadi.estimation.determination import certainty
 from ancf_casadi.estimation.fit import colour_warning
+from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.result import LeastSquaresResult
 from ancf_casadi.estimation.solve import FitSolution
 from ancf_casadi.exceptions import InputError
@@ -27,14 +28,9 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.tables import Table, known
 from problems.beam.curves.block import CurveBlock, curve_block
-from problems.beam.curves.prediction import ResponsePrediction
-from problems.beam.curves.prediction import predicted as predicted_curve
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.block import MotionBlock, motion_block
 from problems.beam.motions.marker_record import motion_record
-from problems.beam.motions.prediction import MotionPrediction
-from problems.beam.motions.prediction import predicted as predicted_motion
-from problems.beam.names import load_name, loads
 from problems.beam.properties import (
     CLAMP_STIFFNESS,
     PROPERTY_POWERS,
@@ -45,9 +41,8 @@ from problems.beam.properties import (
     unit_of,
     value_of,
 )
+from problems.beam.unknowns import load_name, loads
 from problems.beam.values.block import ValueBlock
-from problems.beam.values.prediction import ValuePrediction
-from problems.beam.values.prediction import predicted as predicted_values
 from problems.beam.values.records import PropertyRecord
 
 
@@ -83,7 +78,7 @@ class BeamFit(LeastSquaresResult):
     """
 
     kind = "beam"
-    _drawing = "problems.beam.figures.beam_figure"
+    _drawing = "ancf_casadi.estimation.figures.channels_or_estimates"
 
     given: Model
     guess: DampingLaw
@@ -169,6 +164,11 @@ class BeamFit(LeastSquaresResult):
     def accounts(self) -> tuple[Account, ...]:
         """Lines, warnings and data of each block of measurements."""
         return tuple(block.account(fitted) for block, fitted in self.solution.parts)
+
+    @property
+    def channels(self) -> tuple[PredictedChannel, ...]:
+        """Measured and computed values of all records."""
+        return tuple(one for block, fitted in self.solution.parts for one in block.channels(fitted))
 
     @property
     def residuals(self) -> list[Array]:
@@ -266,7 +266,7 @@ class BeamFit(LeastSquaresResult):
         model = self.configured(block.model)
         return held_start(model, start_jacobians(model), np.array(load))[0]
 
-    def predict(self, record: Any) -> MotionPrediction | ResponsePrediction | ValuePrediction:
+    def predict(self, record: Any) -> RecordPrediction:
         """Compute another record of the same beam with the estimates, without fitting, and compare.
 
         Base motion, start, sensors and configuration (``model``) are those of the record.  Release, offsets and the
@@ -300,28 +300,32 @@ class BeamFit(LeastSquaresResult):
         >>> max(prediction.relative_errors.values()) < 1e-3
         True
         """
-        blocks = self.solution.problem.blocks
+        return self._block_of(record).predicted(self.fit, self.kind)
+
+    def _block_of(self, record: Any) -> Block:
+        """Return another record as a block; none of the unknowns belongs to it alone."""
+        blocks, none = self.solution.problem.blocks, 0
         if isinstance(record, PropertyRecord):
-            return predicted_values(ValueBlock(record.with_model(self._started(record.model)), self.first), self.fit)
+            return ValueBlock(record.with_model(self._started(record.model)), self.first)
         one = record if isinstance(record, ResponseRecord) else motion_record(record)
-        model, none = self._started(one.model or self.given), 0  # no unknown belongs to the record alone
+        model = self._started(one.model or self.given)
         if isinstance(one, ResponseRecord):
             curves = [block for block in blocks if isinstance(block, CurveBlock)]
-            names = {"excitation", *self.first, *(own.name for own in self.guess.parameters)}
-            kept = [name for name in self.fit.names if name in names or name.startswith("frequency_")]
-            finest = max(((block.modes, block.harmonics) for block in curves), default=(3, 5))
-            modes = min(finest[0], model.size - model.free.start)
-            block = curve_block(model, [(none, one)], self.guess, kept, self.first, modes=modes, harmonics=finest[1])
-            return predicted_curve(block, self.fit)
+            modes, harmonics = max(((block.modes, block.harmonics) for block in curves), default=(3, 5))
+            names, law = self.fit.names, self.guess
+            return curve_block(model, [(none, one)], law, names, self.first, modes=modes, harmonics=harmonics)
         motions = [block for block in blocks if isinstance(block, MotionBlock)]
+        tolerance = min((block.tolerance for block in motions), default=None)
+        own = motion_block(model, [(none, one)], self.guess, self.first, tolerance=tolerance)
+        # the noise of the same sensor in the fit is more certain than that from a few samples
         noise = {
             channel.sensor: deviation
             for block in motions
-            for channel, deviation in zip(block.channels, block.weights.deviations.tolist(), strict=True)
+            for channel, deviation in zip(block.sensors, block.weights.deviations.tolist(), strict=True)
         }
-        tolerance = min((block.tolerance for block in motions), default=None)
-        own = motion_block(model, [(none, one)], self.guess, self.first, tolerance=tolerance)
-        return predicted_motion(own, self.fit, noise)
+        pairs = zip(own.sensors, own.weights.deviations.tolist(), strict=True)
+        deviations = [channel.std or noise.get(channel.sensor, deviation) for channel, deviation in pairs]
+        return replace(own, weights=replace(own.weights, deviations=np.array(deviations)))
 
     def table(self) -> Table:
         """Return the estimates with units, standard errors and 95 % intervals; notes say what each record shows."""

@@ -1,4 +1,4 @@
-"""The unknowns of a fit of a beam: guesses, scales, bounds and priors of the names that a user gives (``names``).
+"""The unknowns of a fit of a beam: guesses, scales, bounds and priors of the names that a user gives.
 
 The parameters of the law are unknown unless they are fixed, and so are those that the records leave open within bounds:
 releases, offsets, zeros, the view of a camera.  Of the other unknowns, a user names
@@ -9,6 +9,17 @@ releases, offsets, zeros, the view of a camera.  Of the other unknowns, a user n
     base_amplitude                                       the amplitude of the base motion of each motion
     start_force_x, start_force_y, start_moment           the load that holds the beam at the start of each motion;
                                                          with ``_rate`` its rate of change
+
+The names of unknowns in the result, with records, sensors and modes counted from 1, are
+
+    alpha, beta, eta1, eta2, ratio1, ...         parameters of the law; in a sum, a second eta1 is called ``eta1_2``
+    elastic_modulus, thickness[3:5], tip_mass    properties of the beam (``properties``)
+    frequency_1, ...                             factor on the natural frequency of a mode
+    excitation, or excitation_1, ...             factor on the levels of all response curves, or of each
+    base_amplitude_1, ...                        amplitude of the base motion of each motion
+    start_force_x_1, start_force_x_rate_1, ...   tip load that holds the beam at the start of each motion, and its rate
+    release_1, camera_scale_1, ...               start of the motion, and view of the camera, of each motion
+    offset_1_2, zero_1_2                         time offset and zero of the second channel of the first motion
 
 If none is named, a fit of response curves alone has the natural frequencies, and one of response curves together with
 other records the elastic modulus: without one of them, no model is near enough to a resonance.
@@ -29,7 +40,7 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw, Parameter
-from ancf_casadi.dynamics.derivatives.release_load import START_LOAD_NAMES
+from ancf_casadi.dynamics.derivatives.release_load import LOAD_NAMES, START_LOAD_NAMES
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
@@ -38,7 +49,6 @@ from ancf_casadi.support.inputs import array, check_keys, choices, positive, sho
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.record import Channel, MotionRecord
-from problems.beam.names import base_name, frequency_name, load_name, loads
 from problems.beam.properties import property_unknown
 
 LOAD_SCALE = 0.1  # scale of a load, relative to one that bends a beam by about its length
@@ -51,6 +61,28 @@ LOADS = tuple(f"start_{name}" for name in START_LOAD_NAMES)
 GROUPS = (NATURAL_FREQUENCIES, COMMON, EACH, BASE_AMPLITUDE, *LOADS)
 
 Bounds = Mapping[str, tuple[float, float]]
+
+
+def base_name(name: str, number: int) -> str:
+    """Return the name of a parameter of a record's base motion."""
+    return f"base_{name}_{number}"
+
+
+def load_name(name: str, number: int) -> str:
+    """Return the name of a component of the load at the start of a record, or of its rate."""
+    return f"start_{name}_{number}"
+
+
+def frequency_name(mode: int) -> str:
+    """Return the name of the factor on the natural frequency of a mode, from 0."""
+    return f"frequency_{mode + 1}"
+
+
+def loads(record: MotionRecord) -> list[tuple[str, float]]:
+    """Return the load at the start of a record, zero where it is unknown, and zero for its rate, by name."""
+    start = record.start
+    known = (*start.tip_force, start.tip_moment) if isinstance(start, Equilibrium) else (0.0,) * len(LOAD_NAMES)
+    return list(zip(START_LOAD_NAMES, (*known, *(0.0,) * len(LOAD_NAMES)), strict=True))
 
 
 def of_law(law: DampingLaw | None, fixed: Sequence[str]) -> list[Unknown]:

@@ -1,6 +1,6 @@
 """Damping ratio and frequency against amplitude under the law of a fit, with 95 % bands.
 
-The band at each amplitude is the interval of a derived quantity, to first order in the unknowns (``Estimates``); it
+The band at each amplitude is the interval of a derived quantity, to first order in the unknowns (``Fit``); it
 holds for one amplitude at a time.
 """
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.envelope import LawCurve
-from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL
+from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import array, check_instance
 from problems.decay.result import DecayFit

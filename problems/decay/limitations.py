@@ -3,7 +3,7 @@
 A fit is limited by a short record, by an uncertain damping ratio, by an oscillation that lasts and is stronger than the
 decay, such as hum, by residuals that are not noise, and by a law that does not hold over the whole record.  The last is
 tested by dividing the record in two where the damping has received half of its information.  With the estimates x_1,
-x_2 of the mode from the two parts (``agreement.parts``) and their covariances,
+x_2 of the mode from the two parts (``agreement.part_estimates``) and their covariances,
 
     (x_1 - x_2)' (C_1 + C_2)^-1 (x_1 - x_2)
 
@@ -25,7 +25,7 @@ import numpy as np
 import scipy  # its packages are imported on first use
 
 from ancf_casadi.decay.first_guess import first_guess
-from ancf_casadi.estimation.agreement import DISAGREE, parts
+from ancf_casadi.estimation.agreement import DISAGREE, part_estimates
 from ancf_casadi.estimation.fit import Fit, colour_warning
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
@@ -133,12 +133,13 @@ def _changing(fit: Fit, indices: tuple[int, ...], rows: slice, time: Array) -> s
     early[rows.start : rows.start + split] = True
     late = np.zeros(len(fit.residuals), dtype=bool)
     late[rows.start + split : rows.start + len(time)] = True
-    first, second = parts(fit, [early, late])
-    known = [k for k in mode if np.isfinite(first.values[k] + second.values[k])]
+    parts = [part_estimates(fit, mask) for mask in (early, late)]
+    (first, first_covariance), (second, second_covariance) = parts
+    known = [k for k in mode if np.isfinite(first[k] + second[k])]
     if not known:
         return None
-    change = (second.values - first.values)[known]
-    covariance = (first.covariance + second.covariance)[np.ix_(known, known)]
+    change = (second - first)[known]
+    covariance = (first_covariance + second_covariance)[np.ix_(known, known)]
     size = np.sqrt(np.diag(covariance))
     normal = change / size
     square = float(normal @ np.linalg.lstsq(covariance / np.outer(size, size), normal)[0])
@@ -146,7 +147,7 @@ def _changing(fit: Fit, indices: tuple[int, ...], rows: slice, time: Array) -> s
         return None
     worst = known[int(np.argmax(np.abs(normal)))]
     name, unit = fit.names[worst], f" {fit.units[worst]}".rstrip()
-    before, after = (f"{one.values[worst]:.5g} +- {one.covariance[worst, worst] ** 0.5:.2g}" for one in (first, second))
+    before, after = (f"{values[worst]:.5g} +- {found[worst, worst] ** 0.5:.2g}" for values, found in parts)
     return (
         f"the law does not hold over the record: {name} is {before}{unit} up to {time[split]:.4g} s, and {after}{unit} "
         "later; compare laws, or show damping and frequency against amplitude"

@@ -19,7 +19,7 @@ import numpy as np
 
 from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
+from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
@@ -82,6 +82,8 @@ def predicted(fit: Fit, modes: Sequence[tuple[DecayModel, Sequence[int]]], recor
         measured,
         measured + found.residuals,
         np.nan_to_num(errors),
+        time,
+        TIME_AXIS,
         fit.residual_rms,
     )
-    return RecordPrediction("decay", (channel,), time, "time, s")
+    return RecordPrediction("decay", (channel,))

@@ -17,7 +17,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.estimation.estimates import Quantities
+from ancf_casadi.estimation.intervals import Quantities, first_order_ends
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.records.measurement import Measurement
@@ -133,7 +133,7 @@ class DecayFit(LeastSquaresResult):
             bounds["damping_ratio"] = self.ratio_bounds
             bounds["eta1"] = (0.0 if self.ratio_bounds[0] >= 0.0 else -math.inf, math.inf)
         lower, upper = np.array(list(bounds.values())).T[:, :, None]
-        return np.clip(self.fit.ends_of(*self._linearised, level), lower, upper)
+        return np.clip(first_order_ends(self.fit, *self._linearised, level), lower, upper)
 
     @property
     def law(self) -> Law:

@@ -10,8 +10,8 @@ from typing import Any, overload
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.agreement import Agreement, agreement
-from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL, Quantities
+from ancf_casadi.estimation.agreement import Agreement
+from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, Quantities
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.records.measurement import Measurement
@@ -122,7 +122,7 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
             errors = np.array([own.get(name, 0.0) for own in every])
             if (errors > 0.0).all():
                 values = np.array([fit.values[name] for fit in self.alone])
-                found.append(agreement(name, self.fits[0].model.unit(name), values, errors))
+                found.append(Agreement(name, self.fits[0].model.unit(name), values, errors))
         return tuple(found)
 
     @property

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL
 from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, profile_interval
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
-from ancf_casadi.estimation.profile import profile_interval
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, ComplexArray
@@ -192,8 +191,11 @@ class FrfFit(LeastSquaresResult):
         errors = np.hypot(*np.nan_to_num(parts).swapaxes(0, 1)).T * deviations
         noise = np.sqrt(np.mean(first_deviations(values) ** 2, axis=0))
         columns = zip(record.names(), values.T, found.fitted.T, errors.T, noise.tolist(), strict=True)
-        channels = tuple(PredictedChannel(name, record.unit, *rest) for name, *rest in columns)
-        return RecordPrediction(self.kind, channels, record.frequencies, "frequency, Hz")
+        channels = tuple(
+            PredictedChannel(name, record.unit, measured, fitted, error, record.frequencies, "frequency, Hz", std)
+            for name, measured, fitted, error, std in columns
+        )
+        return RecordPrediction(self.kind, channels)
 
     def resampled(self, noise: Array) -> Array:
         """Return the estimates (p,) from a fit to the fitted functions plus noise of each residual (m,)."""

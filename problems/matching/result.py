@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL, quantile
+from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, quantile
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.result import FitResult, Interval
 from ancf_casadi.exceptions import InputError
@@ -225,9 +225,11 @@ class FrequencyMatch(FitResult):
         errors = size * np.sqrt(np.einsum("ij,jk,ik->i", tangents, known.covariance, tangents))
         errors = errors if self.matching.noisy else np.full(count, math.nan)
         noise = float(np.sqrt(np.mean(np.square(measured.frequency_std or math.nan)))) if one.noisy else math.nan
-        predicted = one.state(m).frequencies
-        channel = PredictedChannel("frequency", "Hz", np.array(measured.frequencies), predicted, errors, noise)
-        return RecordPrediction(self.kind, (channel,), np.arange(1.0, count + 1.0), "target")
+        predicted, places = one.state(m).frequencies, np.arange(1.0, count + 1.0)
+        channel = PredictedChannel(
+            "frequency", "Hz", np.array(measured.frequencies), predicted, errors, places, "target", noise
+        )
+        return RecordPrediction(self.kind, (channel,))
 
     def resampled(self, noise: Array) -> Array:
         """Return the properties (p,) of the match to the modes of this beam plus noise of each residual (m,)."""

@@ -41,7 +41,7 @@ from scipy.linalg import solve_triangular
 from scipy.special import chdtrc
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping
-from ancf_casadi.estimation.agreement import parts
+from ancf_casadi.estimation.agreement import part_estimates
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import literal_text
@@ -101,10 +101,10 @@ class ModeCoefficients:
         if fit.law not in ("quadratic", "one-mode"):
             raise InputError(f"has the law {fit.law}; fit the decays with law='quadratic'", "fit")
         all_free = replace(fit.fit, active_bounds=np.zeros(len(fit.fit.names), dtype=bool))
-        (whole,) = parts(all_free, [np.ones(len(fit.fit.residuals), dtype=bool)])
+        values, covariance = part_estimates(all_free, np.ones(len(fit.fit.residuals), dtype=bool))
         pair = list(fit.indices[1:3])  # after the frequency
-        eta1, eta2 = whole.values[pair].tolist()
-        return cls(fit.frequency, eta1, eta2, whole.covariance[np.ix_(pair, pair)])
+        eta1, eta2 = values[pair].tolist()
+        return cls(fit.frequency, eta1, eta2, covariance[np.ix_(pair, pair)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -127,8 +127,8 @@ class RayleighFit(LeastSquaresResult):
         f, ζ, _ = _checked(*_pair(record), ratio_std=None)
         predicted, errors = self.fit.derived(lambda α, β: rayleigh_ratio(f, α, β))
         noise = float(np.mean(self.ratio_std)) if self.ratio_std else self.fit.residual_rms
-        channel = PredictedChannel("damping ratio", "", ζ, predicted, np.nan_to_num(errors), noise)
-        return RecordPrediction("rayleigh", (channel,), f, "frequency, Hz")
+        channel = PredictedChannel("damping ratio", "", ζ, predicted, np.nan_to_num(errors), f, "frequency, Hz", noise)
+        return RecordPrediction("rayleigh", (channel,))
 
     def table(self) -> Table:
         """Return measured and fitted damping ratios, one row per mode, and the coefficients."""

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ancf_casadi.estimation.agreement import agreement, agreement_of_parts, parts
+from ancf_casadi.estimation.agreement import Agreement, agreement_of_parts, part_estimates
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 
 
 def test_estimates_that_agree_have_their_weighted_mean():
     values, errors = np.array([1.0, 1.2, 0.9]), np.array([0.2, 0.1, 0.4])
-    found = agreement("x", "m", values, errors)
+    found = Agreement("x", "m", values, errors)
     weights = 1 / errors**2
     assert found.agrees and found.scatter == 0.0
     assert found.mean == pytest.approx(np.average(values, weights=weights))
@@ -27,7 +27,7 @@ def test_estimates_that_agree_have_their_weighted_mean():
 def test_estimates_with_equal_errors_that_differ_have_the_interval_of_their_scatter():
     """Then the mean, its error and its interval are those of the bare values."""
     values = np.array([1.063, 0.988, 0.936])
-    found = agreement("elastic_modulus", "", values, np.full(3, 0.002))
+    found = Agreement("elastic_modulus", "", values, np.full(3, 0.002))
     assert not found.agrees
     assert found.scatter**2 == pytest.approx(values.var(ddof=1) - 0.002**2)
     assert found.interval == pytest.approx(stats.t.interval(0.95, 2, values.mean(), stats.sem(values)))
@@ -40,7 +40,7 @@ def test_the_interval_covers_the_mean_over_all_takes():
     errors = np.array([0.5, 1.0, 1.0, 1.5, 1.0])
     hits = 0
     for _ in range(2000):
-        low, high = agreement("x", "", 2.0 * rng.standard_normal(5) + errors * rng.standard_normal(5), errors).interval
+        low, high = Agreement("x", "", 2.0 * rng.standard_normal(5) + errors * rng.standard_normal(5), errors).interval
         hits += low < 0.0 < high
     assert 0.93 < hits / 2000 < 0.97
 
@@ -55,10 +55,11 @@ def test_the_parts_of_a_linear_fit_are_the_fits_to_the_parts():
         )
 
     early = np.arange(60) < 25
-    for part, mask in zip(parts(fit(np.full(60, True)), [early, ~early]), (early, ~early), strict=True):
-        alone = fit(mask)
-        np.testing.assert_allclose(part.values, alone.values, rtol=1e-9)
-        np.testing.assert_allclose(part.covariance, alone.covariance, rtol=1e-9)
+    whole = fit(np.full(60, True))
+    for mask in (early, ~early):
+        alone, (values, covariance) = fit(mask), part_estimates(whole, mask)
+        np.testing.assert_allclose(values, alone.values, rtol=1e-9)
+        np.testing.assert_allclose(covariance, alone.covariance, rtol=1e-9)
 
 
 def test_a_part_leaves_out_unknowns_that_it_does_not_determine():
@@ -67,10 +68,10 @@ def test_a_part_leaves_out_unknowns_that_it_does_not_determine():
     step = cs.DM(late.astype(float))
     y = cs.DM(x + 0.1 * np.random.default_rng(3).standard_normal(40))
     fit = least_squares(lambda a, b: a * cs.DM(x) + b * step - y, [Unknown("a", 0.0), Unknown("b", 0.0)])
-    first, second = parts(fit, [~late, late])
-    assert math.isfinite(first.values[0]) and math.isnan(first.values[1])
-    assert np.isfinite(second.values).all()
-    assert np.isnan(parts(fit, [x < 0.01])[0].values).all()
+    first, second, little = (part_estimates(fit, mask)[0] for mask in (~late, late, x < 0.01))
+    assert math.isfinite(first[0]) and math.isnan(first[1])
+    assert np.isfinite(second).all()
+    assert np.isnan(little).all()
 
 
 def test_the_parts_of_a_fit_agree_or_not_on_what_several_of_them_determine():
@@ -108,5 +109,4 @@ def test_parts_allow_for_a_systematic_error_as_the_whole_fit_does():
     fit = least_squares(lambda a, b: a + b * cs.DM(x) - cs.DM(1 + 2 * x), unknowns, systematic=1e-3)
     half = x < 0.5
     columns = np.column_stack([np.ones(30), x[half]])
-    (part,) = parts(fit, [half])
-    np.testing.assert_allclose(part.covariance, 30 * 1e-6 * np.linalg.inv(columns.T @ columns), rtol=1e-6)
+    np.testing.assert_allclose(part_estimates(fit, half)[1], 30 * 1e-6 * np.linalg.inv(columns.T @ columns), rtol=1e-6)

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ancf_casadi.estimation.estimates import quantile
 from ancf_casadi.estimation.fit import colour_warning
-from ancf_casadi.estimation.profile import profile_interval
+from ancf_casadi.estimation.intervals import profile_interval, quantile
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError

@@ -8,7 +8,7 @@ scale/x for a reciprocal unknown, is
 with S the diagonal matrix of the scales, J = dr/dx, and w the largest diagonal entry of S J' J S at the guess, so that
 the tolerance of the solver refers to the unknowns in units of their scales.  CasADi gives gradient and Hessian.
 ``loss`` has the loss that replaces r^2/2 if some residuals are outliers, ``polish`` the Gauss-Newton steps that follow
-if IPOPT works with the Gauss-Newton Hessian, and ``estimates`` the uncertainty of the solution.
+if IPOPT works with the Gauss-Newton Hessian, and ``fit`` the uncertainty of the solution.
 """
 
 from __future__ import annotations
@@ -21,13 +21,12 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.estimates import Coordinates
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solver.loss import influence, loss
 from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.estimation.solver.noise import estimated_noise
 from ancf_casadi.estimation.solver.polish import POLISHED_ENOUGH, gauss_newton_functions, polish, residuals_and_jacobian
-from ancf_casadi.estimation.solver.unknown import Unknown, started
+from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, started
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, Mask
 
@@ -118,12 +117,12 @@ def least_squares(
 
     found, steps = solution.x, 0
     if gauss_newton:
-        polished = polish(evaluate, found, **bounds, huber=huber, systematic=systematic)
-        if polished.settled:
-            found, steps = polished.z, polished.steps
+        polished, count, settled = polish(evaluate, found, **bounds, huber=huber, systematic=systematic)
+        if settled:
+            found, steps = polished, count
         elif noise:
             raise FitError(
-                f"no minimum was found: {polished.steps} Gauss-Newton steps do not converge; {advice or 'start closer'}"
+                f"no minimum was found: {count} Gauss-Newton steps do not converge; {advice or 'start closer'}"
             )
     r, jacobian = residuals_and_jacobian(evaluate, found)
     near = np.maximum(AT_BOUND, _unseen(r, jacobian, systematic))
@@ -213,7 +212,7 @@ def _inverse_root(jacobian: Array) -> tuple[Array, float, Mask]:
 
 
 def _covariance(root: Array, free: Mask, scatter: Array, residuals: Array, huber: float, systematic: float) -> Array:
-    """Return the covariance C (n, n) of the free unknowns (``estimates``); nan for the others.
+    """Return the covariance C (n, n) of the free unknowns (``fit``); nan for the others.
 
     ``scatter`` is the covariance H' J' R J H of the influences psi in the directions of the columns of J H.
     """

@@ -55,6 +55,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import scipy  # its packages are imported on first use
 
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 
@@ -232,7 +233,7 @@ def _passing(
         lags = np.arange(1, int(places[-1]) + 1)
         angle = 1.2 * math.pi / period * lags
         kernel = np.concatenate([[1.0], 3 / angle**2 * (np.sin(angle) / angle - np.cos(angle))])
-        window = np.fft.rfft(_even(kernel, length)).real
+        window = _spectrum(kernel, length)
         window[1:-1] *= 2
         scores = transform(residuals[rows, None] * basis[rows], places, length)
         products += (scores.conj().T @ (scores * window[:, None])).real / length
@@ -324,14 +325,14 @@ def _relative_power(residuals: Array, basis: Array, places: Index, ρ: float) ->
     present = transform(np.ones((len(places), 1)), places, length)[:, 0]
     pairs = np.fft.irfft(np.abs(present) ** 2, length)[:N]
     correlation = ρ ** np.arange(N, dtype=float)
-    expected = np.fft.rfft(_even(correlation * pairs, length)).real / len(places)
+    expected = _spectrum(correlation * pairs, length) / len(places)
     weights = np.full(len(expected), 2.0)
     weights[[0, -1]] = 1.0
     own = np.abs(transform(np.column_stack([residuals, basis]), places, length)) ** 2 * (weights / length)[:, None]
     leverage = own[:, 1:].sum(axis=1)
     room = np.maximum(weights * len(places) / length - leverage, 0.0)
     floor = np.finfo(float).eps * expected.max()
-    process = np.maximum(np.fft.rfft(_even(correlation, length)).real, 0.0)
+    process = np.maximum(_spectrum(correlation, length), 0.0)
     return _RelativePower(
         power=np.concatenate([[0.0], np.cumsum(own[:, 0] / np.maximum(expected, floor))]),
         room=np.concatenate([[0.0], np.cumsum(room)]),
@@ -380,9 +381,6 @@ def _first_correlation(residuals: Array, grids: Sequence[tuple[slice, Index]]) -
     return float(np.clip(products / pairs / np.mean(residuals**2), -limit, limit)) if pairs else 0.0
 
 
-def _even(half: Array, length: int) -> Array:
-    """Return an even function over a period of ``length`` from its values at 0, 1, 2, ..."""
-    whole = np.zeros(length)
-    whole[: len(half)] = half
-    whole[length - len(half) + 1 :] = half[:0:-1]
-    return whole
+def _spectrum(half: Array, length: int) -> Array:
+    """Return the spectrum of an even function of the period ``length`` from its values at 0, 1, 2, ..."""
+    return np.asarray(scipy.fft.dct(np.pad(half, (0, length // 2 + 1 - len(half))), type=1))

@@ -14,7 +14,6 @@ G. A. F. Seber, C. J. Wild, Nonlinear Regression, Wiley (1989), Section 2.1.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
@@ -27,25 +26,6 @@ from ancf_casadi.support.interrupts import delayed_interrupts
 POLISHED = 0.01  # change of the residuals by the last step, in standard deviations
 POLISHED_ENOUGH = 0.1  # the same, accepted if further steps do not make it smaller
 POLISH_STEPS, POLISH_HALVINGS = 20, 5
-
-
-@dataclass(frozen=True, eq=False)
-class Polished:
-    """Unknowns after Gauss-Newton steps.
-
-    Parameters
-    ----------
-    z : ndarray
-        Unknowns in units of their scales (n,).
-    steps : int
-        Number of steps.
-    settled : bool
-        Whether the last step was small enough.
-    """
-
-    z: Array
-    steps: int
-    settled: bool
 
 
 def residuals_and_jacobian(evaluate: cs.Function, z: Array) -> tuple[Array, Array]:
@@ -81,8 +61,12 @@ def gauss_newton_functions(evaluate: cs.Function, huber: float, weight: float, f
     return functions
 
 
-def polish(evaluate: cs.Function, z: Array, lower: Array, upper: Array, huber: float, systematic: float) -> Polished:
-    """Return the unknowns after Gauss-Newton steps; a step that increases the loss by more than its noise is halved.
+def polish(
+    evaluate: cs.Function, z: Array, lower: Array, upper: Array, huber: float, systematic: float
+) -> tuple[Array, int, bool]:
+    """Return the unknowns after Gauss-Newton steps, the number of steps, and whether the last one was small enough.
+
+    A step that increases the loss by more than its noise is halved.
 
     Parameters
     ----------
@@ -103,14 +87,14 @@ def polish(evaluate: cs.Function, z: Array, lower: Array, upper: Array, huber: f
         rows = weights[:, None] * jacobian
         length = np.linalg.norm(rows, axis=0)
         if not (np.isfinite(rows).all() and length.all()):
-            return Polished(z, count, False)
+            return z, count, False
         bounds = (length * (lower - z)).tolist(), (length * (upper - z)).tolist()
         step = scipy.optimize.lsq_linear(rows / length, -psi / weights, bounds, method="bvls").x / length
         size = float(np.linalg.norm(rows @ step))
         deviation = math.sqrt(dispersion(r, max(len(r) - len(z), 1), huber, systematic) * curvature)
         # The second condition ends steps that rounding or integration errors keep from shrinking.
         if size <= POLISHED * deviation or before / 2 < size <= POLISHED_ENOUGH * deviation:
-            return Polished(z, count, True)
+            return z, count, True
         before = size
         highest = loss_value(r, huber) + POLISHED * deviation**2
         for _ in range(POLISH_HALVINGS):
@@ -120,6 +104,6 @@ def polish(evaluate: cs.Function, z: Array, lower: Array, upper: Array, huber: f
                 break
             step = step / 2
         else:
-            return Polished(z, count, size <= POLISHED_ENOUGH * deviation)
+            return z, count, size <= POLISHED_ENOUGH * deviation
         z, r, jacobian = trial, r_trial, jacobian_trial
-    return Polished(z, POLISH_STEPS, size <= POLISHED_ENOUGH * deviation)
+    return z, POLISH_STEPS, size <= POLISHED_ENOUGH * deviation

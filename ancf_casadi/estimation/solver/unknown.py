@@ -1,4 +1,4 @@
-"""A quantity to be estimated."""
+"""Quantities to be estimated, and the coordinates in which the solver works."""
 
 from __future__ import annotations
 
@@ -6,7 +6,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import casadi as cs
+import numpy as np
+
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.inputs import positive
 
 
@@ -57,6 +61,50 @@ class Unknown:
             raise InputError(f"the guess {self.guess:g} is not within [{self.lower:g}, {self.upper:g}]", self.name)
         if self.reciprocal and not self.lower > 0.0:
             raise InputError(f"the lower bound {self.lower:g} must be positive", self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinates:
+    """The coordinates y of the solver: y = x of an unknown x, or y = 1/x if it is reciprocal.
+
+    Parameters
+    ----------
+    scale, guess, lower, upper : ndarray
+        Scales, starting values and bounds (n,).
+    reciprocal : ndarray of bool
+        Unknowns that are reciprocal (n,).
+    """
+
+    scale: Array
+    guess: Array
+    lower: Array
+    upper: Array
+    reciprocal: Mask
+
+    @classmethod
+    def of(cls, unknowns: Sequence[Unknown]) -> Coordinates:
+        """Return the coordinates of unknowns."""
+        rows = [
+            (1 / u.scale, 1 / u.guess, 1 / u.upper, 1 / u.lower)
+            if u.reciprocal
+            else (u.scale, u.guess, u.lower, u.upper)
+            for u in unknowns
+        ]
+        scale, guess, lower, upper = np.array(rows).reshape(len(rows), 4).T
+        return cls(scale, guess, lower, upper, np.array([u.reciprocal for u in unknowns], dtype=bool))
+
+    def symbols(self, y: Sequence[cs.MX]) -> list[cs.MX]:
+        """Return the unknowns as expressions of the coordinates."""
+        return [1 / one if inverse else one for one, inverse in zip(y, self.reciprocal.tolist(), strict=True)]
+
+    def unknowns(self, y: Array) -> Array:
+        """Return the unknowns (n,) at values of the coordinates (n,)."""
+        with np.errstate(divide="ignore"):
+            return np.where(self.reciprocal, 1 / np.where(self.reciprocal, y, 1.0), y)
+
+    def slopes(self, y: Array) -> Array:
+        """Return the derivatives (n,) of the unknowns by the coordinates."""
+        return np.where(self.reciprocal, -(self.unknowns(y) ** 2), 1.0)
 
 
 def started(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[Unknown]:

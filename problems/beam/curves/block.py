@@ -17,20 +17,23 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping
 from ancf_casadi.damping.law import SumOfLaws
-from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted
+from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted, SeriesWeights
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.solve import LARGEST_SHIFT, meaningful
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction import ReducedModel, reduce_model
 from ancf_casadi.reduction.reduced import rebuilt
 from ancf_casadi.response.harmonic_balance.drive import beam_drive
-from ancf_casadi.support.arrays import Array, Index, root_mean_square
+from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.tables import known
 from problems.beam.curves.driven import Driven, driven
 from problems.beam.curves.points import Measured, PointMotion
+from problems.beam.curves.prediction import predicted_response, response_channels
 from problems.beam.curves.record import ResponseRecord
-from problems.beam.curves.residuals import CurveWeights, Responses
-from problems.beam.names import frequency_name
+from problems.beam.curves.residuals import Responses, first_weights
 from problems.beam.properties import Owners
+from problems.beam.unknowns import frequency_name
 
 MODULUS = (
     "elastic_modulus",
@@ -59,10 +62,12 @@ class CurveBlock(Block):
         First values of the unknown properties by name, SI units.
     modes, harmonics : int
         Numbers of modes and of harmonics of the motion.
-    weights : CurveWeights
-        The standard deviations.
+    weights : SeriesWeights
+        The factors on the standard deviations of amplitudes and levels, and of phases.
     refinements : int
         Number of times that modes and harmonics were added.
+    looseness : tuple of float
+        Further factors on the standard deviations of amplitudes, phases and levels.
     """
 
     model: Model
@@ -72,8 +77,9 @@ class CurveBlock(Block):
     first: Mapping[str, float]
     modes: int
     harmonics: int
-    weights: CurveWeights
+    weights: SeriesWeights
     refinements: int = 0
+    looseness: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     @property
     def records(self) -> Sequence[ResponseRecord]:
@@ -81,14 +87,9 @@ class CurveBlock(Block):
         return [record for _, record in self.numbered]
 
     @property
-    def series(self) -> list[int]:
-        """Lengths of the series of residuals: amplitudes and, if they were measured, phases of each record."""
-        return [one.length for one in self.weights.series]
-
-    @property
-    def owners(self) -> Index:
-        """Record of each residual."""
-        return np.repeat([one.record for one in self.weights.series], self.series)
+    def lengths(self) -> list[list[int]]:
+        """Number of amplitudes and, if they were measured, of phases of each record."""
+        return [[record.f.size] * (1 if record.phases is None else 2) for record in self.records]
 
     @property
     def scale(self) -> float:
@@ -98,7 +99,7 @@ class CurveBlock(Block):
     @property
     def negligible(self) -> float:
         """Norm of the error of the computation."""
-        return 1e-6 * math.sqrt(self.weights.size)  # accuracy of the computed points, in standard deviations
+        return 1e-6 * math.sqrt(sum(self.series))  # accuracy of the computed points, in standard deviations
 
     @property
     def meaningful(self) -> float:
@@ -112,9 +113,9 @@ class CurveBlock(Block):
 
     def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
         """Return the block with the factors on the standard deviations that residuals show."""
-        if not self.weights.improvable:
+        if all(self.weights.known):
             return None
-        return replace(self, weights=self.weights.improved(residuals))
+        return replace(self, weights=self.weights.improved(self.weights.split(residuals)))
 
     def error(self, values: Mapping[str, float], residuals: Array, evaluation: Any) -> Array:
         """Return the error of residuals, from one mode and two harmonics more."""
@@ -130,6 +131,21 @@ class CurveBlock(Block):
         return replace(
             self, modes=min(self.modes + 1, most), harmonics=self.harmonics + 2, refinements=self.refinements + 1
         )
+
+    def channels(self, fitted: Fitted) -> list[PredictedChannel]:
+        """Return computed amplitudes, and phases if they were measured, without standard errors."""
+        motions = fitted.evaluation.motions(fitted.values)
+        found = []
+        for record, own in zip(self.records, motions, strict=True):
+            values = np.array([one.values[:2] for one in own]).T
+            prefix = f"{record.label}: " if len(self.records) > 1 else ""
+            own_channels = response_channels(record, values, np.full(values.shape, math.nan), prefix)
+            found += own_channels if record.measured_phases is not None else own_channels[:1]
+        return found
+
+    def predicted(self, fit: Fit, kind: str) -> RecordPrediction:
+        """Return amplitudes and phases at the levels of the record."""
+        return predicted_response(self, fit, kind)
 
     def account(self, fitted: Fitted) -> Account:
         """Return errors of the amplitudes, the effects of truncation and levels, and points without a stable motion."""
@@ -212,11 +228,15 @@ class CurveBlock(Block):
     def measured(self, values: Mapping[str, float]) -> list[list[Measured]]:
         """Return the points of each record, with the levels that belong to values of the unknowns by name."""
         found = []
-        for k, (number, record) in enumerate(self.numbered):
+        factors = iter(self.weights.deviations.tolist())
+        for number, record in self.numbered:
+            amplitude = next(factors)
+            phase = 1.0 if record.phases is None else next(factors)
+            deviations = record.stds.T * (np.array([amplitude, phase, amplitude]) * self.looseness)
             factor = values.get(self.excitation(number) or "", 1.0)
             phases = np.full(record.f.size, math.nan) if record.measured_phases is None else record.measured_phases
             rows = np.array([record.amplitudes, phases, factor * record.a]).T
-            pairs = zip(record.f, rows, self.weights.deviations(k).T, strict=True)
+            pairs = zip(record.f, rows, deviations, strict=True)
             found.append([Measured(2 * math.pi * f, row, own) for f, row, own in pairs])
         return found
 
@@ -302,6 +322,8 @@ def curve_block(
     modes: int,
     harmonics: int,
 ) -> CurveBlock:
-    """Return response curves as a block with first weights."""
-    weights = CurveWeights(tuple(record for _, record in numbered), np.ones((len(numbered), 2)))
-    return CurveBlock(model, tuple(numbered), law, tuple(names), first, modes, harmonics, weights)
+    """Return response curves as a block with first weights, which knows those of the unknowns that matter to it."""
+    weights, known = first_weights([record for _, record in numbered]), {*first, *(own.name for own in law.parameters)}
+    own = tuple(name for name in names if name in known or name.startswith(("frequency_", "excitation")))
+    most = model.size - model.free.start
+    return CurveBlock(model, tuple(numbered), law, own, first, min(modes, most), harmonics, weights)

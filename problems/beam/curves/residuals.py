@@ -31,17 +31,16 @@ L. Kaufman, A variable projection method for solving separable nonlinear least s
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import casadi as cs
 import numpy as np
 
+from ancf_casadi.estimation.block import SeriesWeights
 from ancf_casadi.exceptions import NumericsError
-from ancf_casadi.support.arrays import Array, root_mean_square
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.callbacks import Differentiable
 from problems.beam.curves.driven import Driven
 from problems.beam.curves.points import Measured, NoMotionError, PointMotion, closest, motion_from_rest
@@ -53,83 +52,27 @@ if TYPE_CHECKING:
 DIFFERENCE = 1e-4  # relative change of a property for its derivative
 
 
-class Series(NamedTuple):
-    """Residuals of one kind of one record: its number, row 0 for amplitudes or 1 for phases, length, and std given."""
-
-    record: int
-    row: int
-    length: int
-    known: bool
-
-
-@dataclass(frozen=True, eq=False)
-class CurveWeights:
-    """Standard deviations of all points.
-
-    Parameters
-    ----------
-    records : tuple of ResponseRecord
-        The records.
-    factors : array (records, 2)
-        Factor c of the amplitudes and levels, and of the phases, of each record.
-    """
-
-    records: tuple[ResponseRecord, ...]
-    factors: Array
-
-    @cached_property
-    def series(self) -> list[Series]:
-        """The series of residuals: the amplitudes and, if they were measured, the phases of each record."""
-        return [
-            Series(k, row, record.f.size, given is not None)
-            for k, record in enumerate(self.records)
-            for row, given in enumerate(_measured_stds(record))
-            if row == 0 or record.phases is not None
-        ]
-
-    @property
-    def size(self) -> int:
-        """Number of residuals."""
-        return sum(one.length for one in self.series)
-
-    @property
-    def scale(self) -> float:
-        """The geometric mean G of the factors."""
-        return math.exp(
-            sum(one.length * math.log(self.factors[one.record, one.row]) for one in self.series) / self.size
-        )
-
-    @property
-    def improvable(self) -> bool:
-        """True if residuals would change the factors."""
-        return not all(one.known for one in self.series)
-
-    def deviations(self, record: int) -> Array:
-        """Return the standard deviations of amplitudes, phases and levels of a record, (3, m)."""
-        return np.asarray(self.records[record].stds * self.factors[record, [0, 1, 0], None])
-
-    def improved(self, residuals: Array) -> CurveWeights:
-        """Return the weights with the factors of residuals where no standard deviation was given."""
-        factors = self.factors.copy()
-        parts = np.split(residuals, np.cumsum([one.length for one in self.series]))[:-1]
-        kinds = [(own.sensor, own.control, *(std is None for std in _measured_stds(own))) for own in self.records]
-        for k, kind in enumerate(kinds):
-            for row in range(2):
-                own = [
-                    part
-                    for one, part in zip(self.series, parts, strict=True)
-                    if (kinds[one.record], one.row, one.known) == (kind, row, False)
-                ]
-                if own:
-                    # least factor: below it, residuals are those of the computation
-                    factors[k, row] = max(factors[k, row] * root_mean_square(np.concatenate(own)), 1e-6)
-        return replace(self, factors=factors)
-
-
-def _measured_stds(record: ResponseRecord) -> tuple[object, object]:
-    """Return the standard deviations that were given of the measured quantity, amplitude or level, and of the phase."""
-    measured = record.level_std if record.control == "response" else record.amplitude_std
-    return measured, record.phase_std
+def first_weights(records: Sequence[ResponseRecord]) -> SeriesWeights:
+    """Return the factors c of the amplitudes and, if they were measured, of the phases of each record before a fit."""
+    lengths: list[int] = []
+    groups: dict[tuple[object, ...], list[int]] = {}
+    known: list[bool] = []
+    for record in records:
+        measured = record.level_std if record.control == "response" else record.amplitude_std
+        given = measured, record.phase_std
+        for row in range(1 if record.phases is None else 2):
+            kind = (record.sensor, record.control, *(own is None for own in given), row)
+            if kind not in groups:
+                known.append(given[row] is not None)
+            groups.setdefault(kind, []).append(len(lengths))
+            lengths.append(record.f.size)
+    return SeriesWeights(
+        lengths=np.array(lengths),
+        deviations=np.ones(len(lengths)),
+        floors=np.full(len(lengths), 1e-6),  # below this factor, residuals are those of the computation
+        groups=tuple(map(tuple, groups.values())),
+        known=tuple(known),
+    )
 
 
 class Responses:
@@ -143,7 +86,6 @@ class Responses:
 
     def __init__(self, block: CurveBlock) -> None:
         self.block = block
-        self.failure = ""
         self._last: list[list[PointMotion]] = []
         self._constant: list[Driven] = []
 
@@ -155,6 +97,11 @@ class Responses:
         self._last = before._last
         return self
 
+    @property
+    def failure(self) -> str:
+        """Reason why a motion was not found."""
+        return self._differentiable.failure
+
     def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
         """Return the residuals (m,) for unknowns by name."""
         return self._differentiable(cs.vertcat(*(given[name] for name in self.block.names)))
@@ -165,7 +112,7 @@ class Responses:
     @cached_property
     def _differentiable(self) -> Differentiable:
         """The residuals as a CasADi Function of the unknowns, nan where a motion is not found."""
-        return Differentiable(self._respond, self.block.weights.size, len(self.block.names))
+        return Differentiable(self._respond, sum(self.block.series), len(self.block.names))
 
     def motions(self, values: Mapping[str, float]) -> list[list[PointMotion]]:
         """Return the motion closest to each point, record by record, for values of the unknowns by name.
@@ -244,12 +191,8 @@ class Responses:
         return self._constant
 
     def _respond(self, x: Array) -> tuple[Array, Array]:
-        """Return residuals and Jacobian; if a motion is not found, keep the reason."""
-        try:
-            return self.at(dict(zip(self.block.names, x.tolist(), strict=True)))
-        except NumericsError as error:
-            self.failure = self.failure or str(error)
-            raise
+        """Return residuals and Jacobian."""
+        return self.at(dict(zip(self.block.names, x.tolist(), strict=True)))
 
 
 def across(slope: Array, response_controlled: bool, has_phase: bool) -> Array:

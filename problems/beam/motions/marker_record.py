@@ -19,7 +19,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
-from ancf_casadi.support.inputs import array, check_instance, instances, numbers, physical
+from ancf_casadi.support.inputs import array, check_instance, numbers, physical
 from ancf_casadi.support.tables import Displayed, counted, spread
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.beam.motions.record import FEWEST_SAMPLES, Bounds, Camera, Channel, MotionRecord
@@ -107,21 +107,6 @@ class MarkerRecord(Displayed):
     def _summary(self) -> str:
         points = 1 if self.points is None else len(self.points)
         return f"{counted(points, 'point')}, {counted(np.size(self.time), 'sample')}, {spread(self.time, 's')}"
-
-
-Record = MotionRecord | MarkerRecord | Measurement
-
-
-def motion_records(records: Record | Sequence[Record]) -> tuple[MotionRecord, ...]:
-    """Return one record or more, of any kind, as motion records.
-
-    Raises
-    ------
-    InputError
-        If there are none, or one is of another kind.
-    """
-    single = isinstance(records, MotionRecord | MarkerRecord | Measurement)
-    return tuple(motion_record(one) for one in instances([records] if single else records, "records", object))
 
 
 def motion_record(record: Any) -> MotionRecord:

@@ -1,4 +1,4 @@
-"""Weights that make the residuals of different sensors comparable, from the noise of each sensor.
+"""Weights of the residuals of different sensors, from their noise, and a tolerance of the integration to match.
 
 With the standard deviation s_c of channel c, its residuals enter a fit as (computed - measured)/s_c, and the fit weighs
 them by the geometric mean G of all s_c (``ancf_casadi.estimation.solve``).
@@ -13,97 +13,59 @@ residuals of each channel takes their place, and the fit is repeated once from i
 least squares).  The positions in a record have one standard deviation, that of their camera; any other channel has its
 own.
 
-No standard deviation is below ``MODEL_STD`` times the travel of the channel, the root mean square about its mean
-(``tolerance``).
+No standard deviation is below ``MODEL_STD`` times the travel of the channel, the root mean square about its mean.
+
+The tolerance of the integration follows from the noise and the effect of the integration error.  To first order, an
+error c of the computed readings, one number for each of the m residuals, shifts the estimates by
+
+    d = -(J' J)^-1 J' c                                  (``Fit.shifts``),
+
+and none by more than |c|/s standard errors, where s^2 is the variance of the residuals.  No shift may exceed
+``LARGEST_SHIFT``, a tenth.  One integration at the estimates, at a tolerance smaller by the factor ``CHECK_RATIO``,
+checks this: its error is smaller by about the same factor, so that c is the difference of the residuals.  It costs one
+run without derivatives; a fit takes about ten with derivatives.  If a shift is too large, the fit is repeated from its
+estimates.  The error is about proportional to the tolerance, so that the tolerance decreases in proportion to the
+shift.
+
+The first tolerance follows from the record.  The part of c in the direction of a parameter has a root mean square of
+about ``ERROR_GAIN`` times the tolerance and the size of the readings: the length L of the beam for positions (measured
+for tolerances from 1e-6 to 1e-10, over one to ten periods), and ten times the travel of any other channel.  With the
+root mean square size a of the weighted residuals,
+
+    tolerance = LARGEST_SHIFT s / (m^1/2 ERROR_GAIN a),
+
+where the noise in s comes from third differences of the samples.  Other motions may have another ``ERROR_GAIN``; the
+check covers them.
+
+A record may itself be integrated.  Without noise, the residuals are then the integration errors of the record and of
+the fit.  These are not white noise: they stay in phase with the motion, and a parameter absorbs most of them, so that
+the residuals do not show them (if IDAS integrated the record, its numerical damping appears as air drag).  The standard
+errors therefore include a systematic error (``Fit.systematic``) of ``MODEL_STD`` times the travel of the record.  This
+is negligible beside the noise of a camera, 1e-4 to 1e-2 of the travel.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ancf_casadi.estimation.solver.loss import noise_of
+from ancf_casadi.estimation.block import SeriesWeights
+from ancf_casadi.estimation.solve import LARGEST_SHIFT
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from problems.beam.motions.record import FEWEST_SAMPLES, Channel, MotionRecord
 
+CHECK_RATIO = 30.0
+ERROR_GAIN = 0.1
+USUAL_TRAVEL = 0.1  # usual travel of a beam over its length
+COARSEST, TIGHTEST = 1e-6, 1e-10  # tolerances; the latter is checked at 3e-12, where rounding sets in
+LENGTHS = ("position", "displacement")
 MODEL_STD = 2e-5  # systematic error of a record, relative to its travel
 
 
-@dataclass(frozen=True, eq=False)
-class Weights:
-    """Noise and travel of all channels of all records, record by record.
-
-    Parameters
-    ----------
-    deviations : array (c,)
-        Standard deviation of the noise of each channel, in its unit.
-    travels : array (c,)
-        Root mean square of each channel about its mean, in its unit.
-    lengths : array (c,)
-        Number of samples of each channel.
-    groups : tuple of tuple of int
-        Channels that share a standard deviation.
-    known : tuple of bool
-        Whether the user gave the standard deviation of a group.
-    """
-
-    deviations: Array
-    travels: Array
-    lengths: Array
-    groups: tuple[tuple[int, ...], ...]
-    known: tuple[bool, ...]
-
-    @property
-    def scale(self) -> float:
-        """The geometric mean G of the standard deviations."""
-        return math.exp(float(self.lengths @ np.log(self.deviations)) / float(self.lengths.sum()))
-
-    @property
-    def systematic(self) -> float:
-        """Root mean square of the systematic error of the residuals, in standard deviations (``tolerance``)."""
-        return MODEL_STD * self.root_mean_square(self.travels)
-
-    @property
-    def travel(self) -> float:
-        """Norm of the readings less their means, in standard deviations."""
-        return math.sqrt(self.lengths.sum()) * self.root_mean_square(self.travels)
-
-    @property
-    def improvable(self) -> bool:
-        """True if residuals would change the ratios of the standard deviations."""
-        return len(self.groups) > 1 and not all(self.known)
-
-    def root_mean_square(self, sizes: Array) -> float:
-        """Return the root mean square of the residuals if those of channel c have the size ``sizes[c]`` (its unit)."""
-        return math.sqrt(float(self.lengths @ (sizes / self.deviations) ** 2) / float(self.lengths.sum()))
-
-    def split(self, residuals: Array) -> list[Array]:
-        """Return the residuals of each channel, in its unit, from those of all in standard deviations."""
-        parts = np.split(residuals, np.cumsum(self.lengths.astype(int))[:-1])
-        return [part * deviation for part, deviation in zip(parts, self.deviations.tolist(), strict=True)]
-
-    def improved(self, residuals: Array, *, robust: bool) -> Weights:
-        """Return the weights with the standard deviations of residuals where none is known."""
-        parts = self.split(residuals)
-        return self._with([[parts[k] for k in group] for group in self.groups], robust)
-
-    def _with(self, series: Sequence[Sequence[Array]], robust: bool) -> Weights:
-        """Return the weights with the standard deviations of the series of each group where none is known."""
-        deviations = self.deviations.copy()
-        for group, known, parts in zip(self.groups, self.known, series, strict=True):
-            if not known:
-                own = list(group)
-                found = _deviation(np.concatenate(parts), robust)
-                travel = math.sqrt(float(self.lengths[own] @ self.travels[own] ** 2) / float(self.lengths[own].sum()))
-                deviations[own] = max(found, MODEL_STD * travel)
-        return replace(self, deviations=deviations)
-
-
-def first_weights(records: Sequence[MotionRecord], *, robust: bool = False) -> Weights:
+def first_weights(records: Sequence[MotionRecord], *, robust: bool = False) -> SeriesWeights:
     """Return the weights of records, from the third differences of the samples where the noise is not given.
 
     Raises
@@ -121,14 +83,18 @@ def first_weights(records: Sequence[MotionRecord], *, robust: bool = False) -> W
                 "give Channel(std=...)",
                 "channels",
             )
-    weights = Weights(
+    lengths = np.array([channel.measurement.time.size for channel in channels])
+    travels = np.array([float(channel.measurement.values.std()) for channel in channels])
+    for own in map(list, groups):
+        travels[own] = math.sqrt(float(lengths[own] @ travels[own] ** 2) / float(lengths[own].sum()))
+    weights = SeriesWeights(
+        lengths=lengths,
         deviations=np.array([channel.std or 1.0 for channel in channels]),
-        travels=np.array([float(channel.measurement.values.std()) for channel in channels]),
-        lengths=np.array([float(channel.measurement.time.size) for channel in channels]),
+        floors=MODEL_STD * travels,
         groups=groups,
         known=tuple(channels[group[0]].std is not None for group in groups),
     )
-    found = weights._with([[third_differences(channels[k]) for k in group] for group in groups], robust)
+    found = weights.improved([third_differences(channel) for channel in channels], robust=robust)
     if not found.deviations.all():
         label = channels[int(np.argmin(found.deviations))].label
         raise InputError(f"{label} is constant; leave it out, or give Channel(std=...)", "channels")
@@ -163,7 +129,21 @@ def _groups(records: Sequence[MotionRecord]) -> tuple[tuple[int, ...], ...]:
     return tuple(groups)
 
 
-def _deviation(residuals: Array, robust: bool) -> float:
-    if not residuals.size:
-        return 0.0
-    return noise_of(residuals) if robust else math.sqrt(float(np.mean(residuals**2)))
+def first_tolerance(records: Sequence[MotionRecord], weights: SeriesWeights, length: float) -> float:
+    """Return the first tolerance for a beam of a length (m)."""
+    quantities = [channel.sensor.quantity for record in records for channel in record.own_channels]
+    pairs = zip(quantities, (weights.floors / MODEL_STD).tolist(), strict=True)
+    sizes = np.array([length if quantity in LENGTHS else travel / USUAL_TRAVEL for quantity, travel in pairs])
+    root = math.sqrt(float(weights.lengths.sum()))
+    wanted = (
+        LARGEST_SHIFT
+        * math.hypot(1.0, root * weights.root_mean_square(weights.floors))
+        / (root * ERROR_GAIN * weights.root_mean_square(sizes))
+    )
+    return min(max(wanted, TIGHTEST), COARSEST)
+
+
+def tighter(tolerance: float, shift: float) -> float:
+    """Return the tolerance that is expected to reduce a shift, in standard errors, to the allowed one."""
+    # 2: additional factor by which a tolerance is tightened
+    return max(tolerance * LARGEST_SHIFT / (2.0 * shift), TIGHTEST)

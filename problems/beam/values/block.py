@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, Self
 
 import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted
-from ancf_casadi.support.arrays import Index
+from ancf_casadi.estimation.prediction import PredictedChannel
 from ancf_casadi.support.callbacks import Differentiable
 from problems.beam.properties import Owners
 from problems.beam.values.records import PropertyRecord
@@ -20,7 +22,7 @@ ACCURACY = 1e-6  # relative accuracy of computed values; in standard deviations 
 
 @dataclass(frozen=True, eq=False)
 class ValueBlock(Block):
-    """Measured values of a beam at rest or in small vibration.
+    """Measured values of a beam at rest or in small vibration; it is its own evaluation.
 
     Parameters
     ----------
@@ -33,20 +35,14 @@ class ValueBlock(Block):
     record: PropertyRecord
     first: Mapping[str, float]
 
-    @property
-    def records(self) -> Sequence[PropertyRecord]:
-        """The record."""
-        return [self.record]
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the block without its Function, which the receiving process derives again."""
+        return type(self), (self.record, self.first)
 
     @property
-    def series(self) -> list[int]:
-        """Single values."""
-        return [1] * len(self.record.measured)
-
-    @property
-    def owners(self) -> Index:
-        """Zeros: there is one record."""
-        return np.zeros(len(self.record.measured), dtype=np.int64)
+    def lengths(self) -> list[list[int]]:
+        """Single values of one record."""
+        return [[1] * len(self.record.measured)]
 
     @property
     def stated(self) -> bool:
@@ -69,6 +65,44 @@ class ValueBlock(Block):
         # relative change of all values that counts as none; the stretching of a beam causes less
         return 3e-6 * float(np.linalg.norm(self.record.measured / self.record.scatter))
 
+    def evaluation(self, before: Evaluation | None = None) -> Self:
+        """Return the block itself."""
+        return self
+
+    @property
+    def failure(self) -> str:
+        """Reason why the values could not be computed; empty if they could."""
+        return self._computed.failure
+
+    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
+        """Return computed less measured values over their standard deviations, or relative errors, (m,)."""
+        factors = cs.vertcat(cs.MX(0, 1), *(given[name] / first for name, first in self.first.items()))
+        return (self._computed(factors) - cs.DM(self.record.measured)) / cs.DM(self.record.scatter)
+
+    def close(self) -> None:
+        """Keep the Function, which is small."""
+
+    @cached_property
+    def _computed(self) -> Differentiable:
+        """The values as a differentiable function of the factors on the unknown properties."""
+        respond = self.record.response(Owners.of(self.record.model.beam, tuple(self.first)))
+        return Differentiable(respond, len(self.record.measured), len(self.first))
+
+    def channels(self, fitted: Fitted) -> list[PredictedChannel]:
+        """Return measured and computed values, a channel for each quantity."""
+        record, rest = self.record, fitted.residuals * self.record.scatter
+        errors, labels = fitted.errors * record.scatter, np.array(record.labels)
+        kinds, found = np.array(record.quantities), []
+        for quantity, unit in dict(zip(record.quantities, record.units, strict=True)).items():
+            own = kinds == quantity
+            measured = record.measured[own]
+            name = record.name if own.all() else f"{record.name}, {quantity}"
+            found.append(
+                PredictedChannel(name, unit, measured, measured + rest[own], errors[own], record.places[own],
+                                 record.axis, math.nan, np.abs(measured), tuple(labels[own].tolist()), quantity)
+            )  # fmt: skip
+        return found
+
     def account(self, fitted: Fitted) -> Account:
         """Return measured and computed values."""
         record = self.record
@@ -80,31 +114,3 @@ class ValueBlock(Block):
         ]
         data = {"kind": "values", "name": record.name, "labels": list(record.labels), "units": list(record.units)}
         return Account(lines, (), {**data, "measured": record.measured.tolist(), "computed": values.tolist()})
-
-    def evaluation(self, before: Evaluation | None = None) -> Evaluation:
-        """Return the values as a differentiable function."""
-        return before or ValueEvaluation(self)
-
-
-class ValueEvaluation:
-    """The values of a block as a differentiable function of the unknown properties."""
-
-    failure = ""
-
-    def __init__(self, block: ValueBlock) -> None:
-        self.block = block
-
-    @cached_property
-    def _computed(self) -> Differentiable:
-        block = self.block
-        respond = block.record.response(Owners.of(block.record.model.beam, tuple(block.first)))
-        return Differentiable(respond, len(block.record.measured), len(block.first))
-
-    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
-        """Return computed less measured values over their standard deviations, or relative errors, (m,)."""
-        record = self.block.record
-        factors = cs.vertcat(cs.MX(0, 1), *(given[name] / first for name, first in self.block.first.items()))
-        return (self._computed(factors) - cs.DM(record.measured)) / cs.DM(record.scatter)
-
-    def close(self) -> None:
-        """Keep the function, which is small."""

@@ -11,11 +11,11 @@ if no standard deviation is given.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.point_load import PointLoad
-from ancf_casadi.records.sensor import Sensor
+from ancf_casadi.records.sensor import SENSOR_UNITS, Sensor
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import (
     array,
@@ -38,12 +38,13 @@ from ancf_casadi.support.inputs import (
 )
 from ancf_casadi.support.tables import Displayed
 from problems.beam.properties import Owners
-from problems.beam.values.observation import place, readings
-from problems.beam.values.response import ModalResponse, Respond, StaticResponse
+from problems.beam.values.response import Respond, modal_response, place, readings, static_response
 
 
 class PropertyRecord(Displayed, ABC):
     """Measured values that depend on the properties of a beam at rest or in small vibration."""
+
+    axis: ClassVar[str]  # of a figure
 
     model: Model
     name: str
@@ -65,8 +66,19 @@ class PropertyRecord(Displayed, ABC):
 
     @property
     @abstractmethod
+    def quantities(self) -> tuple[str, ...]:
+        """Quantity of each value, (m,)."""
+
+    @property
+    @abstractmethod
+    def places(self) -> Array:
+        """Place of each value on the axis of a figure, (m,)."""
+
+    @property
     def units(self) -> tuple[str, ...]:
         """SI unit of each value, (m,)."""
+        units: Mapping[Any, str] = SENSOR_UNITS
+        return tuple(units.get(quantity, "Hz") for quantity in self.quantities)
 
     @abstractmethod
     def response(self, owners: Owners) -> Respond:
@@ -127,6 +139,8 @@ class StaticRecord(PropertyRecord):
     >>> print(f"{fit.estimates['elastic_modulus'] / 1e9:.0f} GPa")
     215 GPa
     """
+
+    axis = "load, N"
 
     model: Model
     loads: Sequence[PointLoad | Sequence[PointLoad]]
@@ -192,14 +206,20 @@ class StaticRecord(PropertyRecord):
         names = [f"case {case + 1}: {word}" for case in range(len(self.loads)) for word in words]
         return tuple(names[k] for k in self.present.tolist())
 
-    @cached_property
-    def units(self) -> tuple[str, ...]:
-        """SI unit of each value, (m,)."""
-        return tuple(self.columns[k % len(self.columns)].unit for k in self.present.tolist())
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Quantity of each value, (m,)."""
+        return tuple(self.columns[k % len(self.columns)].quantity for k in self.present.tolist())
+
+    @property
+    def places(self) -> Array:
+        """Size of the total force for each value, N, (m,)."""
+        sizes = [float(np.hypot(*np.sum([(0.0, 0.0), *(load.force for load in case)], axis=0))) for case in self.cases]
+        return np.asarray(np.repeat(sizes, len(self.columns))[self.present], dtype=np.float64)
 
     def response(self, owners: Owners) -> Respond:
         """Return the function from factors on the properties to the computed values (m,) and their Jacobian (m, p)."""
-        response = StaticResponse(self.model, self.cases, self.columns, self.tared, owners)
+        response = static_response(self.model, self.cases, self.columns, self.tared, owners)
 
         def present(factors: Array) -> tuple[Array, Array]:
             values, jacobian = response(factors)
@@ -241,6 +261,8 @@ class FrequencyRecord(PropertyRecord):
     >>> record.labels
     ('mode 1', 'mode 2')
     """
+
+    axis = "mode"
 
     model: Model
     frequencies: ArrayLike
@@ -284,13 +306,18 @@ class FrequencyRecord(PropertyRecord):
         return tuple(f"mode {k}" for k in self.modes or ())
 
     @property
-    def units(self) -> tuple[str, ...]:
-        """Hz, (m,)."""
-        return ("Hz",) * len(self.measured)
+    def quantities(self) -> tuple[str, ...]:
+        """Frequencies, (m,)."""
+        return ("frequency",) * len(self.measured)
+
+    @property
+    def places(self) -> Array:
+        """Number of each mode, (m,)."""
+        return np.array(self.modes, dtype=np.float64)
 
     def response(self, owners: Owners) -> Respond:
         """Return the function from factors on the properties to the computed values (m,) and their Jacobian (m, p)."""
-        return ModalResponse(self.model, np.array(self.modes) - 1, owners)
+        return modal_response(self.model, np.array(self.modes) - 1, owners)
 
 
 def _cases(loads: object, model: Model) -> tuple[tuple[PointLoad, ...], ...]:

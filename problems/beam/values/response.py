@@ -1,4 +1,4 @@
-"""Equilibria and natural frequencies of a beam as functions of factors on its properties, with exact derivatives.
+"""Values of a beam at rest and in small vibration as functions of factors on its properties, with exact derivatives.
 
 Each factor multiplies the properties that it owns (``problems.beam.properties``); the loads stay as they are.  Every
 response starts from the given beam: Newton's method starts from its equilibrium, and its modes are followed by their
@@ -6,99 +6,112 @@ shapes.  The result therefore depends on the factors alone, and not on the path 
 those of ``ancf_casadi.vibration.sensitivities``; with f the generalized forces on the clamped coordinates,
 
     K dq = -R_p dp,    dy = y_q dq + y_f (f_q dq + f_p dp) + y_p dp.
+
+The readings y are those of a motion (``dynamics.derivatives.reading``) without velocities; a displacement is the change
+from rest without the loads.  Force F and moment M that the clamp exerts on the beam follow from the generalized forces f = Q_e - Q_g on the clamped coordinates (r_0, tau_0): F = (f_1, f_2) and
+M = tau_0 x (f_3, f_4), because a rotation of the clamp by dtheta turns tau_0 by dtheta (-tau_y, tau_x).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import casadi as cs
 import numpy as np
 
+from ancf_casadi.dynamics.derivatives.reading import SampledMotion
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.vibration.assembly import per_element, scatter
+from ancf_casadi.vibration.assembly import per_element, scatter, structure_properties
 from ancf_casadi.vibration.equilibrium import Equilibrium, neighbour, static_equilibrium
 from ancf_casadi.vibration.following import follow, followed_modes
 from ancf_casadi.vibration.modal_state import ModalState
 from ancf_casadi.vibration.modes import natural_modes
 from ancf_casadi.vibration.sensitivities import coordinate_derivatives, gradient
 from problems.beam.properties import Owners
-from problems.beam.values.observation import readings
 
 Respond = Callable[[Array], tuple[Array, Array]]  # factors (p,) -> values (m,) and their Jacobian (m, p)
 
+STATIC_QUANTITIES = ("position", "displacement", "slope", "strain", "force", "moment")
 
-@dataclass(frozen=True, eq=False)
-class StaticResponse:
-    """The readings of sensors under one load case after the other.
+
+def modal_response(model: Model, numbers: Index, owners: Owners) -> Respond:
+    """Return the function from factors to the natural frequencies (Hz) of modes, numbered from 0, and their Jacobian.
+
+    Raises
+    ------
+    EquilibriumError
+        If the beam has no stable equilibrium.
+    """
+    standard = followed_modes(natural_modes(model, count=int(numbers.max()) + 1), numbers)
+
+    def respond(factors: Array) -> tuple[Array, Array]:
+        properties, directions = owners.applied(standard.properties, factors)
+        state = follow(standard, properties)
+        count = len(numbers)
+        of_eigenvalues = gradient(state, np.eye(count), np.zeros((count, model.size, count)))
+        chain = state.frequencies / (2 * state.eigenvalues)
+        return state.frequencies, chain[:, None] * (of_eigenvalues.T @ directions)
+
+    return respond
+
+
+def static_response(
+    model: Model, cases: Sequence[Sequence[PointLoad]], sensors: Sequence[Sensor], tared: bool, owners: Owners
+) -> Respond:
+    """Return the function from factors to the readings of k sensors case by case, (c k,), and their Jacobian.
 
     Parameters
     ----------
     model : Model
         The beam.
-    cases : tuple of tuples of PointLoad
-        The loads of each case.
-    sensors : tuple of Sensor
+    cases : sequence of sequences of PointLoad
+        The loads of each of c cases.
+    sensors : sequence of Sensor
         The sensors.
     tared : bool
         Whether all sensors, not only those of displacement, read zero without the loads.
     owners : Owners
         The properties that each factor multiplies.
+
+    Raises
+    ------
+    EquilibriumError
+        If the beam has no equilibrium.
     """
+    equilibria = [static_equilibrium(model, loads=loads) for loads in ((), *cases)]
+    read = readings(model, sensors)
+    from_rest = np.array([float(tared or sensor.quantity == "displacement") for sensor in sensors])
 
-    model: Model
-    cases: tuple[tuple[PointLoad, ...], ...]
-    sensors: tuple[Sensor, ...]
-    tared: bool
-    owners: Owners
+    def respond(factors: Array) -> tuple[Array, Array]:
+        found = [_read_at_rest(model, read, rest, owners, factors) for rest in equilibria]
+        values, jacobians = (np.array(part) for part in zip(*found, strict=True))
+        values = values[1:] - from_rest * values[0]
+        jacobians = jacobians[1:] - from_rest[:, None] * jacobians[0]
+        return values.ravel(), jacobians.reshape(values.size, owners.count)
 
-    def __call__(self, factors: Array) -> tuple[Array, Array]:
-        """Return the readings case by case, (c k,), and their Jacobian by the factors, (c k, p).
+    return respond
 
-        Raises
-        ------
-        EquilibriumError
-            If the beam has no equilibrium.
-        """
-        cases = [self._case(rest, factors) for rest in self._standard]
-        values, jacobians = np.array([value for value, _ in cases]), np.array([jacobian for _, jacobian in cases])
-        values = values[1:] - self._from_rest * values[0]
-        jacobians = jacobians[1:] - self._from_rest[:, None] * jacobians[0]
-        return values.ravel(), jacobians.reshape(-1, self.owners.count)
 
-    @cached_property
-    def _standard(self) -> list[Equilibrium]:
-        """Equilibria of the given beam: without the loads, then case by case."""
-        return [static_equilibrium(self.model, loads=loads) for loads in ((), *self.cases)]
-
-    @cached_property
-    def _readings(self) -> cs.Function:
-        return readings(self.model, self.sensors)
-
-    @cached_property
-    def _from_rest(self) -> Array:
-        """Ones for the sensors that read changes from rest without the loads, zeros for the others."""
-        return np.array([float(self.tared or sensor.quantity == "displacement") for sensor in self.sensors])
-
-    def _case(self, rest: Equilibrium, factors: Array) -> tuple[Array, Array]:
-        """Return the readings in one case, (k,), and their Jacobian, (k, p)."""
-        given = rest.structure
-        own, directions = self.owners.applied(given.properties, factors)
-        structure = replace(given, properties=own)
-        at = neighbour(structure, rest.exact)
-        if at is None:
-            at = static_equilibrium(self.owners.changed(self.model, factors), loads=rest.loads).exact
-        state = ModalState(structure, at, np.arange(0), np.zeros(0), np.zeros((self.model.size, 0)))
-        dq = coordinate_derivatives(state, directions)
-        force, change = _clamp_forces(state, dq, directions)
-        size = len(self.owners.index)
-        y, by_e, by_force, by_p = (part.full() for part in self._readings(at.coordinates, force, own[:size]))
-        return y.ravel(), by_e @ dq + by_force @ change + by_p @ directions[:size]
+def _read_at_rest(
+    model: Model, read: cs.Function, rest: Equilibrium, owners: Owners, factors: Array
+) -> tuple[Array, Array]:
+    """Return the readings in one case, (k,), and their Jacobian, (k, p), from the equilibrium of the given beam."""
+    own, directions = owners.applied(rest.structure.properties, factors)
+    structure = replace(rest.structure, properties=own)
+    at = neighbour(structure, rest.exact)
+    if at is None:
+        at = static_equilibrium(owners.changed(model, factors), loads=rest.loads).exact
+    state = ModalState(structure, at, np.arange(0), np.zeros(0), np.zeros((model.size, 0)))
+    dq = coordinate_derivatives(state, directions)
+    force, change = _clamp_forces(state, dq, directions)
+    size = len(owners.index)
+    y, by_e, by_force, by_p = (part.full() for part in read(at.coordinates, force, own[:size]))
+    return y.ravel(), by_e @ dq + by_force @ change + by_p @ directions[:size]
 
 
 def _clamp_forces(state: ModalState, dq: Array, directions: Array) -> tuple[Array, Array]:
@@ -113,39 +126,40 @@ def _clamp_forces(state: ModalState, dq: Array, directions: Array) -> tuple[Arra
     return force[:NODE, 0], change[:NODE]
 
 
-@dataclass(frozen=True, eq=False)
-class ModalResponse:
-    """Natural frequencies.
+def readings(model: Model, sensors: Sequence[Sensor]) -> cs.Function:
+    """Return (e, f, properties) -> the readings of k sensors, and their Jacobians by e, f and the properties.
 
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    numbers : array of int (m,)
-        Numbers of the modes, from 0.
-    owners : Owners
-        The properties that each factor multiplies.
+    f are the generalized forces on the clamped coordinates, (4,); the properties those of the beam, (4 n + 2,), in the
+    order of ``structure_properties``.
+
+    Raises
+    ------
+    InputError
+        If a sensor reads nothing at rest, has its direction in the frame of the body, or is not on the beam.
     """
+    e, f, properties = (
+        cs.MX.sym("e", model.size),
+        cs.MX.sym("f", NODE),
+        cs.MX.sym("p", structure_properties(model).size),
+    )
+    rows = cs.reshape(properties[: model.properties.size], model.beam.elements, -1).T
+    forces, still = cs.vertcat(f, cs.MX(model.size - NODE, 1)), cs.MX.zeros(model.size)
+    motion = SampledMotion(model, rows, e, still, still, lambda: forces)
+    y = cs.vertcat(*(_reading(motion, sensor) for sensor in sensors))
+    jacobians = [cs.densify(cs.jacobian(y, x)) for x in (e, f, properties)]
+    return cs.Function("readings", [e, f, properties], [cs.densify(y), *jacobians])
 
-    model: Model
-    numbers: Index
-    owners: Owners
 
-    def __call__(self, factors: Array) -> tuple[Array, Array]:
-        """Return the frequencies, Hz (m,), and their Jacobian by the factors, (m, p).
+def place(model: Model, sensor: Sensor) -> float:
+    """Return the arc length of a sensor, m."""
+    return model.beam.length if sensor.point is None else sensor.point
 
-        Raises
-        ------
-        EquilibriumError
-            If the beam has no stable equilibrium.
-        """
-        properties, directions = self.owners.applied(self._standard.properties, factors)
-        state = follow(self._standard, properties)
-        count = len(self.numbers)
-        of_eigenvalues = gradient(state, np.eye(count), np.zeros((count, self.model.size, count)))
-        chain = state.frequencies / (2 * state.eigenvalues)
-        return state.frequencies, chain[:, None] * (of_eigenvalues.T @ directions)
 
-    @cached_property
-    def _standard(self) -> ModalState:
-        return followed_modes(natural_modes(self.model, count=int(self.numbers.max()) + 1), self.numbers)
+def _reading(motion: SampledMotion, sensor: Sensor) -> cs.MX:
+    if sensor.quantity not in STATIC_QUANTITIES:
+        raise InputError(
+            f"{sensor.quantity} has no reading at rest; use one of {', '.join(STATIC_QUANTITIES)}", "sensors"
+        )
+    if sensor.frame != "inertial":
+        raise InputError("the direction must be in the laboratory (frame='inertial') at rest", "sensors")
+    return motion.read(sensor)

@@ -9,7 +9,7 @@ from typing import Any
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located
-from problems.beam.comparison import compare_laws
+from problems.beam.fitting import compare_laws
 from problems.command.output import Output, add_plot, figure_writer, json_text, new_files, positive_count
 from problems.command.record_options import (
     add_part_options,

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from typing import Any, TypedDict, final
 
 from ancf_casadi.exceptions import InputError
-from problems.beam.comparison import compare_laws
-from problems.beam.fitting import fit_beam
+from problems.beam.fitting import compare_laws, fit_beam
 from problems.schema.file import StudyFile
 from problems.schema.records import NUMBERS, read_measurements
 from problems.study.data_table import Column, DataTable
@@ -23,7 +22,7 @@ MOTION_TABLES = {"beam", "damping", "base", "load", "release", "records", *NUMBE
 
 
 class MotionNumbers(TypedDict):
-    """Fit to measured motion, as ``BeamFit.to_dict``, and predictions, as ``MotionPrediction.to_dict``."""
+    """Fit to measured motion, as ``BeamFit.to_dict``, and predictions, as ``RecordPrediction.to_dict``."""
 
     fit: dict[str, Any]
     predictions: list[dict[str, Any]]

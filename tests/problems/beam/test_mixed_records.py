@@ -183,9 +183,7 @@ class Mean(Block):
     values: np.ndarray
     scale: float = 1.0
 
-    records = property(lambda self: [self.values])
-    series = property(lambda self: [len(self.values)])
-    owners = property(lambda self: np.zeros(len(self.values), dtype=np.int64))
+    lengths = property(lambda self: [[len(self.values)]])
     negligible = 0.0
     failure = ""
 
@@ -203,3 +201,6 @@ class Mean(Block):
 
     def account(self, fitted):
         return Account()
+
+    def channels(self, fitted):
+        return []

@@ -27,9 +27,8 @@ from ancf_casadi.dynamics.derivatives.sensitivity import MotionRun, SensitivityP
 from ancf_casadi.estimation.criteria import Candidate, judge
 from problems import MarkerRecord, compare_laws, fit_beam, fit_decay
 from problems.beam.motions import block
-from problems.beam.motions.marker_record import motion_records
-from problems.beam.motions.tolerance import COARSEST, ERROR_GAIN, LARGEST_SHIFT, first_tolerance
-from problems.beam.motions.weights import MODEL_STD, first_weights
+from problems.beam.motions.marker_record import motion_record
+from problems.beam.motions.weights import COARSEST, ERROR_GAIN, LARGEST_SHIFT, MODEL_STD, first_tolerance, first_weights
 from tests.problems.beam.truth import scores
 
 BASE = HarmonicBase(0.02, 2.0, stop=0.5)
@@ -192,12 +191,12 @@ def travel(record):
 
 
 def weighted(record):
-    return first_weights(motion_records(record))
+    return first_weights([motion_record(record)])
 
 
 def test_the_noise_of_a_record_is_separated_from_its_motion(model, driven):
     weights = weighted(driven)
-    assert weights.scale * weights.systematic == pytest.approx(MODEL_STD * travel(driven))
+    assert weights.scale * weights.root_mean_square(weights.floors) == pytest.approx(MODEL_STD * travel(driven))
     time = np.arange(400) / 100.0
     swing = 0.02 * np.stack([np.sin(8 * time), np.cos(5 * time)], axis=1)
     given = NOISE * np.random.default_rng(3).normal(size=swing.shape)
@@ -209,7 +208,7 @@ def test_the_first_tolerance_follows_the_noise_and_without_noise_the_travel():
     time = np.arange(2000) / 1000.0
     swing = 1e-3 * np.stack([np.sin(8 * time), np.cos(5 * time)], axis=1)
     white = np.random.default_rng(3).normal(size=swing.shape)
-    records = [motion_records(MarkerRecord(time, swing + x * white)) for x in (0.0, 2e-6, 1e-3)]
+    records = [[motion_record(MarkerRecord(time, swing + x * white))] for x in (0.0, 2e-6, 1e-3)]
     quiet, slight, loud = (first_tolerance(record, first_weights(record), 0.5) for record in records)
     still = np.sqrt(swing.var(axis=0).mean())
     assert quiet == pytest.approx(LARGEST_SHIFT * MODEL_STD * still / (ERROR_GAIN * 0.5), rel=1e-3) and quiet < COARSEST

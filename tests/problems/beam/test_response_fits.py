@@ -81,7 +81,7 @@ def test_another_start_gives_the_same_estimates(model, modes, curves, fit):
 
 @pytest.mark.slow
 def test_the_noise_sets_the_weights_unless_it_is_given(fit):
-    factors = fit.solution.problem.blocks[0].weights.factors
+    factors = fit.solution.problem.blocks[0].weights.deviations
     assert (np.abs(factors - 1.0) < 0.5).all()
     assert fit.fit.residual_rms == pytest.approx(fit.solution.problem.scale, rel=0.05)
 
@@ -153,10 +153,10 @@ def test_a_fit_predicts_a_curve_at_another_level(model, curves, fit):
     record = ResponseRecord(curves[1][0][0].frequencies, np.ones(13), base=base, sweep="up")
     curve = swept(model, curves[0], record, modes=3, frequency_1=FREQUENCY)
     prediction = fit.predict(noisy(record, curve, np.random.default_rng(1)))
-    error = np.abs(prediction.amplitudes - curve[:, 0])
-    assert (error < 4 * prediction.amplitude_errors + 1e-4 * curve[:, 0]).all()
+    amplitude, _ = prediction.channels
+    error = np.abs(amplitude.predicted - curve[:, 0])
+    assert (error < 4 * amplitude.errors + 1e-4 * curve[:, 0]).all()
     assert not prediction.warnings
-    assert not prediction.beyond.any()
     assert "amplitude" in prediction.report()
 
 

@@ -75,8 +75,9 @@ class TestRecovery:
         record = static(model, changed(model, **truth), 0.003, std=5e-4)
         fit = fitted(record, ["elastic_modulus", "clamp_stiffness"])
         prediction = fit.predict(frequencies(other, changed(other, **truth)))
-        assert (np.abs(prediction.residuals) < 4 * prediction.value_errors).all()
-        assert prediction.relative_error < 0.02
+        (channel,) = prediction.channels
+        assert (np.abs(channel.residuals) < 4 * channel.errors).all()
+        assert channel.relative_error < 0.02
         found = fit.configured(other).beam
         assert found.elastic_modulus[0] == pytest.approx(fit.estimates["elastic_modulus"])
         assert found.clamp_stiffness == pytest.approx(fit.estimates["clamp_stiffness"])

@@ -6,6 +6,7 @@ import pytest
 
 from ancf_casadi import Beam, InputError, Model, PointLoad, Sensor, natural_modes
 from problems import FrequencyRecord, StaticRecord
+from problems.beam.properties import Owners
 from problems.beam.values.block import ValueBlock
 from tests.problems.beam.truth import FACTORS, ONES, respond
 
@@ -58,6 +59,11 @@ class TestReadings:
         P, k = 1e-3, 20.0
         (deflection,) = reading(lying(clamp_stiffness=k), PointLoad((0.0, -P)), Sensor("displacement", 0.5, DOWN))
         assert deflection == pytest.approx(P * 0.5**3 / (3 * 0.6) + P * 0.5**2 / k, rel=1e-6)
+
+    def test_readings_of_a_beam_without_unknowns_have_a_jacobian_without_columns(self, lying):
+        record = StaticRecord(Model(lying()), [PointLoad((0.0, -0.5))], [0.01], Sensor("displacement", direction=UP))
+        values, jacobian = record.response(Owners.of(record.model.beam, ()))(np.zeros(0))
+        assert values.shape == (1,) and jacobian.shape == (1, 0)
 
     def test_force_moment_and_strain_at_a_bent_beam_follow_from_the_balance_of_forces(self, lying):
         """The clamp carries load and weight; a tip force P and moment m give the strain -h/2 (m + P (L - s))/E I."""

@@ -8,7 +8,7 @@ import pytest
 
 from ancf_casadi import InputError, Measurement, ModalDamping, QuadraticDamping, RayleighDamping, natural_modes
 from ancf_casadi.decay.closed_forms import quadratic_decay
-from ancf_casadi.estimation.agreement import agreement
+from ancf_casadi.estimation.agreement import Agreement
 from problems import fit_decay
 from problems.modal_damping.combined_law import ModeCoefficients, drag_constants, fit_combined_law, ratio_curves
 
@@ -87,7 +87,7 @@ def test_the_common_eta2_and_its_test_are_the_weighted_mean_of_the_modes(modes):
     found, constants = fit_combined_law(measured, modes), drag_constants(modes)
     own = np.array([one.eta2 for one in measured]) / constants
     errors = np.sqrt([one.covariance[1, 1] for one in measured]) / constants
-    mean = agreement("eta2", "1/m", own, errors)
+    mean = Agreement("eta2", "1/m", own, errors)
     weights = errors**-2
     assert found.eta2 == pytest.approx(weights @ own / weights.sum())
     assert found.standard_errors["eta2"] == pytest.approx(weights.sum() ** -0.5)

@@ -1,10 +1,25 @@
-"""Intervals by profile likelihood: the range of a quantity over all unknowns that explain the data nearly as well.
+"""Intervals of estimates, to first order and by profile likelihood.
 
+To first order, with the covariances C of the estimates and R of the noise (``fit``), an unknown x_k has the interval
+
+    x_k +- t (C_kk)^1/2
+
+with the quantile t of Student's distribution with the degrees of freedom of R, for white noise m - n.  An interval ends
+at a bound.  That of an unknown x_k at its bound begins there, and ends at a distance h from it.  With J_k = dr/dx_k,
+and p = J_k - J c the part of it that the free unknowns cannot compensate,
+
+    2 (psi' p) h + w p' p h^2 = phi t^2,    phi = p' R p/(w p' p) + m w e^2.
+
+Meanwhile the free unknowns move by -c h.  A quantity q then changes by s = h (dq/dx_k - dq/dx c), and on the side of s
+the interval of q reaches to (t^2 C_qq + s^2)^1/2 from its estimate, the extent of an ellipse that contains the
+following region.
+
+An interval by profile likelihood is the range of a quantity over all unknowns that explain the data nearly as well.
 The quantity q of the unknowns x has the interval from min q to max q over the region
 
     { x : 2 (L(x) - L_min) <= phi t^2,  lower <= x <= upper },
 
-with L and t as in ``estimates``, and phi the variance of the residuals in the direction J (J' J)^-1 dq/dx, along which
+with L as in ``fit``, and phi the variance of the residuals in the direction J (J' J)^-1 dq/dx, along which
 q depends on the data.  Its ends are two nonlinear programs, each started at the end that the covariance predicts.  The
 interval does not depend on the parametrisation, need not be symmetric, and does not cross a bound.  An interval that
 ends at a bound uses the same level, although one of its ends is certain, and so covers the truth at least as often as
@@ -21,19 +36,67 @@ D. J. Venzon, S. H. Moolgavkar, A method for computing profile-likelihood-based 
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import casadi as cs
 import numpy as np
+import scipy  # its packages are imported on first use
 
-from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL, Estimates, Quantities
-from ancf_casadi.estimation.solver.loss import loss
+from ancf_casadi.estimation.solver.loss import influence, loss
 from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import number
+
+if TYPE_CHECKING:
+    from ancf_casadi.estimation.fit import Fit
+
+Quantities = Callable[..., cs.MX]  # unknowns as MX scalars, in their order -> MX vector of quantities
+
+CONFIDENCE_LEVEL = 0.95
+
+
+def quantile(level: float, freedom: float) -> float:
+    """Return the quantile of Student's distribution for a two-sided interval; nan for zero degrees of freedom."""
+    if not 0.0 < number(level, "level") < 1.0:
+        raise InputError(f"must be between 0 and 1, got {level:g}", "level")
+    return float(scipy.special.stdtrit(freedom, 0.5 + level / 2)) if freedom else math.nan
+
+
+def moves(fit: Fit, level: float) -> Array:
+    """Return the changes (n, b) of all unknowns when each of the b unknowns at a bound moves inwards by its h."""
+    found = np.zeros((len(fit.names), int(np.count_nonzero(fit.active_bounds))))
+    psi, curvature = influence(fit.residuals, fit.huber)
+    free, scale = ~fit.active_bounds, fit.scale[~fit.active_bounds]
+    scaled = fit.jacobian[:, free] * scale
+    for move, k in zip(found.T, np.flatnonzero(fit.active_bounds).tolist(), strict=True):
+        inwards = 1.0 if fit.values[k] == fit.lower[k] else -1.0
+        column = inwards * fit.jacobian[:, k]
+        compensation = np.linalg.lstsq(scaled, column)[0]
+        column = column - scaled @ compensation
+        g, a = max(float(psi @ column), 0.0), curvature * float(column @ column)
+        room = fit.dispersion(column) * fit.quantile(level) ** 2
+        denominator = g + math.sqrt(g**2 + a * room)
+        reach = room / denominator if denominator > 0.0 else math.inf
+        move[k] = inwards * reach
+        move[free] = -reach * scale * compensation if math.isfinite(reach) else 0.0
+    return found
+
+
+def first_order_ends(fit: Fit, values: Array, jacobian: Array, level: float) -> Array:
+    """Return the intervals (q, 2) of quantities from values (q,) and Jacobian (q, n); nan for certain ones."""
+    half = np.nan_to_num(fit.quantile(level) * fit.errors_of(jacobian))
+    with np.errstate(invalid="ignore"):  # 0 times an infinite move is nan; np.fmax ignores it
+        steps = jacobian @ moves(fit, level)
+    below, above = (np.hypot(half, np.linalg.norm(np.fmax(side * steps, 0.0), axis=1)) for side in (-1.0, 1.0))
+    ends = np.array([values - below, values + above]).T
+    ends[~jacobian.any(axis=1) | (fit.noise.freedom == 0)] = math.nan
+    return ends
 
 
 def profile_interval(
-    fit: Estimates, quantity: str | Quantities, level: float = CONFIDENCE_LEVEL, *, inflation: float = 1.0
+    fit: Fit, quantity: str | Quantities, level: float = CONFIDENCE_LEVEL, *, inflation: float = 1.0
 ) -> tuple[float, float]:
     """Return the interval of an unknown, or of a function of the unknowns, by profile likelihood.
 
@@ -61,7 +124,7 @@ def profile_interval(
     if not fit.noise.variance + fit.systematic > 0.0:
         raise InputError("has no scatter: the residuals are zero, or no more than the unknowns; use more data", "fit")
     free = ~fit.active_bounds
-    step = np.where(free, t * fit.errors, np.abs(fit.moves(level)).sum(axis=1))
+    step = np.where(free, t * fit.errors, np.abs(moves(fit, level)).sum(axis=1))
     step = np.where(np.isfinite(step), step, fit.scale)
     u = cs.MX.sym("u", len(fit.names))  # distance from the estimate, in steps
     y = cs.DM(fit.values) + cs.DM(step) * u

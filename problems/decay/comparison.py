@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from typing import Any, get_args
 
@@ -13,15 +14,21 @@ from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.inputs import flag, is_sequence, number, shown
-from problems.decay.arguments import as_record, check_laws, checked_ratios, combines
-from problems.decay.laws import DECAY_LAWS, FrequencyLaw, Law
+from ancf_casadi.support.inputs import choice, flag, is_sequence, number, shown
+from problems.decay.laws import DECAY_TERMS, RATIO_BOUNDS, DecayModel, FrequencyLaw, Law
 from problems.decay.result import DecayFit
-from problems.decay.solution import RATIO_BOUNDS, fit_from
+from problems.decay.solution import as_record, fit_from
 
 LAWS_COMPARED: tuple[Law, ...] = ("linear", "quadratic", "friction", "power")
 EMPIRICAL = math.exp(-3)  # prior probability of the power law, an empirical one: its BIC must be lower by 6
 FREQUENCY_LAWS_COMPARED: tuple[FrequencyLaw, ...] = get_args(FrequencyLaw)
+ADDITIVE: Mapping[Law, tuple[str, ...]] = {  # unknowns whose uncertainty may leave the choice of a law open
+    law: ("zeta",) if law in ("linear", "power") else terms for law, terms in DECAY_TERMS.items()
+}
+COUNTED: Mapping[Law, tuple[str, ...]] = {  # unknowns that count even at a bound; the others make the law a simpler one
+    "linear": ("zeta",), "quadratic": ("eta1",), "friction": ("eta1", "eta2"), "power": ("zeta", "exponent"),
+    "one-mode": ("eta1",),
+}  # fmt: skip
 
 
 def compare_decay_laws(
@@ -71,25 +78,17 @@ def compare_decay_laws(
     >>> comparison.best.law
     'quadratic'
     """
-    pairs = _combinations(laws, frequency_laws)
-    offset, drift, bounds = flag(offset, "offset"), flag(drift, "drift"), checked_ratios(ratio_bounds)
+    offset, drift = flag(offset, "offset"), flag(drift, "drift")
+    models = _combinations(laws, frequency_laws, offset, drift, ratio_bounds)
     record = as_record(time, displacement)
     release = None if release_time is None else number(release_time, "release_time")
     guess = first_guess(record, release_time=release, offset=offset, drift=drift)
     fits: dict[str, DecayFit] = {}
     failed: dict[str, str] = {}
-    for law, frequency_law in pairs:
-        name = law if frequency_law == "constant" else f"{law} + {frequency_law} frequency"
+    for model in models:
+        name = model.law if not model.power else f"{model.law} + {model.frequency_law} frequency"
         try:
-            (fits[name],) = fit_from(
-                [guess],
-                [record],
-                law=law,
-                frequency_law=frequency_law,
-                offset=offset,
-                drift=drift,
-                ratio_bounds=bounds,
-            )
+            (fits[name],) = fit_from([guess], [record], model)
         except FitError as error:
             failed[name] = str(error)
     if not fits:
@@ -97,24 +96,21 @@ def compare_decay_laws(
     return LawComparison(
         names=tuple(fits),
         fits=tuple(fits.values()),
-        terms=tuple(DECAY_LAWS[fit.law].vague for fit in fits.values()),
+        terms=tuple(ADDITIVE[fit.law] for fit in fits.values()),
         failed=failed,
-        counted={name: DECAY_LAWS[fit.law].counted for name, fit in fits.items()},
+        counted={name: COUNTED[fit.law] for name, fit in fits.items()},
         priors={name: EMPIRICAL for name, fit in fits.items() if fit.law == "power"},
     )
 
 
-def _combinations(laws: Any, frequency_laws: Any) -> list[tuple[Law, FrequencyLaw]]:
-    """Return the damping laws with each frequency law that they can be combined with."""
+def _combinations(laws: Any, frequency_laws: Any, offset: bool, drift: bool, ratios: Any) -> list[DecayModel]:
+    """Return the damping laws with each frequency law; one that is integrated has a constant frequency only."""
     for names, where in ((laws, "laws"), (frequency_laws, "frequency_laws")):
         if not is_sequence(names) or not len(names):
             raise InputError(f"must be a sequence of laws, got {shown(names)}", where)
-    for law in laws:
-        check_laws(law)
+    constant = [DecayModel(law, offset, drift, ratio_bounds=ratios) for law in laws]
     for frequency_law in frequency_laws:
-        check_laws("linear", frequency_law)
-    pairs = [(law, frequency_law) for frequency_law, law in product(frequency_laws, laws)]
-    found = [pair for pair in pairs if combines(*pair)]
-    if not found:
-        check_laws(*pairs[0])
-    return found
+        choice(frequency_law, get_args(FrequencyLaw), "frequency_law")
+    pairs = [(model, law) for law, model in product(frequency_laws, constant)]
+    possible = [(model, law) for model, law in pairs if law == "constant" or not model.integrated]
+    return [replace(model, frequency_law=law) for model, law in possible or pairs]

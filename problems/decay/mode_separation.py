@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.evidence import evident
-from ancf_casadi.decay.first_guess import CLOSE, first_guess
+from ancf_casadi.decay.first_guess import CLOSE
 from ancf_casadi.decay.release import MINIMUM_PERIODS
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solver.least_squares import least_squares
@@ -40,10 +40,9 @@ from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import flag, number, whole
-from problems.decay.arguments import as_record
 from problems.decay.laws import DecayModel
 from problems.decay.result import DecayFit
-from problems.decay.solution import RATIO_BOUNDS, fit_from
+from problems.decay.solution import as_record, fit_one
 from problems.decay.takes import DecayModes
 
 MOST_DECAY_MODES = 6  # fitted at once if no number is given
@@ -110,8 +109,8 @@ def fit_modes(
     settings: dict[str, Any] = {"modes": modes, "offset": offset, "release_time": release_time}
     fits = [
         DecayFit(
-            fit, mode.model, indices, slice(0, len(t)), t, fit.residuals, RATIO_BOUNDS, found[0].release_reason,
-            tuple(notes), again=partial(_mode, near=mode.frequency, **settings),
+            fit, mode.model, indices, slice(0, len(t)), t, fit.residuals, found[0].release_reason, tuple(notes),
+            again=partial(_mode, near=mode.frequency, **settings),
         )
         for mode, indices in zip(found, columns, strict=True)
     ]  # fmt: skip
@@ -169,8 +168,7 @@ def _found(
 
 def _strongest(record: Measurement, offset: bool, release: float | None) -> DecayFit:
     """Return the fit of the strongest mode alone."""
-    guess = first_guess(record, release_time=release, offset=offset)
-    return fit_from([guess], [record], law="linear", offset=offset, drift=False)[0]
+    return fit_one(record, DecayModel("linear", offset, drift=False), release_time=release)
 
 
 def _single(first: DecayFit, second: DecayFit, t: Array, y: Array) -> DecayFit | None:
@@ -179,10 +177,7 @@ def _single(first: DecayFit, second: DecayFit, t: Array, y: Array) -> DecayFit |
         return None
     record = Measurement(t, y, sensor=first.model.sensor)
     try:
-        guess = first_guess(record, release_time=float(t[0]), offset=first.model.offset)
-        (one,) = fit_from(
-            [guess], [record], law="quadratic", frequency_law="linear", offset=first.model.offset, drift=False
-        )
+        one = fit_one(record, DecayModel("quadratic", first.model.offset, False, "linear"), release_time=float(t[0]))
         two = _together([first, second], t, y)[0]
     except (InputError, FitError):
         return None

@@ -53,8 +53,6 @@ class DecayFit(LeastSquaresResult):
         Times of the samples from the release on (m,), s.
     residuals : ndarray
         Fitted less measured values at these times (m,), in the unit of the sensor.
-    ratio_bounds : (float, float)
-        Bounds of the damping ratio under the linear law.
     release_reason : str
         Reason for the start of the decay: the first sample, the end of rest, the end of an excitation, or given.
     notes : tuple of str
@@ -84,7 +82,6 @@ class DecayFit(LeastSquaresResult):
     rows: slice
     time: Array
     residuals: Array
-    ratio_bounds: Interval
     release_reason: str
     notes: tuple[str, ...] = ()
 
@@ -130,8 +127,8 @@ class DecayFit(LeastSquaresResult):
         """Return the intervals (q, 2) of all quantities within their bounds."""
         bounds = {name: (quantity.lower, quantity.upper) for name, quantity in DECAY_QUANTITIES.items()}
         if self.law == "linear":
-            bounds["damping_ratio"] = self.ratio_bounds
-            bounds["eta1"] = (0.0 if self.ratio_bounds[0] >= 0.0 else -math.inf, math.inf)
+            bounds["damping_ratio"] = lowest, _ = self.model.ratio_bounds
+            bounds["eta1"] = (0.0 if lowest >= 0.0 else -math.inf, math.inf)
         lower, upper = np.array(list(bounds.values())).T[:, :, None]
         return np.clip(self.fit.ends_of(*self._linearised, level), lower, upper)
 
@@ -174,8 +171,7 @@ class DecayFit(LeastSquaresResult):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the record and of the estimates."""
-        parts = (self.model, self.fit, self.indices, self.rows, self.time, self.residuals)
-        return (*self.notes, *self.fit.warnings, *limitations(*parts, self.values, self.standard_errors))
+        return (*self.notes, *self.fit.warnings, *limitations(self))
 
     def displacement(self, time: ArrayLike) -> Array:
         """Return the fitted record, in the unit of its sensor, at times (s) of the record, from the release on.
@@ -219,7 +215,7 @@ class DecayFit(LeastSquaresResult):
         >>> [f"{1e3 * error:.1f} mm" for error in prediction.rms_errors.values()]
         ['0.1 mm']
         """
-        return predicted(self.fit, [(self.model, self.indices)], record)
+        return predicted([self], record)
 
     @property
     def title(self) -> str:

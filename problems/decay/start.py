@@ -21,8 +21,9 @@ import numpy as np
 from ancf_casadi.decay.evidence import evident
 from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.track import Track, track
+from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
-from problems.decay.laws import DECAY_LAWS, EXPONENTS, DecayModel
+from problems.decay.laws import DECAY_TERMS, EXPONENTS, DecayModel
 
 
 def of_motion(guess: DecayGuess, derivatives: int) -> DecayGuess:
@@ -31,20 +32,11 @@ def of_motion(guess: DecayGuess, derivatives: int) -> DecayGuess:
     return replace(guess, amplitude=amplitude, phase=phase)
 
 
-def starting_values(model: DecayModel, time: Array, measured: Array, guess: DecayGuess) -> dict[str, float]:
-    """Return values of unknowns by name; none if noise hides the decay too early.
-
-    Parameters
-    ----------
-    model : DecayModel
-        Laws to be fitted.
-    time, measured : ndarray
-        Times after the release (m,), s, and measured values, in the unit of the sensor.
-    guess : DecayGuess
-        First guess.
-    """
+def starting_values(model: DecayModel, decay: Measurement, guess: DecayGuess) -> dict[str, float]:
+    """Return values of unknowns by name from a record after the release; none if noise hides it too early."""
+    time = decay.time
     derivatives = model.sensor.derivatives  # each multiplies the amplitude by about omega and turns the phase
-    about = (measured - guess.offset - guess.drift * time) / guess.ω**derivatives
+    about = (decay.values - guess.offset - guess.drift * time) / guess.ω**derivatives
     found = track(time, about, guess.ω * math.sqrt(1 - guess.ζ**2))
     if len(found.time) < 6:  # twice the unknowns of a regression
         return {}
@@ -86,7 +78,7 @@ def _damping(found: Track, model: DecayModel, ω: float) -> tuple[float, dict[st
         "eta2": 4 * ω / (3 * math.pi) * found.since_start(A),
         "eta0": 2 / (math.pi * ω) * found.since_start(1 / A),
     }
-    return _terms(found, {name: losses[name] for name in DECAY_LAWS[model.law].terms})
+    return _terms(found, {name: losses[name] for name in DECAY_TERMS[model.law]})
 
 
 def _terms(found: Track, losses: Mapping[str, Array]) -> tuple[float, dict[str, float]]:

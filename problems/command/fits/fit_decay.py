@@ -32,7 +32,7 @@ from problems.command.record_options import add_part_options, add_record_options
 from problems.decay.band import IsolatedMode, isolate_mode
 from problems.decay.comparison import compare_decay_laws
 from problems.decay.fitting import fit_decay, fit_decays
-from problems.decay.laws import DECAY_LAWS, FrequencyLaw
+from problems.decay.laws import FrequencyLaw, Law
 from problems.decay.result import DecayFit
 
 
@@ -44,7 +44,7 @@ def add_fit_decay(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--law",
-        choices=(*DECAY_LAWS, "auto"),
+        choices=(*get_args(Law), "auto"),
         default="linear",
         help="damping law, or auto to compare all (default: linear)",
     )

@@ -75,7 +75,7 @@ class DecayFit(LeastSquaresResult):
     """
 
     kind = "decay"
-    _drawing = "problems.decay.figure.decay_fit_figure"
+    _drawing = "problems.decay.law_curve.decay_fit_figure"
 
     model: DecayModel
     indices: tuple[int, ...]

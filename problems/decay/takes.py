@@ -53,7 +53,7 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
     """
 
     kind = "decays"
-    _drawing = "problems.decay.figure.takes_figure"
+    _drawing = "problems.decay.law_curve.takes_figure"
 
     fits: tuple[DecayFit, ...]
     alone: tuple[DecayFit, ...] = ()
@@ -212,7 +212,7 @@ class DecayModes(DecayFits):
     """
 
     kind = "decay modes"
-    _drawing = "problems.decay.figure.modes_figure"
+    _drawing = "problems.decay.law_curve.modes_figure"
 
     @property
     def _shared(self) -> tuple[str, ...]:

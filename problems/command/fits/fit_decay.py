@@ -1,7 +1,7 @@
 """``ancf-casadi fit-decay``: frequency and damping of one mode from measured decays.
 
-With ``--band`` the other modes are subtracted first (``problems.decay.band``).  Several files are fitted at once and
-each alone.  The curve of damping against amplitude is computed last: if it fails, the fit has been printed.
+With ``--band`` the other modes are subtracted first (``problems.decay.mode_separation``).  Several files are fitted at
+once and each alone.  The curve of damping against amplitude is computed last: if it fails, the fit has been printed.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from problems.command.output import (
     positive_count,
 )
 from problems.command.record_options import add_part_options, add_record_options, read_record, releases
-from problems.decay.band import IsolatedMode, isolate_mode
 from problems.decay.comparison import compare_decay_laws
 from problems.decay.fitting import fit_decay, fit_decays
 from problems.decay.laws import FrequencyLaw, Law
+from problems.decay.mode_separation import IsolatedMode, isolate_mode
 from problems.decay.result import DecayFit
 
 

@@ -5,10 +5,10 @@ A damping law and a frequency law are combined.  Damping laws, with the unknowns
     linear      Eq. (9)     omega, zeta                     zeta within its bounds
     quadratic   Eq. (27)    omega, eta1, eta2               eta1, eta2 >= 0
     friction    with eta0   omega, eta1, eta2, eta0         also eta0 >= 0 (``friction``)
-    power       |r'|^p      omega, zeta, exponent           zeta > 0, 0 <= p <= 4 (``power``)
+    power       |r'|^p      omega, zeta, exponent           zeta > 0, 0 <= p <= 4 (``closed_forms``)
     one-mode    Eq. (26)    omega, eta1, eta2               integrated; eta1, eta2 >= 0
 
-Frequency laws, with omega the frequency at zero amplitude (``slow_flow``):
+Frequency laws, with omega the frequency at zero amplitude (``closed_forms``):
 
     constant    omega
     linear      omega (1 + k1 A)                            frequency_slope k1
@@ -37,12 +37,18 @@ from typing import Literal, get_args
 
 import casadi as cs
 
-from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, linear_decay, quadratic_flow
+from ancf_casadi.decay.closed_forms import (
+    Flow,
+    equivalent_damping_ratio,
+    linear_decay,
+    power_coefficient,
+    power_flow,
+    power_ratio,
+    quadratic_flow,
+)
 from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.friction import friction_flow
 from ancf_casadi.decay.one_mode import one_mode_decay
-from ancf_casadi.decay.power import power_coefficient, power_flow, power_ratio
-from ancf_casadi.decay.slow_flow import Flow
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.sensor import Sensor

@@ -9,10 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import gammaln
 
-from ancf_casadi.decay.closed_forms import quadratic_flow
+from ancf_casadi.decay.closed_forms import Flow, mean_power, power_coefficient, power_flow, power_ratio, quadratic_flow
 from ancf_casadi.decay.friction import friction_flow
-from ancf_casadi.decay.power import mean_power, power_coefficient, power_flow, power_ratio
-from ancf_casadi.decay.slow_flow import Flow
 
 ω, E0 = 11.6, 0.076
 TIME = np.linspace(0.0, 5.0, 101)

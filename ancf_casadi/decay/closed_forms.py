@@ -15,38 +15,14 @@ amplitude A is zeta_eq = eta1/(2 omega) + 4 eta2 A/(3 pi); friction adds 2 eta0/
 
 Slow flow.  Averaged over a period, the free oscillation r = A cos(theta) of one mode obeys
 
-    A' = -(c + a A + b A^2)    or    A' = -D A^p,        theta' = omega(A),
+    A' = -(c + a A + b A^2)    or    A' = -D A^p,
 
-with friction c (``friction``), linear damping a, quadratic damping b, or a force with a free exponent.  The frequency
-is
-
-    constant      omega
-    linear        omega (1 + k1 A)        joints and clamps: micro-slip, contacts that open
-    quadratic     omega (1 + k2 A^2)      geometry and elasticity: for r'' + omega^2 r + alpha r^3 = 0,
-                                          k2 = 3 alpha/(8 omega^2)
-
-with omega the frequency at zero amplitude.  The phase needs two integrals of the amplitude,
-
-    theta = phi + omega (t + k1 I1 + k2 I2),    I1 = int A dt,    I2 = int A^2 dt.
-
-All is of first order in the damping and in the change of the frequency: in the coefficients a, b, c, D the frequency is
-omega.
-
-For A' = -(c + a A + b A^2), the solution is the quotient A = h/g of the linear system
-
-    h' = -a h - c g,    g' = b h,    h(0) = e0,    g(0) = 1.
-
-With Z = int h dt and V = int t h dt, this gives g = 1 + b Z and
-
-    I1 = Z l(b Z),    I2 = (e0 Z - c V)/(1 + b Z) - a Z^2 d(b Z),
-
-so that b = 0 is no special case.  I2 follows from the integral of the equation of motion, e0 - A = c t + a I1 + b I2.
-Three functions of the closed forms are 0/0 at one point, and written so that they and their derivatives are smooth
-there, by their series near x = 0:
+with friction c (``friction``), linear damping a, quadratic damping b, or a force with a free exponent; ``phase`` has
+theta.  Two functions of the closed forms are 0/0 at x = 0, and written so that they and their derivatives are smooth
+there, by their series:
 
     m(x) = (1 - exp(-x))/x                   the mean of exp(-s) over s from 0 to x
     l(x) = ln(1 + x)/x                       the mean of 1/(1 + s)
-    d(x) = (l(x) - 1/(1 + x))/x              the rest of l above its lower bound
 
 Free exponent.  The force per mass eta_p |r'|^p sign(r'), with eta_p in m^(1-p) s^(p-2), is friction for p = 0, linear
 damping for p = 1 and quadratic damping for p = 2; micro-slip in joints has an exponent between 1 and 2.  The energy per
@@ -62,9 +38,7 @@ the rate r = zeta_p omega (e0/R)^(p-1) there, the solution is
 
 in which p = 1 is no special case.  For p < 1 the mode stops at t = 1/((1 - p) r), where y = 1 - (1 - p) r t is zero.
 As under friction, y is replaced by a smooth transition in the band |y| < pi r/(2 omega), which is the band of rest for
-p = 0, so that a fit can find the stop.  The integrals are
-
-    I1 = e0 u m((2 - p) r u),    I2 = e0^2 u m((3 - p) r u).
+p = 0, so that a fit can find the stop.
 
 The closed forms take and return CasADi values, MX, SX or DM, and are smooth in all their arguments.
 
@@ -80,8 +54,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 import casadi as cs
 
@@ -131,40 +104,6 @@ def quadratic_envelope(time: Value, ω: Value, η1: Value, η2: Value, e0: Value
     return e0 * cs.exp(-x) / (1 + 4 * ω * η2 * e0 * time / (3 * math.pi) * mean_decay(x))
 
 
-@dataclass(frozen=True, eq=False)
-class Flow(Generic[Value]):
-    """Amplitude of a decay and its integrals, at the same times.
-
-    Parameters
-    ----------
-    amplitude : MX, SX or DM
-        Amplitude A, m.
-    first : MX, SX or DM
-        Integral I1 of the amplitude since the release, m s.
-    second : MX, SX or DM
-        Integral I2 of its square, m^2 s.
-    """
-
-    amplitude: Value
-    first: Value
-    second: Value
-
-
-def riccati_flow(amplitude: Value, Z: Value, cV: Value, a: Value, b: Value, e0: Value) -> Flow[Value]:
-    """Return the flow of A' = -(c + a A + b A^2) from its amplitude, Z = int h dt, and c V = c int t h dt."""
-    x = b * Z
-    first = Z * log_ratio(x)
-    second = (e0 * Z - cV) / (1 + x) - a * Z**2 * log_defect(x)
-    return Flow(amplitude, first, second)
-
-
-def quadratic_flow(time: Value, ω: Value, η1: Value, η2: Value, e0: Value) -> Flow[Value]:
-    """Return the amplitude under linear and quadratic damping, and its integrals; see ``quadratic_envelope``."""
-    a, b = η1 / 2, 4 * ω * η2 / (3 * math.pi)
-    Z = e0 * time * mean_decay(a * time)
-    return riccati_flow(quadratic_envelope(time, ω, η1, η2, e0), Z, 0 * Z, a, b, e0)
-
-
 def quadratic_decay(time: Value, ω: Value, η1: Value, η2: Value, e0: Value, φ: Value) -> Value:
     """Return the free decay under linear and quadratic damping, Eq. (27), with a phase φ (rad) at the release."""
     return quadratic_envelope(time, ω, η1, η2, e0) * cs.cos(ω * time + φ)
@@ -179,8 +118,8 @@ def equivalent_damping_ratio(η1: Value, η2: Value, ω: Value, amplitude: Value
     return viscous if η0 is None else viscous + 2 * η0 / (math.pi * ω**2 * amplitude)
 
 
-def power_flow(time: Value, ω: Value, rate: Value, p: Value, e0: Value) -> Flow[Value]:
-    """Return the amplitude under a force with an exponent, and its integrals.
+def power_envelope(time: Value, ω: Value, rate: Value, p: Value, e0: Value) -> Value:
+    """Return the amplitude of the free decay under a force with an exponent; 0 after the stop.
 
     Parameters
     ----------
@@ -198,8 +137,7 @@ def power_flow(time: Value, ω: Value, rate: Value, p: Value, e0: Value) -> Flow
     band = cs.fmin(math.pi * rate / (2 * ω) + LEAST_BAND, 0.5)
     left = stopping(1 - (1 - p) * rate * time, band) + 1e-12  # so that its logarithm stays finite after the stop
     u = time * log_ratio(left - 1)
-    first, second = (e0**n * u * mean_decay((n + 1 - p) * rate * u) for n in (1, 2))
-    return Flow(e0 * cs.exp(-rate * u), first, second)
+    return e0 * cs.exp(-rate * u)
 
 
 def power_ratio(amplitude: Value, ratio: Value, p: Value, reference: float) -> Value:
@@ -232,12 +170,6 @@ def mean_decay(x: Value) -> Value:
 def log_ratio(x: Value) -> Value:
     """Return ln(1 + x)/x for x > -1; 1 at x = 0."""
     return smooth(x, [(-1) ** k / (k + 1) for k in range(10)], lambda x: cs.log1p(x) / x)
-
-
-def log_defect(x: Value) -> Value:
-    """Return (ln(1 + x)/x - 1/(1 + x))/x for x > -1; 1/2 at x = 0."""
-    series = [(-1) ** k * (k + 1) / (k + 2) for k in range(10)]
-    return smooth(x, series, lambda x: (cs.log1p(x) / x - 1 / (1 + x)) / x)
 
 
 def smooth(x: Value, series: Sequence[float], closed: Callable[[Value], Value]) -> Value:

@@ -26,44 +26,24 @@ valid as long as A is well above d.  Within the last half period, where -d < A <
 replaced by (3 d - A)(A + d)^3/(16 d^3), which goes to zero with two continuous derivatives, so that a fit can find the
 stop.
 
-The integrals of A follow from those of h = exp(-a t/2) p and t h (``closed_forms``), which are entire functions of time
-and of all coefficients,
-
-    h = exp(-a t/2) (e0 cosh(k^1/2 t) - (a e0/2 + c) sinh(k^1/2 t)/k^1/2).
-
-Their closed forms are 0/0 in several places, so that they are computed by quadrature.  The time from 0 to the last
-instant T is divided into panels that end at T, T/2, T/4, ..., so that a decay is resolved at any rate up to about
-1e4/T.  The integral of the polynomial through the values at the Gauss points of a panel, expanded in Legendre
-polynomials, is taken up to each instant:
-
-    int_-1^x P_n = (P_(n+1)(x) - P_(n-1)(x))/(2 n + 1).
-
 References
 ----------
 "Comparison of external damping models in a large deformation problem", Eqs. (26), (27).
 B. F. Feeny, J. W. Liang, A decrement method for the simultaneous estimation of Coulomb and viscous friction, Journal of
 Sound and Vibration 195 (1996).
 A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, Wiley (1979), Section 3.3.
-P. J. Davis, P. Rabinowitz, Methods of Numerical Integration, Academic Press (1984), Section 2.7.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import TypeVar
 
 import casadi as cs
-import numpy as np
-from numpy.polynomial import legendre
 
-from ancf_casadi.decay.closed_forms import LEAST_BAND, SERIES_BELOW, Flow, polynomial, riccati_flow, smooth, stopping
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.decay.closed_forms import LEAST_BAND, smooth, stopping
 
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
-
-PANELS = 15  # of the quadrature
-POINTS = 16  # in a panel
 
 
 def friction_envelope(time: Value, ω: Value, η0: Value, η1: Value, η2: Value, e0: Value) -> Value:
@@ -86,45 +66,6 @@ def friction_envelope(time: Value, ω: Value, η0: Value, η1: Value, η2: Value
     return stopping(amplitude, η0 / ω**2 + LEAST_BAND * e0)
 
 
-def friction_flow(time: Array, ω: cs.MX, η0: cs.MX, η1: cs.MX, η2: cs.MX, e0: cs.MX) -> Flow[cs.MX]:
-    """Return the amplitude under friction, linear and quadratic damping, and its integrals, which end at the stop.
-
-    Parameters
-    ----------
-    time : ndarray
-        Times after the release (m,), s.
-    ω, η0, η1, η2, e0 : MX
-        As in ``friction_envelope``.
-    """
-    a, b, c = _rates(ω, η0, η1, η2)
-    amplitude = friction_envelope(cs.MX(cs.DM(time)), ω, η0, η1, η2, e0)
-
-    def moments(τ: cs.MX) -> cs.MX:
-        cosh, sinh = _damped(a * τ / 2, τ**2 * (a**2 / 4 - b * c))
-        h = e0 * cosh - (a * e0 / 2 + c) * τ * sinh
-        return cs.horzcat(h, τ * h)
-
-    Z, V = (cs.if_else(amplitude > 0, one, 0) for one in cs.horzsplit(integrals(moments, time)))
-    return riccati_flow(amplitude, Z, c * V, a, b, e0)
-
-
-def integrals(function: Callable[[cs.MX], cs.MX], time: Array) -> cs.MX:
-    """Return the integrals (m, k) of a function with k columns, smooth in time, from 0 to times (m,), none negative."""
-    edges = np.append(0.0, (float(time.max(initial=0.0)) or 1.0) * 0.5 ** np.arange(PANELS - 1, -1, -1))
-    points, weights = legendre.leggauss(POINTS)
-    half = np.diff(edges)[:, None] / 2
-    values = function(cs.MX(cs.DM((edges[:-1, None] + half * (1 + points)).ravel())))
-    panel = np.maximum(np.searchsorted(edges, time) - 1, 0)
-    P = legendre.legvander((time - edges[panel]) / half[panel, 0] - 1, POINTS)
-    antiderivative = np.column_stack([P[:, 0] + P[:, 1], (P[:, 2:] - P[:, :-2]) / (2 * np.arange(1, POINTS) + 1)])
-    expansion = (np.arange(POINTS)[:, None] + 0.5) * legendre.legvander(points, POINTS - 1).T * weights
-    rows, columns = np.arange(len(time)).repeat(POINTS), POINTS * panel[:, None] + np.arange(POINTS)
-    own = (half[panel] * (antiderivative @ expansion)).ravel()
-    within = cs.DM.triplet(rows.tolist(), columns.ravel().tolist(), cs.DM(own), len(time), PANELS * POINTS)
-    before = np.kron(np.tril(np.ones((PANELS, PANELS)), -1) * half.T, weights)
-    return cs.mtimes(within, values) + cs.mtimes(cs.DM(before), values)[panel.tolist(), :]
-
-
 def friction_decay(time: Value, ω: Value, η0: Value, η1: Value, η2: Value, e0: Value, φ: Value) -> Value:
     """Return the free decay under friction, linear and quadratic damping, with a phase φ (rad) at the release."""
     return friction_envelope(time, ω, η0, η1, η2, e0) * cs.cos(ω * time + φ)
@@ -145,16 +86,3 @@ def _tanh_ratio(y: Value) -> Value:
 
     series = (1.0, -1 / 3, 2 / 15, -17 / 315, 62 / 2835, -1382 / 155925, 21844 / 6081075, -929569 / 638512875)
     return smooth(y, series, closed)
-
-
-def _damped(α: Value, y: Value) -> tuple[Value, Value]:
-    """Return exp(-α) cosh(y^1/2) and exp(-α) sinh(y^1/2)/y^1/2 for y^1/2 up to α; smooth also at y <= 0."""
-    near, above = cs.fabs(y) < SERIES_BELOW, y > 0
-    root = cs.sqrt(cs.if_else(near, 1, cs.fabs(y)))
-    rising, falling, fading = cs.exp(cs.if_else(above, root, 0) - α), cs.exp(-root - α), cs.exp(-α)
-    cosh = cs.if_else(above, (rising + falling) / 2, fading * cs.cos(root))
-    sinh = cs.if_else(above, (rising - falling) / 2, fading * cs.sin(root)) / root
-    return (
-        cs.if_else(near, fading * polynomial([1 / math.factorial(2 * k) for k in range(8)], y), cosh),
-        cs.if_else(near, fading * polynomial([1 / math.factorial(2 * k + 1) for k in range(8)], y), sinh),
-    )

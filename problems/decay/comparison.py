@@ -11,11 +11,12 @@ from typing import Any, get_args
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import first_guess
+from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import choice, flag, is_sequence, number, shown
-from problems.decay.laws import DECAY_TERMS, RATIO_BOUNDS, DecayModel, FrequencyLaw, Law
+from problems.decay.laws import DECAY_TERMS, RATIO_BOUNDS, DecayModel, Law
 from problems.decay.result import DecayFit
 from problems.decay.solution import as_record, fit_from
 
@@ -55,7 +56,7 @@ def compare_decay_laws(
         Displacement at each time, m.
     laws : sequence of {"linear", "quadratic", "friction", "power", "one-mode"}
         Damping laws to compare, the simplest first.
-    frequency_laws : sequence of {"constant", "linear", "quadratic"}
+    frequency_laws : sequence of {"constant", "linear", "quadratic", "power", "logarithmic"}
         Frequency laws to compare, the simplest first.
     offset, drift, release_time, ratio_bounds
         As in ``fit_decay``.
@@ -86,7 +87,7 @@ def compare_decay_laws(
     fits: dict[str, DecayFit] = {}
     failed: dict[str, str] = {}
     for model in models:
-        name = model.law if not model.power else f"{model.law} + {model.frequency_law} frequency"
+        name = model.law if not model.bends else f"{model.law} + {model.frequency_law} frequency"
         try:
             (fits[name],) = fit_from([guess], [record], model)
         except FitError as error:

@@ -23,11 +23,12 @@ from typing import Any, Literal, get_args
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import first_guess
+from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import choice, flag, instances, number, numbers
 from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED, compare_decay_laws
-from problems.decay.laws import RATIO_BOUNDS, DecayModel, FrequencyLaw, Law
+from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law
 from problems.decay.result import DecayFit
 from problems.decay.solution import as_record, fit_from
 from problems.decay.takes import DecayFits

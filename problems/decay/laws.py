@@ -8,15 +8,19 @@ A damping law and a frequency law are combined.  Damping laws, with the unknowns
     power       |r'|^p      omega, zeta, exponent           zeta > 0, 0 <= p <= 4 (``closed_forms``)
     one-mode    Eq. (26)    omega, eta1, eta2               integrated; eta1, eta2 >= 0
 
-Frequency laws, with omega the frequency at zero amplitude (``closed_forms``):
+Frequency laws (``ancf_casadi.decay.phase``), with omega the frequency at zero amplitude, and under the logarithmic law
+at the amplitude R of reference:
 
-    constant    omega
-    linear      omega (1 + k1 A)                            frequency_slope k1
-    quadratic   omega (1 + k2 A^2)                          frequency_curvature k2
+    constant      omega
+    linear        omega (1 + k A)               frequency_slope k
+    quadratic     omega (1 + k A^2)             frequency_curvature k
+    power         omega (1 + k (A/R)^q)         frequency_change, k at the release, and frequency_exponent q
+    logarithmic   omega (1 + k ln((A + A_s)/(R + A_s)))
+                                                frequency_log_slope of f (1 + k ln(1 + A/A_s)), and corner_amplitude A_s
 
 Each release has its own amplitude e0 and phase; with Eq. (9) at constant frequency, and with Eq. (26), displacement r0
-and velocity v0.  The ratio zeta of the power law refers to an amplitude of reference, so that it hardly correlates with
-the exponent.
+and velocity v0.  The ratio zeta of the power law refers to the amplitude of reference, so that it hardly correlates
+with the exponent.
 
 The scale of an unknown is the change that moves the curve by about as much as its amplitude within the decay: 1/T for
 omega, 1/(omega T) for zeta and so on, with T the length of the record or of the decay, whichever is less.  ``start``
@@ -36,19 +40,20 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import casadi as cs
+import numpy as np
 
 from ancf_casadi.decay.closed_forms import (
-    Flow,
     equivalent_damping_ratio,
     linear_decay,
     power_coefficient,
-    power_flow,
+    power_envelope,
     power_ratio,
-    quadratic_flow,
+    quadratic_envelope,
 )
 from ancf_casadi.decay.first_guess import DecayGuess
-from ancf_casadi.decay.friction import friction_flow
+from ancf_casadi.decay.friction import friction_envelope
 from ancf_casadi.decay.one_mode import one_mode_decay
+from ancf_casadi.decay.phase import FREQUENCY_TERMS, FrequencyLaw, frequency_change, integral
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.sensor import Sensor
@@ -56,11 +61,12 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import choice, vector
 
 Law = Literal["linear", "quadratic", "friction", "power", "one-mode"]
-FrequencyLaw = Literal["constant", "linear", "quadratic"]
 Symbols = Sequence[cs.MX]
 Interval = tuple[float, float]
 
 EXPONENTS = (0.0, 4.0)  # bounds of the exponent
+FREQUENCY_EXPONENTS = (0.05, 4.0)  # below, a power is a logarithm
+LOG_CORNERS = (-9.0, 2.0)  # bounds of ln(A_s/R): below, every record is logarithmic, and above, linear in the amplitude
 
 
 @dataclass(frozen=True)
@@ -87,6 +93,10 @@ DECAY_QUANTITIES: Mapping[str, Quantity] = {
     "frequency": Quantity("Hz", "_hz"),
     "frequency_slope": Quantity("1/m", "_per_m", -math.inf),
     "frequency_curvature": Quantity("1/m^2", "_per_m2", -math.inf),
+    "frequency_change": Quantity("", "", -math.inf),
+    "frequency_exponent": Quantity("", "", *FREQUENCY_EXPONENTS),
+    "frequency_log_slope": Quantity("", "", -math.inf),
+    "corner_amplitude": Quantity("m", "_m"),
     "damping_ratio": Quantity(),
     "eta1": Quantity("1/s"),
     "eta2": Quantity("1/m", "_per_m"),
@@ -104,8 +114,10 @@ DECAY_TERMS: Mapping[Law, tuple[str, ...]] = {  # reported damping coefficients;
     "power": ("eta_p", "exponent"),
     "one-mode": ("eta1", "eta2"),
 }
+FREQUENCY_REPORTED: Mapping[FrequencyLaw, tuple[str, ...]] = {  # where they are not the unknowns
+    "logarithmic": ("frequency_log_slope", "corner_amplitude")
+}
 DISPLACEMENT = Sensor()
-FREQUENCY_POWERS: Mapping[FrequencyLaw, int] = {"constant": 0, "linear": 1, "quadratic": 2}  # of the amplitude
 RATIO_BOUNDS = (0.0, 0.999)
 
 
@@ -121,12 +133,12 @@ class DecayModel:
         Whether the equilibrium may differ from 0.
     drift : bool
         Whether the equilibrium may move at a constant velocity.
-    frequency_law : {"constant", "linear", "quadratic"}
+    frequency_law : {"constant", "linear", "quadratic", "power", "logarithmic"}
         Frequency law; constant if the damping law is integrated.
     ratio_bounds : (float, float)
         Bounds of the damping ratio under the linear law, above -1 and below 1.
     reference : float
-        Amplitude to which the damping ratio of the power law refers, m.
+        Amplitude R to which the power laws and the logarithmic law refer, m.
     longest_step : float
         Longest integration step of an integrated law, s.
     sensor : Sensor
@@ -152,7 +164,7 @@ class DecayModel:
         """Check the laws and the bounds."""
         choice(self.law, get_args(Law), "law")
         choice(self.frequency_law, get_args(FrequencyLaw), "frequency_law")
-        if self.integrated and self.power:
+        if self.integrated and self.bends:
             raise InputError(
                 f"must be constant under the {self.law} law; use the quadratic law instead", "frequency_law"
             )
@@ -168,27 +180,38 @@ class DecayModel:
     @property
     def terms(self) -> tuple[str, ...]:
         """Names of the reported coefficients of both laws."""
-        return (*((), ("frequency_slope",), ("frequency_curvature",))[self.power], *DECAY_TERMS[self.law])
+        return (*FREQUENCY_REPORTED.get(self.frequency_law, self.frequency_terms), *DECAY_TERMS[self.law])
 
     @property
-    def power(self) -> int:
-        """Power of the amplitude with which the frequency changes; 0 if it is constant."""
-        return FREQUENCY_POWERS[self.frequency_law]
+    def frequency_terms(self) -> tuple[str, ...]:
+        """Names of the unknowns of the frequency law beside omega."""
+        return FREQUENCY_TERMS[self.frequency_law]
+
+    @property
+    def bends(self) -> bool:
+        """True if the frequency depends on the amplitude."""
+        return self.frequency_law != "constant"
 
     @property
     def from_motion(self) -> bool:
         """True if displacement and velocity at the release are unknown, in place of amplitude and phase."""
-        return self.integrated or (self.law == "linear" and not self.power)
+        return self.integrated or (self.law == "linear" and not self.bends)
 
     def shared(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of the mode."""
         ω, T = guess.ω, guess.duration
-        frequency = [
-            Unknown(name, 0.0, 1 / (ω * guess.amplitude**self.power * T), unit=DECAY_QUANTITIES[name].unit)
-            for name in self.terms
-            if name.startswith("frequency")
-        ]
-        return [Unknown("omega", ω, 1 / T, lower=0.0, unit="rad/s"), *self._damping(guess), *frequency]
+        return [Unknown("omega", ω, 1 / T, lower=0.0, unit="rad/s"), *self._damping(guess), *self._bending(guess)]
+
+    def _bending(self, guess: DecayGuess) -> list[Unknown]:
+        """Return the unknowns of the frequency law; k begins at 0, or at one turn where it has a second unknown."""
+        turn = 1 / (guess.ω * guess.duration)  # relative change of the frequency that turns the phase by 1 rad
+        sizes = {"frequency_slope": 1 / guess.amplitude, "frequency_curvature": 1 / guess.amplitude**2}
+        starts = {name: size * turn for name, size in sizes.items()}
+        unknowns = {
+            "frequency_exponent": Unknown("frequency_exponent", 1.0, 1.0, *FREQUENCY_EXPONENTS),
+            "log_corner": Unknown("log_corner", -2.0, 1.0, *LOG_CORNERS),
+        } | {name: Unknown(name, 0.0, scale, unit=DECAY_QUANTITIES[name].unit) for name, scale in starts.items()}
+        return [unknowns.get(name, Unknown(name, turn, turn)) for name in self.frequency_terms]
 
     def _damping(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of the damping; each of eta1, eta2, eta0 begins with an equal part of the guess."""
@@ -223,28 +246,41 @@ class DecayModel:
 
     def curve(self, time: Array, *x: cs.MX) -> cs.MX:
         """Return the record, in the unit of its sensor, at times (s) after the release."""
-        ω, damping, k, release, offset, drift = self._split(x)
+        ω, damping, bending, release, offset, drift = self._split(x)
         t = _column(time)
         if self.integrated:
             motion = one_mode_decay(time, ω, *damping, *release, longest_step=self.longest_step)
         elif self.from_motion:
             motion = self._differentiated(t, lambda instant: linear_decay(instant, ω, *damping, *release))
         else:
-            flow = self._flow(time, release[0], ω, damping)
-            turned = t + k * (0, flow.first, flow.second)[self.power]
+
+            def amplitude(instant: cs.MX) -> cs.MX:
+                return self._amplitude(instant, release[0], ω, damping)
+
+            turned = t
+            if self.bends:
+                turned = t + integral(lambda instant: self._change(amplitude(instant), bending), time)
             phase = self._damped(ω, damping) * turned + release[1]
-            motion = self._swing(flow.amplitude, phase, ω, damping, k)
+            motion = self._swing(amplitude(t), phase, ω, damping, bending)
         return motion + offset + drift * t
 
-    def _flow(self, time: Array, e0: cs.MX, ω: cs.MX, damping: Symbols) -> Flow[cs.MX]:
-        """Return the amplitude, which is ``e0`` at the release, and its integrals."""
+    def _amplitude(self, time: cs.MX, e0: cs.MX, ω: cs.MX, damping: Symbols) -> cs.MX:
+        """Return the amplitude at times (s), which is ``e0`` at the release."""
         if self.law == "friction":
             η1, η2, η0 = damping
-            return friction_flow(time, ω, η0, η1, η2, e0)
+            return friction_envelope(time, ω, η0, η1, η2, e0)
         if self.law == "power":
-            return power_flow(_column(time), ω, ω * self._ratio(e0, ω, damping), damping[1], e0)
+            return power_envelope(time, ω, ω * self._ratio(e0, ω, damping), damping[1], e0)
         η1, η2 = (2 * damping[0] * ω, cs.MX(0)) if self.law == "linear" else damping
-        return quadratic_flow(_column(time), ω, η1, η2, e0)
+        return quadratic_envelope(time, ω, η1, η2, e0)
+
+    def change(self, amplitude: Array, *bending: float) -> Array:
+        """Return the relative change of the frequency at amplitudes (m), given values of ``frequency_terms``."""
+        return np.asarray(cs.evalf(self._change(_column(amplitude), [cs.MX(one) for one in bending])).full().ravel())
+
+    def _change(self, amplitude: cs.MX, bending: Symbols) -> cs.MX:
+        """Return the relative change of the frequency at an amplitude (m)."""
+        return frequency_change(self.frequency_law, amplitude, bending, self.reference)
 
     def _ratio(self, amplitude: cs.MX, ω: cs.MX, damping: Symbols) -> cs.MX:
         """Return the equivalent damping ratio at an amplitude (m)."""
@@ -256,15 +292,14 @@ class DecayModel:
         η1, η2, *η0 = damping
         return equivalent_damping_ratio(η1, η2, ω, amplitude, *η0)
 
-    def _coefficients(self, ω: cs.MX, damping: Symbols) -> Symbols:
-        """Return eta1, eta2, eta0, eta_p and the exponent."""
-        zero, none = cs.MX(0), cs.MX(math.nan)
+    def _coefficients(self, ω: cs.MX, damping: Symbols) -> dict[str, cs.MX]:
+        """Return eta1, eta2, eta0, eta_p and the exponent by name; those that the law does not have are 0."""
         if self.law == "linear":
-            return 2 * damping[0] * ω, zero, zero, zero, none
+            return {"eta1": 2 * damping[0] * ω, "exponent": cs.MX(math.nan)}
         if self.law == "power":
             ζ, p = damping
-            return zero, zero, zero, power_coefficient(ζ, p, ω, self.reference), p
-        return (*damping, *[zero] * (4 - len(damping)), none)
+            return {"eta_p": power_coefficient(ζ, p, ω, self.reference), "exponent": p}
+        return dict(zip(DECAY_TERMS[self.law], damping, strict=True)) | {"exponent": cs.MX(math.nan)}
 
     def _differentiated(self, time: cs.MX, motion: Callable[[cs.MX], cs.MX]) -> cs.MX:
         """Return the derivative by time that the sensor measures, of a motion without integrals over time."""
@@ -274,10 +309,10 @@ class DecayModel:
             curve = cs.jtimes(curve, t, cs.DM.ones(t.shape))
         return cs.substitute(curve, t, time)
 
-    def _swing(self, amplitude: cs.MX, phase: cs.MX, ω: cs.MX, damping: Symbols, k: cs.MX) -> cs.MX:
+    def _swing(self, amplitude: cs.MX, phase: cs.MX, ω: cs.MX, damping: Symbols, bending: Symbols) -> cs.MX:
         """Return the derivative by time that the sensor measures, of A cos(phi).
 
-        With A' = -zeta(A) omega A and phi' = omega (1 + k A^n),
+        With A' = -zeta(A) omega A and phi' = omega (1 + delta(A)),
 
             velocity        A' cos(phi) - A phi' sin(phi)
             acceleration    (A'' - A phi'^2) cos(phi) - (2 A' phi' + A phi'') sin(phi).
@@ -286,7 +321,7 @@ class DecayModel:
             return amplitude * cs.cos(phase)
         A, one = cs.MX.sym("A", amplitude.shape[0]), cs.DM.ones(amplitude.shape[0])
         rate = -self._ratio(A, ω, damping) * ω * A
-        turn = self._damped(ω, damping) * (1 + k * A**self.power)
+        turn = self._damped(ω, damping) * (1 + self._change(A, bending))
         second, turn_rate = cs.jtimes(rate, A, one) * rate, cs.jtimes(turn, A, one) * rate
         # amplitude relative to the one of reference, below which rates are those of this amplitude
         held = cs.fmax(amplitude, 1e-12 * self.reference)  # friction divides by the amplitude
@@ -304,21 +339,35 @@ class DecayModel:
 
     def quantities(self, *x: cs.MX) -> cs.MX:
         """Return the quantities of the decay, in the order of ``DECAY_QUANTITIES``."""
-        ω, damping, k, release, offset, drift = self._split(x)
-        zero, amplitude = cs.MX(0), release[0]
+        ω, damping, bending, release, offset, drift = self._split(x)
+        amplitude = release[0]
         if self.from_motion:
             r0, v0 = release
-            rate = damping[0] * ω if self.law == "linear" else zero  # Eq. (26) takes the amplitude of r0 and v0 itself
+            rate = damping[0] * ω if self.law == "linear" else 0  # Eq. (26) takes the amplitude of r0 and v0 itself
             amplitude = cs.sqrt(r0**2 + ((v0 + rate * r0) / self._damped(ω, damping)) ** 2)
-        slope, curvature = ((zero, zero), (k, zero), (zero, k))[self.power]
-        damped = (self._ratio(amplitude, ω, damping), *self._coefficients(ω, damping))
-        return cs.vertcat(ω / (2 * math.pi), slope, curvature, *damped, amplitude, offset, drift)
+        found = {
+            "frequency": ω / (2 * math.pi),
+            "damping_ratio": self._ratio(amplitude, ω, damping),
+            **dict(zip(self.frequency_terms, bending, strict=True)),
+            **self._coefficients(ω, damping),
+            "amplitude": amplitude,
+            "offset": offset,
+            "drift": drift,
+        }
+        if self.frequency_law == "power":
+            found["frequency_change"] = self._change(amplitude, bending)
+        if self.frequency_law == "logarithmic":
+            at_rest = 1 + self._change(cs.MX(0), bending)  # relative to omega, the frequency at R
+            found["frequency"] *= at_rest
+            found["frequency_log_slope"] /= at_rest
+            found["corner_amplitude"] = self.reference * cs.exp(bending[1])
+        return cs.vertcat(*(found.get(name, cs.MX(0)) for name in DECAY_QUANTITIES))
 
     def against_amplitude(self, amplitude: Array, *x: cs.MX) -> tuple[cs.MX, cs.MX]:
         """Return equivalent damping ratio and frequency (Hz) at amplitudes (m), which are positive."""
-        ω, damping, k, *_ = self._split(x)
+        ω, damping, bending, *_ = self._split(x)
         A = _column(amplitude)
-        return self._ratio(A, ω, damping), ω / (2 * math.pi) * (1 + k * A**self.power)
+        return self._ratio(A, ω, damping), ω / (2 * math.pi) * (1 + self._change(A, bending))
 
     def values(self, x: Array) -> dict[str, float]:
         """Return the quantities by name, for values of the unknowns."""
@@ -329,13 +378,12 @@ class DecayModel:
         """Return the frequency of the oscillation, rad/s: with linear damping the damped one, as in Eq. (9)."""
         return ω * cs.sqrt(1 - damping[0] ** 2) if self.law == "linear" else ω
 
-    def _split(self, x: Symbols) -> tuple[cs.MX, Symbols, cs.MX, Symbols, cs.MX, cs.MX]:
-        """Return omega, damping, k1 or k2, release, offset and drift; 0 for those that are not unknown."""
-        zero, bends = cs.MX(0), self.power > 0
-        end = len(x) - self.offset - self.drift
-        damping = x[1 : end - 2 - bends]
-        k = x[end - 3] if bends else zero
-        return x[0], damping, k, x[end - 2 : end], x[end] if self.offset else zero, x[-1] if self.drift else zero
+    def _split(self, x: Symbols) -> tuple[cs.MX, Symbols, Symbols, Symbols, cs.MX, cs.MX]:
+        """Return omega, damping, bending, release, offset and drift; 0 for the last two if they are not unknown."""
+        zero, end = cs.MX(0), len(x) - self.offset - self.drift
+        law = end - 2 - len(self.frequency_terms)
+        offset, drift = x[end] if self.offset else zero, x[-1] if self.drift else zero
+        return x[0], x[1:law], x[law : end - 2], x[end - 2 : end], offset, drift
 
 
 def _column(values: Array) -> cs.MX:

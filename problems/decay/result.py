@@ -17,6 +17,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.estimation.estimates import Quantities
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
@@ -24,7 +25,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.inputs import array
 from ancf_casadi.support.tables import known
-from problems.decay.laws import DECAY_QUANTITIES, DecayModel, FrequencyLaw, Law
+from problems.decay.laws import DECAY_QUANTITIES, DecayModel, Law
 from problems.decay.limitations import limitations
 from problems.decay.prediction import predicted
 
@@ -92,6 +93,12 @@ class DecayFit(LeastSquaresResult):
     )
     frequency_slope = _quantity("frequency_slope", "k1 in f (1 + k1 A), 1/m; 0 under the other frequency laws.")
     frequency_curvature = _quantity("frequency_curvature", "k2 in f (1 + k2 A^2), 1/m^2; 0 under the other ones.")
+    frequency_change = _quantity("frequency_change", "k (A/R)^q in f (1 + k (A/R)^q) at ``amplitude``; 0 under others.")
+    frequency_exponent = _quantity("frequency_exponent", "q in this law; 0 under the other ones.")
+    frequency_log_slope = _quantity(
+        "frequency_log_slope", "k in f (1 + k ln(1 + A/A_s)), with f at zero amplitude; 0 under the other laws."
+    )
+    corner_amplitude = _quantity("corner_amplitude", "A_s in this law, m; 0 under the other laws.")
     damping_ratio = _quantity(
         "damping_ratio", "Damping ratio; under other laws than the linear one, the equivalent one at ``amplitude``."
     )

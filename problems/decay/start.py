@@ -2,28 +2,35 @@
 
 With the track A_k, theta_k (``ancf_casadi.decay.track``), the integrals of the slow flow are linear in its unknowns,
 
-    ln A = ln e0 - c int 1/A dt - a t - b int A dt,    theta = phi + omega t + omega k int A^n dt,
+    ln A = ln e0 - c int 1/A dt - a t - b int A dt,    theta = phi + omega t + omega k int delta(A)/k dt,
 
 and linear regressions with the weights A_k^2 give all of them; a term of the damping that would be negative is left
 out, and so is a change of the frequency that is not evident.  The exponent of the power law is the best multiple of a
-half, with ln A = ln e0 - D int A^(p-1) dt.  A peak of the spectrum gives one frequency only: if the frequency depends
-on the amplitude, it is off by many cycles at one end of a long record, and a fit from there ends in another minimum.
+half, with ln A = ln e0 - D int A^(p-1) dt; the exponent of the frequency, or its corner, is the best of ``SHAPES``.  A
+peak of the spectrum gives one frequency only: if the frequency depends on the amplitude, it is off by many cycles at
+one end of a long record, and a fit from there ends in another minimum.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ancf_casadi.decay.evidence import evident
 from ancf_casadi.decay.first_guess import DecayGuess
+from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.track import Track, track
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from problems.decay.laws import DECAY_TERMS, EXPONENTS, DecayModel
+
+SHAPES: Mapping[FrequencyLaw, Sequence[tuple[float]]] = {  # exponents, and logarithms of the corner, to start from
+    "power": [(q,) for q in (0.25, 0.5, 1.0, 1.5, 2.0, 3.0)],
+    "logarithmic": [(corner,) for corner in (-8.0, -6.0, -5.0, -4.0, -3.0, -2.0, -1.0, 0.0)],
+}
 
 
 def of_motion(guess: DecayGuess, derivatives: int) -> DecayGuess:
@@ -40,30 +47,32 @@ def starting_values(model: DecayModel, decay: Measurement, guess: DecayGuess) ->
     found = track(time, about, guess.ω * math.sqrt(1 - guess.ζ**2))
     if len(found.time) < 6:  # twice the unknowns of a regression
         return {}
-    ω, slope, φ = _phase(found, model)
+    ω, bending, φ = _phase(found, model)
     φ -= derivatives * math.pi / 2
     e0, damping = _damping(found, model, ω)
     if not ω > 0.0:
         return {}
-    values = {"omega": ω, **damping, "e0": e0, "phase": math.remainder(φ, 2 * math.pi)}
-    values |= {"frequency_slope": slope, "frequency_curvature": slope}
+    values = {"omega": ω, **damping, **bending, "e0": e0, "phase": math.remainder(φ, 2 * math.pi)}
     ζ = damping.get("zeta", 0.0)
     values["r0"] = e0 * math.cos(φ)
     values["v0"] = -e0 * ω * (ζ * math.cos(φ) + math.sqrt(max(0.0, 1 - ζ**2)) * math.sin(φ))
     return values
 
 
-def _phase(found: Track, model: DecayModel) -> tuple[float, float, float]:
-    """Return omega (rad/s), k1 or k2, and the phase at the release."""
-    A, n = found.amplitude, model.power
+def _phase(found: Track, model: DecayModel) -> tuple[float, dict[str, float], float]:
+    """Return omega (rad/s), the unknowns of the frequency law if a change is evident, and the phase at the release."""
+    A = found.amplitude
     line = [np.ones(len(A)), found.time]
     (φ, ω), left = _regression(line, found.phase, A)
-    if n:
-        bent, less = _regression([*line, found.since_start(A**n)], found.phase, A)
-        if evident(left, less, len(A), 1, float(A @ A)):
-            φ, ω, change = bent
-            return ω, change / ω, φ
-    return ω, 0.0, φ
+    bent = []
+    for shape in SHAPES.get(model.frequency_law, ((),) * model.bends):
+        (φ_0, ω_0, change), less = _regression([*line, found.since_start(model.change(A, 1.0, *shape))], found.phase, A)
+        bent.append((less, shape, φ_0, ω_0, change))
+    if bent:
+        less, shape, φ_0, ω_0, change = min(bent)
+        if evident(left, less, len(A), 1 + len(shape), float(A @ A)):
+            return ω_0, dict(zip(model.frequency_terms, (change / ω_0, *shape), strict=True)), φ_0
+    return ω, {}, φ
 
 
 def _damping(found: Track, model: DecayModel, ω: float) -> tuple[float, dict[str, float]]:

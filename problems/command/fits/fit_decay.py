@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from ancf_casadi.decay.envelope import damping_curve
+from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.files import check_file
@@ -31,7 +32,7 @@ from problems.command.output import (
 from problems.command.record_options import add_part_options, add_record_options, read_record, releases
 from problems.decay.comparison import compare_decay_laws
 from problems.decay.fitting import fit_decay, fit_decays
-from problems.decay.laws import FrequencyLaw, Law
+from problems.decay.laws import Law
 from problems.decay.mode_separation import IsolatedMode, isolate_mode
 from problems.decay.result import DecayFit
 

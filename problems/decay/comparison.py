@@ -1,4 +1,9 @@
-"""Comparison of decay laws on one free decay: all combinations are fitted to the same samples from one release."""
+"""Comparison of decay laws on one free decay: all are fitted to the same samples from one release.
+
+Of all combinations of damping and frequency laws, those are fitted that lead to the best one: each damping law with the
+first frequency law, then each frequency law with the best damping law, and so on, until the best combination was
+compared with every other damping law and every other frequency law.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +27,7 @@ from problems.decay.solution import as_record, fit_from
 
 LAWS_COMPARED: tuple[Law, ...] = ("linear", "quadratic", "friction", "power")
 EMPIRICAL = math.exp(-3)  # prior probability of the power law, an empirical one: its BIC must be lower by 6
-FREQUENCY_LAWS_COMPARED: tuple[FrequencyLaw, ...] = get_args(FrequencyLaw)
+FREQUENCY_LAWS_COMPARED: tuple[FrequencyLaw, ...] = ("constant", "linear", "quadratic", "logarithmic")
 ADDITIVE: Mapping[Law, tuple[str, ...]] = {  # unknowns whose uncertainty may leave the choice of a law open
     law: ("zeta",) if law in ("linear", "power") else terms for law, terms in DECAY_TERMS.items()
 }
@@ -43,10 +48,10 @@ def compare_decay_laws(
     release_time: float | None = None,
     ratio_bounds: tuple[float, float] = RATIO_BOUNDS,
 ) -> LawComparison[DecayFit]:
-    """Fit all combinations of damping laws and frequency laws to a free decay, and select one by information criteria.
+    """Fit combinations of damping laws and frequency laws to a free decay, and select one by information criteria.
 
-    A combination that cannot be fitted is listed with the reason.  ``one-mode`` is combined with a constant frequency
-    only.
+    The best one was compared with every other damping law and with every other frequency law.  A combination that
+    cannot be fitted is listed with the reason.  ``one-mode`` is combined with a constant frequency only.
 
     Parameters
     ----------
@@ -84,23 +89,42 @@ def compare_decay_laws(
     record = as_record(time, displacement)
     release = None if release_time is None else number(release_time, "release_time")
     guess = first_guess(record, release_time=release, offset=offset, drift=drift)
-    fits: dict[str, DecayFit] = {}
-    failed: dict[str, str] = {}
-    for model in models:
-        name = model.law if not model.bends else f"{model.law} + {model.frequency_law} frequency"
-        try:
-            (fits[name],) = fit_from([guess], [record], model)
-        except FitError as error:
-            failed[name] = str(error)
+    fits: dict[DecayModel, DecayFit] = {}
+    failed: dict[DecayModel, str] = {}
+    best = models[0]
+    while left := [
+        model
+        for model in models
+        if model not in {*fits, *failed}
+        and (model.frequency_law == best.frequency_law or (fits and model.law == best.law))
+    ]:
+        for model in [model for model in left if model.frequency_law == best.frequency_law] or left:
+            try:
+                (fits[model],) = fit_from([guess], [record], model)
+            except FitError as error:
+                failed[model] = str(error)
+        if fits:
+            found = _comparison({model: fits[model] for model in models if model in fits}, failed)
+            best = next(model for model, fit in fits.items() if fit is found.best)
     if not fits:
-        raise FitError("no law can be fitted; " + "; ".join(f"{name}: {reason}" for name, reason in failed.items()))
+        reasons = "; ".join(f"{_name(model)}: {reason}" for model, reason in failed.items())
+        raise FitError(f"no law can be fitted; {reasons}")
+    return found
+
+
+def _name(model: DecayModel) -> str:
+    return model.law if not model.bends else f"{model.law} + {model.frequency_law} frequency"
+
+
+def _comparison(fits: Mapping[DecayModel, DecayFit], failed: Mapping[DecayModel, str]) -> LawComparison[DecayFit]:
+    names = {_name(model): model for model in fits}
     return LawComparison(
-        names=tuple(fits),
+        names=tuple(names),
         fits=tuple(fits.values()),
-        terms=tuple(ADDITIVE[fit.law] for fit in fits.values()),
-        failed=failed,
-        counted={name: COUNTED[fit.law] for name, fit in fits.items()},
-        priors={name: EMPIRICAL for name, fit in fits.items() if fit.law == "power"},
+        terms=tuple(ADDITIVE[model.law] for model in fits),
+        failed={_name(model): reason for model, reason in failed.items()},
+        counted={name: (*COUNTED[model.law], *model.frequency_terms) for name, model in names.items()},
+        priors={name: EMPIRICAL for name, model in names.items() if model.law == "power"},
     )
 
 

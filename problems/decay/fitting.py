@@ -58,9 +58,10 @@ def fit_decay(
         ``linear``: Eq. (9).  ``quadratic``: Eq. (27).  ``friction``: Eq. (27) with friction as a third term.
         ``power``: a force ``eta_p |v|^p`` with a free exponent p.  ``one-mode``: Eq. (26), integrated numerically, for
         damping so strong that Eq. (27) is not accurate enough.  ``auto``: the best of ``compare_decay_laws``.
-    frequency_law : {"constant", "linear", "quadratic", "auto"}, optional
-        Change of the frequency with the amplitude A: none, omega (1 + k1 A), omega (1 + k2 A^2), or the best of these.
-        If not given, constant; with the law ``auto`` the best.
+    frequency_law : {"constant", "linear", "quadratic", "power", "logarithmic", "auto"}, optional
+        Change of the frequency f with the amplitude A: none, f (1 + k A), f (1 + k A^2), f (1 + k A^q),
+        f (1 + k ln(1 + A/A_s)), or the best of ``compare_decay_laws``.  If not given, constant; with the law ``auto``
+        the best.
     offset : bool
         Whether the equilibrium may differ from 0.
     drift : bool

@@ -263,7 +263,7 @@ def _found(
             continue
         note = (
             f"one mode near {near.frequency:.4g} Hz: a second one at {mode.frequency:.4g} Hz would imitate a frequency "
-            "that depends on amplitude; fit the mode with a linear or quadratic frequency law"
+            "that depends on amplitude; fit the mode with a frequency law"
         )
         if near in merged:
             return modes, notes, f"{missing}: {note}"

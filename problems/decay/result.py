@@ -91,8 +91,8 @@ class DecayFit(LeastSquaresResult):
         "Natural frequency f, Hz, at zero amplitude if it depends on the amplitude A; the undamped frequency under the "
         "linear law.",
     )
-    frequency_slope = _quantity("frequency_slope", "k1 in f (1 + k1 A), 1/m; 0 under the other frequency laws.")
-    frequency_curvature = _quantity("frequency_curvature", "k2 in f (1 + k2 A^2), 1/m^2; 0 under the other ones.")
+    frequency_slope = _quantity("frequency_slope", "k in f (1 + k A), 1/m; 0 under the other frequency laws.")
+    frequency_curvature = _quantity("frequency_curvature", "k in f (1 + k A^2), 1/m^2; 0 under the other ones.")
     frequency_change = _quantity("frequency_change", "k (A/R)^q in f (1 + k (A/R)^q) at ``amplitude``; 0 under others.")
     frequency_exponent = _quantity("frequency_exponent", "q in this law; 0 under the other ones.")
     frequency_log_slope = _quantity(

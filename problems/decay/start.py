@@ -22,9 +22,8 @@ import numpy as np
 from ancf_casadi.decay.evidence import evident
 from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.phase import FrequencyLaw
-from ancf_casadi.decay.track import Track, track
+from ancf_casadi.decay.track import Track, losses_of, regression, since_start, track
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.arrays import Array
 from problems.decay.laws import DECAY_TERMS, EXPONENTS, DecayModel
 
 SHAPES: Mapping[FrequencyLaw, Sequence[tuple[float]]] = {  # exponents, and logarithms of the corner, to start from
@@ -63,10 +62,12 @@ def _phase(found: Track, model: DecayModel) -> tuple[float, dict[str, float], fl
     """Return omega (rad/s), the unknowns of the frequency law if a change is evident, and the phase at the release."""
     A = found.amplitude
     line = [np.ones(len(A)), found.time]
-    (φ, ω), left = _regression(line, found.phase, A)
+    (φ, ω), left = regression(line, found.phase, A)
     bent = []
     for shape in SHAPES.get(model.frequency_law, ((),) * model.bends):
-        (φ_0, ω_0, change), less = _regression([*line, found.since_start(model.change(A, 1.0, *shape))], found.phase, A)
+        (φ_0, ω_0, change), less = regression(
+            [*line, since_start(found.time, model.change(A, 1.0, *shape))], found.phase, A
+        )
         bent.append((less, shape, φ_0, ω_0, change))
     if bent:
         less, shape, φ_0, ω_0, change = min(bent)
@@ -77,51 +78,24 @@ def _phase(found: Track, model: DecayModel) -> tuple[float, dict[str, float], fl
 
 def _damping(found: Track, model: DecayModel, ω: float) -> tuple[float, dict[str, float]]:
     """Return the amplitude at the release, and the unknowns of the damping."""
-    A = found.amplitude
+    A, time = found.amplitude, found.time
     if model.law == "power":
-        return _power(found, model.reference, ω)
-    if model.law == "linear":
-        return _terms(found, {"zeta": ω * found.time})
+        candidates = []
+        for p in np.arange(EXPONENTS[0], EXPONENTS[1] + 0.5, 0.5).tolist():
+            loss = since_start(time, (A / model.reference) ** (p - 1))
+            (level, rate), left = regression([np.ones(len(A)), -loss], np.log(A), A)
+            candidates.append((left, level, rate, p))
+        _, level, rate, p = min(candidates)
+        return math.exp(level), {"zeta": rate / ω, "exponent": p}
     losses = {
-        "eta1": found.time / 2,
-        "eta2": 4 * ω / (3 * math.pi) * found.since_start(A),
-        "eta0": 2 / (math.pi * ω) * found.since_start(1 / A),
+        "zeta": ω * time,
+        "eta1": time / 2,
+        "eta2": 4 * ω / (3 * math.pi) * since_start(time, A),
+        "eta0": 2 / (math.pi * ω) * since_start(time, 1 / A),
     }
-    return _terms(found, {name: losses[name] for name in DECAY_TERMS[model.law]})
-
-
-def _terms(found: Track, losses: Mapping[str, Array]) -> tuple[float, dict[str, float]]:
-    """Return the amplitude at the release, and the coefficients of losses of ln A; none of these is negative."""
-    A, chosen = found.amplitude, dict(losses)
-    level, values = float(np.log(A[0])), dict.fromkeys(losses, 0.0)
-    while chosen:
-        (level, *terms), _ = _regression([np.ones(len(A)), *(-loss for loss in chosen.values())], np.log(A), A)
-        values |= dict(zip(chosen, terms, strict=True))
-        parts = {name: values[name] * loss[-1] for name, loss in chosen.items()}
-        lowest = min(parts, key=lambda name: parts[name])
-        if parts[lowest] >= 0.0:
-            break
-        values[lowest] = 0.0
-        del chosen[lowest]
-    total = sum(values[name] * loss[-1] for name, loss in losses.items())
+    names = DECAY_TERMS[model.law] or ("zeta",)
+    level, found_terms, _ = losses_of(A, [losses[name] for name in names])
+    values = dict(zip(names, found_terms, strict=True))
+    total = sum(value * losses[name][-1] for name, value in values.items())
     # of the damping, with which a term starts that the regression finds negative
-    return math.exp(level), {name: max(values[name], 0.02 * total / loss[-1]) for name, loss in losses.items()}
-
-
-def _power(found: Track, reference: float, ω: float) -> tuple[float, dict[str, float]]:
-    """Return the amplitude at the release, and damping ratio and exponent of the power law."""
-    A, best = found.amplitude, (math.inf, 0.0, 0.0, 1.0)
-    for p in np.arange(EXPONENTS[0], EXPONENTS[1] + 0.5, 0.5).tolist():
-        basis = [np.ones(len(A)), -found.since_start((A / reference) ** (p - 1))]
-        (level, rate), left = _regression(basis, np.log(A), A)
-        best = min(best, (left, level, rate, p))
-    _, level, rate, p = best
-    return math.exp(level), {"zeta": rate / ω, "exponent": p}
-
-
-def _regression(columns: list[Array], y: Array, weight: Array) -> tuple[list[float], float]:
-    """Return the coefficients of columns that fit y best, and the sum of squares of weight times what is left."""
-    basis = np.column_stack(columns) * weight[:, None]
-    length = np.linalg.norm(basis, axis=0)
-    found = np.linalg.lstsq(basis / length, y * weight)[0] / length
-    return found.tolist(), float(np.sum((y * weight - basis @ found) ** 2))
+    return math.exp(level), {name: max(value, 0.02 * total / losses[name][-1]) for name, value in values.items()}

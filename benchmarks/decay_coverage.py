@@ -23,11 +23,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
+from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.support.tables import Table
 from problems import fit_decay
-from problems.decay.laws import DecayModel, FrequencyLaw, Law
+from problems.decay.laws import DecayModel, Law
 
 FREQUENCY, RATIO, AMPLITUDE, DURATION, RATE = 6.9, 0.01, 0.05, 10.0, 200.0
 OMEGA = 2 * math.pi * FREQUENCY
@@ -101,7 +102,7 @@ CASES = [
     *(
         Case(f"{law}, {frequency_law} frequency", white, law, frequency_law)
         for law in ("linear", "quadratic", "friction", "power")
-        for frequency_law in ("linear", "quadratic")
+        for frequency_law in ("linear", "quadratic", "power", "logarithmic")
     ),
     Case("second mode of 5 %", second_mode),
     Case("63 000 samples, second mode, AR(1) 0.3", long),
@@ -115,7 +116,13 @@ DAMPING: dict[Law, tuple[float, ...]] = {
     "friction": (RATIO * OMEGA, 0.4 * RATIO * DRAG, 0.1 * RATIO * FRICTION),
     "power": (RATIO, 1.5),
 }
-BENDING = {"constant": (), "linear": (-0.01 / AMPLITUDE,), "quadratic": (-0.01 / AMPLITUDE**2,)}
+BENDING: dict[FrequencyLaw, tuple[float, ...]] = {
+    "constant": (),
+    "linear": (-0.01 / AMPLITUDE,),
+    "quadratic": (-0.01 / AMPLITUDE**2,),
+    "power": (-0.01, 0.6),
+    "logarithmic": (-0.004, -3.0),
+}
 
 
 def half_widths(case: Case, seed: int) -> list[tuple[float, float, float]]:

@@ -37,10 +37,11 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.decay.friction import friction_decay
+from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.exceptions import AncfError
 from problems import DecayFit, MarkerRecord, compare_decay_laws, compare_laws, fit_decay
 from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED
-from problems.decay.laws import DecayModel, FrequencyLaw, Law
+from problems.decay.laws import DecayModel, Law
 
 DECAYS = {"linear": (0.0, 0.25, 0.0), "quadratic": (0.0, 0.15, 0.5), "friction": (0.1, 0.15, 0.5)}  # eta0, eta1, eta2
 LAWS = ("mass-proportional", "quadratic", "modal")
@@ -87,7 +88,7 @@ def _draw(rng: np.random.Generator, law: Law, frequency_law: FrequencyLaw) -> tu
     units = (2 * omega, 3 * math.pi / 4, math.pi * omega**2 / 2)  # of eta1, eta2, eta0 with a ratio of 1
     terms = [share * unit for share, unit in zip(shares, units, strict=False)]
     damping = {"linear": [ratio], "power": [ratio, rng.uniform(0.0, 4.0)]}.get(law, terms)
-    change = [rng.choice([-1.0, 1.0]) * between(1e-3, 0.1)] * (model.power > 0)
+    change = [rng.choice([-1.0, 1.0]) * between(1e-3, 0.1), rng.uniform(-6.0, -1.0)][: len(model.frequency_terms)]
     phase = rng.uniform(-math.pi, math.pi)
     release = [math.cos(phase), -omega * math.sin(phase)] if model.from_motion else [1.0, phase]
     values = (omega, *damping, *change, *release, 0.0)

@@ -15,11 +15,10 @@ if TYPE_CHECKING:
     from problems.beam.motions.record import Camera, Channel, MotionRecord
     from problems.beam.result import BeamFit
     from problems.beam.values.records import FrequencyRecord, StaticRecord
-    from problems.decay.band import IsolatedMode, isolate_mode
     from problems.decay.comparison import compare_decay_laws
     from problems.decay.fitting import fit_decay, fit_decays
     from problems.decay.law_curve import law_curve
-    from problems.decay.mode_separation import fit_modes
+    from problems.decay.mode_separation import IsolatedMode, fit_modes, isolate_mode
     from problems.decay.result import DecayFit
     from problems.decay.takes import DecayFits, DecayModes
     from problems.frf.fitting import fit_frf

@@ -1,9 +1,9 @@
 """Free decays of one mode: their release, closed forms and first guesses.
 
-``slow_flow`` has the theory of amplitude and phase.  ``closed_forms`` has the linear decay, Eq.  (9), and the decay
-under linear and quadratic damping, Eqs.  (26) and (27); ``friction`` adds a third term, ``power`` has a free exponent,
-and ``one_mode`` integrates Eq.  (26).  ``quadrature`` serves these.  ``release`` and ``excitation`` detect the start of
-the decay in a ``Measurement`` at any times, ``spectrum`` has its frequencies, ``first_guess`` estimates frequency and
-damping, ``track`` follows amplitude and phase, ``local_decay`` fits a short piece without a law, and ``envelope``
-measures damping against amplitude.  ``evidence`` has the statistic by which they decide.
+``closed_forms`` has the slow flow of amplitude and phase, the linear decay, Eq.  (9), and the decay under linear and
+quadratic damping, Eqs.  (26) and (27), or a force with a free exponent; ``friction`` adds a third term, and
+``one_mode`` integrates Eq.  (26).  ``release`` detects the start of the decay in a
+``Measurement`` at any times, ``spectrum`` has its frequencies, ``first_guess`` estimates frequency and damping,
+``track`` follows amplitude and phase and fits a short piece without a law, and ``envelope`` measures damping against
+amplitude.  ``evidence`` has the statistic by which they decide.
 """

@@ -1,4 +1,4 @@
-"""Closed forms of the free decay of one mode, for linear and quadratic damping.
+"""Closed forms of the free decay of one mode: displacement, and slow flow of amplitude and phase.
 
 The free oscillation of one mode about its equilibrium obeys r'' + eta1 r' + eta2 r' |r'| + omega^2 r = 0, Eq. (26).
 With eta2 = 0, eta1 = 2 zeta omega and omega_d = omega (1 - zeta^2)^1/2 the displacement is
@@ -11,7 +11,34 @@ and with both terms, to first order in the damping,
     a(t) = e0 exp(-x) / (1 + 4 omega eta2 e0 t/(3 pi) (1 - exp(-x))/x),    x = eta1 t/2,                 Eq. (27)
 
 written so that eta1 = 0 is no special case.  The viscous damping ratio with the same energy loss per period at the
-amplitude A is zeta_eq = eta1/(2 omega) + 4 eta2 A/(3 pi); friction adds 2 eta0/(pi omega^2 A) (``friction``).
+amplitude A is zeta_eq = eta1/(2 omega) + 4 eta2 A/(3 pi); friction adds 2 eta0/(pi omega^2 A).
+
+Slow flow.  Averaged over a period, the free oscillation r = A cos(theta) of one mode obeys
+
+    A' = -(c + a A + b A^2)    or    A' = -D A^p,
+
+with friction c (``friction``), linear damping a, quadratic damping b, or a force with a free exponent; ``phase`` has
+theta.  Two functions of the closed forms are 0/0 at x = 0, and written so that they and their derivatives are smooth
+there, by their series:
+
+    m(x) = (1 - exp(-x))/x                   the mean of exp(-s) over s from 0 to x
+    l(x) = ln(1 + x)/x                       the mean of 1/(1 + s)
+
+Free exponent.  The force per mass eta_p |r'|^p sign(r'), with eta_p in m^(1-p) s^(p-2), is friction for p = 0, linear
+damping for p = 1 and quadratic damping for p = 2; micro-slip in joints has an exponent between 1 and 2.  The energy per
+mass omega^2 A^2/2 falls at the mean power eta_p <|r'|^(p+1)>, which gives
+
+    D = eta_p omega^(p-1) s(p),    s(p) = <|sin|^(p+1)> = Gamma(p/2 + 1)/(pi^1/2 Gamma(p/2 + 3/2)).
+
+The viscous damping ratio with the same energy loss per period is zeta(A) = D A^(p-1)/omega.  As eta_p itself has a unit
+that depends on p, the law is stated with the ratio zeta_p at an amplitude R of reference.  From the amplitude e0, with
+the rate r = zeta_p omega (e0/R)^(p-1) there, the solution is
+
+    A = e0 exp(-r u),    u = t l(-(1 - p) r t),
+
+in which p = 1 is no special case.  For p < 1 the mode stops at t = 1/((1 - p) r), where y = 1 - (1 - p) r t is zero.
+As under friction, y is replaced by a smooth transition in the band |y| < pi r/(2 omega), which is the band of rest for
+p = 0, so that a fit can find the stop.
 
 The closed forms take and return CasADi values, MX, SX or DM, and are smooth in all their arguments.
 
@@ -19,18 +46,26 @@ References
 ----------
 "Comparison of external damping models in a large deformation problem", Eqs. (9), (26), (27).  Eq. (27) as printed is
 0/0 at eta1 = 0; the form above has the right limit.
+A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, Wiley (1979), Sections 2.3, 3.3.
+C. Lanczos, A precision approximation of the gamma function, SIAM Journal on Numerical Analysis B 1 (1964).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 import casadi as cs
 
-from ancf_casadi.decay.slow_flow import Flow, mean_decay, riccati_flow
-
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
+
+LEAST_BAND = 1e-9  # least width of the transition to a stop, relative to the amplitude at the release
+SERIES_BELOW = 0.02  # |x| below which a series replaces a closed form; ten terms are exact to 0.02^10 = 1e-17
+LANCZOS = (  # for g = 7
+    0.99999999999980993, 676.5203681218851, -1259.1392167224028, 771.32342877765313, -176.61502916214059,
+    12.507343278686905, -0.13857109526572012, 9.9843695780195716e-6, 1.5056327351493116e-7,
+)  # fmt: skip
 
 
 def linear_decay(time: Value, ω: Value, ζ: Value, r0: Value, v0: Value) -> Value:
@@ -69,13 +104,6 @@ def quadratic_envelope(time: Value, ω: Value, η1: Value, η2: Value, e0: Value
     return e0 * cs.exp(-x) / (1 + 4 * ω * η2 * e0 * time / (3 * math.pi) * mean_decay(x))
 
 
-def quadratic_flow(time: Value, ω: Value, η1: Value, η2: Value, e0: Value) -> Flow[Value]:
-    """Return the amplitude under linear and quadratic damping, and its integrals; see ``quadratic_envelope``."""
-    a, b = η1 / 2, 4 * ω * η2 / (3 * math.pi)
-    Z = e0 * time * mean_decay(a * time)
-    return riccati_flow(quadratic_envelope(time, ω, η1, η2, e0), Z, 0 * Z, a, b, e0)
-
-
 def quadratic_decay(time: Value, ω: Value, η1: Value, η2: Value, e0: Value, φ: Value) -> Value:
     """Return the free decay under linear and quadratic damping, Eq. (27), with a phase φ (rad) at the release."""
     return quadratic_envelope(time, ω, η1, η2, e0) * cs.cos(ω * time + φ)
@@ -88,3 +116,77 @@ def equivalent_damping_ratio(η1: Value, η2: Value, ω: Value, amplitude: Value
     """
     viscous = η1 / (2 * ω) + 4 * η2 * amplitude / (3 * math.pi)
     return viscous if η0 is None else viscous + 2 * η0 / (math.pi * ω**2 * amplitude)
+
+
+def power_envelope(time: Value, ω: Value, rate: Value, p: Value, e0: Value) -> Value:
+    """Return the amplitude of the free decay under a force with an exponent; 0 after the stop.
+
+    Parameters
+    ----------
+    time : MX, SX or DM
+        Time after the release, s.
+    ω : MX, SX or DM
+        Natural frequency, rad/s.
+    rate : MX, SX or DM
+        Decay rate -A'/A at the release, 1/s.
+    p : MX, SX or DM
+        Exponent.
+    e0 : MX, SX or DM
+        Amplitude at the release, m.
+    """
+    band = cs.fmin(math.pi * rate / (2 * ω) + LEAST_BAND, 0.5)
+    left = stopping(1 - (1 - p) * rate * time, band) + 1e-12  # so that its logarithm stays finite after the stop
+    u = time * log_ratio(left - 1)
+    return e0 * cs.exp(-rate * u)
+
+
+def power_ratio(amplitude: Value, ratio: Value, p: Value, reference: float) -> Value:
+    """Return the equivalent damping ratio at an amplitude (m), from the one at an amplitude of reference (m)."""
+    return ratio * (amplitude / reference) ** (p - 1)
+
+
+def power_coefficient(ratio: Value, p: Value, ω: Value, reference: float) -> Value:
+    """Return eta_p, m^(1-p) s^(p-2), from the damping ratio at an amplitude of reference (m)."""
+    return ratio * ω / ((ω * reference) ** (p - 1) * mean_power(p))
+
+
+def mean_power(p: Value) -> Value:
+    """Return the mean of |sin|^(p+1) over a period, Gamma(p/2 + 1)/(pi^1/2 Gamma(p/2 + 3/2)), for p > -1."""
+    return cs.exp(_log_gamma(p / 2 + 1) - _log_gamma(p / 2 + 1.5)) / math.sqrt(math.pi)
+
+
+def _log_gamma(z: Value) -> Value:
+    """Return the logarithm of the gamma function for z >= 1/2, exact to about 1e-15, by Lanczos' series."""
+    series = LANCZOS[0] + sum((coefficient / (z - 1 + k) for k, coefficient in enumerate(LANCZOS[1:], 1)), 0 * z)
+    base = z + 6.5
+    return math.log(2 * math.pi) / 2 + (z - 0.5) * cs.log(base) - base + cs.log(series)
+
+
+def mean_decay(x: Value) -> Value:
+    """Return (1 - exp(-x))/x; 1 at x = 0."""
+    return smooth(x, [(-1) ** k / math.factorial(k + 1) for k in range(10)], lambda x: -cs.expm1(-x) / x)
+
+
+def log_ratio(x: Value) -> Value:
+    """Return ln(1 + x)/x for x > -1; 1 at x = 0."""
+    return smooth(x, [(-1) ** k / (k + 1) for k in range(10)], lambda x: cs.log1p(x) / x)
+
+
+def smooth(x: Value, series: Sequence[float], closed: Callable[[Value], Value]) -> Value:
+    """Return a closed form that is 0/0 at x = 0, and its power series near there."""
+    near = cs.fabs(x) < SERIES_BELOW
+    return cs.if_else(near, polynomial(series, x), closed(cs.if_else(near, 1, x)))  # all derivatives stay finite
+
+
+def stopping(value: Value, band: Value) -> Value:
+    """Return a falling value while above a band, 0 below the negative of the band, and a smooth transition between."""
+    ratio = cs.fmin(cs.fmax(value / band, -1), 1)
+    return cs.if_else(value > band, value, band * (3 - ratio) * (ratio + 1) ** 3 / 16)
+
+
+def polynomial(coefficients: Sequence[float], x: Value) -> Value:
+    """Return the polynomial with the given coefficients, that of the lowest power first."""
+    value = 0 * x
+    for coefficient in reversed(coefficients):
+        value = coefficient + x * value
+    return value

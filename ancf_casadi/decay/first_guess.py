@@ -3,7 +3,7 @@
 A record may begin at rest or with an excitation (``release``).  From the release on, the highest peak of the spectrum
 gives the frequency.  For each decay rate of a list, the linear coefficients are fitted to the samples at their own
 times; the rate that leaves the smallest residuals is taken.  With gaps, several peaks of the spectrum are candidates
-(``spectrum``).  Each is refined, by the steps of ``local_decay``, and the one that leaves the smallest residuals is
+(``spectrum``).  Each is refined, by the steps of ``track``, and the one that leaves the smallest residuals is
 taken; if another explains the record nearly as well, a note says that the frequency is ambiguous.
 
 References
@@ -20,10 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ancf_casadi.decay.evidence import evident
-from ancf_casadi.decay.excitation import grows_slowly
-from ancf_casadi.decay.local_decay import local_decay
-from ancf_casadi.decay.release import MINIMUM_PERIODS, MINIMUM_SAMPLES, Release, find_release
+from ancf_casadi.decay.release import MINIMUM_PERIODS, MINIMUM_SAMPLES, Release, find_release, grows_slowly
 from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency, typical_step
+from ancf_casadi.decay.track import local_decay
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import without_line

@@ -26,13 +26,6 @@ valid as long as A is well above d.  Within the last half period, where -d < A <
 replaced by (3 d - A)(A + d)^3/(16 d^3), which goes to zero with two continuous derivatives, so that a fit can find the
 stop.
 
-The integrals of A follow from those of h = exp(-a t/2) p and t h (``slow_flow``), which are entire functions of time
-and of all coefficients,
-
-    h = exp(-a t/2) (e0 cosh(k^1/2 t) - (a e0/2 + c) sinh(k^1/2 t)/k^1/2).
-
-Their closed forms are 0/0 in several places, so that they are computed by ``quadrature``.
-
 References
 ----------
 "Comparison of external damping models in a large deformation problem", Eqs. (26), (27).
@@ -48,9 +41,7 @@ from typing import TypeVar
 
 import casadi as cs
 
-from ancf_casadi.decay.quadrature import antiderivative
-from ancf_casadi.decay.slow_flow import LEAST_BAND, SERIES_BELOW, Flow, polynomial, riccati_flow, stopping
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.decay.closed_forms import LEAST_BAND, smooth, stopping
 
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
 
@@ -75,27 +66,6 @@ def friction_envelope(time: Value, ω: Value, η0: Value, η1: Value, η2: Value
     return stopping(amplitude, η0 / ω**2 + LEAST_BAND * e0)
 
 
-def friction_flow(time: Array, ω: cs.MX, η0: cs.MX, η1: cs.MX, η2: cs.MX, e0: cs.MX) -> Flow[cs.MX]:
-    """Return the amplitude under friction, linear and quadratic damping, and its integrals, which end at the stop.
-
-    Parameters
-    ----------
-    time : ndarray
-        Times after the release (m,), s.
-    ω, η0, η1, η2, e0 : MX
-        As in ``friction_envelope``.
-    """
-    a, b, c = _rates(ω, η0, η1, η2)
-    amplitude = friction_envelope(cs.MX(cs.DM(time)), ω, η0, η1, η2, e0)
-    integral = antiderivative(time)
-    τ = cs.MX(cs.DM(integral.nodes))
-    cosh, sinh = _damped(a * τ / 2, τ**2 * (a**2 / 4 - b * c))
-    h = e0 * cosh - (a * e0 / 2 + c) * τ * sinh
-    moving = amplitude > 0
-    Z, V = (cs.if_else(moving, integral(values), 0) for values in (h, τ * h))
-    return riccati_flow(amplitude, Z, c * V, a, b, e0)
-
-
 def friction_decay(time: Value, ω: Value, η0: Value, η1: Value, η2: Value, e0: Value, φ: Value) -> Value:
     """Return the free decay under friction, linear and quadratic damping, with a phase φ (rad) at the release."""
     return friction_envelope(time, ω, η0, η1, η2, e0) * cs.cos(ω * time + φ)
@@ -108,23 +78,11 @@ def _rates(ω: Value, η0: Value, η1: Value, η2: Value) -> tuple[Value, Value,
 
 def _tanh_ratio(y: Value) -> Value:
     """Return tanh(y^1/2)/y^1/2; smooth also at y <= 0, where it is a tangent."""
-    near, above = cs.fabs(y) < SERIES_BELOW, y > 0
-    series = polynomial(
-        (1.0, -1 / 3, 2 / 15, -17 / 315, 62 / 2835, -1382 / 155925, 21844 / 6081075, -929569 / 638512875), y
-    )
-    root = cs.sqrt(cs.if_else(near, 1, cs.fabs(y)))  # keeps the other branches and all derivatives finite
-    angle = cs.fmin(root, 1.57)  # just below pi/2; the motion stops earlier
-    return cs.if_else(near, series, cs.if_else(above, cs.tanh(root), cs.tan(angle)) / cs.if_else(above, root, angle))
 
+    def closed(y: Value) -> Value:
+        root = cs.sqrt(cs.fabs(y))
+        angle = cs.fmin(root, 1.57)  # just below pi/2; the motion stops earlier
+        return cs.if_else(y > 0, cs.tanh(root) / root, cs.tan(angle) / angle)
 
-def _damped(α: Value, y: Value) -> tuple[Value, Value]:
-    """Return exp(-α) cosh(y^1/2) and exp(-α) sinh(y^1/2)/y^1/2 for y^1/2 up to α; smooth also at y <= 0."""
-    near, above = cs.fabs(y) < SERIES_BELOW, y > 0
-    root = cs.sqrt(cs.if_else(near, 1, cs.fabs(y)))
-    rising, falling, fading = cs.exp(cs.if_else(above, root, 0) - α), cs.exp(-root - α), cs.exp(-α)
-    cosh = cs.if_else(above, (rising + falling) / 2, fading * cs.cos(root))
-    sinh = cs.if_else(above, (rising - falling) / 2, fading * cs.sin(root)) / root
-    return (
-        cs.if_else(near, fading * polynomial([1 / math.factorial(2 * k) for k in range(8)], y), cosh),
-        cs.if_else(near, fading * polynomial([1 / math.factorial(2 * k + 1) for k in range(8)], y), sinh),
-    )
+    series = (1.0, -1 / 3, 2 / 15, -17 / 315, 62 / 2835, -1382 / 155925, 21844 / 6081075, -929569 / 638512875)
+    return smooth(y, series, closed)

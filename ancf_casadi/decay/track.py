@@ -1,6 +1,6 @@
-"""Amplitude and phase of an oscillation over time, as a first estimate without a law.
+"""Amplitude and phase of an oscillation over time, and the decay in a piece of a record, without a damping law.
 
-The record is divided into windows of whole periods of a carrier near its frequency.  In each window,
+Track.  The record is divided into windows of whole periods of a carrier near its frequency.  In each window,
 
     y = Re(z exp(i omega t)) + d
 
@@ -8,11 +8,30 @@ is fitted by linear least squares to the samples at their own times.  |z| is the
 and omega t + arg z the phase, counted on from window to window.  A window in which missing frames increase the variance
 of z too much is left out.  The track ends where noise hides the oscillation (``evidence``).  It follows a frequency
 that changes by up to 1/(2 w) of itself, with windows of w periods, over any number of periods.
+
+Losses.  With dA/dt = -(c + a A + b A^2), ln A = ln e0 - c int 1/A dt - a t - b int A dt is linear in the coefficients.
+
+Piece.  With tau from the middle of a piece, a decay and other oscillations of known frequencies are
+
+    y = Re((z0 + z1 tau) exp((i omega - lambda) tau)) + d + sum Re(w_j exp(i omega_j tau))
+
+and z0, z1, d and w_j follow from linear least squares.  To first order, Re(z1/z0) is the error of the decay rate
+lambda, and -Im(z1/z0) that of the frequency omega.  Three rounds of
+
+    lambda <- lambda - Re(z1/z0),    omega <- omega + Im(z1/z0)
+
+make z1 vanish.  Then |z0| is the amplitude in the middle of the piece, and lambda = -d(ln A)/dt there, whatever the
+law.
+
+References
+----------
+M. Feldman, Hilbert Transform Applications in Mechanical Vibration, Wiley (2011).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,79 +43,49 @@ from ancf_casadi.support.arrays import Array, ComplexArray, Index
 
 # Halved, test_without_the_finder_the_damping_would_be_wrong fails; doubled,
 # test_a_plain_decay_with_missing_frames_is_hardly_ever_taken_for_an_excitation does.
-POOREST = 2.5  # variance of z, relative to a window without missing frames, beyond which it is left out
-
-
-@dataclass(frozen=True, eq=False)
-class Windows:
-    """The oscillation in successive windows.
-
-    Parameters
-    ----------
-    number : ndarray
-        Number of each window (k,), from 0 at the first sample; those left out are missing.
-    z : ndarray
-        Complex amplitude relative to the carrier (k,), in the unit of the record.
-    seen : ndarray
-        Whether noise leaves it visible (k,); it may not be before the largest one.
-    middle : ndarray
-        Mean time of its samples (k,), s.
-    length : float
-        Length of a window, s.
-    """
-
-    number: Index
-    z: ComplexArray
-    seen: NDArray[np.bool_]
-    middle: Array
-    length: float
+MOST_VARIANCE = 2.5  # of z, relative to a window without missing frames, beyond which it is left out
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Amplitude and phase in the middle of successive windows.
+    """An oscillation in successive windows.
 
     Parameters
     ----------
     time : ndarray
-        Middle of each window (k,), s.
-    amplitude : ndarray
-        Amplitude there (k,), in the unit of the record.
-    phase : ndarray
-        Phase there (k,), rad; that of the release differs from it by the whole turns since.
-    """
-
-    time: Array
-    amplitude: Array
-    phase: Array
-
-    def since_start(self, rate: Array) -> Array:
-        """Return the integral (k,) of a rate (k,) from time 0 on, by the trapezoidal rule."""
-        steps = np.diff(self.time) * (rate[1:] + rate[:-1]) / 2
-        return np.asarray(self.time[0] * rate[0] + np.concatenate([[0.0], np.cumsum(steps)]))
-
-
-def track(time: Array, measured: Array, ω: float) -> Track:
-    """Return amplitude and phase of a decay in up to a thousand windows.
-
-    Parameters
-    ----------
-    time : ndarray
-        Times after the release (m,), s, ascending.
-    measured : ndarray
-        Value at each (m,), in any unit.
+        Mean time of the samples of each window (k,), s.
+    z : ndarray
+        Complex amplitude relative to the carrier (k,), in the unit of the record.
+    number : ndarray
+        Number of each window (k,), from 0 at the first sample; those left out are missing.
+    seen : ndarray
+        Whether noise leaves it visible (k,); it may not be before the largest one.
+    length : float
+        Length of a window, s.
     ω : float
         Frequency of the carrier, rad/s.
     """
-    found = windows(time, measured, ω, most=1000, degree=0)
-    return Track(found.middle, np.abs(found.z), ω * found.middle + np.unwrap(np.angle(found.z)))
+
+    time: Array
+    z: ComplexArray
+    number: Index
+    seen: NDArray[np.bool_]
+    length: float
+    ω: float
+
+    @property
+    def amplitude(self) -> Array:
+        """Amplitude (k,), in the unit of the record."""
+        return np.asarray(np.abs(self.z))
+
+    @property
+    def phase(self) -> Array:
+        """Phase (k,), rad; that of the release differs from it by the whole turns since."""
+        return np.asarray(self.ω * self.time + np.unwrap(np.angle(self.z)))
 
 
-def windows(time: Array, measured: Array, ω: float, *, most: int, degree: int) -> Windows:
-    """Return the oscillation about a polynomial of a degree in successive windows, until noise hides it; see ``track``.
-
-    There are ``most`` windows at most.
-    """
+def track(time: Array, measured: Array, ω: float, *, most: int = 1000, degree: int = 0) -> Track:
+    """Return the oscillation near a frequency about a polynomial of a degree, in up to ``most`` windows."""
     step = typical_step(time)
     period, count = 2 * math.pi / (ω * step), (time[-1] - time[0]) / step + 1  # both in steps
     size = round(period * max(1, math.ceil(LEAST_SAMPLES / period), math.ceil(count / period / most)))
@@ -113,11 +102,95 @@ def windows(time: Array, measured: Array, ω: float, *, most: int, degree: int) 
     variance = (inverse[:, 0, 0] + inverse[:, 1, 1]) / 2  # of z, over that of the noise; 2/size without missing frames
     left = np.maximum(normal[:, y, y] - np.sum(found * normal[:, basis, y], axis=1), 0.0)
     z, middle = found[:, 0] + 1j * found[:, 1], normal[:, 2, -1] / counts[number]
-    full = (variance < POOREST * 2 / size) & (np.abs(z) > 1e-12 * np.abs(z).max(initial=0.0))
+    full = (variance < MOST_VARIANCE * 2 / size) & (np.abs(z) > 1e-12 * np.abs(z).max(initial=0.0))
     number, z, middle, left, variance = (values[full] for values in (number, z, middle, left, variance))
     end, seen = len(number), np.zeros(0, dtype=bool)
     if end:
         error = np.sqrt(variance * np.median(left / (counts[number] - unknowns)))
         seen = visible(np.abs(z), error, counts[number])
         end = next((k for k in range(int(np.argmax(np.abs(z))) + 1, end) if not seen[k]), end)
-    return Windows(number[:end], z[:end], seen[:end], middle[:end], size * step)
+    return Track(middle[:end], z[:end], number[:end], seen[:end], size * step, ω)
+
+
+def since_start(time: Array, rate: Array) -> Array:
+    """Return the integral (k,) of a rate (k,) from time 0 on, by the trapezoidal rule."""
+    steps = np.diff(time) * (rate[1:] + rate[:-1]) / 2
+    return np.asarray(time[0] * rate[0] + np.concatenate([[0.0], np.cumsum(steps)]))
+
+
+def regression(columns: Sequence[Array], y: Array, weight: Array) -> tuple[list[float], float]:
+    """Return the coefficients of columns that fit y best, and the sum of squares of weight times what is left."""
+    basis = np.column_stack(columns) * weight[:, None]
+    length = np.linalg.norm(basis, axis=0)
+    found = np.linalg.lstsq(basis / length, y * weight)[0] / length
+    return found.tolist(), float(np.sum((y * weight - basis @ found) ** 2))
+
+
+def losses_of(amplitude: Array, losses: Sequence[Array]) -> tuple[float, list[float], float]:
+    """Return ln e0 and the coefficients of losses (k,) of ln A, none of them negative, and what is left as above."""
+    chosen, coefficients = list(range(len(losses))), [0.0] * len(losses)
+    while True:
+        columns = [np.ones(len(amplitude)), *(-losses[k] for k in chosen)]
+        (level, *found), left = regression(columns, np.log(amplitude), amplitude)
+        parts = {k: value * losses[k][-1] for k, value in zip(chosen, found, strict=True)}
+        if not parts or min(parts.values()) >= 0.0:
+            for k, value in zip(chosen, found, strict=True):
+                coefficients[k] = value
+            return level, coefficients, left
+        chosen.remove(min(parts, key=lambda k: parts[k]))
+
+
+@dataclass(frozen=True)
+class LocalDecay:
+    """Decay in the middle of a piece of a record.
+
+    Parameters
+    ----------
+    λ, ω : float
+        Decay rate (1/s) and damped natural frequency (rad/s).
+    amplitude : float
+        Amplitude, in the unit of the record.
+    λ_error, ω_error, amplitude_error : float
+        Their standard errors for white noise of standard deviation 1.
+    misfit : float
+        Sum of the squared residuals.
+    """
+
+    λ: float
+    ω: float
+    amplitude: float
+    λ_error: float
+    ω_error: float
+    amplitude_error: float
+    misfit: float
+
+
+def local_decay(τ: Array, y: Array, λ: float, ω: float, others: Sequence[float] = ()) -> LocalDecay | None:
+    """Return the decay in a piece of a record, from a first guess of rate and frequency; None if none is plausible.
+
+    The times (s) are those from the middle of the piece, and ``others`` the frequencies of other oscillations, rad/s.
+    """
+    rest = np.column_stack([np.ones(len(τ)), waves(τ, others)])
+    for _ in range(3):
+        fading = np.exp(-λ * τ)
+        cosine, sine = fading * np.cos(ω * τ), -fading * np.sin(ω * τ)
+        basis = np.column_stack([cosine, sine, τ * cosine, τ * sine, rest])
+        root = np.linalg.pinv(basis)
+        a, b, a1, b1 = root[:4] @ y
+        amplitude = math.hypot(a, b)
+        if not amplitude > 0.0:
+            return None
+        correction = complex(a1, b1) / complex(a, b)
+        if not abs(correction) < ω:  # beyond is noise
+            return None
+        λ, ω = λ - correction.real, ω + correction.imag
+    size, rate = (a * root[0] + b * root[1]) / amplitude, (a * root[2] + b * root[3]) / amplitude**2
+    turn = (a * root[3] - b * root[2]) / amplitude**2
+    errors = [float(np.linalg.norm(row)) for row in (rate, turn, size)]
+    return LocalDecay(λ, ω, amplitude, errors[0], errors[1], errors[2], float(np.sum((y - basis @ (root @ y)) ** 2)))
+
+
+def waves(τ: Array, frequencies: Sequence[float]) -> Array:
+    """Return cosine and sine (n, 2k) at the times for each of k frequencies (rad/s)."""
+    phase = np.outer(τ, np.asarray(frequencies, dtype=float))
+    return np.hstack([np.cos(phase), np.sin(phase)])

@@ -1,27 +1,40 @@
-"""Comparison of decay laws on one free decay: all combinations are fitted to the same samples from one release."""
+"""Comparison of decay laws on one free decay: all are fitted to the same samples from one release.
+
+Of all combinations of damping and frequency laws, those are fitted that lead to the best one: each damping law with the
+first frequency law, then each frequency law with the best damping law, and so on, until the best combination was
+compared with every other damping law and every other frequency law.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from typing import Any, get_args
 
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import first_guess
+from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.inputs import flag, is_sequence, number, shown
-from problems.decay.arguments import as_record, check_laws, checked_ratios, combines
-from problems.decay.laws import DECAY_LAWS, FrequencyLaw, Law
+from ancf_casadi.support.inputs import choice, flag, is_sequence, number, shown
+from problems.decay.laws import DECAY_TERMS, RATIO_BOUNDS, DecayModel, Law
 from problems.decay.result import DecayFit
-from problems.decay.solution import RATIO_BOUNDS, fit_from
+from problems.decay.solution import as_record, fit_from
 
 LAWS_COMPARED: tuple[Law, ...] = ("linear", "quadratic", "friction", "power")
 EMPIRICAL = math.exp(-3)  # prior probability of the power law, an empirical one: its BIC must be lower by 6
-FREQUENCY_LAWS_COMPARED: tuple[FrequencyLaw, ...] = get_args(FrequencyLaw)
+FREQUENCY_LAWS_COMPARED: tuple[FrequencyLaw, ...] = ("constant", "linear", "quadratic", "logarithmic")
+ADDITIVE: Mapping[Law, tuple[str, ...]] = {  # unknowns whose uncertainty may leave the choice of a law open
+    law: ("zeta",) if law in ("linear", "power") else terms for law, terms in DECAY_TERMS.items()
+}
+COUNTED: Mapping[Law, tuple[str, ...]] = {  # unknowns that count even at a bound; the others make the law a simpler one
+    "linear": ("zeta",), "quadratic": ("eta1",), "friction": ("eta1", "eta2"), "power": ("zeta", "exponent"),
+    "one-mode": ("eta1",),
+}  # fmt: skip
 
 
 def compare_decay_laws(
@@ -35,10 +48,10 @@ def compare_decay_laws(
     release_time: float | None = None,
     ratio_bounds: tuple[float, float] = RATIO_BOUNDS,
 ) -> LawComparison[DecayFit]:
-    """Fit all combinations of damping laws and frequency laws to a free decay, and select one by information criteria.
+    """Fit combinations of damping laws and frequency laws to a free decay, and select one by information criteria.
 
-    A combination that cannot be fitted is listed with the reason.  ``one-mode`` is combined with a constant frequency
-    only.
+    The best one was compared with every other damping law and with every other frequency law.  A combination that
+    cannot be fitted is listed with the reason.  ``one-mode`` is combined with a constant frequency only.
 
     Parameters
     ----------
@@ -48,7 +61,7 @@ def compare_decay_laws(
         Displacement at each time, m.
     laws : sequence of {"linear", "quadratic", "friction", "power", "one-mode"}
         Damping laws to compare, the simplest first.
-    frequency_laws : sequence of {"constant", "linear", "quadratic"}
+    frequency_laws : sequence of {"constant", "linear", "quadratic", "power", "logarithmic"}
         Frequency laws to compare, the simplest first.
     offset, drift, release_time, ratio_bounds
         As in ``fit_decay``.
@@ -71,50 +84,58 @@ def compare_decay_laws(
     >>> comparison.best.law
     'quadratic'
     """
-    pairs = _combinations(laws, frequency_laws)
-    offset, drift, bounds = flag(offset, "offset"), flag(drift, "drift"), checked_ratios(ratio_bounds)
+    offset, drift = flag(offset, "offset"), flag(drift, "drift")
+    models = _combinations(laws, frequency_laws, offset, drift, ratio_bounds)
     record = as_record(time, displacement)
     release = None if release_time is None else number(release_time, "release_time")
     guess = first_guess(record, release_time=release, offset=offset, drift=drift)
-    fits: dict[str, DecayFit] = {}
-    failed: dict[str, str] = {}
-    for law, frequency_law in pairs:
-        name = law if frequency_law == "constant" else f"{law} + {frequency_law} frequency"
-        try:
-            (fits[name],) = fit_from(
-                [guess],
-                [record],
-                law=law,
-                frequency_law=frequency_law,
-                offset=offset,
-                drift=drift,
-                ratio_bounds=bounds,
-            )
-        except FitError as error:
-            failed[name] = str(error)
+    fits: dict[DecayModel, DecayFit] = {}
+    failed: dict[DecayModel, str] = {}
+    best = models[0]
+    while left := [
+        model
+        for model in models
+        if model not in {*fits, *failed}
+        and (model.frequency_law == best.frequency_law or (fits and model.law == best.law))
+    ]:
+        for model in [model for model in left if model.frequency_law == best.frequency_law] or left:
+            try:
+                (fits[model],) = fit_from([guess], [record], model)
+            except FitError as error:
+                failed[model] = str(error)
+        if fits:
+            found = _comparison({model: fits[model] for model in models if model in fits}, failed)
+            best = next(model for model, fit in fits.items() if fit is found.best)
     if not fits:
-        raise FitError("no law can be fitted; " + "; ".join(f"{name}: {reason}" for name, reason in failed.items()))
+        reasons = "; ".join(f"{_name(model)}: {reason}" for model, reason in failed.items())
+        raise FitError(f"no law can be fitted; {reasons}")
+    return found
+
+
+def _name(model: DecayModel) -> str:
+    return model.law if not model.bends else f"{model.law} + {model.frequency_law} frequency"
+
+
+def _comparison(fits: Mapping[DecayModel, DecayFit], failed: Mapping[DecayModel, str]) -> LawComparison[DecayFit]:
+    names = {_name(model): model for model in fits}
     return LawComparison(
-        names=tuple(fits),
+        names=tuple(names),
         fits=tuple(fits.values()),
-        terms=tuple(DECAY_LAWS[fit.law].vague for fit in fits.values()),
-        failed=failed,
-        counted={name: DECAY_LAWS[fit.law].counted for name, fit in fits.items()},
-        priors={name: EMPIRICAL for name, fit in fits.items() if fit.law == "power"},
+        terms=tuple(ADDITIVE[model.law] for model in fits),
+        failed={_name(model): reason for model, reason in failed.items()},
+        counted={name: (*COUNTED[model.law], *model.frequency_terms) for name, model in names.items()},
+        priors={name: EMPIRICAL for name, model in names.items() if model.law == "power"},
     )
 
 
-def _combinations(laws: Any, frequency_laws: Any) -> list[tuple[Law, FrequencyLaw]]:
-    """Return the damping laws with each frequency law that they can be combined with."""
+def _combinations(laws: Any, frequency_laws: Any, offset: bool, drift: bool, ratios: Any) -> list[DecayModel]:
+    """Return the damping laws with each frequency law; one that is integrated has a constant frequency only."""
     for names, where in ((laws, "laws"), (frequency_laws, "frequency_laws")):
         if not is_sequence(names) or not len(names):
             raise InputError(f"must be a sequence of laws, got {shown(names)}", where)
-    for law in laws:
-        check_laws(law)
+    constant = [DecayModel(law, offset, drift, ratio_bounds=ratios) for law in laws]
     for frequency_law in frequency_laws:
-        check_laws("linear", frequency_law)
-    pairs = [(law, frequency_law) for frequency_law, law in product(frequency_laws, laws)]
-    found = [pair for pair in pairs if combines(*pair)]
-    if not found:
-        check_laws(*pairs[0])
-    return found
+        choice(frequency_law, get_args(FrequencyLaw), "frequency_law")
+    pairs = [(model, law) for law, model in product(frequency_laws, constant)]
+    possible = [(model, law) for model, law in pairs if law == "constant" or not model.integrated]
+    return [replace(model, frequency_law=law) for model, law in possible or pairs]

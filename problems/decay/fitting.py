@@ -23,14 +23,14 @@ from typing import Any, Literal, get_args
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import first_guess
+from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import choice, flag, instances, number, numbers
-from problems.decay.arguments import as_record, check_laws, checked_ratios
 from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED, compare_decay_laws
-from problems.decay.laws import DECAY_LAWS, FrequencyLaw, Law
+from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law
 from problems.decay.result import DecayFit
-from problems.decay.solution import RATIO_BOUNDS, fit_from
+from problems.decay.solution import as_record, fit_from
 from problems.decay.takes import DecayFits
 
 
@@ -58,9 +58,10 @@ def fit_decay(
         ``linear``: Eq. (9).  ``quadratic``: Eq. (27).  ``friction``: Eq. (27) with friction as a third term.
         ``power``: a force ``eta_p |v|^p`` with a free exponent p.  ``one-mode``: Eq. (26), integrated numerically, for
         damping so strong that Eq. (27) is not accurate enough.  ``auto``: the best of ``compare_decay_laws``.
-    frequency_law : {"constant", "linear", "quadratic", "auto"}, optional
-        Change of the frequency with the amplitude A: none, omega (1 + k1 A), omega (1 + k2 A^2), or the best of these.
-        If not given, constant; with the law ``auto`` the best.
+    frequency_law : {"constant", "linear", "quadratic", "power", "logarithmic", "auto"}, optional
+        Change of the frequency f with the amplitude A: none, f (1 + k A), f (1 + k A^2), f (1 + k A^q),
+        f (1 + k ln(1 + A/A_s)), or the best of ``compare_decay_laws``.  If not given, constant; with the law ``auto``
+        the best.
     offset : bool
         Whether the equilibrium may differ from 0.
     drift : bool
@@ -96,6 +97,7 @@ def fit_decay(
     record = as_record(time, displacement)
     choice(law, (*get_args(Law), "auto"), "law")
     choice("constant" if frequency_law is None else frequency_law, (*get_args(FrequencyLaw), "auto"), "frequency_law")
+    settings: dict[str, Any] = {"offset": offset, "drift": drift, "ratio_bounds": ratio_bounds}
     if law == "auto" or frequency_law == "auto":
         if flag(robust, "robust"):
             raise InputError("compares sums of squares; name a law, or leave out robust=True", "auto")
@@ -105,21 +107,12 @@ def fit_decay(
             frequency_laws=FREQUENCY_LAWS_COMPARED
             if frequency_law is None or frequency_law == "auto"
             else (frequency_law,),
-            offset=offset,
-            drift=drift,
             release_time=release_time,
-            ratio_bounds=ratio_bounds,
+            **settings,
         ).best
-    return fit_decays(
-        [record],
-        law=law,
-        frequency_law=frequency_law or "constant",
-        offset=offset,
-        drift=drift,
-        release_times=None if release_time is None else [number(release_time, "release_time")],
-        ratio_bounds=ratio_bounds,
-        robust=robust,
-    )[0]
+    settings |= {"law": law, "frequency_law": frequency_law or "constant", "robust": robust}
+    releases = None if release_time is None else [number(release_time, "release_time")]
+    return fit_decays([record], release_times=releases, **settings)[0]
 
 
 def fit_decays(
@@ -170,34 +163,26 @@ def fit_decays(
     >>> [round(fit.amplitude, 3) for fit in fits], round(fits[0].frequency, 2)
     ([0.02, 0.03], 1.91)
     """
-    check_laws(law, frequency_law)
-    offset, drift, robust = flag(offset, "offset"), flag(drift, "drift"), flag(robust, "robust")
-    bounds = checked_ratios(ratio_bounds)
+    model = DecayModel(law, flag(offset, "offset"), flag(drift, "drift"), frequency_law, ratio_bounds)
+    robust = flag(robust, "robust")
     records = instances(records, "records", Measurement)
     sensors = {record.sensor.quantity for record in records}
     if len(sensors) > 1:
         raise InputError(f"must have one quantity, got {', '.join(sorted(sensors))}; fit them apart", "records")
-    if DECAY_LAWS[law].integrated and records[0].sensor.derivatives:
+    if model.integrated and records[0].sensor.derivatives:
         raise InputError(
             f"integrates the displacement, which the {records[0].sensor.quantity} is not; use the quadratic law", "law"
         )
     releases = [None] * len(records) if release_times is None else numbers(release_times, "release_times")
     if len(releases) != len(records):
         raise InputError(f"has {len(releases)} values for {len(records)} records", "release_times")
-    settings: dict[str, Any] = {
-        "law": law,
-        "frequency_law": frequency_law,
-        "offset": offset,
-        "drift": drift,
-        "ratio_bounds": bounds,
-        "robust": robust,
-    }
     guesses = [
-        first_guess(record, release_time=release, offset=offset, drift=drift)
+        first_guess(record, release_time=release, offset=model.offset, drift=model.drift)
         for record, release in zip(records, releases, strict=True)
     ]
-    every = fit_from(guesses, records, **settings)
+    every = fit_from(guesses, records, model, robust)
     pairs = zip(guesses, records, strict=True) if len(records) > 1 else ()
-    alone = [fit_from([guess], [record], **settings)[0] for guess, record in pairs]
-    again = partial(fit_decays, release_times=release_times, **settings)
+    alone = [fit_from([guess], [record], model, robust)[0] for guess, record in pairs]
+    settings: dict[str, Any] = {"law": law, "frequency_law": frequency_law, "offset": offset, "drift": drift}
+    again = partial(fit_decays, release_times=release_times, ratio_bounds=ratio_bounds, robust=robust, **settings)
     return DecayFits(every[0].fit, every, tuple(alone) or every, again=again)

@@ -5,18 +5,22 @@ A damping law and a frequency law are combined.  Damping laws, with the unknowns
     linear      Eq. (9)     omega, zeta                     zeta within its bounds
     quadratic   Eq. (27)    omega, eta1, eta2               eta1, eta2 >= 0
     friction    with eta0   omega, eta1, eta2, eta0         also eta0 >= 0 (``friction``)
-    power       |r'|^p      omega, zeta, exponent           zeta > 0, 0 <= p <= 4 (``power``)
+    power       |r'|^p      omega, zeta, exponent           zeta > 0, 0 <= p <= 4 (``closed_forms``)
     one-mode    Eq. (26)    omega, eta1, eta2               integrated; eta1, eta2 >= 0
 
-Frequency laws, with omega the frequency at zero amplitude (``slow_flow``):
+Frequency laws (``ancf_casadi.decay.phase``), with omega the frequency at zero amplitude, and under the logarithmic law
+at the amplitude R of reference:
 
-    constant    omega
-    linear      omega (1 + k1 A)                            frequency_slope k1
-    quadratic   omega (1 + k2 A^2)                          frequency_curvature k2
+    constant      omega
+    linear        omega (1 + k A)               frequency_slope k
+    quadratic     omega (1 + k A^2)             frequency_curvature k
+    power         omega (1 + k (A/R)^q)         frequency_change, k at the release, and frequency_exponent q
+    logarithmic   omega (1 + k ln((A + A_s)/(R + A_s)))
+                                                frequency_log_slope of f (1 + k ln(1 + A/A_s)), and corner_amplitude A_s
 
 Each release has its own amplitude e0 and phase; with Eq. (9) at constant frequency, and with Eq. (26), displacement r0
-and velocity v0.  The ratio zeta of the power law refers to an amplitude of reference, so that it hardly correlates with
-the exponent.
+and velocity v0.  The ratio zeta of the power law refers to the amplitude of reference, so that it hardly correlates
+with the exponent.
 
 The scale of an unknown is the change that moves the curve by about as much as its amplitude within the decay: 1/T for
 omega, 1/(omega T) for zeta and so on, with T the length of the record or of the decay, whichever is less.  ``start``
@@ -33,26 +37,36 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import casadi as cs
+import numpy as np
 
-from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, linear_decay, quadratic_flow
+from ancf_casadi.decay.closed_forms import (
+    equivalent_damping_ratio,
+    linear_decay,
+    power_coefficient,
+    power_envelope,
+    power_ratio,
+    quadratic_envelope,
+)
 from ancf_casadi.decay.first_guess import DecayGuess
-from ancf_casadi.decay.friction import friction_flow
+from ancf_casadi.decay.friction import friction_envelope
 from ancf_casadi.decay.one_mode import one_mode_decay
-from ancf_casadi.decay.power import power_coefficient, power_flow, power_ratio
-from ancf_casadi.decay.slow_flow import Flow
+from ancf_casadi.decay.phase import FREQUENCY_TERMS, FrequencyLaw, frequency_change, integral
 from ancf_casadi.estimation.solver.unknown import Unknown
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import choice, vector
 
 Law = Literal["linear", "quadratic", "friction", "power", "one-mode"]
-FrequencyLaw = Literal["constant", "linear", "quadratic"]
 Symbols = Sequence[cs.MX]
 Interval = tuple[float, float]
 
 EXPONENTS = (0.0, 4.0)  # bounds of the exponent
+FREQUENCY_EXPONENTS = (0.05, 4.0)  # below, a power is a logarithm
+LOG_CORNERS = (-9.0, 2.0)  # bounds of ln(A_s/R): below, every record is logarithmic, and above, linear in the amplitude
 
 
 @dataclass(frozen=True)
@@ -79,6 +93,10 @@ DECAY_QUANTITIES: Mapping[str, Quantity] = {
     "frequency": Quantity("Hz", "_hz"),
     "frequency_slope": Quantity("1/m", "_per_m", -math.inf),
     "frequency_curvature": Quantity("1/m^2", "_per_m2", -math.inf),
+    "frequency_change": Quantity("", "", -math.inf),
+    "frequency_exponent": Quantity("", "", *FREQUENCY_EXPONENTS),
+    "frequency_log_slope": Quantity("", "", -math.inf),
+    "corner_amplitude": Quantity("m", "_m"),
     "damping_ratio": Quantity(),
     "eta1": Quantity("1/s"),
     "eta2": Quantity("1/m", "_per_m"),
@@ -89,133 +107,18 @@ DECAY_QUANTITIES: Mapping[str, Quantity] = {
     "offset": Quantity("m", "_m", -math.inf),
     "drift": Quantity("m/s", "_m_per_s", -math.inf),
 }
-
-
-@dataclass(frozen=True)
-class DecayLaw:
-    """A damping law of a free decay.
-
-    Its functions take the amplitude of reference (m), which only the power law needs, omega (rad/s), and the unknowns
-    of the damping.
-
-    Parameters
-    ----------
-    terms : tuple of str
-        Reported damping coefficients; empty for the linear law, whose damping is the ratio zeta.
-    damping : callable
-        First guess and bounds of the damping ratio -> unknowns of the damping.
-    flow : callable
-        Time after the release (s), amplitude at the release (m), reference, omega, damping -> amplitude and its
-        integrals; None if the law is integrated.
-    ratio : callable
-        Amplitude (m), reference, omega, damping -> equivalent damping ratio.
-    coefficients : callable
-        Reference, omega, damping -> eta1, eta2, eta0, eta_p, exponent.
-    """
-
-    terms: tuple[str, ...]
-    damping: Callable[[DecayGuess, Interval], list[Unknown]]
-    flow: Callable[..., Flow[cs.MX]] | None
-    ratio: Callable[..., cs.MX]
-    coefficients: Callable[..., Symbols]
-
-    @property
-    def counted(self) -> tuple[str, ...]:
-        """Unknowns that count in a choice even at a bound; without the others, the law is a simpler one."""
-        return ("zeta", "exponent") if "exponent" in self.terms else self.terms[:-1] or ("zeta",)
-
-    @property
-    def vague(self) -> tuple[str, ...]:
-        """Unknowns that are additive terms of the damping, whose uncertainty may leave the choice of a law open."""
-        return tuple(name for name in self.terms if name.startswith("eta") and name != "eta_p") or ("zeta",)
-
-    @property
-    def integrated(self) -> bool:
-        """True if the curve is integrated; exact second derivatives would then cost more than they save."""
-        return self.flow is None
-
-
-def _ratio_unknown(guess: DecayGuess, bounds: Interval) -> Unknown:
-    lower, upper = bounds
-    return Unknown("zeta", min(max(guess.ζ, lower), upper), 1 / (guess.ω * guess.duration), lower, upper)
-
-
-def _linear_flow(time: Array, e0: cs.MX, _: float, ω: cs.MX, ζ: cs.MX) -> Flow[cs.MX]:
-    return quadratic_flow(_column(time), ω, 2 * ζ * ω, cs.MX(0), e0)
-
-
-_LINEAR = DecayLaw(
-    terms=(),
-    damping=lambda guess, bounds: [_ratio_unknown(guess, bounds)],
-    flow=_linear_flow,
-    ratio=lambda amplitude, _, ω, ζ: ζ + 0 * amplitude,
-    coefficients=lambda _, ω, ζ: (2 * ζ * ω, cs.MX(0), cs.MX(0), cs.MX(0), cs.MX(math.nan)),
-)
-
-
-def _terms(guess: DecayGuess, parts: int) -> list[Unknown]:
-    """Return the first ``parts`` of eta1, eta2, eta0, each with an equal part of the guessed damping."""
-    ω, A, T = guess.ω, guess.amplitude, guess.duration
-    ζ = guess.ζ / parts
-    drag = 3 * math.pi / (4 * A)  # eta2 with an equivalent damping ratio of 1
-    friction = math.pi * ω**2 * A / 2  # eta0 with the same
-    return [
-        Unknown("eta1", 2 * ζ * ω, 1 / T, lower=0.0, unit="1/s"),
-        Unknown("eta2", ζ * drag, drag / (ω * T), lower=0.0, unit="1/m"),
-        Unknown("eta0", ζ * friction, friction / (ω * T), lower=0.0, unit="m/s^2"),
-    ][:parts]
-
-
-def _three_terms(_: float, ω: cs.MX, η1: cs.MX, η2: cs.MX, *η0: cs.MX) -> Symbols:
-    return η1, η2, (*η0, cs.MX(0))[0], cs.MX(0), cs.MX(math.nan)
-
-
-def _three_terms_ratio(amplitude: cs.MX, _: float, ω: cs.MX, η1: cs.MX, η2: cs.MX, *η0: cs.MX) -> cs.MX:
-    return equivalent_damping_ratio(η1, η2, ω, amplitude, *η0)
-
-
-def _quadratic_flow(time: Array, e0: cs.MX, _: float, ω: cs.MX, η1: cs.MX, η2: cs.MX) -> Flow[cs.MX]:
-    return quadratic_flow(_column(time), ω, η1, η2, e0)
-
-
-def _friction_flow(time: Array, e0: cs.MX, _: float, ω: cs.MX, η1: cs.MX, η2: cs.MX, η0: cs.MX) -> Flow[cs.MX]:
-    return friction_flow(time, ω, η0, η1, η2, e0)
-
-
-def _power_damping(guess: DecayGuess, _: Interval) -> list[Unknown]:
-    lower, upper = EXPONENTS
-    # of the power law; at 0, no record would determine the exponent
-    return [_ratio_unknown(guess, (1e-9, math.inf)), Unknown("exponent", 1.0, lower=lower, upper=upper)]
-
-
-def _power_flow(time: Array, e0: cs.MX, reference: float, ω: cs.MX, ζ: cs.MX, p: cs.MX) -> Flow[cs.MX]:
-    return power_flow(_column(time), ω, ω * power_ratio(e0, ζ, p, reference), p, e0)
-
-
-def _power_coefficients(reference: float, ω: cs.MX, ζ: cs.MX, p: cs.MX) -> Symbols:
-    return cs.MX(0), cs.MX(0), cs.MX(0), power_coefficient(ζ, p, ω, reference), p
-
-
-DECAY_LAWS: Mapping[Law, DecayLaw] = {
-    "linear": _LINEAR,
-    "quadratic": DecayLaw(
-        ("eta1", "eta2"), lambda guess, _: _terms(guess, 2), _quadratic_flow, _three_terms_ratio, _three_terms
-    ),
-    "friction": DecayLaw(
-        ("eta1", "eta2", "eta0"), lambda guess, _: _terms(guess, 3), _friction_flow, _three_terms_ratio, _three_terms
-    ),
-    "power": DecayLaw(
-        ("eta_p", "exponent"),
-        _power_damping,
-        _power_flow,
-        lambda amplitude, reference, ω, ζ, p: power_ratio(amplitude, ζ, p, reference),
-        _power_coefficients,
-    ),
-    "one-mode": DecayLaw(("eta1", "eta2"), lambda guess, _: _terms(guess, 2), None, _three_terms_ratio, _three_terms),
+DECAY_TERMS: Mapping[Law, tuple[str, ...]] = {  # reported damping coefficients; the linear law has its ratio alone
+    "linear": (),
+    "quadratic": ("eta1", "eta2"),
+    "friction": ("eta1", "eta2", "eta0"),
+    "power": ("eta_p", "exponent"),
+    "one-mode": ("eta1", "eta2"),
 }
-
+FREQUENCY_REPORTED: Mapping[FrequencyLaw, tuple[str, ...]] = {  # where they are not the unknowns
+    "logarithmic": ("frequency_log_slope", "corner_amplitude")
+}
 DISPLACEMENT = Sensor()
-FREQUENCY_POWERS: Mapping[FrequencyLaw, int] = {"constant": 0, "linear": 1, "quadratic": 2}  # of the amplitude
+RATIO_BOUNDS = (0.0, 0.999)
 
 
 @dataclass(frozen=True)
@@ -230,50 +133,103 @@ class DecayModel:
         Whether the equilibrium may differ from 0.
     drift : bool
         Whether the equilibrium may move at a constant velocity.
-    frequency_law : {"constant", "linear", "quadratic"}
-        Frequency law.
+    frequency_law : {"constant", "linear", "quadratic", "power", "logarithmic"}
+        Frequency law; constant if the damping law is integrated.
+    ratio_bounds : (float, float)
+        Bounds of the damping ratio under the linear law, above -1 and below 1.
     reference : float
-        Amplitude to which the damping ratio of the power law refers, m.
+        Amplitude R to which the power laws and the logarithmic law refer, m.
     longest_step : float
         Longest integration step of an integrated law, s.
     sensor : Sensor
         Sensor of the record.  For a velocity or an acceleration, the curve is differentiated; offset and drift belong
         to the sensor.
+
+    Raises
+    ------
+    InputError
+        If there is no such law, the two cannot be combined, or the bounds are not two numbers in order.
     """
 
     law: Law
     offset: bool
     drift: bool
     frequency_law: FrequencyLaw = "constant"
+    ratio_bounds: Interval = RATIO_BOUNDS
     reference: float = 1.0
     longest_step: float = math.inf
     sensor: Sensor = DISPLACEMENT
 
+    def __post_init__(self) -> None:
+        """Check the laws and the bounds."""
+        choice(self.law, get_args(Law), "law")
+        choice(self.frequency_law, get_args(FrequencyLaw), "frequency_law")
+        if self.integrated and self.bends:
+            raise InputError(
+                f"must be constant under the {self.law} law; use the quadratic law instead", "frequency_law"
+            )
+        lower, upper = vector(self.ratio_bounds, "ratio_bounds")
+        if not -1.0 < lower < upper < 1.0:
+            raise InputError(f"must be in order and between -1 and 1, got ({lower:g}, {upper:g})", "ratio_bounds")
+
+    @property
+    def integrated(self) -> bool:
+        """True if the curve is integrated; exact second derivatives would then cost more than they save."""
+        return self.law == "one-mode"
+
     @property
     def terms(self) -> tuple[str, ...]:
         """Names of the reported coefficients of both laws."""
-        return (*((), ("frequency_slope",), ("frequency_curvature",))[self.power], *DECAY_LAWS[self.law].terms)
+        return (*FREQUENCY_REPORTED.get(self.frequency_law, self.frequency_terms), *DECAY_TERMS[self.law])
 
     @property
-    def power(self) -> int:
-        """Power of the amplitude with which the frequency changes; 0 if it is constant."""
-        return FREQUENCY_POWERS[self.frequency_law]
+    def frequency_terms(self) -> tuple[str, ...]:
+        """Names of the unknowns of the frequency law beside omega."""
+        return FREQUENCY_TERMS[self.frequency_law]
+
+    @property
+    def bends(self) -> bool:
+        """True if the frequency depends on the amplitude."""
+        return self.frequency_law != "constant"
 
     @property
     def from_motion(self) -> bool:
         """True if displacement and velocity at the release are unknown, in place of amplitude and phase."""
-        return self.law == "one-mode" or (self.law == "linear" and self.frequency_law == "constant")
+        return self.integrated or (self.law == "linear" and not self.bends)
 
-    def shared(self, guess: DecayGuess, ratio_bounds: Interval) -> list[Unknown]:
+    def shared(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of the mode."""
         ω, T = guess.ω, guess.duration
-        frequency = [
-            Unknown(name, 0.0, 1 / (ω * guess.amplitude**self.power * T), unit=DECAY_QUANTITIES[name].unit)
-            for name in self.terms
-            if name.startswith("frequency")
+        return [Unknown("omega", ω, 1 / T, lower=0.0, unit="rad/s"), *self._damping(guess), *self._bending(guess)]
+
+    def _bending(self, guess: DecayGuess) -> list[Unknown]:
+        """Return the unknowns of the frequency law; k begins at 0, or at one turn where it has a second unknown."""
+        turn = 1 / (guess.ω * guess.duration)  # relative change of the frequency that turns the phase by 1 rad
+        sizes = {"frequency_slope": 1 / guess.amplitude, "frequency_curvature": 1 / guess.amplitude**2}
+        starts = {name: size * turn for name, size in sizes.items()}
+        unknowns = {
+            "frequency_exponent": Unknown("frequency_exponent", 1.0, 1.0, *FREQUENCY_EXPONENTS),
+            "log_corner": Unknown("log_corner", -2.0, 1.0, *LOG_CORNERS),
+        } | {name: Unknown(name, 0.0, scale, unit=DECAY_QUANTITIES[name].unit) for name, scale in starts.items()}
+        return [unknowns.get(name, Unknown(name, turn, turn)) for name in self.frequency_terms]
+
+    def _damping(self, guess: DecayGuess) -> list[Unknown]:
+        """Return the unknowns of the damping; each of eta1, eta2, eta0 begins with an equal part of the guess."""
+        ω, A, T = guess.ω, guess.amplitude, guess.duration
+        if self.law in ("linear", "power"):
+            # at a ratio of 0, no record would determine the exponent
+            lower, upper = self.ratio_bounds if self.law == "linear" else (1e-9, math.inf)
+            ratio = Unknown("zeta", min(max(guess.ζ, lower), upper), 1 / (ω * T), lower, upper)
+            exponent = Unknown("exponent", 1.0, lower=EXPONENTS[0], upper=EXPONENTS[1])
+            return [ratio] if self.law == "linear" else [ratio, exponent]
+        names = DECAY_TERMS[self.law]
+        full = {"eta1": 2 * ω, "eta2": 3 * math.pi / (4 * A), "eta0": math.pi * ω**2 * A / 2}  # with a ratio of 1
+        return [
+            Unknown(
+                name, guess.ζ / len(names) * full[name], full[name] / (ω * T), 0.0, unit=DECAY_QUANTITIES[name].unit
+            )
+            for name in names
         ]
-        damping = DECAY_LAWS[self.law].damping(guess, ratio_bounds)
-        return [Unknown("omega", ω, 1 / T, lower=0.0, unit="rad/s"), *damping, *frequency]
 
     def own(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of a release and its record."""
@@ -290,18 +246,60 @@ class DecayModel:
 
     def curve(self, time: Array, *x: cs.MX) -> cs.MX:
         """Return the record, in the unit of its sensor, at times (s) after the release."""
-        ω, damping, k, release, offset, drift = self._split(x)
-        t, law = _column(time), DECAY_LAWS[self.law]
-        if law.flow is None:
+        ω, damping, bending, release, offset, drift = self._split(x)
+        t = _column(time)
+        if self.integrated:
             motion = one_mode_decay(time, ω, *damping, *release, longest_step=self.longest_step)
         elif self.from_motion:
             motion = self._differentiated(t, lambda instant: linear_decay(instant, ω, *damping, *release))
         else:
-            flow = law.flow(time, release[0], self.reference, ω, *damping)
-            turned = t + k * (0, flow.first, flow.second)[self.power]
+
+            def amplitude(instant: cs.MX) -> cs.MX:
+                return self._amplitude(instant, release[0], ω, damping)
+
+            turned = t
+            if self.bends:
+                turned = t + integral(lambda instant: self._change(amplitude(instant), bending), time)
             phase = self._damped(ω, damping) * turned + release[1]
-            motion = self._swing(flow.amplitude, phase, ω, damping, k)
+            motion = self._swing(amplitude(t), phase, ω, damping, bending)
         return motion + offset + drift * t
+
+    def _amplitude(self, time: cs.MX, e0: cs.MX, ω: cs.MX, damping: Symbols) -> cs.MX:
+        """Return the amplitude at times (s), which is ``e0`` at the release."""
+        if self.law == "friction":
+            η1, η2, η0 = damping
+            return friction_envelope(time, ω, η0, η1, η2, e0)
+        if self.law == "power":
+            return power_envelope(time, ω, ω * self._ratio(e0, ω, damping), damping[1], e0)
+        η1, η2 = (2 * damping[0] * ω, cs.MX(0)) if self.law == "linear" else damping
+        return quadratic_envelope(time, ω, η1, η2, e0)
+
+    def change(self, amplitude: Array, *bending: float) -> Array:
+        """Return the relative change of the frequency at amplitudes (m), given values of ``frequency_terms``."""
+        return np.asarray(cs.evalf(self._change(_column(amplitude), [cs.MX(one) for one in bending])).full().ravel())
+
+    def _change(self, amplitude: cs.MX, bending: Symbols) -> cs.MX:
+        """Return the relative change of the frequency at an amplitude (m)."""
+        return frequency_change(self.frequency_law, amplitude, bending, self.reference)
+
+    def _ratio(self, amplitude: cs.MX, ω: cs.MX, damping: Symbols) -> cs.MX:
+        """Return the equivalent damping ratio at an amplitude (m)."""
+        if self.law == "linear":
+            return damping[0] + 0 * amplitude
+        if self.law == "power":
+            ζ, p = damping
+            return power_ratio(amplitude, ζ, p, self.reference)
+        η1, η2, *η0 = damping
+        return equivalent_damping_ratio(η1, η2, ω, amplitude, *η0)
+
+    def _coefficients(self, ω: cs.MX, damping: Symbols) -> dict[str, cs.MX]:
+        """Return eta1, eta2, eta0, eta_p and the exponent by name; those that the law does not have are 0."""
+        if self.law == "linear":
+            return {"eta1": 2 * damping[0] * ω, "exponent": cs.MX(math.nan)}
+        if self.law == "power":
+            ζ, p = damping
+            return {"eta_p": power_coefficient(ζ, p, ω, self.reference), "exponent": p}
+        return dict(zip(DECAY_TERMS[self.law], damping, strict=True)) | {"exponent": cs.MX(math.nan)}
 
     def _differentiated(self, time: cs.MX, motion: Callable[[cs.MX], cs.MX]) -> cs.MX:
         """Return the derivative by time that the sensor measures, of a motion without integrals over time."""
@@ -311,10 +309,10 @@ class DecayModel:
             curve = cs.jtimes(curve, t, cs.DM.ones(t.shape))
         return cs.substitute(curve, t, time)
 
-    def _swing(self, amplitude: cs.MX, phase: cs.MX, ω: cs.MX, damping: Symbols, k: cs.MX) -> cs.MX:
+    def _swing(self, amplitude: cs.MX, phase: cs.MX, ω: cs.MX, damping: Symbols, bending: Symbols) -> cs.MX:
         """Return the derivative by time that the sensor measures, of A cos(phi).
 
-        With A' = -zeta(A) omega A and phi' = omega (1 + k A^n),
+        With A' = -zeta(A) omega A and phi' = omega (1 + delta(A)),
 
             velocity        A' cos(phi) - A phi' sin(phi)
             acceleration    (A'' - A phi'^2) cos(phi) - (2 A' phi' + A phi'') sin(phi).
@@ -322,8 +320,8 @@ class DecayModel:
         if not self.sensor.derivatives:
             return amplitude * cs.cos(phase)
         A, one = cs.MX.sym("A", amplitude.shape[0]), cs.DM.ones(amplitude.shape[0])
-        rate = -DECAY_LAWS[self.law].ratio(A, self.reference, ω, *damping) * ω * A
-        turn = self._damped(ω, damping) * (1 + k * A**self.power)
+        rate = -self._ratio(A, ω, damping) * ω * A
+        turn = self._damped(ω, damping) * (1 + self._change(A, bending))
         second, turn_rate = cs.jtimes(rate, A, one) * rate, cs.jtimes(turn, A, one) * rate
         # amplitude relative to the one of reference, below which rates are those of this amplitude
         held = cs.fmax(amplitude, 1e-12 * self.reference)  # friction divides by the amplitude
@@ -341,23 +339,35 @@ class DecayModel:
 
     def quantities(self, *x: cs.MX) -> cs.MX:
         """Return the quantities of the decay, in the order of ``DECAY_QUANTITIES``."""
-        ω, damping, k, release, offset, drift = self._split(x)
-        law, zero = DECAY_LAWS[self.law], cs.MX(0)
+        ω, damping, bending, release, offset, drift = self._split(x)
         amplitude = release[0]
         if self.from_motion:
             r0, v0 = release
-            rate = damping[0] * ω if self.law == "linear" else zero  # Eq. (26) takes the amplitude of r0 and v0 itself
+            rate = damping[0] * ω if self.law == "linear" else 0  # Eq. (26) takes the amplitude of r0 and v0 itself
             amplitude = cs.sqrt(r0**2 + ((v0 + rate * r0) / self._damped(ω, damping)) ** 2)
-        slope, curvature = ((zero, zero), (k, zero), (zero, k))[self.power]
-        ratio = law.ratio(amplitude, self.reference, ω, *damping)
-        coefficients = law.coefficients(self.reference, ω, *damping)
-        return cs.vertcat(ω / (2 * math.pi), slope, curvature, ratio, *coefficients, amplitude, offset, drift)
+        found = {
+            "frequency": ω / (2 * math.pi),
+            "damping_ratio": self._ratio(amplitude, ω, damping),
+            **dict(zip(self.frequency_terms, bending, strict=True)),
+            **self._coefficients(ω, damping),
+            "amplitude": amplitude,
+            "offset": offset,
+            "drift": drift,
+        }
+        if self.frequency_law == "power":
+            found["frequency_change"] = self._change(amplitude, bending)
+        if self.frequency_law == "logarithmic":
+            at_rest = 1 + self._change(cs.MX(0), bending)  # relative to omega, the frequency at R
+            found["frequency"] *= at_rest
+            found["frequency_log_slope"] /= at_rest
+            found["corner_amplitude"] = self.reference * cs.exp(bending[1])
+        return cs.vertcat(*(found.get(name, cs.MX(0)) for name in DECAY_QUANTITIES))
 
     def against_amplitude(self, amplitude: Array, *x: cs.MX) -> tuple[cs.MX, cs.MX]:
         """Return equivalent damping ratio and frequency (Hz) at amplitudes (m), which are positive."""
-        ω, damping, k, *_ = self._split(x)
+        ω, damping, bending, *_ = self._split(x)
         A = _column(amplitude)
-        return DECAY_LAWS[self.law].ratio(A, self.reference, ω, *damping), ω / (2 * math.pi) * (1 + k * A**self.power)
+        return self._ratio(A, ω, damping), ω / (2 * math.pi) * (1 + self._change(A, bending))
 
     def values(self, x: Array) -> dict[str, float]:
         """Return the quantities by name, for values of the unknowns."""
@@ -368,13 +378,12 @@ class DecayModel:
         """Return the frequency of the oscillation, rad/s: with linear damping the damped one, as in Eq. (9)."""
         return ω * cs.sqrt(1 - damping[0] ** 2) if self.law == "linear" else ω
 
-    def _split(self, x: Symbols) -> tuple[cs.MX, Symbols, cs.MX, Symbols, cs.MX, cs.MX]:
-        """Return omega, damping, k1 or k2, release, offset and drift; 0 for those that are not unknown."""
-        zero, bends = cs.MX(0), self.power > 0
-        end = len(x) - self.offset - self.drift
-        damping = x[1 : end - 2 - bends]
-        k = x[end - 3] if bends else zero
-        return x[0], damping, k, x[end - 2 : end], x[end] if self.offset else zero, x[-1] if self.drift else zero
+    def _split(self, x: Symbols) -> tuple[cs.MX, Symbols, Symbols, Symbols, cs.MX, cs.MX]:
+        """Return omega, damping, bending, release, offset and drift; 0 for the last two if they are not unknown."""
+        zero, end = cs.MX(0), len(x) - self.offset - self.drift
+        law = end - 2 - len(self.frequency_terms)
+        offset, drift = x[end] if self.offset else zero, x[-1] if self.drift else zero
+        return x[0], x[1:law], x[law : end - 2], x[end - 2 : end], offset, drift
 
 
 def _column(values: Array) -> cs.MX:

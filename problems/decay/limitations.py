@@ -19,18 +19,19 @@ G. C. Chow, Tests of equality between sets of coefficients in two linear regress
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy  # its packages are imported on first use
 
 from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.estimation.agreement import DISAGREE, part_estimates
-from ancf_casadi.estimation.fit import Fit, colour_warning
+from ancf_casadi.estimation.fit import colour_warning
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.arrays import Array
-from problems.decay.laws import DecayModel
+
+if TYPE_CHECKING:
+    from problems.decay.result import DecayFit
 
 NOISE_FREE = 1e-6  # residual relative to the amplitude, below which there is no noise
 FEW_PERIODS = 5  # of free decay, below which there is a warning
@@ -39,48 +40,24 @@ DAMPING = ("zeta", "eta1", "eta2", "eta0")  # unknowns whose information divides
 RELEASE = ("r0", "v0", "e0", "phase", "offset", "drift")  # unknowns of a release, which belong to no mode
 
 
-def limitations(
-    model: DecayModel,
-    fit: Fit,
-    indices: tuple[int, ...],
-    rows: slice,
-    time: Array,
-    residuals: Array,
-    values: Mapping[str, float],
-    errors: Mapping[str, float],
-) -> list[str]:
-    """Return the limitations of the fit of one record, one sentence each.
-
-    Parameters
-    ----------
-    model : DecayModel
-        Fitted curve.
-    fit : Fit
-        Unknowns of all records.
-    indices : tuple of int
-        Positions of the unknowns of the record.
-    rows : slice
-        Samples of the record that were fitted, among those of all records.
-    time, residuals : ndarray
-        Times of the record from the release on, s, and its residuals.
-    values, errors : mapping
-        Quantities of the decay by name, and their standard errors.
-    """
-    noise_free = NOISE_FREE * values["amplitude"] * (2 * math.pi * values["frequency"]) ** model.sensor.derivatives
-    noisy = math.sqrt(np.mean(fit.residuals[rows] ** 2)) > noise_free
-    fitted = time if fit.times is None else time[0] + fit.times[rows]
+def limitations(decay: DecayFit) -> list[str]:
+    """Return the limitations of the fit of one record, one sentence each."""
+    fit, values = decay.fit, decay.values
+    speed = (2 * math.pi * values["frequency"]) ** decay.model.sensor.derivatives
+    noise_free = NOISE_FREE * values["amplitude"] * speed
+    noisy = math.sqrt(np.mean(fit.residuals[decay.rows] ** 2)) > noise_free
     found = [
-        _short(time, values),
-        _lasting(time, residuals, values) if noisy else None,
-        _uncertain(time, values, errors) if noisy else None,
+        _short(decay),
+        _lasting(decay) if noisy else None,
+        _uncertain(decay) if noisy else None,
         colour_warning(fit, noise_free=noise_free),
-        _changing(fit, indices, rows, fitted) if noisy else None,
+        _changing(decay) if noisy else None,
     ]
     return [text for text in found if text]
 
 
-def _short(time: Array, values: Mapping[str, float]) -> str | None:
-    periods = (time[-1] - time[0]) * values["frequency"]
+def _short(decay: DecayFit) -> str | None:
+    periods = (decay.time[-1] - decay.time[0]) * decay.frequency
     if periods >= FEW_PERIODS:
         return None
     return (
@@ -89,51 +66,51 @@ def _short(time: Array, values: Mapping[str, float]) -> str | None:
     )
 
 
-def _lasting(time: Array, residuals: Array, values: Mapping[str, float]) -> str | None:
+def _lasting(decay: DecayFit) -> str | None:
     """Return a warning if the fitted oscillation lasts, as hum does, and another one in the residuals decays."""
-    length = float(time[-1] - time[0])
-    if values["damping_ratio"] * 2 * math.pi * values["frequency"] * length > 0.1:  # otherwise the oscillation lasts
+    length = float(decay.time[-1] - decay.time[0])
+    if decay.damping_ratio * 2 * math.pi * decay.frequency * length > 0.1:  # otherwise the oscillation lasts
         return None
     try:
-        other = first_guess(Measurement(time, residuals), release_time=float(time[0]))
+        other = first_guess(Measurement(decay.time, decay.residuals), release_time=decay.release_time)
     except InputError:
         return None
     if other.ζ * other.ω * length < 1.0:  # otherwise it decays
         return None
     return (
-        f"the fitted oscillation of {values['frequency']:.4g} Hz hardly decays, but another one beside it, of "
+        f"the fitted oscillation of {decay.frequency:.4g} Hz hardly decays, but another one beside it, of "
         f"{other.ω / (2 * math.pi):.4g} Hz, does: if the former is hum, fit the latter by isolate_mode or the option "
         "--band, or both by fit_modes"
     )
 
 
-def _uncertain(time: Array, values: Mapping[str, float], errors: Mapping[str, float]) -> str | None:
-    ζ, error, length = values["damping_ratio"], errors["damping_ratio"], time[-1] - time[0]
+def _uncertain(decay: DecayFit) -> str | None:
+    ζ, error, length = decay.damping_ratio, decay.standard_errors["damping_ratio"], decay.time[-1] - decay.time[0]
     if not error > IMPRECISE * abs(ζ):
         return None
     uncertainty = f"has a standard error of {error / abs(ζ):.0%}"
     if error >= abs(ζ):
         uncertainty = "does not differ significantly from zero"
     advice = "less noise, or a larger release, would help"
-    if ζ * 2 * math.pi * length * values["frequency"] < 1.0:
+    if ζ * 2 * math.pi * length * decay.frequency < 1.0:
         needed = length * (min(error / abs(ζ), 1.0) / IMPRECISE) ** (2 / 3) if ζ else math.inf
         advice = f"the record is too short; {needed:.2g} s would give {IMPRECISE:.0%}"
     return f"the damping ratio {uncertainty}: {advice}"
 
 
-def _changing(fit: Fit, indices: tuple[int, ...], rows: slice, time: Array) -> str | None:
+def _changing(decay: DecayFit) -> str | None:
     """Return a warning if the two parts of a record disagree on the mode."""
-    mode = [k for k in indices if fit.names[k].split("_")[0] not in RELEASE and not fit.active_bounds[k]]
+    fit, rows = decay.fit, decay.rows
+    time = decay.time if fit.times is None else decay.release_time + fit.times[rows]
+    mode = [k for k in decay.indices if fit.names[k].split("_")[0] not in RELEASE and not fit.active_bounds[k]]
     damping = [k for name in DAMPING for k in mode if fit.names[k].startswith(name)]
     if not damping:
         return None
     information = np.cumsum(fit.jacobian[rows, damping[0]] ** 2)
-    early = np.zeros(len(fit.residuals), dtype=bool)
     split = int(np.searchsorted(information, information[-1] / 2))
-    early[rows.start : rows.start + split] = True
-    late = np.zeros(len(fit.residuals), dtype=bool)
-    late[rows.start + split : rows.start + len(time)] = True
-    parts = [part_estimates(fit, mask) for mask in (early, late)]
+    sample = np.arange(len(fit.residuals)) - rows.start
+    masks = (sample >= 0) & (sample < split), (sample >= split) & (sample < len(time))
+    parts = [part_estimates(fit, mask) for mask in masks]
     (first, first_covariance), (second, second_covariance) = parts
     known = [k for k in mode if np.isfinite(first[k] + second[k])]
     if not known:

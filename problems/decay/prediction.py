@@ -12,25 +12,26 @@ per change of the modes, to first order, which gives their standard errors from 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import casadi as cs
 import numpy as np
 
 from ancf_casadi.decay.first_guess import first_guess
-from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.solver.least_squares import least_squares
-from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import check_instance
-from problems.decay.laws import DECAY_LAWS, DecayModel
 from problems.decay.start import of_motion
 
+if TYPE_CHECKING:
+    from problems.decay.result import DecayFit
 
-def predicted(fit: Fit, modes: Sequence[tuple[DecayModel, Sequence[int]]], record: Any) -> RecordPrediction:
-    """Return the prediction of a decay with modes, each a model with the positions of its unknowns in a fit.
+
+def predicted(modes: Sequence[DecayFit], record: Any) -> RecordPrediction:
+    """Return the prediction of a decay with modes that were fitted at once.
 
     Raises
     ------
@@ -40,34 +41,26 @@ def predicted(fit: Fit, modes: Sequence[tuple[DecayModel, Sequence[int]]], recor
         If the release cannot be fitted.
     """
     check_instance(record, "record", Measurement)
-    sensor = modes[0][0].sensor
+    fit, sensor = modes[0].fit, modes[0].model.sensor
     if record.sensor != sensor:
         raise InputError(f"must be of {sensor.quantity} as in the fit, got {record.sensor.quantity}", "record")
-    offset, drift = (any(getattr(model, name) for model, _ in modes) for name in ("offset", "drift"))
+    offset, drift = (any(getattr(one.model, name) for one in modes) for name in ("offset", "drift"))
     guess = of_motion(first_guess(record, offset=offset, drift=drift), sensor.derivatives)
     time, measured = record.time[guess.release :], record.values[guess.release :]
-    after = time - time[0]
-    unknowns: list[Unknown] = []
-    columns = []
-    for position, (model, indices) in enumerate(modes):
-        own = model.own(guess)
-        columns.append((indices[: -len(own)], slice(len(unknowns), len(unknowns) + len(own))))
-        unknowns += [Unknown(f"{u.name}_{position}", u.guess, u.scale, u.lower, u.upper, u.unit) for u in own]
+    releases = [one.model.own(guess) for one in modes]
+    ends = np.cumsum([0, *map(len, releases)]).tolist()
 
     def curve(mode: cs.MX, release: cs.MX) -> cs.MX:
-        parts = zip((model for model, _ in modes), columns, strict=True)
-        return sum(
-            (
-                model.curve(after, *(mode[k] for k in shared), *cs.vertsplit(release[own]))
-                for model, (shared, own) in parts
-            ),
-            cs.MX(0),
-        )
+        total = cs.MX(0)
+        for one, begin, end in zip(modes, ends, ends[1:], strict=False):
+            shared = one.indices[: begin - end]
+            total += one.model.curve(time - time[0], *(mode[k] for k in shared), *cs.vertsplit(release[begin:end]))
+        return total
 
     found = least_squares(
         lambda *x: curve(cs.MX(fit.values), cs.vertcat(*x)) - cs.DM(measured),
-        unknowns,
-        gauss_newton=any(DECAY_LAWS[model.law].integrated for model, _ in modes),
+        [replace(u, name=f"{u.name}_{position}") for position, own in enumerate(releases) for u in own],
+        gauss_newton=any(one.model.integrated for one in modes),
         advice="check the record",
     )
     mode = cs.MX.sym("mode", len(fit.names))

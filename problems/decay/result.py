@@ -17,6 +17,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.estimation.intervals import Quantities, first_order_ends
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
@@ -24,7 +25,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.inputs import array
 from ancf_casadi.support.tables import known
-from problems.decay.laws import DECAY_QUANTITIES, DecayModel, FrequencyLaw, Law
+from problems.decay.laws import DECAY_QUANTITIES, DecayModel, Law
 from problems.decay.limitations import limitations
 from problems.decay.prediction import predicted
 
@@ -53,8 +54,6 @@ class DecayFit(LeastSquaresResult):
         Times of the samples from the release on (m,), s.
     residuals : ndarray
         Fitted less measured values at these times (m,), in the unit of the sensor.
-    ratio_bounds : (float, float)
-        Bounds of the damping ratio under the linear law.
     release_reason : str
         Reason for the start of the decay: the first sample, the end of rest, the end of an excitation, or given.
     notes : tuple of str
@@ -77,14 +76,13 @@ class DecayFit(LeastSquaresResult):
     """
 
     kind = "decay"
-    _drawing = "problems.decay.figure.decay_fit_figure"
+    _drawing = "problems.decay.law_curve.decay_fit_figure"
 
     model: DecayModel
     indices: tuple[int, ...]
     rows: slice
     time: Array
     residuals: Array
-    ratio_bounds: Interval
     release_reason: str
     notes: tuple[str, ...] = ()
 
@@ -93,8 +91,14 @@ class DecayFit(LeastSquaresResult):
         "Natural frequency f, Hz, at zero amplitude if it depends on the amplitude A; the undamped frequency under the "
         "linear law.",
     )
-    frequency_slope = _quantity("frequency_slope", "k1 in f (1 + k1 A), 1/m; 0 under the other frequency laws.")
-    frequency_curvature = _quantity("frequency_curvature", "k2 in f (1 + k2 A^2), 1/m^2; 0 under the other ones.")
+    frequency_slope = _quantity("frequency_slope", "k in f (1 + k A), 1/m; 0 under the other frequency laws.")
+    frequency_curvature = _quantity("frequency_curvature", "k in f (1 + k A^2), 1/m^2; 0 under the other ones.")
+    frequency_change = _quantity("frequency_change", "k (A/R)^q in f (1 + k (A/R)^q) at ``amplitude``; 0 under others.")
+    frequency_exponent = _quantity("frequency_exponent", "q in this law; 0 under the other ones.")
+    frequency_log_slope = _quantity(
+        "frequency_log_slope", "k in f (1 + k ln(1 + A/A_s)), with f at zero amplitude; 0 under the other laws."
+    )
+    corner_amplitude = _quantity("corner_amplitude", "A_s in this law, m; 0 under the other laws.")
     damping_ratio = _quantity(
         "damping_ratio", "Damping ratio; under other laws than the linear one, the equivalent one at ``amplitude``."
     )
@@ -130,8 +134,8 @@ class DecayFit(LeastSquaresResult):
         """Return the intervals (q, 2) of all quantities within their bounds."""
         bounds = {name: (quantity.lower, quantity.upper) for name, quantity in DECAY_QUANTITIES.items()}
         if self.law == "linear":
-            bounds["damping_ratio"] = self.ratio_bounds
-            bounds["eta1"] = (0.0 if self.ratio_bounds[0] >= 0.0 else -math.inf, math.inf)
+            bounds["damping_ratio"] = lowest, _ = self.model.ratio_bounds
+            bounds["eta1"] = (0.0 if lowest >= 0.0 else -math.inf, math.inf)
         lower, upper = np.array(list(bounds.values())).T[:, :, None]
         return np.clip(first_order_ends(self.fit, *self._linearised, level), lower, upper)
 
@@ -174,8 +178,7 @@ class DecayFit(LeastSquaresResult):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the record and of the estimates."""
-        parts = (self.model, self.fit, self.indices, self.rows, self.time, self.residuals)
-        return (*self.notes, *self.fit.warnings, *limitations(*parts, self.values, self.standard_errors))
+        return (*self.notes, *self.fit.warnings, *limitations(self))
 
     def displacement(self, time: ArrayLike) -> Array:
         """Return the fitted record, in the unit of its sensor, at times (s) of the record, from the release on.
@@ -219,7 +222,7 @@ class DecayFit(LeastSquaresResult):
         >>> [f"{1e3 * error:.1f} mm" for error in prediction.rms_errors.values()]
         ['0.1 mm']
         """
-        return predicted(self.fit, [(self.model, self.indices)], record)
+        return predicted([self], record)
 
     @property
     def title(self) -> str:

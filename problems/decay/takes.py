@@ -17,7 +17,7 @@ from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Table
-from problems.decay.laws import DECAY_LAWS, DECAY_QUANTITIES
+from problems.decay.laws import DECAY_QUANTITIES, DECAY_TERMS
 from problems.decay.prediction import predicted
 from problems.decay.result import DecayFit
 
@@ -53,7 +53,7 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
     """
 
     kind = "decays"
-    _drawing = "problems.decay.figure.takes_figure"
+    _drawing = "problems.decay.law_curve.takes_figure"
 
     fits: tuple[DecayFit, ...]
     alone: tuple[DecayFit, ...] = ()
@@ -115,7 +115,7 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
         if len(self.alone) < 2:
             return ()
         law = self.fits[0].law
-        ratio = ("damping_ratio",) if law == "linear" else DECAY_LAWS[law].terms
+        ratio = ("damping_ratio",) if law == "linear" else DECAY_TERMS[law]
         every = [fit.standard_errors for fit in self.alone]
         found = []
         for name in ("frequency", "frequency_slope", "frequency_curvature", *ratio):
@@ -153,7 +153,7 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
 
     def predict(self, record: Measurement) -> RecordPrediction:
         """Compute another decay with the estimates, as ``DecayFit.predict``."""
-        return predicted(self.fit, [(self.fits[0].model, self.fits[0].indices)], record)
+        return predicted(self.fits[:1], record)
 
     @property
     def title(self) -> str:
@@ -212,7 +212,7 @@ class DecayModes(DecayFits):
     """
 
     kind = "decay modes"
-    _drawing = "problems.decay.figure.modes_figure"
+    _drawing = "problems.decay.law_curve.modes_figure"
 
     @property
     def _shared(self) -> tuple[str, ...]:
@@ -221,7 +221,7 @@ class DecayModes(DecayFits):
 
     def predict(self, record: Measurement) -> RecordPrediction:
         """Compute another decay with the estimates of all modes, as ``DecayFit.predict``."""
-        return predicted(self.fit, [(fit.model, fit.indices) for fit in self], record)
+        return predicted(self.fits, record)
 
     @property
     def title(self) -> str:

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from ancf_casadi.decay.closed_forms import linear_decay
-from ancf_casadi.decay.excitation import end_of_excitation
 from ancf_casadi.decay.friction import friction_decay
-from ancf_casadi.decay.release import find_release
+from ancf_casadi.decay.release import end_of_excitation, find_release
 from problems import fit_decay
 
 FREQUENCY = 1.85  # Hz

@@ -9,10 +9,15 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import gammaln
 
-from ancf_casadi.decay.closed_forms import quadratic_flow
-from ancf_casadi.decay.friction import friction_flow
-from ancf_casadi.decay.power import mean_power, power_coefficient, power_flow, power_ratio
-from ancf_casadi.decay.slow_flow import Flow
+from ancf_casadi.decay.closed_forms import (
+    mean_power,
+    power_coefficient,
+    power_envelope,
+    power_ratio,
+    quadratic_envelope,
+)
+from ancf_casadi.decay.friction import friction_envelope
+from ancf_casadi.decay.phase import frequency_change, integral
 
 ω, E0 = 11.6, 0.076
 TIME = np.linspace(0.0, 5.0, 101)
@@ -35,8 +40,22 @@ TERMS = [  # eta0 in m/s^2, eta1 in 1/s, eta2 in 1/m: each alone, all pairs, lim
 EXPONENTS = [0.0, 0.3, 0.5, 0.9, 0.9999, 1.0, 1.0001, 1.5, 2.0, 3.0, 4.0]
 
 
-def numbers(flow: Flow):
-    return [cs.evalf(cs.MX(part)).full().ravel() for part in (flow.amplitude, flow.first, flow.second)]
+def numbers(envelope, time=TIME):
+    """Amplitude, and the integrals of it and of its square, for a function of time."""
+    parts = envelope(cs.MX(cs.DM(time))), integral(envelope, time), integral(lambda t: envelope(t) ** 2, time)
+    return [cs.evalf(part).full().ravel() for part in parts]
+
+
+def quadratic(η1, η2):
+    return lambda t: quadratic_envelope(t, ω, η1, η2, E0)
+
+
+def friction(η0, η1, η2):
+    return lambda t: friction_envelope(t, *map(cs.MX, (ω, η0, η1, η2, E0)))
+
+
+def power(rate, p):
+    return lambda t: power_envelope(t, ω, rate, p, E0)
 
 
 def integrated(rate, time=TIME):
@@ -56,26 +75,22 @@ def integrated(rate, time=TIME):
 def test_amplitude_and_integrals_solve_the_averaged_equation(η0, η1, η2):
     a, b, c = η1 / 2, 4 * ω * η2 / (3 * math.pi), 2 * η0 / (math.pi * ω)
     expected = integrated(lambda A: -(c + a * A + b * A**2))
-    flows = [friction_flow(TIME, *map(cs.MX, (ω, η0, η1, η2, E0)))]
-    if η0 == 0.0:
-        flows.append(quadratic_flow(cs.DM(TIME), ω, η1, η2, E0))
-    for flow in flows:
-        for found, right in zip(numbers(flow), expected, strict=True):
+    for envelope in [friction(η0, η1, η2), *([] if η0 else [quadratic(η1, η2)])]:
+        for found, right in zip(numbers(envelope), expected, strict=True):
             np.testing.assert_allclose(found, right, rtol=1e-10)
 
 
 @pytest.mark.parametrize("p", EXPONENTS)
 def test_the_flow_of_the_power_law_solves_its_averaged_equation(p):
     expected = integrated(lambda A: -0.15 * E0 * (A / E0) ** p)
-    for found, right in zip(numbers(power_flow(cs.DM(TIME), ω, 0.15, p, E0)), expected, strict=True):
+    for found, right in zip(numbers(power(0.15, p)), expected, strict=True):
         np.testing.assert_allclose(found, right, rtol=1e-10)
 
 
 def test_the_motion_rests_after_the_stop():
     """Friction stops the mode near e0 pi omega/(2 eta0) = 1.4 s, a force with p = 1/2 at 1/(rate (1 - p)) = 2 s."""
     late = np.linspace(2.8, 40.0, 50)
-    slowing = numbers(power_flow(cs.DM(late), ω, 1.0, 0.5, E0))
-    rubbing = numbers(friction_flow(late, *map(cs.MX, (ω, 1.0, 0.1, 0.5, E0))))
+    slowing, rubbing = numbers(power(1.0, 0.5), late), numbers(friction(1.0, 0.1, 0.5), late)
     assert np.abs(rubbing[0]).max() == 0.0
     assert np.abs(slowing[0]).max() < 1e-20
     assert np.isfinite([*rubbing, *slowing]).all()
@@ -85,7 +100,7 @@ def test_the_motion_rests_after_the_stop():
 def test_the_integrals_hold_at_any_rate_and_in_any_order_of_times(rate, last):
     """With linear damping, int A dt = e0 (1 - exp(-a t))/a and int A^2 dt = e0^2 (1 - exp(-2 a t))/(2 a)."""
     time = np.random.default_rng(0).permutation(np.concatenate([np.geomspace(1e-6, 1.0, 200), [0.0, 0.5]])) * last
-    _, first, second = numbers(friction_flow(time, *map(cs.MX, (ω, 0.0, 2 * rate, 0.0, E0))))
+    _, first, second = numbers(quadratic(2 * rate, 0.0), time)
     scale = rate or 1e-30
     np.testing.assert_allclose(first, -E0 * np.expm1(-scale * time) / scale, rtol=1e-10, atol=1e-25)
     np.testing.assert_allclose(second, -(E0**2) * np.expm1(-2 * scale * time) / (2 * scale), rtol=1e-10, atol=1e-25)
@@ -101,12 +116,9 @@ def test_derivatives_of_the_integrals_agree_with_differences(law):
     }[law]
     x, time = cs.MX.sym("x", len(points[0])), np.array([2.0])
     u = cs.vertsplit(x)
-    flow = {
-        "quadratic": lambda: quadratic_flow(cs.MX(2.0), cs.MX(ω), *u),
-        "friction": lambda: friction_flow(time, cs.MX(ω), *u),
-        "power": lambda: power_flow(cs.MX(2.0), cs.MX(ω), *u),
-    }[law]()
-    for part, point in product((flow.first, flow.second), points):
+    function = {"quadratic": quadratic_envelope, "friction": friction_envelope, "power": power_envelope}[law]
+    integrals = [integral(lambda t, n=n: function(t, cs.MX(ω), *u) ** n, time) for n in (1, 2)]
+    for part, point in product(integrals, points):
         hessian, gradient = cs.hessian(part, x)
         evaluate = cs.Function("evaluate", [x], [part, gradient, hessian])
         steps = 1e-5 * np.diag(np.maximum(np.abs(point), 0.01))
@@ -152,11 +164,11 @@ def test_the_power_law_is_the_decay_of_the_oscillator(p):
         rtol=1e-9,
         atol=1e-12,
     ).y
-    amplitude = numbers(power_flow(cs.DM(time), ω, ratio * ω, p, E0))[0]
+    amplitude = numbers(power(ratio * ω, p), time)[0]
     measured = np.hypot(motion[0], motion[1] / ω)
     assert amplitude[-1] < 0.75 * E0
     assert np.abs(measured - amplitude).max() < 2 * ratio * E0
-    other = numbers(power_flow(cs.DM(time), ω, ratio * ω, p + 0.5, E0))[0]
+    other = numbers(power(ratio * ω, p + 0.5), time)[0]
     assert np.abs(measured - other).max() > 3 * ratio * E0
 
 
@@ -174,9 +186,58 @@ def test_the_phase_of_a_decaying_duffing_oscillator_follows_its_amplitude(harden
         rtol=1e-10,
         atol=1e-13,
     ).y[0]
-    amplitude, _, second = numbers(quadratic_flow(cs.DM(time), ω, η1, η2, E0))
+    amplitude, _, second = numbers(quadratic(η1, η2), time)
     late = time > 50 * math.pi / ω
     error = np.abs(amplitude * np.cos(ω * (time + k2 * second)) - motion)[late].max() / amplitude[late].max()
     constant = np.abs(amplitude * np.cos(ω * time) - motion)[late].max() / amplitude[late].max()
     assert error < 0.04
     assert constant > 0.5
+
+
+def test_the_phase_near_a_stop_is_that_of_the_stopping_amplitude():
+    """Friction stops the mode at 2.5 s: the quadrature crosses a corner of the amplitude, over a fine one by panels."""
+    time = np.linspace(0.0, 5.0, 2001)
+    envelope = friction(0.5, 0.1, 0.3)
+    amplitude, first, second = numbers(envelope, time)
+    stop = int(np.argmax(amplitude == 0.0))
+    assert 400 < stop < 1500
+    fine = np.linspace(0.0, 5.0, 200_001)
+    exact = cs.evalf(envelope(cs.MX(cs.DM(fine)))).full().ravel()
+    for found, values in ((first, exact), (second, exact**2)):
+        sums = np.append(0.0, np.cumsum((values[1:] + values[:-1]) / 2 * (fine[1] - fine[0])))
+        np.testing.assert_allclose(found, sums[::100], atol=1e-3 * sums[-1])
+
+
+@pytest.mark.parametrize(
+    ("law", "terms", "expected"),
+    [
+        ("constant", (), lambda A: 0 * A),
+        ("linear", (-0.5,), lambda A: -0.5 * A),
+        ("quadratic", (3.0,), lambda A: 3.0 * A**2),
+        ("power", (0.01, 0.6), lambda A: 0.01 * (A / E0) ** 0.6),
+        ("logarithmic", (-0.004, -3.0), lambda A: -0.004 * np.log((A / E0 + np.exp(-3)) / (1 + np.exp(-3)))),
+    ],
+)
+def test_the_phase_is_the_integral_of_the_frequency(law, terms, expected):
+    """Of a decay over three decades, by an integrator of order 8."""
+    rate, time = 0.7, np.linspace(0.0, 10.0, 51)
+
+    def change(t):
+        return frequency_change(law, E0 * cs.exp(-rate * t), [cs.MX(term) for term in terms], E0)
+
+    found = cs.evalf(integral(change, time)).full().ravel()
+    right = solve_ivp(
+        lambda t, y: expected(E0 * np.exp(-rate * t)), (0.0, 10.0), [0.0], t_eval=time, method="DOP853", rtol=1e-12,
+        atol=1e-16,
+    ).y[0]  # fmt: skip
+    np.testing.assert_allclose(found, right, rtol=1e-9, atol=1e-14)
+
+
+def test_a_logarithmic_frequency_is_linear_in_small_amplitudes_and_stays_bounded():
+    amplitudes = E0 * np.array([1e-12, 1e-6, 1.0])
+    change = frequency_change("logarithmic", cs.MX(cs.DM(amplitudes)), [cs.MX(-0.004), cs.MX(-5.0)], E0)
+    smallest, small, largest = cs.evalf(change).full().ravel()
+    corner = E0 * math.exp(-5)
+    assert largest == pytest.approx(0.0, abs=1e-15)
+    assert smallest == pytest.approx(0.004 * math.log((E0 + corner) / corner), rel=1e-9)
+    assert small - smallest == pytest.approx(-0.004 * 1e-6 * E0 / corner, rel=1e-3)

@@ -8,8 +8,9 @@ those of ``ancf_casadi.vibration.sensitivities``; with f the generalized forces 
     K dq = -R_p dp,    dy = y_q dq + y_f (f_q dq + f_p dp) + y_p dp.
 
 The readings y are those of a motion (``dynamics.derivatives.reading``) without velocities; a displacement is the change
-from rest without the loads.  Force F and moment M that the clamp exerts on the beam follow from the generalized forces f = Q_e - Q_g on the clamped coordinates (r_0, tau_0): F = (f_1, f_2) and
-M = tau_0 x (f_3, f_4), because a rotation of the clamp by dtheta turns tau_0 by dtheta (-tau_y, tau_x).
+from rest without the loads.  Force F and moment M that the clamp exerts on the beam follow from the generalized forces
+f = Q_e - Q_g on the clamped coordinates (r_0, tau_0): F = (f_1, f_2) and M = tau_0 x (f_3, f_4), because a rotation of
+the clamp by dtheta turns tau_0 by dtheta (-tau_y, tau_x).
 """
 
 from __future__ import annotations

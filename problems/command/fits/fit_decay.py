@@ -1,7 +1,7 @@
 """``ancf-casadi fit-decay``: frequency and damping of one mode from measured decays.
 
-With ``--band`` the other modes are subtracted first (``problems.decay.band``).  Several files are fitted at once and
-each alone.  The curve of damping against amplitude is computed last: if it fails, the fit has been printed.
+With ``--band`` the other modes are subtracted first (``problems.decay.mode_separation``).  Several files are fitted at
+once and each alone.  The curve of damping against amplitude is computed last: if it fails, the fit has been printed.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from ancf_casadi.decay.envelope import damping_curve
+from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.files import check_file
@@ -29,10 +30,10 @@ from problems.command.output import (
     positive_count,
 )
 from problems.command.record_options import add_part_options, add_record_options, read_record, releases
-from problems.decay.band import IsolatedMode, isolate_mode
 from problems.decay.comparison import compare_decay_laws
 from problems.decay.fitting import fit_decay, fit_decays
-from problems.decay.laws import DECAY_LAWS, FrequencyLaw
+from problems.decay.laws import Law
+from problems.decay.mode_separation import IsolatedMode, isolate_mode
 from problems.decay.result import DecayFit
 
 
@@ -44,7 +45,7 @@ def add_fit_decay(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--law",
-        choices=(*DECAY_LAWS, "auto"),
+        choices=(*get_args(Law), "auto"),
         default="linear",
         help="damping law, or auto to compare all (default: linear)",
     )

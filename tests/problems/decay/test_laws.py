@@ -18,17 +18,31 @@ from problems.decay.laws import DecayModel
 TIME = np.arange(0.0, 12.0, 1 / 200)
 E0, F = 0.02, 6.92
 ω = 2 * math.pi * F
-DAMPING = {  # unknowns between omega and k; the ratio of the power law refers to 1 m
+DAMPING = {  # unknowns between omega and k
     "linear": (0.004,),
     "quadratic": (0.06, 0.78),
     "friction": (0.06, 0.4, 0.05),
-    "power": (0.9, 2.4),
+    "power": (0.9 * E0**1.4, 2.4),
 }
-SLOPE = {"constant": (), "linear": (-0.01 / E0,), "quadratic": (-0.01 / E0**2,)}
+SLOPE = {  # unknowns of the frequency law
+    "constant": (),
+    "linear": (-0.01 / E0,),
+    "quadratic": (-0.01 / E0**2,),
+    "power": (-0.01, 0.6),
+    "logarithmic": (-0.004, math.log(0.1)),
+}
+REPORTED = {
+    "frequency_slope": {"linear": -0.01 / E0},
+    "frequency_curvature": {"quadratic": -0.01 / E0**2},
+    "frequency_change": {"power": -0.01},
+    "frequency_exponent": {"power": 0.6},
+    "frequency_log_slope": {"logarithmic": -0.004 / (1 + 0.004 * math.log(11))},
+    "corner_amplitude": {"logarithmic": 0.1 * E0},
+}
 
 
 def record(law, frequency_law, noise=0.0, seed=0, time=TIME, k=None):
-    model = DecayModel(law, True, False, frequency_law)
+    model = DecayModel(law, True, False, frequency_law, reference=E0)
     release = (E0, 0.3)
     if model.from_motion:
         ζ = DAMPING["linear"][0]
@@ -42,21 +56,23 @@ def record(law, frequency_law, noise=0.0, seed=0, time=TIME, k=None):
 @pytest.mark.parametrize(("law", "frequency_law"), list(product(DAMPING, SLOPE)))
 def test_every_combination_gives_back_the_truth(law, frequency_law):
     fit = fit_decay(TIME, record(law, frequency_law), law=law, frequency_law=frequency_law)
-    assert fit.frequency == pytest.approx(F, rel=1e-7)
+    at_rest = 1 + 0.004 * math.log(11) if frequency_law == "logarithmic" else 1.0  # relative to the frequency at E0
+    assert fit.frequency == pytest.approx(F * at_rest, rel=1e-7)
     assert fit.amplitude == pytest.approx(E0, rel=1e-6)
-    slope, curvature = {"constant": (0, 0), "linear": (-0.01 / E0, 0), "quadratic": (0, -0.01 / E0**2)}[frequency_law]
-    assert fit.frequency_slope == pytest.approx(slope, rel=1e-5)
-    assert fit.frequency_curvature == pytest.approx(curvature, rel=1e-5)
+    for name, values in REPORTED.items():
+        assert getattr(fit, name) == pytest.approx(values.get(frequency_law, 0.0), rel=1e-4)
     assert fit.residual_rms < 1e-5 * E0
+    # the damping takes the frequency at an amplitude of reference, which the guess misses by some per cent
+    exact = 1e-6 if frequency_law != "logarithmic" else 0.004 * 0.3
     if law == "power":
         assert fit.exponent == pytest.approx(2.4, rel=1e-5)
-        assert fit.damping_ratio == pytest.approx(0.9 * E0**1.4, rel=1e-5)
+        assert fit.damping_ratio == pytest.approx(0.9 * E0**1.4, rel=10 * exact)
     elif law != "linear":
         expected = dict(zip(("eta1", "eta2", "eta0"), DAMPING[law], strict=False))
         for name, value in expected.items():
-            assert getattr(fit, name) == pytest.approx(value, rel=1e-3)
+            assert getattr(fit, name) == pytest.approx(value, rel=max(1e-3, 2 * exact))
     else:
-        assert fit.damping_ratio == pytest.approx(0.004, rel=1e-6)
+        assert fit.damping_ratio == pytest.approx(0.004, rel=exact)
 
 
 def test_a_linear_law_whose_frequency_turns_out_constant_is_eq_9():
@@ -70,12 +86,12 @@ def test_a_linear_law_whose_frequency_turns_out_constant_is_eq_9():
     assert fit.frequency_slope == pytest.approx(0.0, abs=1e-4)
 
 
-@pytest.mark.parametrize("frequency_law", ["linear", "quadratic"])
+@pytest.mark.parametrize("frequency_law", ["linear", "quadratic", "power", "logarithmic"])
 @pytest.mark.parametrize("law", DAMPING)
 def test_estimates_are_within_their_errors(law, frequency_law):
     fit = fit_decay(TIME, record(law, frequency_law, 1e-4, 3), law=law, frequency_law=frequency_law)
-    truth = {"frequency": F, "amplitude": E0, "offset": 0.001}
-    truth[{"linear": "frequency_slope", "quadratic": "frequency_curvature"}[frequency_law]] = SLOPE[frequency_law][0]
+    truth = {"amplitude": E0, "offset": 0.001} | ({} if frequency_law == "logarithmic" else {"frequency": F})
+    truth |= {name: values[frequency_law] for name, values in REPORTED.items() if frequency_law in values}
     for name, value in truth.items():
         assert abs(getattr(fit, name) - value) < 4 * fit.standard_errors[name]
     assert fit.residual_rms == pytest.approx(1e-4, rel=0.05)
@@ -105,6 +121,35 @@ def test_a_strip_whose_frequency_rises_misleads_a_fit_at_constant_frequency():
     best = fit_decay(time, y, law="auto")
     assert (best.law, best.frequency_law) == ("quadratic", "linear")
     assert fit_decay(time, y, law="power", frequency_law="auto").frequency_law == "linear"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_clamp_whose_frequency_is_logarithmic_is_told_from_the_other_laws(seed):
+    """6.9 Hz (1 - 0.0035 ln(A/A0)) under quadratic damping: a line leaves five times the noise."""
+    time, start, noise = np.arange(0.0, 19.0, 1 / 128), 1e-3, 2e-6
+    model = DecayModel("quadratic", False, False, "logarithmic", reference=start)
+    values = (2 * math.pi * 6.9, 0.37, 4.0, -0.0035, -9.0, start, 0.0)
+    y = cs.evalf(model.curve(time, *map(cs.MX, values))).full().ravel()
+    y += noise * np.random.default_rng(seed).standard_normal(len(time))
+    fits = compare_decay_laws(time, y, laws=("linear", "quadratic"))
+    assert (fits.best.law, fits.best.frequency_law) == ("quadratic", "logarithmic")
+    assert fits.best.residual_rms == pytest.approx(noise, rel=0.05)
+    assert fit_decay(time, y, law="quadratic", frequency_law="linear").residual_rms > 4 * noise
+    for amplitude in (1e-3, 1e-4, 1e-5):
+        unknowns = tuple(map(cs.MX, fits.best.fit.values))
+        _, frequency = fits.best.model.against_amplitude(np.array([amplitude]), *unknowns)
+        truth = 6.9 * (1 - 0.0035 * math.log((amplitude / start + math.exp(-9)) / (1 + math.exp(-9))))
+        assert float(cs.evalf(frequency)) == pytest.approx(truth, rel=2e-4)
+
+
+def test_a_comparison_ends_with_the_neighbours_of_the_best_combination():
+    """Of the 16 combinations, the four laws of the damping and of the frequency that meet in the best one."""
+    found = compare_decay_laws(TIME, record("quadratic", "linear", 1e-4, 4))
+    assert (found.best.law, found.best.frequency_law) == ("quadratic", "linear")
+    fitted = {(fit.law, fit.frequency_law) for fit in found.fits}
+    assert {("quadratic", name) for name in FREQUENCY_LAWS_COMPARED} <= fitted
+    assert {(name, "linear") for name in LAWS_COMPARED} <= fitted
+    assert len(fitted) < len(LAWS_COMPARED) * len(FREQUENCY_LAWS_COMPARED)
 
 
 @pytest.mark.parametrize("law", DAMPING)
@@ -142,10 +187,10 @@ def test_several_records_share_the_frequency_law():
 def test_a_comparison_survives_a_law_that_cannot_be_fitted(monkeypatch):
     fit_from = comparison_module.fit_from
 
-    def failing(*arguments, law, **options):
-        if law == "friction":
+    def failing(guesses, records, model):
+        if model.law == "friction":
             raise FitError("no minimum was found")
-        return fit_from(*arguments, law=law, **options)
+        return fit_from(guesses, records, model)
 
     monkeypatch.setattr(comparison_module, "fit_from", failing)
     comparison = compare_decay_laws(TIME, record("linear", "constant", 1e-4), frequency_laws=("constant",))
@@ -153,13 +198,13 @@ def test_a_comparison_survives_a_law_that_cannot_be_fitted(monkeypatch):
     assert comparison.failed == {"friction": "no minimum was found"}
     assert "the friction law is left out: no minimum was found" in comparison.report()
     assert comparison.to_dict()["failed"] == {"friction": "no minimum was found"}
-    with pytest.raises(FitError, match="no law can be fitted; friction: no minimum was found; friction \\+ linear"):
+    with pytest.raises(FitError, match="no law can be fitted; friction: no minimum was found"):
         compare_decay_laws(TIME, record("linear", "constant", 1e-4), laws=("friction",))
 
 
 def test_all_laws_are_combined():
     assert LAWS_COMPARED == ("linear", "quadratic", "friction", "power")
-    assert FREQUENCY_LAWS_COMPARED == ("constant", "linear", "quadratic")
+    assert FREQUENCY_LAWS_COMPARED == ("constant", "linear", "quadratic", "logarithmic")
     names = compare_decay_laws(TIME, record("linear", "linear", 1e-4), laws=("linear", "one-mode")).names
     assert names == ("linear", "one-mode", "linear + linear frequency", "linear + quadratic frequency")
 
@@ -168,7 +213,10 @@ def test_all_laws_are_combined():
     ("options", "message"),
     [
         ({"law": "one-mode", "frequency_law": "linear"}, "frequency_law: must be constant under the one-mode law"),
-        ({"frequency_law": "cubic"}, "frequency_law: must be one of constant, linear, quadratic, auto, got 'cubic'"),
+        (
+            {"frequency_law": "cubic"},
+            "frequency_law: must be one of constant, linear, quadratic, power, logarithmic, auto, got 'cubic'",
+        ),
         ({"law": "auto", "robust": True}, "auto: compares sums of squares; name a law"),
         ({"law": "one-mode", "frequency_law": "cubic"}, "frequency_law: must be one of"),
         ({"law": "auto", "frequency_law": "cubic"}, "frequency_law: must be one of"),

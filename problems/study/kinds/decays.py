@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypedDict, final
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, final
 
 import casadi as cs
 import numpy as np
@@ -19,7 +19,6 @@ from msgspec.structs import asdict
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import prefixed
 from ancf_casadi.support.inputs import check_keys, located
@@ -32,8 +31,7 @@ from problems.schema.motion import read_measured
 from problems.schema.table import UNLISTED, Positive, read
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
-from problems.study.part import Effort, Finding, Found, Part, Task
-from problems.study.source import Printed, Source, printed_numbers
+from problems.study.part import Effort, Finding, Found, Part, Printed, Source, Task, printed_numbers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -79,32 +77,17 @@ class Decay:
 
     Parameters
     ----------
-    time, values : ndarray
-        Times, s, and values in the SI unit of the sensor.
-    sensor : Sensor
-        The sensor.
-    label : str
-        Name of the record.
+    record : Measurement
+        The record.
     synthetic : str
         Description of a synthetic record; empty for a measured one.
     release_time : float
         Start of the decay, s; nan if it is to be detected.
     """
 
-    time: Array
-    values: Array
-    sensor: Sensor
-    label: str
+    record: Measurement
     synthetic: str
     release_time: float
-
-
-class Unbounded(TypedDict):
-    """Coefficients under the quadratic law as if they had no bounds (1/s, 1/m), and their covariance (2, 2)."""
-
-    eta1: float
-    eta2_per_m: float
-    covariance: list[list[float]]
 
 
 @dataclass(frozen=True)
@@ -136,7 +119,7 @@ class FittedDecay:
     fitted: Array
     fine_time: Array
     fine: Array
-    unbounded: Unbounded | None
+    unbounded: dict[str, Any] | None
 
 
 def fit_plain(decay: Decay, law: str, offset: bool) -> FittedDecay:
@@ -148,8 +131,8 @@ def fit_plain(decay: Decay, law: str, offset: bool) -> FittedDecay:
         As ``fit_decay``.
     """
     release = None if math.isnan(decay.release_time) else decay.release_time
-    record = Measurement(decay.time, decay.values, decay.label, decay.sensor)
-    with located(decay.label):
+    record = decay.record
+    with located(record.name):
         fit: DecayFit = fit_decay(record, law=law, offset=offset, release_time=release)  # type: ignore[arg-type]
     names = ("frequency", "damping_ratio", "eta1", "eta2", "amplitude", "correlation")
     per_period = len(fit.time) / max(1.0, fit.frequency * float(fit.time[-1] - fit.time[0]))
@@ -161,7 +144,7 @@ def fit_plain(decay: Decay, law: str, offset: bool) -> FittedDecay:
         law=fit.law,
         warnings=fit.warnings,
         time=fit.time,
-        measured=np.interp(fit.time, decay.time, decay.values),
+        measured=np.interp(fit.time, record.time, record.values),
         fitted=np.asarray(fit.displacement(fit.time)),
         fine_time=fine_time,
         fine=np.asarray(fit.displacement(fine_time)),
@@ -169,31 +152,9 @@ def fit_plain(decay: Decay, law: str, offset: bool) -> FittedDecay:
     )
 
 
-def _unbounded(fit: DecayFit) -> Unbounded:
+def _unbounded(fit: DecayFit) -> dict[str, Any]:
     found = ModeCoefficients.from_fit(fit)
     return {"eta1": found.eta1, "eta2_per_m": found.eta2, "covariance": found.covariance.tolist()}
-
-
-class DecayNumbers(TypedDict):
-    """Estimates from a free decay."""
-
-    mode: int
-    record: str
-    synthetic: bool
-    law: str
-    frequency_hz: float
-    frequency_stderr_hz: float | None
-    damping_ratio: float
-    damping_ratio_stderr: float | None
-    equivalent_damping_ratio: float
-    amplitude_m: float
-    eta1: float
-    eta1_stderr: float | None
-    eta2_per_m: float
-    eta2_stderr_per_m: float | None
-    correlation: float | None
-    unbounded: Unbounded | None
-    warnings: list[str]
 
 
 @final
@@ -202,7 +163,6 @@ class Decays(Part):
     """Free decays, one per mode, and their fits."""
 
     kind, about, heading = "decays", "free decays: {}", "Free decays"
-    numbers = list[DecayNumbers]
 
     law: Literal[Law, "auto"] = "linear"
     offset: bool = True
@@ -260,7 +220,8 @@ class Decays(Part):
             f"Synthetic decays by {law}, because no raw record was published: {self.sample_rate:g} samples/s, "
             f"{self.duration:g} s, white noise of {1e3 * self.std:g} mm, seed {seed}."
         )
-        return Decay(time, exact.full().ravel() + noise, Sensor(), f"mode {mode}, synthetic", about, 0.0)
+        record = Measurement(time, exact.full().ravel() + noise, f"mode {mode}, synthetic")
+        return Decay(record, about, 0.0)
 
     def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
         """Return the fits."""
@@ -274,7 +235,7 @@ class Decays(Part):
             for mode, (decay, fit) in enumerate(zip(self.decays, fits, strict=True), start=1)
         )
         warnings = tuple(
-            f"{decay.label}: {warning}"
+            f"{decay.record.name}: {warning}"
             for decay, fit in zip(self.decays, fits, strict=True)
             for warning in fit.warnings
         )
@@ -288,7 +249,7 @@ class Decays(Part):
             errors = tuple(scale * fit.errors[name] for fit in fits)
             return Column(head, values, unit, errors, self.printed.get(name))
 
-        columns = [Column("record", tuple(decay.label for decay in self.decays))]
+        columns = [Column("record", tuple(decay.record.name for decay in self.decays))]
         if all(decay.synthetic for decay in self.decays):
             columns = [Column("mode", tuple(range(1, len(fits) + 1)))]
         if len({fit.law for fit in fits}) > 1 or self.law == "auto":
@@ -311,7 +272,7 @@ class Decays(Part):
         values, errors = fit.quantities, fit.errors
         return {
             "mode": mode,
-            "record": decay.label,
+            "record": decay.record.name,
             "synthetic": bool(decay.synthetic),
             "law": fit.law,
             "frequency_hz": values["frequency"],
@@ -335,19 +296,19 @@ class Decays(Part):
         title = f"f = {values['frequency']:.5g} Hz,  ζ = {100 * values['damping_ratio']:.3g} %"
         if fit.law in ("quadratic", "one-mode"):
             title = f"f = {values['frequency']:.5g} Hz,  η1 = {values['eta1']:.3g} 1/s,  η2 = {values['eta2']:.3g} 1/m"
-        which = f"Mode {mode}: free decay (synthetic record)" if decay.synthetic else f"Free decay {decay.label}"
+        which = f"Mode {mode}: free decay (synthetic record)" if decay.synthetic else f"Free decay {decay.record.name}"
         caption = (
             f"{which} and its fit by the {fit.law} law.  Top: extremes over the whole record.  Middle: first periods.  "
             "Bottom: record less fit."
         )
-        head = f"mode {mode}" if decay.synthetic else decay.label
+        head = f"mode {mode}" if decay.synthetic else decay.record.name
         return drawn(name, caption, lambda: _decay_figure(decay, fit, f"{head}:  {title}"))
 
 
 def _decay_figure(decay: Decay, fit: FittedDecay, title: str) -> Figure:
     """Draw a decay with its fit, its first periods, and the residuals."""
     figure, (whole_record, first, remainder) = new_figure(4.6, 3)
-    size, unit = prefixed(float(np.abs(fit.measured).max()), decay.sensor.unit)
+    size, unit = prefixed(float(np.abs(fit.measured).max()), decay.record.sensor.unit)
     label = "synthetic record" if decay.synthetic else "record"
     frequency = fit.quantities["frequency"]
     draw_band(whole_record, band(fit.time, fit.measured, frequency), 1 / size, filled=True, color="black", label=label)
@@ -356,13 +317,13 @@ def _decay_figure(decay: Decay, fit: FittedDecay, title: str) -> Figure:
     first.plot(fit.time[shown], fit.measured[shown] / size, "k.", ms=3, label=label)
     first.plot(fit.fine_time, fit.fine / size, **line(1), lw=1, label="fit")
     rest = fit.measured - fit.fitted
-    rest_size, rest_unit = prefixed(float(np.abs(rest).max()), decay.sensor.unit)
+    rest_size, rest_unit = prefixed(float(np.abs(rest).max()), decay.record.sensor.unit)
     windows = np.unique(np.linspace(0, len(rest) - 1, min(300, len(rest))).astype(int))  # of the drawn residuals
     low, high = (extreme.reduceat(rest, windows) / rest_size for extreme in (np.minimum, np.maximum))
     remainder.vlines(fit.time[windows], low, high, color="black", lw=0.7)
     remainder.set(xlabel="time, s", ylabel=f"residual, {rest_unit}" if rest_unit else "residual")
     for axes in (whole_record, first):
-        axes.set_ylabel(f"{decay.sensor.quantity}, {unit}" if unit else decay.sensor.quantity)
+        axes.set_ylabel(f"{decay.record.sensor.quantity}, {unit}" if unit else decay.record.sensor.quantity)
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     figure.align_ylabels()
     figure.suptitle(f"{title}{';  SYNTHETIC DATA' if decay.synthetic else ''}", fontsize=9, ha="left", x=0.02)
@@ -374,4 +335,4 @@ def _measured(source: Source, given: DecayRecord, where: str) -> Decay:
     recording = read_measured(source.file, asdict(given), where)
     with located(where):
         record = Measurement.from_recording(recording, given.column, unit=given.unit).cut(given.begin, given.end)
-    return Decay(record.time, record.values, record.sensor, record.name, "", given.release_time)
+    return Decay(record, "", given.release_time)

@@ -1,32 +1,118 @@
-"""Parts with measured large motion: a fit with predictions of other records, and a comparison of damping laws.
+"""Parts with motion, computed from the tables of the file as other commands do.
 
-They read the tables [[damping]], [base], [[records]], [[predictions]] and [fit] of the file, as the commands
-``fit`` and ``compare-laws`` do.
+One simulated motion, as ``ancf-casadi simulate``; a fit to measured large motion with predictions of other records, as
+``fit``; a comparison of damping laws on measured motion, as ``compare-laws``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, TypedDict, final
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar, Self, final
 
+import numpy as np
+
+from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.exceptions import InputError
 from problems.beam.comparison import compare_laws
 from problems.beam.fitting import fit_beam
 from problems.schema.file import StudyFile
 from problems.schema.records import read_measurements
+from problems.schema.simulation import read_simulation
+from problems.schema.table import UNLISTED
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import drawn
-from problems.study.part import FilePart, Finding
+from problems.study.part import NO_FILE, Effort, Finding, Found, Part, Source, Task
 
 MOTION_TABLES = {"beam", "damping", "base", "load", "release", "records", "frequencies", "predictions", "fit"}
 
 
-class MotionNumbers(TypedDict):
-    """Fit to measured motion, as ``BeamFit.to_dict``, and predictions, as ``MotionPrediction.to_dict``."""
+@dataclass(frozen=True, kw_only=True)
+class FilePart(Part, ABC):
+    """Base class of these parts, which one computation makes of tables of the file."""
 
-    fit: dict[str, Any]
-    predictions: list[dict[str, Any]]
+    wanted: ClassVar[Set[str]]  # names of the tables
+    seconds: ClassVar[float]  # expected computing time
+
+    given: Annotated[StudyFile, UNLISTED] = NO_FILE
+
+    @staticmethod
+    @abstractmethod
+    def compute(file: StudyFile, name: str) -> Finding:
+        """Return the finding from the tables of the file and the name of the part."""
+
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with the tables that it reads."""
+        self.check(source.file, where)
+        return replace(self, given=source.file.only(self.wanted))
+
+    @abstractmethod
+    def check(self, file: StudyFile, where: str) -> None:
+        """Check the tables of a file.
+
+        Raises
+        ------
+        InputError
+            If a table is missing, a key or value cannot be used, or a file cannot be read.
+        """
+
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
+        """Return the computation."""
+        return (Task(self.compute, (self.given, self.name), self.seconds),)
+
+    def finding(self, results: Sequence[Finding], found: Found, effort: Effort) -> Finding:
+        """Return what the computation has found, with the notes of the part below its first table."""
+        (own,) = results
+        first, *others = own.tables
+        return replace(own, tables=(replace(first, notes=(*first.notes, *self.notes)), *others))
+
+
+def simulated_motion(file: StudyFile, name: str) -> Finding:
+    """Simulate the motion of a study file: range and energies, and the figure of the motion.
+
+    Raises
+    ------
+    InputError, SimulationError
+        As ``simulate``.
+    """
+    task = read_simulation(file)
+    run = simulate(task.model, damping=task.damping, base=task.base, **task.settings)
+    if run.interrupted:
+        raise KeyboardInterrupt
+    data: dict[str, Any] = {
+        "tip_position_range_m": np.ptp(run.tip, axis=0).tolist(),
+        "dissipated_energy_j": float(run.dissipated_energy[-1]),
+        "balance_error_j": float(np.abs(run.balance_error).max()),
+        "integrators": [use.method for use in run.integrators],
+    }
+    x, y = data["tip_position_range_m"]
+    rows = (
+        ("range of the tip position in x", "mm", 1e3 * x),
+        ("range of the tip position in y", "mm", 1e3 * y),
+        ("energy taken by damping", "mJ", 1e3 * data["dissipated_energy_j"]),
+        ("largest energy balance error", "mJ", 1e3 * data["balance_error_j"]),
+    )
+    heads = ("quantity", "unit", "value")
+    columns = tuple(Column(head, cells) for head, cells in zip(heads, zip(*rows, strict=True), strict=True))
+    caption = "Motion of the tip relative to the clamp, and shapes of the beam."
+    return Finding(data, (DataTable(name, "Simulated motion", columns),), (drawn(name, caption, run.figure),))
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class SimulationPart(FilePart):
+    """One simulated motion."""
+
+    kind, heading = "simulation", "Simulated motion"
+    about = "one motion: the tables [[damping]], [base], [load], [release], [simulation]"
+    seconds = 10.0
+    compute = staticmethod(simulated_motion)
+    wanted = frozenset({"beam", "damping", "base", "load", "release", "simulation", "markers"})
+
+    def check(self, file: StudyFile, where: str) -> None:
+        """Check the simulation."""
+        read_simulation(file)
 
 
 def fitted_motion(file: StudyFile, name: str) -> Finding:
@@ -87,7 +173,6 @@ class MotionFit(FilePart):
     kind, heading = "motion", "Fit to measured motion"
     about = ("fit to measured large motion, and predictions: the tables [[damping]], [base], [[records]], "
              "[[predictions]], [fit]")  # fmt: skip
-    numbers = MotionNumbers
     seconds = 60.0
     compute = staticmethod(fitted_motion)
     wanted = MOTION_TABLES
@@ -95,17 +180,6 @@ class MotionFit(FilePart):
     def check(self, file: StudyFile, where: str) -> None:
         """Check the records."""
         read_measurements(file)
-
-
-class ComparisonNumbers(TypedDict):
-    """Comparison of damping laws, as ``LawComparison.to_dict``."""
-
-    best: str
-    settled: bool
-    effective_samples: float
-    laws: list[dict[str, Any]]
-    failed: dict[str, str]
-    warnings: list[str]
 
 
 def compared_laws(file: StudyFile, name: str) -> Finding:
@@ -140,7 +214,6 @@ class Comparison(FilePart):
     kind, heading = "comparison", "Damping laws compared on measured motion"
     about = ('the law that explains measured large motion best: the tables of "motion" with several [[damping]], or '
              "laws in [fit]")  # fmt: skip
-    numbers = ComparisonNumbers
     seconds = 120.0
     compute = staticmethod(compared_laws)
     wanted = MOTION_TABLES

@@ -10,7 +10,7 @@ from problems import FrequencyMatch, Global, MeasuredModes, PerElement, Smooth, 
 from problems.matching.design_space import DesignSpace
 from problems.matching.preference import PATCHES
 from problems.matching.program import MATCHING_OPTIONS
-from problems.study import paper
+from problems.paper import numbers as paper
 
 BOUNDS = 0.10
 SMALL_ELEMENTS = 6

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from ancf_casadi import InputError, Model, natural_modes
-from problems.study import paper
-from problems.study.kinds.experiments.experiment import Experiment, participation, run_experiment
+from problems.paper import numbers as paper
+from problems.study.kinds.experiment import Experiment, participation, run_experiment
 
 LAWS = {
     "generic": ({"law": "modal", "ratios": list(paper.DAMPING_RATIOS), "frequencies": list(paper.TARGET_FREQUENCIES)},),

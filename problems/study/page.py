@@ -10,8 +10,8 @@ from typing import Any
 from markupsafe import Markup
 
 from problems.study.data_table import DataTable
-from problems.study.document.labels import Shown, file_name
 from problems.study.part import Study
+from problems.study.results import Shown, file_name
 from problems.study.runner import PartTime
 
 NO_BREAK = "\u00a0"  # a space where no line ends
@@ -39,7 +39,7 @@ def page(study: Study, shown: Sequence[Shown], steps: Sequence[PartTime], **abou
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {"paragraphs": _paragraphs, "anchor": file_name, "unbroken": _unbroken}
     environment.globals |= {"svg": _svg, "numeric": _numeric, "zip": zip}
-    source = files("problems.study.document").joinpath("page.html.jinja").read_text(encoding="utf-8")
+    source = files("problems.study").joinpath("page.html.jinja").read_text(encoding="utf-8")
     values: dict[str, Any] = {
         "study": study, "parts": shown, "steps": steps, "about": about,
         "seconds": sum(step.seconds for step in steps),

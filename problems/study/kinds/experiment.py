@@ -88,7 +88,7 @@ class Experiment:
     window: float
     shortening: float
     steps_per_period: int
-    method: str = "radau"
+    method: Method = "radau"
     ramp: float = 0.0
 
 
@@ -173,7 +173,7 @@ def run_experiment(experiment: Experiment) -> ExperimentResult:
         damping=law,
         base=base,
         sample_rate=PERIOD_SAMPLES * base.frequency,
-        method=_method(experiment.method),
+        method=experiment.method,
         tolerance=tolerance,
         largest_step=1 / (experiment.steps_per_period * base.frequency),
     )
@@ -236,10 +236,6 @@ def participation(modes: Modes, mode: int) -> float:
     mass = model.mass(model.properties).sparse()
     horizontal = np.tile([1.0, 0.0, 0.0, 0.0], model.size // 4)
     return float(abs(modes.shapes[:, mode] @ (mass @ horizontal)) * modes.tip_amplitudes()[mode])
-
-
-def _method(name: str) -> Method:
-    return "idas" if name == "idas" else "radau"
 
 
 def _curve(decay: Measurement) -> Array:

@@ -8,19 +8,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, Self, TypedDict, final
+from typing import TYPE_CHECKING, Annotated, Any, Self, final
 
 import numpy as np
 from msgspec import Meta
 
+from ancf_casadi.dynamics.base_motion import HarmonicBase
+from ancf_casadi.dynamics.integration import Method
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.support.inputs import located, whole
 from problems.modal_damping.effects import turning_points
+from problems.schema.table import Positive, keys_of
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series
-from problems.study.kinds.experiments.experiment import ExperimentResult
-from problems.study.kinds.experiments.runs import ExperimentPart, RequestedRun, results_of
-from problems.study.part import Effort, Finding, Found
-from problems.study.source import LawChoice, Printed, Source, printed_numbers
+from problems.study.kinds.experiment import Experiment, ExperimentResult, run_experiment
+from problems.study.part import Effort, Finding, Found, LawChoice, Part, Printed, Source, Task, printed_numbers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,53 +32,104 @@ if TYPE_CHECKING:
 TRANSIENT_KEYS = {"experiment", "runs"}  # other keys of its numbers
 
 
-class RunNumbers(TypedDict):
-    """An experiment under a law."""
+@dataclass(frozen=True)
+class RequestedRun:
+    """An excitation, and the laws under which it is simulated; 0 or nan for what is not given."""
 
-    mode: int
-    law: str
-    requested_amplitude_m: float
-    reached_amplitude_m: float
-    base_amplitude_m: float
-    drive_hz: float
-    natural_frequency_hz: float
-    stop_s: float
-    amplitude_m: float
-    frequency_hz: float
-    damping_ratio: float
-    damping_ratio_stderr: float
-    expected_damping_ratio: float
-    steps: int
+    mode: Annotated[int, Meta(ge=1)]
+    amplitude: Annotated[Positive, Meta(description="m, at the tip when it stops")]
+    stop: Annotated[Positive, Meta(description="s")]
+    frequency: Annotated[Positive, Meta(description="Hz, if not that of the mode")] = 0.0
+    ramp: Annotated[Positive, Meta(description="cycles in which the amplitude grows")] = 0.0
+    window: Annotated[Positive, Meta(description="s, of the fitted decay")] = 0.0
+    laws: tuple[LawChoice, ...] = ()
+    measured_ratio: float = math.nan
+
+    def check(self, source: Source, where: str) -> None:
+        """Check the run.
+
+        Raises
+        ------
+        InputError
+            If it has no laws, there is no such mode, or the ramp ends after the stop.
+        """
+        whole(self.mode, f"{where}: mode", 1, source.most_modes)
+        if not self.laws:
+            raise InputError("name at least one of [[laws]]", f"{where}: laws")
+        with located(where):
+            if self.ramp and self.frequency:
+                HarmonicBase(1.0, self.frequency, self.stop, ramp=self.ramp)
 
 
-class TransientNumbers(TypedDict):
-    """Experiments; beside these keys, one list of damping ratios per law, in the order of the runs.
+def with_laws(runs: Sequence[RequestedRun], laws: tuple[LawChoice, ...]) -> tuple[RequestedRun, ...]:
+    """Return the runs of a part with their laws: their own ones, or those of the part."""
+    return tuple(replace(run, laws=run.laws or laws) for run in runs)
 
-    ``experiment`` holds the measured ratios, if they are given.
-    """
 
-    runs: list[RunNumbers]
+def experiment_tasks(
+    runs: Sequence[RequestedRun], beam: Beam, found: Found, effort: Effort, methods: Sequence[Method] = ("radau",)
+) -> tuple[Task, ...]:
+    """Return the simulations of runs as tasks: run by run, law by law, method by method."""
+    experiments = [
+        Experiment(
+            beam=beam,
+            terms=law.of(found),
+            mode=run.mode,
+            frequency=run.frequency,
+            amplitude=run.amplitude,
+            stop=effort.driving * run.stop,
+            window=run.window,
+            shortening=effort.window,
+            steps_per_period=effort.steps_per_period,
+            method=method,
+            ramp=effort.driving * run.ramp,
+        )
+        for run in runs
+        for law in run.laws
+        for method in methods
+    ]
+    # computing time by the number of periods
+    times = [0.01 * max(one.frequency, 2.0) * (one.stop + max(one.window, 1.0)) for one in experiments]
+    return tuple(Task(run_experiment, (one,), time) for one, time in zip(experiments, times, strict=True))
+
+
+def results_of(runs: Sequence[RequestedRun], results: Sequence[ExperimentResult]) -> list[list[ExperimentResult]]:
+    """Return the results of the tasks of a part run by run."""
+    own = iter(results)
+    return [[next(own) for _ in run.laws] for run in runs]
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Transients(ExperimentPart):
+class Transients(Part):
     """Simulated experiments on a beam."""
 
     kind, about, heading = "transients", "simulated experiments: {}", "Excitation, stop and decay"
-    numbers = TransientNumbers
+    naming = ("beam",)
 
+    runs: Annotated[
+        tuple[RequestedRun, ...], Meta(min_length=1, description=f"[{{{', '.join(keys_of(RequestedRun))}}}, ...]")
+    ]
+    laws: Annotated[tuple[LawChoice, ...], Meta(description="names of [[laws]]")] = ()
+    beam: Annotated[str, Meta(description='"PART"')] = ""
     printed: Annotated[Printed, Meta(description="{LAW = [damping ratio of each run, %]}")] = field(
         default_factory=dict
     )
 
     def checked(self, source: Source, where: str) -> Self:
         """Return the part with its laws and printed numbers."""
-        part = super().checked(source, where)
-        names = [law.name for law in part.laws]
-        if taken := TRANSIENT_KEYS & set(names):
+        runs = with_laws(self.runs, self.laws)
+        for k, run in enumerate(runs, start=1):
+            run.check(source, f"{where}: runs: {k}")
+        laws = {law.name: law for run in runs for law in run.laws}
+        if taken := TRANSIENT_KEYS & laws.keys():
             raise InputError(f"the name {', '.join(sorted(taken))} is taken in results.json; rename the law", where)
-        return replace(part, printed=printed_numbers(self.printed, dict.fromkeys(names, len(self.runs)), where))
+        printed = printed_numbers(self.printed, dict.fromkeys(laws, len(runs)), where)
+        return replace(self, runs=runs, laws=tuple(laws.values()), printed=printed)
+
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
+        """Return the simulations, run by run and law by law."""
+        return experiment_tasks(self.runs, self.beam_in(found), found, effort)
 
     def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the damping ratios, the amplitudes, and a figure per run."""

@@ -120,6 +120,13 @@ def reproduce(
         If the folder cannot be written.
     FitError, SimulationError
         If a fit or a simulation fails.
+
+    Examples
+    --------
+    >>> from problems import reproduce
+    >>> report = reproduce("results", quick=True)
+    >>> report.page.name, report.results["frequency_matching"]["max_relative_error"] < 1e-6
+    ('report.html', True)
     """
     return write_study(
         PAPER_FILE, ALL_KINDS, out, quick=quick, executor=executor, jobs=jobs, progress=progress, command="reproduce"

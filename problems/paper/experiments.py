@@ -21,8 +21,8 @@ from problems.modal_damping.combined_law import ratio_curves
 from problems.schema.beam import law_of
 from problems.study.data_table import Column
 from problems.study.drawing import drawn, new_figure, plain_log_ticks, series
-from problems.study.kinds.experiment import FEWEST_MODES, ExperimentResult
-from problems.study.kinds.transients import RequestedRun, experiment_tasks, results_of
+from problems.study.kinds.experiment import FEWEST_MODES, ExperimentResult, RequestedRun
+from problems.study.kinds.transients import experiment_tasks, results_of
 from problems.study.part import Effort, Finding, Found, Task
 
 if TYPE_CHECKING:

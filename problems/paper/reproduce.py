@@ -19,7 +19,8 @@ from typing import Any, Literal, Self, final
 from problems.paper import combined_law, decays, drawings, experiments, resonances
 from problems.paper.numbers import PAPER_FILE
 from problems.schema.table import Positive
-from problems.study.kinds.transients import RequestedRun, with_laws
+from problems.study.kinds.experiment import RequestedRun
+from problems.study.kinds.transients import with_laws
 from problems.study.part import Effort, Finding, Found, LawChoice, Part, Source, Task
 from problems.study.study import KINDS, StudyReport, write_study
 

@@ -145,25 +145,8 @@ def plain_log_ticks(axes: Axes, axis: str) -> None:
     axes.set(**{f"{axis}lim": (low, high)})
 
 
-@dataclass(frozen=True)
-class Band:
-    """A vibration as it is drawn: its samples, or its extremes in windows of at least one period.
-
-    Parameters
-    ----------
-    time : ndarray
-        Times, s.
-    low, high : ndarray
-        The extremes; equal if they are the samples.
-    """
-
-    time: Array
-    low: Array
-    high: Array
-
-
-def band(time: Array, values: Array, frequency: float) -> Band:
-    """Return a vibration for a figure: its samples if it has few periods, else its extremes.
+def band(time: Array, values: Array, frequency: float) -> Array:
+    """Return times and extremes of a vibration for a figure, (3, k): its samples if it has few periods.
 
     Parameters
     ----------
@@ -175,22 +158,22 @@ def band(time: Array, values: Array, frequency: float) -> Band:
     periods = float(time[-1] - time[0]) * frequency
     if periods < 25:  # so few are drawn in full
         step = max(1, len(time) // 1000)
-        return Band(time[::step], values[::step], values[::step])
+        return np.array([time[::step], values[::step], values[::step]])
     columns = int(min(periods, 300))
     edges = np.searchsorted(time, np.linspace(time[0], time[-1], columns, endpoint=False))
     edges = np.unique(edges)
-    return Band(time[edges], np.minimum.reduceat(values, edges), np.maximum.reduceat(values, edges))
+    return np.array([time[edges], np.minimum.reduceat(values, edges), np.maximum.reduceat(values, edges)])
 
 
-def draw_band(axes: Axes, shown: Band, scale: float, *, filled: bool = False, **style: Any) -> None:
+def draw_band(axes: Axes, shown: Array, scale: float, *, filled: bool = False, **style: Any) -> None:
     """Draw a band: the samples as a line, the extremes as two lines or as a filled area.
 
     Parameters
     ----------
     axes : Axes
         The panel.
-    shown : Band
-        The band.
+    shown : ndarray (3, k)
+        Times and extremes, as ``band`` returns them.
     scale : float
         Factor of the values.
     filled : bool
@@ -198,11 +181,12 @@ def draw_band(axes: Axes, shown: Band, scale: float, *, filled: bool = False, **
     **style
         Arguments of ``Axes.plot``.
     """
-    if shown.low is shown.high or np.array_equal(shown.low, shown.high):
-        axes.plot(shown.time, scale * shown.low, **style)
+    time, low, high = shown
+    if np.array_equal(low, high):
+        axes.plot(time, scale * low, **style)
     elif filled:
-        axes.fill_between(shown.time, scale * shown.low, scale * shown.high, color=style["color"], alpha=0.35, lw=0,
+        axes.fill_between(time, scale * low, scale * high, color=style["color"], alpha=0.35, lw=0,
                           label=style.get("label"))  # fmt: skip
     else:
-        axes.plot(shown.time, scale * shown.high, **style)
-        axes.plot(shown.time, scale * shown.low, **{**style, "label": None})
+        axes.plot(time, scale * high, **style)
+        axes.plot(time, scale * low, **{**style, "label": None})

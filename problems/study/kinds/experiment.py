@@ -25,23 +25,28 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 
 from ancf_casadi.decay.envelope import damping_curve
 from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.dynamics.integration import Method
 from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.dynamics.trajectory import Trajectory
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import located, whole
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.decay.fitting import fit_decay
 from problems.schema.beam import law_of
-from problems.study.drawing import Band, band
+from problems.schema.table import Positive
+from problems.study.drawing import band
+from problems.study.part import Effort, LawChoice, Source, Terms
 
 EXPERIMENT_TOLERANCE = 1e-4  # of the integrator, over the tip amplitude relative to the length
 IDAS_RATIO = 0.04  # tolerance of IDAS_RATIO relative to that of Radau, for errors of the same size
@@ -50,46 +55,32 @@ FEWEST_MODES = 5
 
 
 @dataclass(frozen=True)
-class Experiment:
-    """An experiment to simulate.
+class RequestedRun:
+    """An excitation, and the laws under which it is simulated; 0 or nan for what is not given."""
 
-    Parameters
-    ----------
-    beam : Beam
-        The beam.
-    terms : tuple of dict
-        The damping law as tables [[damping]]; undamped if empty.
-    mode : int
-        Number of the driven mode, from 1.
-    frequency : float
-        Frequency of the excitation, Hz; that of the mode if 0.
-    amplitude : float
-        Requested tip amplitude at the stop, m.
-    stop : float
-        End of the excitation, s.
-    window : float
-        Length of the fitted decay, s; until the amplitude halves, but at most 70 periods, if 0.
-    shortening : float
-        Factor of this length.
-    steps_per_period : int
-        Least number of integrator steps per period.
-    method : {"radau", "idas"}
-        The integrator.
-    ramp : float
-        Cycles in which the amplitude of the base grows.
-    """
+    mode: Annotated[int, Meta(ge=1)]
+    amplitude: Annotated[Positive, Meta(description="m, at the tip when it stops")]
+    stop: Annotated[Positive, Meta(description="s")]
+    frequency: Annotated[Positive, Meta(description="Hz, if not that of the mode")] = 0.0
+    ramp: Annotated[Positive, Meta(description="cycles in which the amplitude grows")] = 0.0
+    window: Annotated[Positive, Meta(description="s, of the fitted decay")] = 0.0
+    laws: tuple[LawChoice, ...] = ()
+    measured_ratio: float = math.nan
 
-    beam: Beam
-    terms: tuple[dict[str, Any], ...]
-    mode: int
-    frequency: float
-    amplitude: float
-    stop: float
-    window: float
-    shortening: float
-    steps_per_period: int
-    method: Method = "radau"
-    ramp: float = 0.0
+    def check(self, source: Source, where: str) -> None:
+        """Check the run.
+
+        Raises
+        ------
+        InputError
+            If it has no laws, there is no such mode, or the ramp ends after the stop.
+        """
+        whole(self.mode, f"{where}: mode", 1, source.most_modes)
+        if not self.laws:
+            raise InputError("name at least one of [[laws]]", f"{where}: laws")
+        with located(where):
+            if self.ramp and self.frequency:
+                HarmonicBase(1.0, self.frequency, self.stop, ramp=self.ramp)
 
 
 @dataclass(frozen=True)
@@ -112,8 +103,8 @@ class ExperimentResult:
         Fitted damping ratio and its standard error.
     expected_ratio : float
         Damping ratio that the law predicts at ``amplitude``.
-    motion : Band
-        Tip displacement relative to the clamp, m, over the whole run.
+    motion : ndarray (3, k)
+        Times, s, and extremes of the tip displacement relative to the clamp, m, over the whole run.
     stop_time, stop_motion : ndarray
         This displacement around the stop.
     decay_time, decay : ndarray
@@ -135,7 +126,7 @@ class ExperimentResult:
     damping_ratio: float
     damping_ratio_error: float
     expected_ratio: float
-    motion: Band
+    motion: Array
     stop_time: Array
     stop_motion: Array
     decay_time: Array
@@ -145,8 +136,12 @@ class ExperimentResult:
     steps: int
 
 
-def run_experiment(experiment: Experiment) -> ExperimentResult:
-    """Simulate an experiment and fit its decay.
+def run_experiment(
+    beam: Beam, terms: Terms, run: RequestedRun, effort: Effort, method: Method = "radau"
+) -> ExperimentResult:
+    """Simulate the experiment of a run under a law, and fit its decay.
+
+    The decay is fitted until the amplitude halves, but over at most 70 periods, if the run gives no window.
 
     Raises
     ------
@@ -155,33 +150,31 @@ def run_experiment(experiment: Experiment) -> ExperimentResult:
     SimulationError, FitError
         If the integration or the fit fails.
     """
-    modes = natural_modes(Model(experiment.beam), count=max(FEWEST_MODES, experiment.mode))
-    law = law_of(experiment.terms, modes.model, "damping")
-    mode = experiment.mode - 1
+    modes = natural_modes(Model(beam), count=max(FEWEST_MODES, run.mode))
+    law = law_of(terms, modes.model, "damping")
+    mode = run.mode - 1
 
     def ratio(amplitude: float) -> float:
         return 0.0 if law is None else float(law.damping_ratios(modes, [amplitude] * modes.count)[mode])
 
-    base, window = _excitation(experiment, modes, ratio(experiment.amplitude))
-    size = experiment.amplitude / experiment.beam.length
-    tolerance = min(EXPERIMENT_TOLERANCE * size, 1e-5) * (
-        IDAS_RATIO if experiment.method == "idas" else 1.0
-    )  # largest tolerance
-    run = simulate(
+    base, window = _excitation(run, effort, modes, ratio(run.amplitude))
+    size = run.amplitude / beam.length
+    tolerance = min(EXPERIMENT_TOLERANCE * size, 1e-5) * (IDAS_RATIO if method == "idas" else 1.0)  # largest tolerance
+    trajectory = simulate(
         modes.model,
         duration=base.stop_time + 2 / base.frequency + window,  # two periods between the stop and the fit
         damping=law,
         base=base,
         sample_rate=PERIOD_SAMPLES * base.frequency,
-        method=experiment.method,
+        method=method,
         tolerance=tolerance,
-        largest_step=1 / (experiment.steps_per_period * base.frequency),
+        largest_step=1 / (effort.steps_per_period * base.frequency),
     )
-    if run.interrupted:
+    if trajectory.interrupted:
         raise KeyboardInterrupt
-    motion = modes.modal_coordinate(run.relative_coordinates, mode)
-    after = run.time >= run.time[-1] - window
-    decay = Measurement(run.time[after], motion[after])
+    motion = modes.modal_coordinate(trajectory.relative_coordinates, mode)
+    after = trajectory.time >= trajectory.time[-1] - window
+    decay = Measurement(trajectory.time[after], motion[after])
     fit = fit_decay(
         decay,
         release_time=float(decay.time[0]),
@@ -190,11 +183,11 @@ def run_experiment(experiment: Experiment) -> ExperimentResult:
     )
     half_way = (decay.time[-1] - decay.time[0]) / 2
     amplitude = fit.amplitude * math.exp(-fit.damping_ratio * 2 * math.pi * fit.frequency * half_way)
-    end = int(np.searchsorted(run.time, base.stop_time))
-    across = (run.tip - run.base)[:, 0]
+    end = int(np.searchsorted(trajectory.time, base.stop_time))
+    across = (trajectory.tip - trajectory.base)[:, 0]
     across = across - across[0]
     # six periods before and after the stop are drawn in detail
-    near = np.abs(run.time - base.stop_time) <= 6 / base.frequency
+    near = np.abs(trajectory.time - base.stop_time) <= 6 / base.frequency
     return ExperimentResult(
         natural_frequency=float(modes.frequencies[mode]),
         base_amplitude=base.amplitude,
@@ -208,26 +201,26 @@ def run_experiment(experiment: Experiment) -> ExperimentResult:
         decay_time=decay.time,
         decay=decay.values,
         curve=_curve(decay),
-        shapes=_shapes(run, end),
-        steps=run.steps,
-        motion=band(run.time, across, base.frequency),
-        stop_time=run.time[near] - base.stop_time,
+        shapes=_shapes(trajectory, end),
+        steps=trajectory.steps,
+        motion=band(trajectory.time, across, base.frequency),
+        stop_time=trajectory.time[near] - base.stop_time,
         stop_motion=across[near],
     )
 
 
-def _excitation(experiment: Experiment, modes: Modes, ratio: float) -> tuple[HarmonicBase, float]:
+def _excitation(run: RequestedRun, effort: Effort, modes: Modes, ratio: float) -> tuple[HarmonicBase, float]:
     """Return the base motion and the length of the fitted decay, given the damping ratio at the requested amplitude."""
-    mode = experiment.mode - 1
+    mode = run.mode - 1
     ω = float(modes.angular_frequencies[mode])
-    frequency = experiment.frequency or ω / (2 * math.pi)
-    unit = HarmonicBase(amplitude=1.0, frequency=frequency, stop=experiment.stop, ramp=experiment.ramp)
+    frequency = run.frequency or ω / (2 * math.pi)
+    unit = HarmonicBase(amplitude=1.0, frequency=frequency, stop=run.stop, ramp=run.ramp)
     driven = unit.stop_time - unit.ramp / (2 * frequency)  # until the first instant of zero velocity after the stop
     growth = -math.expm1(-ratio * ω * driven) / (2 * ratio) if ratio else ω * driven / 2
-    base = replace(unit, amplitude=experiment.amplitude / (participation(modes, mode) * growth))
+    base = replace(unit, amplitude=run.amplitude / (participation(modes, mode) * growth))
     halving = math.log(2) * base.frequency / (ratio * ω) if ratio else math.inf  # periods
-    periods = experiment.window * base.frequency or min(halving, 70)  # periods of a fitted decay
-    return base, max(experiment.shortening * periods, 8) / base.frequency
+    periods = run.window * base.frequency or min(halving, 70)  # periods of a fitted decay
+    return base, max(effort.window * periods, 8) / base.frequency
 
 
 def participation(modes: Modes, mode: int) -> float:

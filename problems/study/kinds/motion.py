@@ -43,19 +43,13 @@ class FilePart(Part, ABC):
         """Return the finding from the tables of the file and the name of the part."""
 
     def checked(self, source: Source, where: str) -> Self:
-        """Return the part with the tables that it reads."""
+        """Return the part with the tables that it reads, once they are checked."""
         self.check(source.file, where)
         return replace(self, given=source.file.only(self.wanted))
 
-    @abstractmethod
     def check(self, file: StudyFile, where: str) -> None:
-        """Check the tables of a file.
-
-        Raises
-        ------
-        InputError
-            If a table is missing, a key or value cannot be used, or a file cannot be read.
-        """
+        """Check the tables; most of these parts read measurements."""
+        read_measurements(file)
 
     def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
         """Return the computation."""
@@ -176,10 +170,6 @@ class MotionFit(FilePart):
     seconds = 60.0
     compute = staticmethod(fitted_motion)
     wanted = MOTION_TABLES
-
-    def check(self, file: StudyFile, where: str) -> None:
-        """Check the records."""
-        read_measurements(file)
 
 
 def compared_laws(file: StudyFile, name: str) -> Finding:

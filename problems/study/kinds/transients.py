@@ -13,16 +13,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, final
 import numpy as np
 from msgspec import Meta
 
-from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.dynamics.integration import Method
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.support.inputs import located, whole
 from problems.modal_damping.effects import turning_points
-from problems.schema.table import Positive, keys_of
+from problems.schema.table import keys_of
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series
-from problems.study.kinds.experiment import Experiment, ExperimentResult, run_experiment
+from problems.study.kinds.experiment import ExperimentResult, RequestedRun, run_experiment
 from problems.study.part import Effort, Finding, Found, LawChoice, Part, Printed, Source, Task, printed_numbers
 
 if TYPE_CHECKING:
@@ -30,35 +28,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TRANSIENT_KEYS = {"experiment", "runs"}  # other keys of its numbers
-
-
-@dataclass(frozen=True)
-class RequestedRun:
-    """An excitation, and the laws under which it is simulated; 0 or nan for what is not given."""
-
-    mode: Annotated[int, Meta(ge=1)]
-    amplitude: Annotated[Positive, Meta(description="m, at the tip when it stops")]
-    stop: Annotated[Positive, Meta(description="s")]
-    frequency: Annotated[Positive, Meta(description="Hz, if not that of the mode")] = 0.0
-    ramp: Annotated[Positive, Meta(description="cycles in which the amplitude grows")] = 0.0
-    window: Annotated[Positive, Meta(description="s, of the fitted decay")] = 0.0
-    laws: tuple[LawChoice, ...] = ()
-    measured_ratio: float = math.nan
-
-    def check(self, source: Source, where: str) -> None:
-        """Check the run.
-
-        Raises
-        ------
-        InputError
-            If it has no laws, there is no such mode, or the ramp ends after the stop.
-        """
-        whole(self.mode, f"{where}: mode", 1, source.most_modes)
-        if not self.laws:
-            raise InputError("name at least one of [[laws]]", f"{where}: laws")
-        with located(where):
-            if self.ramp and self.frequency:
-                HarmonicBase(1.0, self.frequency, self.stop, ramp=self.ramp)
 
 
 def with_laws(runs: Sequence[RequestedRun], laws: tuple[LawChoice, ...]) -> tuple[RequestedRun, ...]:
@@ -70,27 +39,18 @@ def experiment_tasks(
     runs: Sequence[RequestedRun], beam: Beam, found: Found, effort: Effort, methods: Sequence[Method] = ("radau",)
 ) -> tuple[Task, ...]:
     """Return the simulations of runs as tasks: run by run, law by law, method by method."""
-    experiments = [
-        Experiment(
-            beam=beam,
-            terms=law.of(found),
-            mode=run.mode,
-            frequency=run.frequency,
-            amplitude=run.amplitude,
-            stop=effort.driving * run.stop,
-            window=run.window,
-            shortening=effort.window,
-            steps_per_period=effort.steps_per_period,
-            method=method,
-            ramp=effort.driving * run.ramp,
+    tasks = []
+    for run in runs:
+        own = replace(  # without what does not concern the simulation
+            run, stop=effort.driving * run.stop, ramp=effort.driving * run.ramp, laws=(), measured_ratio=math.nan
         )
-        for run in runs
-        for law in run.laws
-        for method in methods
-    ]
-    # computing time by the number of periods
-    times = [0.01 * max(one.frequency, 2.0) * (one.stop + max(one.window, 1.0)) for one in experiments]
-    return tuple(Task(run_experiment, (one,), time) for one, time in zip(experiments, times, strict=True))
+        cost = 0.01 * max(own.frequency, 2.0) * (own.stop + max(own.window, 1.0))  # by the number of periods
+        tasks += [
+            Task(run_experiment, (beam, law.of(found), own, effort, method), cost)
+            for law in run.laws
+            for method in methods
+        ]
+    return tuple(tasks)
 
 
 def results_of(runs: Sequence[RequestedRun], results: Sequence[ExperimentResult]) -> list[list[ExperimentResult]]:

@@ -97,7 +97,7 @@ class TestFits:
         undamped = "offset = false\nrecords = [{synthetic = {frequency = 3.0, damping_ratio = 0.0, amplitude = 0.02}}]"
         (part,) = study_in(study_file('[[parts]]\nkind = "decays"\nduration = 10.0\n', undamped)).parts
         (fit,) = [task.function(*task.inputs) for task in part.tasks({}, FULL)]
-        assert abs(fit.quantities["damping_ratio"]) < 5e-5
+        assert abs(fit.numbers["damping_ratio"]) < 5e-5
 
     def test_name_the_record_that_cannot_be_fitted(self, study_file):
         (part,) = study_in(study_file(QUADRATIC)).parts

@@ -128,8 +128,8 @@ def test_equal_experiments_run_once(report):
 def test_a_quick_look_drives_for_less_time(study_file):
     study = study_in(study_file(BEAM, LAWS, PARTS))
     for effort in (FULL, QUICK):
-        experiment = study.parts[0].tasks({"": Finding(None, beam=study.beam)}, effort)[0].inputs[0]
-        assert experiment.stop == pytest.approx(5.0 * effort.driving)
+        _, _, run, *_ = study.parts[0].tasks({"": Finding(None, beam=study.beam)}, effort)[0].inputs
+        assert run.stop == pytest.approx(5.0 * effort.driving)
     assert QUICK.driving < 0.2 < FULL.driving == 1.0
     assert QUICK.steps_per_period < FULL.steps_per_period
     assert set(QUICK.formats) < set(FULL.formats)

@@ -78,12 +78,12 @@ def _amplitude_figure(
         step = max(1, len(amplitude) // LAW_POINTS)
         marks = {"ls": "", "marker": style["marker"], "color": style["color"], "ms": 4}
         ratio.plot(1e3 * amplitude[::step], 100 * ratios[::step], **marks)
-        change = 100 * (frequencies / result.natural_frequency - 1)
+        change = 100 * (frequencies / result.numbers["natural_frequency_hz"] - 1)
         frequency.plot(1e3 * amplitude[::step], change[::step], **marks)
         ratio.plot(1e3 * fine, 100 * ratio_curves(law, modes, fine)[:, run.mode - 1], color=style["color"],
                    ls=style["linestyle"], label=run.laws[k].title)  # fmt: skip
     frequency.axhline(0.0, color="black", lw=0.8, ls=":")
-    frequency.set_title(f"small motion: {results[0].natural_frequency:.5g} Hz")
+    frequency.set_title(f"small motion: {results[0].numbers['natural_frequency_hz']:.5g} Hz")
     ratio.set(ylabel="damping ratio, %", yscale="log")
     frequency.set(xlabel=f"tip amplitude of mode {run.mode}, mm", ylabel="change of the\nfrequency, %", xscale="log")
     plain_log_ticks(ratio, "y")
@@ -133,20 +133,20 @@ def integrators(part: PaperPart, results: Sequence[Any], found: Found, effort: E
     columns = (
         Column("mode", tuple(run.mode for run, _ in which)),
         Column("law", tuple(law.title for _, law in which)),
-        Column("damping ratio by Radau", tuple(100 * ours.damping_ratio for ours, _ in pairs), "%"),
-        Column("by IDAS", tuple(100 * other.damping_ratio for _, other in pairs), "%"),
+        Column("damping ratio by Radau", tuple(100 * ours.numbers["damping_ratio"] for ours, _ in pairs), "%"),
+        Column("by IDAS", tuple(100 * other.numbers["damping_ratio"] for _, other in pairs), "%"),
         Column("largest difference of the tip around the stop", tuple(1e3 * value for value in apart), "mm"),
         Column("amplitude there", tuple(1e3 * float(np.abs(ours.stop_motion).max()) for ours, _ in pairs), "mm"),
-        Column("steps of Radau", tuple(ours.steps for ours, _ in pairs)),
-        Column("of IDAS", tuple(other.steps for _, other in pairs)),
+        Column("steps of Radau", tuple(ours.numbers["steps"] for ours, _ in pairs)),
+        Column("of IDAS", tuple(other.numbers["steps"] for _, other in pairs)),
     )
     table = part.data_table("The same experiment by both integrators", columns)
     data = [
         {
             "mode": run.mode,
             "law": law.name,
-            "radau": ours.damping_ratio,
-            "idas": other.damping_ratio,
+            "radau": ours.numbers["damping_ratio"],
+            "idas": other.numbers["damping_ratio"],
             "largest_difference_m": difference,
         }
         for (run, law), (ours, other), difference in zip(which, pairs, apart, strict=True)

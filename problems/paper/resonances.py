@@ -39,20 +39,7 @@ Resonance = tuple[dict[str, Any], Array]  # a curve, and the amplitude of the dr
 
 
 def resonance(beam: Beam, terms: Terms, amplitude: float, frequencies: tuple[float, float], mode: int) -> Resonance:
-    """Return the response curve of the excitation of an experiment, and the amplitude of the driven mode along it.
-
-    Parameters
-    ----------
-    beam : Beam
-        The beam.
-    terms : tuple of dict
-        The damping law as tables [[damping]].
-    amplitude : float
-        Amplitude of the base, m.
-    frequencies : (float, float)
-        Range of frequencies, Hz.
-    mode : int
-        Number of the driven mode, from 1.
+    """Return the response curve under a base amplitude (m), and the amplitude of the driven mode along it.
 
     Raises
     ------

@@ -74,15 +74,7 @@ def only(formats: tuple[str, ...]) -> Iterator[None]:
 
 
 def drawn(name: str, caption: str, draw: Callable[[], Figure]) -> Drawing:
-    """Draw a figure in the style of the documents, identical for identical data, in the formats that are wanted.
-
-    Parameters
-    ----------
-    name, caption : str
-        Name of its files, and caption.
-    draw : callable
-        Function that draws it.
-    """
+    """Draw a figure in the style of the documents, identical for identical data, in the formats that are wanted."""
     from matplotlib import rc_context  # slow to import
 
     from ancf_casadi.plot import DOTS_PER_INCH
@@ -103,16 +95,9 @@ def drawn(name: str, caption: str, draw: Callable[[], Figure]) -> Drawing:
 
 
 def new_figure(height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, list[Axes]]:
-    """Return a figure of the usual width and its panels, row by row.
+    """Return a figure of the usual width and a height in inches, and its panels, row by row.
 
-    Parameters
-    ----------
-    height : float
-        Height, inches.
-    rows, columns : int
-        Numbers of panels.
-    **options
-        Options of ``Figure.subplots``.
+    The options are those of ``Figure.subplots``.
     """
     from matplotlib.figure import Figure
 
@@ -146,15 +131,7 @@ def plain_log_ticks(axes: Axes, axis: str) -> None:
 
 
 def band(time: Array, values: Array, frequency: float) -> Array:
-    """Return times and extremes of a vibration for a figure, (3, k): its samples if it has few periods.
-
-    Parameters
-    ----------
-    time, values : ndarray
-        Times, s, and values.
-    frequency : float
-        Frequency, Hz.
-    """
+    """Return times and extremes, (3, k), of a vibration of a frequency (Hz): its samples if it has few periods."""
     periods = float(time[-1] - time[0]) * frequency
     if periods < 25:  # so few are drawn in full
         step = max(1, len(time) // 1000)
@@ -166,21 +143,7 @@ def band(time: Array, values: Array, frequency: float) -> Array:
 
 
 def draw_band(axes: Axes, shown: Array, scale: float, *, filled: bool = False, **style: Any) -> None:
-    """Draw a band: the samples as a line, the extremes as two lines or as a filled area.
-
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    shown : ndarray (3, k)
-        Times and extremes, as ``band`` returns them.
-    scale : float
-        Factor of the values.
-    filled : bool
-        Whether to fill the area between the extremes.
-    **style
-        Arguments of ``Axes.plot``.
-    """
+    """Draw what ``band`` returns, times a factor: samples as a line, extremes as two lines or as a filled area."""
     time, low, high = shown
     if np.array_equal(low, high):
         axes.plot(time, scale * low, **style)

@@ -22,17 +22,8 @@ LEADING_NUMBER = re.compile(r"^[(]?[-+–]?\d")
 def page(study: Study, shown: Sequence[Shown], steps: Sequence[PartTime], **about: Any) -> str:
     """Return the document as HTML.
 
-    Parameters
-    ----------
-    study : Study
-        The study.
-    shown : sequence of Shown
-        Its parts with labels.
-    steps : sequence of PartTime
-        Time of each part.
-    **about
-        The circumstances: ``command``, ``versions`` of the programs, ``quick`` for shortened simulations, and
-        ``left_out``, the titles of the parts that a quick look leaves out.
+    The circumstances are ``command``, ``versions`` of the programs, ``quick`` for shortened simulations, and
+    ``left_out``, the titles of the parts that a quick look leaves out.
     """
     from jinja2 import Environment, StrictUndefined  # slow to import
 
@@ -69,16 +60,9 @@ def _numeric(table: DataTable) -> list[bool]:
 
 
 def inline_svg(svg: str, name: str, caption: str) -> str:
-    """Return an SVG file as an element of an HTML page.
+    """Return an SVG file as an element of an HTML page: names get a prefix, as they must differ between figures.
 
-    Parameters
-    ----------
-    svg : str
-        Content of the file.
-    name : str
-        Prefix of its names, which must differ from those of other figures on the page.
-    caption : str
-        Description for readers who do not see the figure.
+    The caption describes the figure to readers who do not see it.
     """
     element = svg[svg.index("<svg") :]
     element = re.sub(r"<metadata>.*?</metadata>", "", element, flags=re.S)

@@ -212,17 +212,10 @@ class Source:
         raise InputError(f"there is no law {shown(name)}; [[laws]] names them", where)
 
 
-def printed_numbers(given: Printed, columns: Mapping[str, int | None], where: str) -> Printed:
+def printed_numbers(given: Printed, columns: Mapping[str, int], where: str) -> Printed:
     """Return the printed numbers of a part by column, from its key ``printed``; nan stands for a missing number.
 
-    Parameters
-    ----------
-    given : dict
-        The numbers as they are in the file.
-    columns : mapping of str to int or None
-        Number of rows of each column that may be given; None if only the finding of the part tells.
-    where : str
-        Place of the part, for messages.
+    ``columns`` holds the number of rows of each column that may be given.
 
     Raises
     ------
@@ -236,7 +229,7 @@ def printed_numbers(given: Printed, columns: Mapping[str, int | None], where: st
             raise InputError(f"must be one of {', '.join(columns)}, got {shown(name)}", place)
         if not is_sequence(values):
             raise InputError(f"must be a list of numbers, got {shown(values)}", f"{place}: {name}")
-        if len(values) != (columns[name] or len(values)):
+        if len(values) != columns[name]:
             raise InputError(f"has {len(values)} values for {columns[name]} rows", f"{place}: {name}")
         found[name] = tuple(None if value != value else number(value, f"{place}: {name}") for value in values)
     return found

@@ -96,21 +96,7 @@ def _free(kind: str, taken: set[str]) -> Iterator[str]:
 def results(
     study: Study, shown: Sequence[Shown], steps: Sequence[PartTime], versions: Mapping[str, str], *, quick: bool
 ) -> dict[str, Any]:
-    """Return the numbers of a study as plain data.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    shown : sequence of Shown
-        Its parts with labels.
-    steps : sequence of PartTime
-        Time of each part.
-    versions : mapping of str to str
-        Versions of the programs.
-    quick : bool
-        Whether the simulations were shortened.
-    """
+    """Return the numbers of a study as plain data; ``versions`` are those of the programs."""
     parts = [
         {
             "name": part.name,

@@ -99,6 +99,8 @@ class FittedDecay:
     numbers : dict
         Estimates, standard errors, law and warnings as in ``results.json``; ``unbounded`` holds the coefficients of the
         quadratic law as if they had no bounds, and their covariance, None under other laws.
+    amplitude_error : float
+        Standard error of the amplitude, m; nan if unknown.
     time, measured, fitted : ndarray
         Times from the release on, s, record and fit.
     fine_time, fine : ndarray
@@ -106,6 +108,7 @@ class FittedDecay:
     """
 
     numbers: dict[str, Any]
+    amplitude_error: float
     time: Array
     measured: Array
     fitted: Array
@@ -130,6 +133,7 @@ def fit_plain(decay: Decay, law: str, offset: bool) -> FittedDecay:
     fine_time = fit.release_time + np.linspace(0.0, periods / fit.frequency, int(40 * periods))
     return FittedDecay(
         numbers=_numbers(fit),
+        amplitude_error=fit.standard_errors.get("amplitude", math.nan),
         time=fit.time,
         measured=np.interp(fit.time, record.time, record.values),
         fitted=np.asarray(fit.displacement(fit.time)),
@@ -244,12 +248,13 @@ class Decays(Part):
         ]
         figures = tuple(self._drawing(mode, decay, fit) for mode, (decay, fit) in numbered)
         warnings = tuple(f"{row['record']}: {warning}" for row in data for warning in row["warnings"])
-        return Finding(data, (self._table(data),), figures, warnings)
+        rows = [{**row, "amplitude_error": fit.amplitude_error} for row, fit in zip(data, fits, strict=True)]
+        return Finding(data, (self._table(rows),), figures, warnings)
 
     def _table(self, rows: Sequence[Mapping[str, Any]]) -> DataTable:
-        def column(head: str, name: str, unit: str, key: str, error: str = "", scale: float = 1.0) -> Column:
+        def column(head: str, name: str, unit: str, key: str, error: str, scale: float = 1.0) -> Column:
             values = tuple(scale * row[key] for row in rows)
-            errors = tuple(None if row.get(error) is None else scale * row[error] for row in rows)
+            errors = tuple(None if row[error] is None else scale * row[error] for row in rows)
             return Column(head, values, unit, errors, self.printed.get(name))
 
         columns = [Column("record", tuple(decay.record.name for decay in self.decays))]
@@ -264,7 +269,7 @@ class Decays(Part):
             columns.append(column("η1", "eta1", "1/s", "eta1", "eta1_stderr"))
             columns.append(column("η2", "eta2", "1/m", "eta2_per_m", "eta2_stderr_per_m"))
             columns.append(Column("correlation", tuple(row["correlation"] for row in rows)))
-            columns.append(column("amplitude", "amplitude", "mm", "amplitude_m", scale=1e3))
+            columns.append(column("amplitude", "amplitude", "mm", "amplitude_m", "amplitude_error", 1e3))
         ratio = "equivalent damping ratio" if damped_by_rate else "damping ratio"
         columns.append(column(ratio, "damping_ratio", "%", "damping_ratio", "damping_ratio_stderr", 100.0))
         sources = dict.fromkeys(decay.synthetic for decay in self.decays if decay.synthetic)

@@ -25,7 +25,7 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta
@@ -89,20 +89,9 @@ class ExperimentResult:
 
     Parameters
     ----------
-    natural_frequency : float
-        Frequency of the mode at small amplitude, Hz.
-    base_amplitude, stop : float
-        Amplitude of the excitation, m, and its end, s.
-    reached : float
-        Tip amplitude of the mode at the stop, m.
-    amplitude : float
-        Tip amplitude of the mode half-way through the fitted decay, m.
-    frequency : float
-        Fitted frequency at this amplitude, Hz.
-    damping_ratio, damping_ratio_error : float
-        Fitted damping ratio and its standard error.
-    expected_ratio : float
-        Damping ratio that the law predicts at ``amplitude``.
+    numbers : dict
+        Its numbers as in ``results.json``: ``reached_amplitude_m`` is the tip amplitude of the mode at the stop,
+        ``amplitude_m`` that half-way through the fitted decay, to which frequency and damping ratios belong.
     motion : ndarray (3, k)
         Times, s, and extremes of the tip displacement relative to the clamp, m, over the whole run.
     stop_time, stop_motion : ndarray
@@ -113,19 +102,9 @@ class ExperimentResult:
         Amplitude (m), damping ratio and frequency (Hz) in windows of the decay.
     shapes : ndarray (13, 41, 2)
         Positions of points along the beam, m, over the last period before the stop.
-    steps : int
-        Number of integrator steps.
     """
 
-    natural_frequency: float
-    base_amplitude: float
-    stop: float
-    reached: float
-    amplitude: float
-    frequency: float
-    damping_ratio: float
-    damping_ratio_error: float
-    expected_ratio: float
+    numbers: dict[str, Any]
     motion: Array
     stop_time: Array
     stop_motion: Array
@@ -133,7 +112,6 @@ class ExperimentResult:
     decay: Array
     curve: Array
     shapes: Array
-    steps: int
 
 
 def run_experiment(
@@ -188,24 +166,30 @@ def run_experiment(
     across = across - across[0]
     # six periods before and after the stop are drawn in detail
     near = np.abs(trajectory.time - base.stop_time) <= 6 / base.frequency
+    numbers = {
+        "mode": run.mode,
+        "requested_amplitude_m": run.amplitude,
+        "reached_amplitude_m": float(np.abs(motion[max(0, end - PERIOD_SAMPLES) : end]).max()),
+        "base_amplitude_m": base.amplitude,
+        "drive_hz": run.frequency or float(modes.frequencies[mode]),
+        "natural_frequency_hz": float(modes.frequencies[mode]),
+        "stop_s": base.stop_time,
+        "amplitude_m": amplitude,
+        "frequency_hz": fit.frequency * (1 + fit.frequency_curvature * amplitude**2),
+        "damping_ratio": fit.damping_ratio,
+        "damping_ratio_stderr": fit.standard_errors["damping_ratio"],
+        "expected_damping_ratio": ratio(amplitude),
+        "steps": trajectory.steps,
+    }
     return ExperimentResult(
-        natural_frequency=float(modes.frequencies[mode]),
-        base_amplitude=base.amplitude,
-        stop=base.stop_time,
-        reached=float(np.abs(motion[max(0, end - PERIOD_SAMPLES) : end]).max()),
-        amplitude=amplitude,
-        frequency=fit.frequency * (1 + fit.frequency_curvature * amplitude**2),
-        damping_ratio=fit.damping_ratio,
-        damping_ratio_error=fit.standard_errors["damping_ratio"],
-        expected_ratio=ratio(amplitude),
+        numbers=numbers,
+        motion=band(trajectory.time, across, base.frequency),
+        stop_time=trajectory.time[near] - base.stop_time,
+        stop_motion=across[near],
         decay_time=decay.time,
         decay=decay.values,
         curve=_curve(decay),
         shapes=_shapes(trajectory, end),
-        steps=trajectory.steps,
-        motion=band(trajectory.time, across, base.frequency),
-        stop_time=trajectory.time[near] - base.stop_time,
-        stop_motion=across[near],
     )
 
 

@@ -164,21 +164,7 @@ def _figure(titles: Sequence[str], curves: Sequence[Curve]) -> Figure:
 
 
 def draw_curve(axes: Axes, curve: Curve, values: Array, number: int, label: str | None = None) -> None:
-    """Draw values along a curve: stable parts solid, unstable parts dashed.
-
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    curve : Curve
-        The curve.
-    values : ndarray
-        Value at each of its points.
-    number : int
-        Number of the curve, from 0, for its colour and marker.
-    label : str, optional
-        Name in the legend.
-    """
+    """Draw values along a curve in the style of its number: stable parts solid, unstable parts dashed."""
     style: dict[str, Any] = {**series(number), "ms": 4, "lw": 1.4, "linestyle": "-"}
     span = max(1, len(values) // 8)  # markers, which tell the curves apart in grey
     for first, last, stable in _parts(curve["stable"]):

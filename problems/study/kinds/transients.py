@@ -6,7 +6,7 @@ Each run drives a mode of the beam, stops, and lets it decay under several laws 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, Self, final
 
@@ -16,6 +16,8 @@ from msgspec import Meta
 from ancf_casadi.dynamics.integration import Method
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.tables import known
 from problems.modal_damping.effects import turning_points
 from problems.schema.table import keys_of
 from problems.study.data_table import Column, DataTable
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TRANSIENT_KEYS = {"experiment", "runs"}  # other keys of its numbers
+
+Row = tuple[int, LawChoice, dict[str, Any]]  # number of a run, law, and the numbers of the experiment
 
 
 def with_laws(runs: Sequence[RequestedRun], laws: tuple[LawChoice, ...]) -> tuple[RequestedRun, ...]:
@@ -93,96 +97,52 @@ class Transients(Part):
 
     def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the damping ratios, the amplitudes, and a figure per run."""
-        by_run = results_of(self.runs, results)
-        tables = (self._ratios(by_run), self._amplitudes(by_run))
-        return Finding(self._data(by_run), tables, self._figures(by_run))
-
-    def _figures(self, by_run: Sequence[Sequence[ExperimentResult]]) -> tuple[Drawing, ...]:
-        of_runs = [
-            self._drawing(k, run, of_laws) for k, (run, of_laws) in enumerate(zip(self.runs, by_run, strict=True))
+        which = [(k, law) for k, run in enumerate(self.runs) for law in run.laws]
+        rows = [
+            {"mode": one.numbers["mode"], "law": law.name, **one.numbers}
+            for (_, law), one in zip(which, results, strict=True)
         ]
-        return (*of_runs, self._overview(by_run)) if len(self.runs) > 2 else tuple(of_runs)
-
-    def _data(self, by_run: Sequence[Sequence[ExperimentResult]]) -> dict[str, Any]:
-        found: dict[str, Any] = {}
-        if any(math.isfinite(run.measured_ratio) for run in self.runs):
-            found["experiment"] = [
-                run.measured_ratio if math.isfinite(run.measured_ratio) else None for run in self.runs
-            ]
+        data: dict[str, Any] = {"experiment": [known(run.measured_ratio) for run in self.runs]}
+        if data["experiment"].count(None) == len(self.runs):
+            del data["experiment"]
         for law in self.laws:
-            ratios: list[float | None] = [None] * len(self.runs)
-            for k, (run, of_laws) in enumerate(zip(self.runs, by_run, strict=True)):
-                if law in run.laws:
-                    ratios[k] = of_laws[run.laws.index(law)].damping_ratio
-            found[law.name] = ratios
-        found["runs"] = [
-            {
-                "mode": run.mode,
-                "law": law.name,
-                "requested_amplitude_m": run.amplitude,
-                "reached_amplitude_m": result.reached,
-                "base_amplitude_m": result.base_amplitude,
-                "drive_hz": run.frequency or result.natural_frequency,
-                "natural_frequency_hz": result.natural_frequency,
-                "stop_s": result.stop,
-                "amplitude_m": result.amplitude,
-                "frequency_hz": result.frequency,
-                "damping_ratio": result.damping_ratio,
-                "damping_ratio_stderr": result.damping_ratio_error,
-                "expected_damping_ratio": result.expected_ratio,
-                "steps": result.steps,
-            }
-            for run, of_laws in zip(self.runs, by_run, strict=True)
-            for law, result in zip(run.laws, of_laws, strict=True)
+            ratios = {k: row["damping_ratio"] for (k, own), row in zip(which, rows, strict=True) if own == law}
+            data[law.name] = [ratios.get(k) for k in range(len(self.runs))]
+        data["runs"] = rows
+        in_order = sorted(((k, law, row) for (k, law), row in zip(which, rows, strict=True)), key=_mode)
+        figures = [
+            self._drawing(k, run, own)
+            for k, (run, own) in enumerate(zip(self.runs, results_of(self.runs, results), strict=True), start=1)
         ]
-        return found
+        if len(self.runs) > 2:
+            caption = "Damping ratio of each mode under each law."
+            figures.append(drawn(f"{self.name}_ratios", caption, lambda: self._overview(data)))
+        return Finding(data, (self._ratios(in_order), self._amplitudes(in_order)), tuple(figures))
 
-    def _rows(
-        self, by_run: Sequence[Sequence[ExperimentResult]]
-    ) -> list[tuple[int, RequestedRun, LawChoice, ExperimentResult]]:
-        return [
-            (k, run, law, result)
-            for k, (run, of_laws) in self._by_mode(by_run)
-            for law, result in zip(run.laws, of_laws, strict=True)
-        ]
-
-    def _by_mode(
-        self, by_run: Sequence[Sequence[ExperimentResult]]
-    ) -> list[tuple[int, tuple[RequestedRun, Sequence[ExperimentResult]]]]:
-        """Return number, run and results in ascending order of the modes."""
-        return sorted(enumerate(zip(self.runs, by_run, strict=True)), key=lambda entry: entry[1][0].mode)
-
-    def _ratios(self, by_run: Sequence[Sequence[ExperimentResult]]) -> DataTable:
-        rows = self._rows(by_run)
-        columns = [
-            Column("mode", tuple(run.mode for _, run, _, _ in rows)),
-            Column("law", tuple(law.title for _, _, law, _ in rows)),
-        ]
+    def _ratios(self, rows: Sequence[Row]) -> DataTable:
+        columns = _heads(rows)
         if any(math.isfinite(run.measured_ratio) for run in self.runs):
-            columns.append(Column("measured", tuple(100 * run.measured_ratio for _, run, _, _ in rows), "%"))
-        printed = tuple(self.printed[law.name][k] if law.name in self.printed else None for k, _, law, _ in rows)
+            columns.append(Column("measured", tuple(100 * self.runs[k].measured_ratio for k, *_ in rows), "%"))
+        printed = tuple(self.printed[law.name][k] if law.name in self.printed else None for k, law, _ in rows)
         columns += [
-            Column("simulated", tuple(100 * result.damping_ratio for *_, result in rows), "%",
+            Column("simulated", tuple(100 * row["damping_ratio"] for *_, row in rows), "%",
                    printed=printed if any(value is not None for value in printed) else None),
-            Column("predicted by the law", tuple(100 * result.expected_ratio for *_, result in rows), "%"),
-            Column("at amplitude", tuple(1e3 * result.amplitude for *_, result in rows), "mm"),
+            Column("predicted by the law", tuple(100 * row["expected_damping_ratio"] for *_, row in rows), "%"),
+            Column("at amplitude", tuple(1e3 * row["amplitude_m"] for *_, row in rows), "mm"),
         ]  # fmt: skip
-        title = "Damping ratios of the decays after the stop"
-        return self.data_table(title, columns)
+        return self.data_table("Damping ratios of the decays after the stop", columns)
 
-    def _amplitudes(self, by_run: Sequence[Sequence[ExperimentResult]]) -> DataTable:
-        rows = self._rows(by_run)
-        columns = (
-            Column("mode", tuple(run.mode for _, run, _, _ in rows)),
-            Column("law", tuple(law.title for _, _, law, _ in rows)),
-            Column("drive", tuple(run.frequency or result.natural_frequency for _, run, _, result in rows), "Hz"),
-            Column("base amplitude", tuple(1e3 * result.base_amplitude for *_, result in rows), "mm"),
-            Column("requested", tuple(1e3 * run.amplitude for _, run, _, _ in rows), "mm"),
-            Column("at the stop", tuple(1e3 * result.reached for *_, result in rows), "mm"),
-            Column("frequency in the decay", tuple(result.frequency for *_, result in rows), "Hz"),
-        )
+    def _amplitudes(self, rows: Sequence[Row]) -> DataTable:
+        columns = [
+            *_heads(rows),
+            Column("drive", tuple(row["drive_hz"] for *_, row in rows), "Hz"),
+            Column("base amplitude", tuple(1e3 * row["base_amplitude_m"] for *_, row in rows), "mm"),
+            Column("requested", tuple(1e3 * row["requested_amplitude_m"] for *_, row in rows), "mm"),
+            Column("at the stop", tuple(1e3 * row["reached_amplitude_m"] for *_, row in rows), "mm"),
+            Column("frequency in the decay", tuple(row["frequency_hz"] for *_, row in rows), "Hz"),
+        ]
         # relative difference from the requested amplitude that the table explains
-        short = any(result.reached < (1 - 0.05) * run.amplitude for _, run, _, result in rows)
+        short = any(row["reached_amplitude_m"] < (1 - 0.05) * row["requested_amplitude_m"] for *_, row in rows)
         reason = (
             "Where the amplitude at the stop is smaller than requested, the frequency of the mode falls with the "
             "amplitude by more than the width of the resonance, so that a drive at constant frequency reaches no more."
@@ -193,55 +153,63 @@ class Transients(Part):
 
     def _drawing(self, k: int, run: RequestedRun, results: Sequence[ExperimentResult]) -> Drawing:
         caption = (
-            f"Mode {run.mode}, driven until {results[0].stop:.4g} s.  Top: extremes of the tip displacement relative "
-            "to the clamp.  Middle: the same around the stop.  Bottom: amplitude of the mode after the stop."
+            f"Mode {run.mode}, driven until {results[0].numbers['stop_s']:.4g} s.  Top: extremes of the tip "
+            "displacement relative to the clamp.  Middle: the same around the stop.  "
+            "Bottom: amplitude of the mode after the stop."
         )
         if math.isfinite(run.measured_ratio):
             caption += "  The measured decay is synthetic: Eq. (9) with the measured damping ratio."
-        return drawn(f"{self.name}_{k + 1}", caption, lambda: _run_figure(run, results))
+        return drawn(f"{self.name}_{k}", caption, lambda: _run_figure(run, results))
 
-    def _overview(self, by_run: Sequence[Sequence[ExperimentResult]]) -> Drawing:
-        def draw() -> Figure:
-            figure, (axes,) = new_figure(3.6)
-            ordered = self._by_mode(by_run)
-            places = np.arange(len(ordered))
-            measured = np.array([run.measured_ratio for _, (run, _) in ordered])
-            if np.isfinite(measured).any():
-                axes.plot(places, 100 * measured, "ks", ms=9, mfc="none", label="measured")
-            for k, law in enumerate(self.laws):
-                ratios = np.array([
-                    results[run.laws.index(law)].damping_ratio if law in run.laws else np.nan
-                    for _, (run, results) in ordered
-                ])  # fmt: skip
-                axes.plot(places, 100 * ratios, **series(k), ms=5, label=law.title)
-                if law.name in self.printed:
-                    printed = [self.printed[law.name][number] for number, _ in ordered]
-                    axes.plot(places, np.array(printed, dtype=float), ls="", marker="x", ms=7,
-                              color=series(k)["color"])  # fmt: skip
-            if self.printed:
-                axes.plot([], [], "kx", ms=7, label=self.printed_by)
-            axes.set(yscale="log", ylabel="damping ratio, %", xlabel="mode")
-            axes.set_xticks(places, [str(run.mode) for _, (run, _) in ordered])
-            axes.set_title("damping ratio of each mode under each law")
-            plain_log_ticks(axes, "y")
-            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
-            return figure
+    def _overview(self, data: Mapping[str, Any]) -> Figure:
+        """Draw the damping ratio of each mode under each law."""
+        figure, (axes,) = new_figure(3.6)
+        order = sorted(range(len(self.runs)), key=lambda k: self.runs[k].mode)
+        places = np.arange(len(order))
 
-        return drawn(f"{self.name}_ratios", "Damping ratio of each mode under each law.", draw)
+        def in_order(ratios: Sequence[float | None]) -> Array:
+            return np.array([ratios[k] for k in order], dtype=float)
+
+        if "experiment" in data:
+            axes.plot(places, 100 * in_order(data["experiment"]), "ks", ms=9, mfc="none", label="measured")
+        for k, law in enumerate(self.laws):
+            axes.plot(places, 100 * in_order(data[law.name]), **series(k), ms=5, label=law.title)
+            if law.name in self.printed:
+                axes.plot(places, in_order(self.printed[law.name]), ls="", marker="x", ms=7,
+                          color=series(k)["color"])  # fmt: skip
+        if self.printed:
+            axes.plot([], [], "kx", ms=7, label=self.printed_by)
+        axes.set(yscale="log", ylabel="damping ratio, %", xlabel="mode")
+        axes.set_xticks(places, [str(self.runs[k].mode) for k in order])
+        axes.set_title("damping ratio of each mode under each law")
+        plain_log_ticks(axes, "y")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
+        return figure
+
+
+def _mode(row: Row) -> int:
+    return int(row[2]["mode"])
+
+
+def _heads(rows: Sequence[Row]) -> list[Column]:
+    return [
+        Column("mode", tuple(row["mode"] for *_, row in rows)),
+        Column("law", tuple(law.title for _, law, _ in rows)),
+    ]
 
 
 def _run_figure(run: RequestedRun, results: Sequence[ExperimentResult]) -> Figure:
     """Draw the motion under each law: extremes, waveform around the stop, amplitude of the decay."""
     figure, (whole_run, around, decay) = new_figure(5.4, 3)
     for k, (law, result) in enumerate(zip(run.laws, results, strict=True)):
-        label = f"{law.title}, ζ = {100 * result.damping_ratio:.3g} %"
+        label = f"{law.title}, ζ = {100 * result.numbers['damping_ratio']:.3g} %"
         draw_band(whole_run, result.motion, 1e3, **line(k), lw=1)
         around.plot(result.stop_time, 1e3 * result.stop_motion, **line(k), lw=1)
         time, peaks = _peaks(result)
-        decay.plot(time - result.stop, 1e3 * peaks, **line(k), label=label)
+        decay.plot(time, 1e3 * peaks, **line(k), label=label)
     if math.isfinite(run.measured_ratio):
         _draw_measured(decay, run, results[0])
-    whole_run.axvline(results[0].stop, color="black", lw=0.6, ls=":")
+    whole_run.axvline(results[0].numbers["stop_s"], color="black", lw=0.6, ls=":")
     around.axvline(0.0, color="black", lw=0.6, ls=":")
     whole_run.set(xlabel="time, s", ylabel="tip relative\nto clamp, mm")
     around.set(xlabel="time after the stop, s", ylabel="tip relative\nto clamp, mm")
@@ -252,15 +220,15 @@ def _run_figure(run: RequestedRun, results: Sequence[ExperimentResult]) -> Figur
     return figure
 
 
-def _peaks(result: ExperimentResult) -> tuple[Any, Any]:
-    """Return times and sizes of the extremes of the decay."""
+def _peaks(result: ExperimentResult) -> tuple[Array, Array]:
+    """Return times after the stop, s, and sizes of the extremes of the decay."""
     at = turning_points(result.decay)
-    return result.decay_time[at], np.abs(result.decay[at])
+    return result.decay_time[at] - result.numbers["stop_s"], np.abs(result.decay[at])
 
 
 def _draw_measured(axes: Axes, run: RequestedRun, result: ExperimentResult) -> None:
     """Draw Eq. (9) with the measured damping ratio, from the amplitude of the first law on."""
     time, peaks = _peaks(result)
-    rate = 2 * math.pi * (run.frequency or result.natural_frequency) * run.measured_ratio
+    rate = 2 * math.pi * result.numbers["drive_hz"] * run.measured_ratio
     label = f"measured ζ = {100 * run.measured_ratio:.3g} %, synthetic"
-    axes.plot(time - result.stop, 1e3 * peaks[0] * np.exp(-rate * (time - time[0])), "k:", lw=1.5, label=label)
+    axes.plot(time, 1e3 * peaks[0] * np.exp(-rate * (time - time[0])), "k:", lw=1.5, label=label)

@@ -42,7 +42,7 @@ def _run(options: argparse.Namespace) -> Output:
         return Output(json_text({"modes": task.modes or None, "driven": task.driven, "levels": levels}), files)
     place = "base amplitude" if task.driven == "base" else "force at the tip"
     columns = (Column(place, titles), *summary_columns(curves))
-    lines = [DataTable("response", "Peaks and jumps of the response", columns).text()]
+    lines = [DataTable("Peaks and jumps of the response", columns).text()]
     for title, curve in zip(titles, curves, strict=True):
         lines += [
             f"  {title}: {one['name']} at {one['frequency_hz']:.6g} Hz, tip {1e3 * one['amplitude_m']:.4g} mm"

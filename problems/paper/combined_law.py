@@ -121,7 +121,7 @@ def _drag(
         "around a thin strip at amplitudes below its width (Sader 1998).",
         "Printed η2: with the beam of the study before any change.",
     )
-    return part.data_table("Drag coefficient and viscous damping", columns, *notes, suffix="_drag")
+    return part.data_table("Drag coefficient and viscous damping", columns, *notes)
 
 
 def _drawings(part: PaperPart, fit: CombinedLawFit, modes: Modes, found: Found) -> tuple[Drawing, ...]:
@@ -131,8 +131,8 @@ def _drawings(part: PaperPart, fit: CombinedLawFit, modes: Modes, found: Found) 
     ratios = "Damping ratio of each mode against its amplitude under each law."
     draw_ratios = partial(_ratios, all_laws, modes, part.inputs["amplitudes"])
     return tuple(
-        drawn(f"{part.name}_{name}", f"{caption}  The decays are synthetic.", partial(_marked, draw))
-        for name, caption, draw in (("eta2", of_modes, fit.figure), ("ratios", ratios, draw_ratios))
+        drawn(f"{caption}  The decays are synthetic.", partial(_marked, draw))
+        for caption, draw in ((of_modes, fit.figure), (ratios, draw_ratios))
     )
 
 

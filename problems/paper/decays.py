@@ -85,7 +85,7 @@ def eta_effects(part: PaperPart, results: Sequence[SimulatedDecay], found: Found
     }
     figures: list[Drawing] = []
     for law, decays in zip(part.laws, by_law, strict=True):
-        figures += _effect_drawings(part, law, decays, duration)
+        figures += _effect_drawings(law, decays, duration)
     rows = [  # each frequency once
         (law, decay)
         for law, decays in zip(part.laws, by_law, strict=True)
@@ -149,7 +149,7 @@ def _left(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]], tim
         formula = tuple(_amplitude_left(decay.formula, time) for _, decay in rows)
         columns += [Column(f"after {time:g} s, beam", beam, "mm"), Column("by Eq. (27)", formula, "mm")]
     note = f"The simulation does not resolve less than {1e3 * LEAST_AMPLITUDE:g} mm."
-    return part.data_table("Amplitude that is left", columns, note, suffix="_left")
+    return part.data_table("Amplitude that is left", columns, note)
 
 
 def _word_table(part: PaperPart, words: Sequence[Characteristics], horizon: float) -> DataTable:
@@ -172,11 +172,10 @@ def _word_table(part: PaperPart, words: Sequence[Characteristics], horizon: floa
         "Rapid: the larger rate at every frequency.  Independent: rates within 10 %.  Controllable: less than 2 % "
         f"of the amplitude left after {horizon:g} s at every frequency.",
     )  # fmt: skip
-    return part.data_table("Characteristics of the laws", columns, *notes, suffix="_words")
+    return part.data_table("Characteristics of the laws", columns, *notes)
 
 
-def _effect_drawings(part: PaperPart, law: LawChoice, decays: Sequence[SimulatedDecay], end: float) -> list[Drawing]:
-    name = f"{part.name}_{law.name}"
+def _effect_drawings(law: LawChoice, decays: Sequence[SimulatedDecay], end: float) -> list[Drawing]:
     quadratic = decays[0].law
     about = f"{law.title} (η1 = {quadratic.eta1:.3g} 1/s, η2 = {quadratic.eta2:.3g} 1/m)"
     first = (
@@ -188,8 +187,8 @@ def _effect_drawings(part: PaperPart, law: LawChoice, decays: Sequence[Simulated
         "dashed: envelope by Eq. (27).  Bottom: the envelopes on the beam (markers) and by Eq. (27) (lines)."
     )
     return [
-        drawn(f"{name}_motion", first, lambda: _motion(law, decays[0], end)),
-        drawn(f"{name}_frequencies", several, lambda: _frequencies(law, decays[1:], end)),
+        drawn(first, lambda: _motion(law, decays[0], end)),
+        drawn(several, lambda: _frequencies(law, decays[1:], end)),
     ]
 
 
@@ -275,7 +274,7 @@ def ratio_change(part: PaperPart, results: Sequence[SimulatedDecay], found: Foun
         "(markers) and by Eq. (27) (lines).  Bottom: damping ratio in windows of the motion of the beam (markers) "
         "and by Eq. (27) (lines)."
     )
-    figure = drawn(part.name, caption, lambda: _change_figure(part, results, ratios))
+    figure = drawn(caption, lambda: _change_figure(part, results, ratios))
     return Finding(data, (_laws(part, results, crossings), _ratios(part, ratios)), (figure,))
 
 
@@ -300,7 +299,7 @@ def _ratios(part: PaperPart, ratios: Sequence[RatiosOverTime]) -> DataTable:
             Column(f"after {time:.2g} s, beam", tuple(100 * float(one.ratio[k]) for one in ratios), "%"),
             Column("by Eq. (27)", tuple(100 * float(one.formula[k]) for one in ratios), "%"),
         ]
-    return part.data_table("Damping ratio along the decay", columns, "In windows of two periods.", suffix="_ratios")
+    return part.data_table("Damping ratio along the decay", columns, "In windows of two periods.")
 
 
 def _change_figure(part: PaperPart, decays: Sequence[SimulatedDecay], ratios: Sequence[RatiosOverTime]) -> Figure:

@@ -39,7 +39,7 @@ def element(part: PaperPart, results: Sequence[Any], found: Found, effort: Effor
         "Element of the beam: the positions r₀, rₗ and the slopes τ₀, τₗ of its nodes, in the inertial frame, "
         "are its coordinates; r(p) is a point of the centre line."
     )
-    return Finding({}, figures=(drawn(part.name, caption, element_figure),))
+    return Finding({}, figures=(drawn(caption, element_figure),))
 
 
 def uniform_load(part: PaperPart, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
@@ -53,7 +53,7 @@ def uniform_load(part: PaperPart, results: Sequence[Any], found: Found, effort: 
         "uniform_load_difference": float(np.abs(bent - ASSUMED_SHAPE(places)).max()),
         "mode_1_difference": float(np.abs(mode - ASSUMED_SHAPE(places)).max()),
     }
-    return Finding(differences, figures=(drawn(part.name, caption, lambda: deflection_figure(places, bent, mode)),))
+    return Finding(differences, figures=(drawn(caption, lambda: deflection_figure(places, bent, mode)),))
 
 
 def omitted(part: PaperPart, results: Sequence[Any], found: Found, effort: Effort) -> Finding:

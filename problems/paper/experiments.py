@@ -44,13 +44,13 @@ def amplitudes(part: PaperPart, results: Sequence[Any], found: Found, effort: Ef
     by_run = results_of(part.runs, results)
     modes = natural_modes(Model(part.beam_in(found)), count=max(FEWEST_MODES, *(run.mode for run in part.runs)))
     figures = []
-    for k, (run, of_laws) in enumerate(zip(part.runs, by_run, strict=True), start=1):
+    for run, of_laws in zip(part.runs, by_run, strict=True):
         laws = [law_of(law.of(found), modes.model, law.name) for law in run.laws]
         caption = (
             f"Mode {run.mode}: damping ratio and frequency against amplitude.  Markers: windows of the simulated "
             "decays.  Lines: prediction of each law."
         )
-        figures.append(drawn(f"{part.name}_{k}", caption, partial(_amplitude_figure, run, of_laws, laws, modes)))
+        figures.append(drawn(caption, partial(_amplitude_figure, run, of_laws, laws, modes)))
     data = [
         {
             "mode": run.mode,
@@ -105,7 +105,7 @@ def shapes(part: PaperPart, results: Sequence[Any], found: Found, effort: Effort
         "Deformed shapes over the last period before the stop, light to dark.  Each panel has its own scale across "
         "the beam."
     )
-    figure = drawn(part.name, caption, lambda: _shapes_figure(part.runs, results, axis))
+    figure = drawn(caption, lambda: _shapes_figure(part.runs, results, axis))
     return Finding(data, figures=(figure,))
 
 

@@ -107,7 +107,7 @@ def finding(part: PaperPart, results: Sequence[Resonance], found: Found, effort:
             f"Mode {mode}: steady vibration under the base motion of the experiment; dashed: unstable.  "
             "Larger markers: amplitude that the experiment has reached before its stop."
         )
-        figures.append(drawn(f"{part.name}_{mode}", caption, partial(_figure, titles, own)))
+        figures.append(drawn(caption, partial(_figure, titles, own)))
     return Finding(data, (table,), tuple(figures))
 
 

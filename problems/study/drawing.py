@@ -47,8 +47,6 @@ class Drawing:
 
     Parameters
     ----------
-    name : str
-        Name of its files, without suffix.
     caption : str
         Caption, which says what is drawn.
     svg : str
@@ -57,7 +55,6 @@ class Drawing:
         Content of its PNG file; empty if it is not drawn.
     """
 
-    name: str
     caption: str
     svg: str
     png: bytes
@@ -73,7 +70,7 @@ def only(formats: tuple[str, ...]) -> Iterator[None]:
         _wanted.reset(before)
 
 
-def drawn(name: str, caption: str, draw: Callable[[], Figure]) -> Drawing:
+def drawn(caption: str, draw: Callable[[], Figure]) -> Drawing:
     """Draw a figure in the style of the documents, identical for identical data, in the formats that are wanted."""
     from matplotlib import rc_context  # slow to import
 
@@ -81,7 +78,7 @@ def drawn(name: str, caption: str, draw: Callable[[], Figure]) -> Drawing:
 
     svg, png, formats = io.StringIO(), io.BytesIO(), _wanted.get()
     if not formats:
-        return Drawing(name, caption, "", b"")
+        return Drawing(caption, "", b"")
     with rc_context(STYLE):
         figure = literal_text(draw)()
         if engine := figure.get_layout_engine():
@@ -91,7 +88,7 @@ def drawn(name: str, caption: str, draw: Callable[[], Figure]) -> Drawing:
             figure.savefig(svg, format="svg", transparent=True, metadata={"Date": None})
         if "png" in formats:
             figure.savefig(png, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
-        return Drawing(name, caption, svg.getvalue(), png.getvalue())
+        return Drawing(caption, svg.getvalue(), png.getvalue())
 
 
 def new_figure(height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, list[Axes]]:

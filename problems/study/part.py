@@ -297,10 +297,9 @@ class Part(ABC):
             raise InputError(f"the part {name!r} finds no beam; name a part of the kind match", "beam")
         return beam
 
-    def data_table(self, title: str, columns: Sequence[Column], *notes: str, suffix: str = "") -> DataTable:
-        """Return a table under the name of the part; the first one, without a suffix, has the notes of the part."""
-        own = () if suffix else self.notes
-        return DataTable(f"{self.name}{suffix}", title, tuple(columns), (*notes, *own), self.printed_by)
+    def data_table(self, title: str, columns: Sequence[Column], *notes: str) -> DataTable:
+        """Return a table that names the origin of the printed numbers."""
+        return DataTable(title, tuple(columns), notes, self.printed_by)
 
 
 @dataclass(frozen=True)

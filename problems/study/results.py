@@ -15,7 +15,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import NoneType
 from typing import Any
 
@@ -65,11 +65,13 @@ def labelled(study: Study, findings: Mapping[str, Finding]) -> tuple[Shown, ...]
     shown = []
     for part in study.parts:
         finding = findings[part.name]
+        tables = [replace(table, notes=(*table.notes, *(() if k else part.notes))) for k, table in
+                  enumerate(finding.tables)]  # fmt: skip
         shown.append(
             Shown(
                 part,
                 finding,
-                tuple((label("Table", part.tables, k), table) for k, table in enumerate(finding.tables)),
+                tuple((label("Table", part.tables, k), table) for k, table in enumerate(tables)),
                 tuple((label("Figure", part.figures, k), figure) for k, figure in enumerate(finding.figures)),
             )
         )

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 BEAM_ROWS = (("length", "mm", 1e3), ("width", "mm", 1e3), ("thickness", "mm", 1e3), ("density", "kg/m³", 1.0),
         ("elastic_modulus", "GPa", 1e-9))  # fmt: skip
+MATCHING_ROWS = BEAM_ROWS[1:]  # that a match may change
 
 
 @final
@@ -57,7 +58,7 @@ class BeamProperties(Part):
             Column("unit", tuple(unit for _, unit, _ in BEAM_ROWS)),
             Column("value", tuple(means), printed=printed),
         )
-        varying = [name for name, *_ in BEAM_ROWS[1:] if np.ptp(getattr(beam, name)) > 0.0]
+        varying = [name for name, *_ in MATCHING_ROWS if np.ptp(getattr(beam, name)) > 0.0]
         notes = [f"{beam.elements} elements; axis {beam.axis}, gravity {beam.gravity} m/s²."]
         if varying:
             notes.append(f"Means over the elements: {', '.join(varying).replace('_', ' ')} vary along the beam.")
@@ -67,7 +68,7 @@ class BeamProperties(Part):
             notes.append(f"Stiffness of the clamp: {beam.clamp_stiffness:.4g} N m/rad.")
         table = self.data_table("Properties of the beam", columns, *notes)
         data = {
-            **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in BEAM_ROWS[1:]},
+            **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in MATCHING_ROWS},
             "length": beam.length,
             "elements": beam.elements,
             "axis": list(beam.axis),
@@ -103,7 +104,7 @@ class ModesOfBeam(Part):
             Column("frequency", tuple(frequencies), "Hz", printed=self.printed.get("frequency")),
         )
         table = self.data_table("Natural frequencies", columns)
-        figure = drawn(self.name, "Mode shapes about the equilibrium.", modes.figure)
+        figure = drawn("Mode shapes about the equilibrium.", modes.figure)
         return Finding({"frequency_hz": frequencies}, (table,), (figure,), beam=beam)
 
 
@@ -174,7 +175,7 @@ class Match(Part, MatchTable):
             own = read(source.file.needed("match"), MatchTable, source.file.where("match"))
         with located(where):
             modes = len(request_of(own)["targets"])
-        columns = {"standard": modes, "optimum": modes, "value": len(BEAM_ROWS[1:])}
+        columns = {"standard": modes, "optimum": modes, "value": len(MATCHING_ROWS)}
         return replace(self, **own.request, printed=printed_numbers(self.printed, columns, where))
 
     def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
@@ -184,9 +185,9 @@ class Match(Part, MatchTable):
     def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the properties, the frequencies, and both as figures."""
         matched: Matched = results[0]
-        name, beam = self.name, self.beam_in(found)
+        beam = self.beam_in(found)
         figures = (
-            drawn(f"{name}_properties", "Properties of the matched beam along its length, relative to the given beam.  "
+            drawn("Properties of the matched beam along its length, relative to the given beam.  "
                   "Shaded: changes of single elements that fit equally well.",
                   lambda: self._profiles(matched, beam)),
             self._errors(matched),
@@ -195,11 +196,11 @@ class Match(Part, MatchTable):
         return Finding(matched.data, tables, figures, tuple(matched.data["warnings"]), matched.beam)
 
     def _properties(self, matched: Matched, beam: Beam) -> DataTable:
-        arrays = {name: scale * np.array(getattr(matched.beam, name)) for name, _, scale in BEAM_ROWS[1:]}
-        standard = [scale * float(np.mean(getattr(beam, name))) for name, _, scale in BEAM_ROWS[1:]]
+        arrays = {name: scale * np.array(getattr(matched.beam, name)) for name, _, scale in MATCHING_ROWS}
+        standard = [scale * float(np.mean(getattr(beam, name))) for name, _, scale in MATCHING_ROWS]
         columns = (
-            Column("property", tuple(name.replace("_", " ") for name, *_ in BEAM_ROWS[1:])),
-            Column("unit", tuple(unit for _, unit, _ in BEAM_ROWS[1:])),
+            Column("property", tuple(name.replace("_", " ") for name, *_ in MATCHING_ROWS)),
+            Column("unit", tuple(unit for _, unit, _ in MATCHING_ROWS)),
             Column("before", tuple(standard)),
             Column("mean", tuple(float(values.mean()) for values in arrays.values()),
                    printed=self.printed.get("value")),
@@ -211,9 +212,8 @@ class Match(Part, MatchTable):
             f"{matched.data['iterations']} iterations of IPOPT; properties at a bound: {bounds}.",
             "Mean, smallest and largest value along the beam.",
             *matched.data["identified"],
-            *self.notes,
         )
-        return self.data_table("Properties of the matched beam", columns, *notes, suffix="_properties")
+        return self.data_table("Properties of the matched beam", columns, *notes)
 
     def _frequencies(self, matched: Matched, beam: Beam) -> DataTable:
         data = matched.data
@@ -234,11 +234,11 @@ class Match(Part, MatchTable):
         columns.append(Column("matched", tuple(data["matched_hz"]), "Hz", printed=optimum))
         note = f"Largest relative error after matching: {data['max_relative_error']:.1e}."
         title = "Natural frequencies before and after matching"
-        return self.data_table(title, columns, note, suffix="_frequencies")
+        return self.data_table(title, columns, note)
 
     def _profiles(self, matched: Matched, beam: Beam) -> Figure:
-        names = [name for name, *_ in BEAM_ROWS[1:] if matched.ranges.get(name) is not None] or [
-            name for name, *_ in BEAM_ROWS[1:]
+        names = [name for name, *_ in MATCHING_ROWS if matched.ranges.get(name) is not None] or [
+            name for name, *_ in MATCHING_ROWS
         ]
         along = [name for name in names if np.ptp(getattr(matched.beam, name)) > 0.0] or names[:1]
         figure, panels = new_figure(0.8 + 1.5 * len(along), len(along), sharex=True)
@@ -277,4 +277,4 @@ class Match(Part, MatchTable):
             return figure
 
         caption = "Relative errors of the natural frequencies, without their signs, on a logarithmic scale."
-        return drawn(f"{self.name}_frequencies", caption, draw)
+        return drawn(caption, draw)

@@ -279,7 +279,6 @@ class Decays(Part):
         return self.data_table(title, columns, *sources)
 
     def _drawing(self, mode: int, decay: Decay, fit: FittedDecay) -> Drawing:
-        name = f"{self.name}_{mode}"
         found = fit.numbers
         title = f"f = {found['frequency_hz']:.5g} Hz,  "
         if found["unbounded"]:
@@ -292,7 +291,7 @@ class Decays(Part):
             "Middle: first periods.  Bottom: record less fit."
         )
         head = f"mode {mode}" if decay.synthetic else decay.record.name
-        return drawn(name, caption, lambda: _decay_figure(decay, fit, f"{head}:  {title}"))
+        return drawn(caption, lambda: _decay_figure(decay, fit, f"{head}:  {title}"))
 
 
 def _decay_figure(decay: Decay, fit: FittedDecay, title: str) -> Figure:

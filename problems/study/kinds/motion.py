@@ -39,8 +39,8 @@ class FilePart(Part, ABC):
 
     @staticmethod
     @abstractmethod
-    def compute(file: StudyFile, name: str) -> Finding:
-        """Return the finding from the tables of the file and the name of the part."""
+    def compute(file: StudyFile) -> Finding:
+        """Return the finding from the tables of the file."""
 
     def checked(self, source: Source, where: str) -> Self:
         """Return the part with the tables that it reads, once they are checked."""
@@ -53,16 +53,14 @@ class FilePart(Part, ABC):
 
     def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
         """Return the computation."""
-        return (Task(self.compute, (self.given, self.name), self.seconds),)
+        return (Task(self.compute, (self.given,), self.seconds),)
 
     def finding(self, results: Sequence[Finding], found: Found, effort: Effort) -> Finding:
-        """Return what the computation has found, with the notes of the part below its first table."""
-        (own,) = results
-        first, *others = own.tables
-        return replace(own, tables=(replace(first, notes=(*first.notes, *self.notes)), *others))
+        """Return what the computation has found."""
+        return results[0]
 
 
-def simulated_motion(file: StudyFile, name: str) -> Finding:
+def simulated_motion(file: StudyFile) -> Finding:
     """Simulate the motion of a study file: range and energies, and the figure of the motion.
 
     Raises
@@ -90,7 +88,7 @@ def simulated_motion(file: StudyFile, name: str) -> Finding:
     heads = ("quantity", "unit", "value")
     columns = tuple(Column(head, cells) for head, cells in zip(heads, zip(*rows, strict=True), strict=True))
     caption = "Motion of the tip relative to the clamp, and shapes of the beam."
-    return Finding(data, (DataTable(name, "Simulated motion", columns),), (drawn(name, caption, run.figure),))
+    return Finding(data, (DataTable("Simulated motion", columns),), (drawn(caption, run.figure),))
 
 
 @final
@@ -109,7 +107,7 @@ class SimulationPart(FilePart):
         read_simulation(file)
 
 
-def fitted_motion(file: StudyFile, name: str) -> Finding:
+def fitted_motion(file: StudyFile) -> Finding:
     """Fit the motion in the files of a study: estimates, predictions and their figures.
 
     Raises
@@ -119,22 +117,22 @@ def fitted_motion(file: StudyFile, name: str) -> Finding:
     """
     read = read_measurements(file)
     fit = fit_beam(read.model, read.records, read.damping, **read.settings)
-    figures = [drawn(name, "Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
+    figures = [drawn("Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
     predictions = []
     for k, record in enumerate(read.predictions, start=1):
         prediction = fit.predict(record)
         predictions.append(prediction)
         caption = f"Record {k} that was predicted, not fitted: measured (dots) and computed (lines), and residuals."
-        figures.append(drawn(f"{name}_prediction_{k}", caption, prediction.figure))
+        figures.append(drawn(caption, prediction.figure))
     warnings = (*fit.warnings, *(warning for prediction in predictions for warning in prediction.warnings))
     data: dict[str, Any] = {"fit": fit.to_dict(), "predictions": [one.to_dict() for one in predictions]}
-    tables = [_estimates(name, data["fit"]["estimates"])]
+    tables = [_estimates(data["fit"]["estimates"])]
     if predictions:
-        tables.append(_errors(f"{name}_predictions", data["predictions"]))
+        tables.append(_errors(data["predictions"]))
     return Finding(data, tuple(tables), tuple(figures), warnings, fit.model.beam)
 
 
-def _estimates(name: str, unknowns: Sequence[Mapping[str, Any]]) -> DataTable:
+def _estimates(unknowns: Sequence[Mapping[str, Any]]) -> DataTable:
     columns = (
         Column("unknown", tuple(one["name"] for one in unknowns)),
         Column("unit", tuple(one["unit"] for one in unknowns)),
@@ -143,10 +141,10 @@ def _estimates(name: str, unknowns: Sequence[Mapping[str, Any]]) -> DataTable:
         Column("95 % interval from", tuple(one["interval_95"][0] for one in unknowns)),
         Column("to", tuple(one["interval_95"][1] for one in unknowns)),
     )  # fmt: skip
-    return DataTable(name, "Estimates from the measurements", columns)
+    return DataTable("Estimates from the measurements", columns)
 
 
-def _errors(name: str, predictions: Sequence[Mapping[str, Any]]) -> DataTable:
+def _errors(predictions: Sequence[Mapping[str, Any]]) -> DataTable:
     rows = [
         (k, channel["channel"], channel["unit"], channel["rms_error"], 100 * channel["relative_error"])
         for k, one in enumerate(predictions, start=1)
@@ -156,7 +154,7 @@ def _errors(name: str, predictions: Sequence[Mapping[str, Any]]) -> DataTable:
     columns = tuple(
         Column(head, cells, unit) for (head, unit), cells in zip(heads, zip(*rows, strict=True), strict=True)
     )
-    return DataTable(name, "Errors of the predictions", columns)
+    return DataTable("Errors of the predictions", columns)
 
 
 @final
@@ -172,7 +170,7 @@ class MotionFit(FilePart):
     wanted = MOTION_TABLES
 
 
-def compared_laws(file: StudyFile, name: str) -> Finding:
+def compared_laws(file: StudyFile) -> Finding:
     """Fit the laws of a study file to its records: the criteria, as a table and as a figure.
 
     Raises
@@ -192,8 +190,8 @@ def compared_laws(file: StudyFile, name: str) -> Finding:
         Column("rms residual", tuple(law["residual_rms"] for law in laws)),
         Column("BIC above the lowest", tuple(law["bic"] - lowest for law in laws)),
     )
-    table = DataTable(name, "Damping laws fitted to the measured motion", columns, tuple(found.table().notes))
-    return Finding(data, (table,), (drawn(name, caption, found.figure),), tuple(data["warnings"]))
+    table = DataTable("Damping laws fitted to the measured motion", columns, tuple(found.table().notes))
+    return Finding(data, (table,), (drawn(caption, found.figure),), tuple(data["warnings"]))
 
 
 @final

@@ -79,7 +79,7 @@ class Rayleigh(Part):
         )
         tables = (
             self.data_table("Coefficients of Rayleigh damping", columns),
-            self.data_table("Damping ratios under this law", law, suffix="_ratios"),
+            self.data_table("Damping ratios under this law", law),
         )
         caption = (
             "Damping ratio under Rayleigh damping against frequency, with the parts of α and β, and the measured modes."
@@ -94,7 +94,7 @@ class Rayleigh(Part):
             "warnings": list(fit.warnings),
         }
         terms = ({"law": "rayleigh", "alpha": fit.alpha, "beta": fit.beta},)
-        figure = drawn(self.name, caption, lambda: self._figure(fit))
+        figure = drawn(caption, lambda: self._figure(fit))
         return Finding(data, tables, (figure,), fit.warnings, terms=terms)
 
     def _identified(self, data: Any) -> tuple[float, ...]:

@@ -144,7 +144,7 @@ class ResponsePart(Part):
             "Steady vibration of the tip relative to the clamp: half the peak-to-peak value, and phase against the "
             "excitation.  Dashed: unstable."
         )
-        figure = drawn(self.name, caption, lambda: _figure(titles, results))
+        figure = drawn(caption, lambda: _figure(titles, results))
         data = level_numbers(self.levels, self.unit, results)
         return Finding(data, (table,), (figure,))
 

@@ -110,13 +110,10 @@ class Transients(Part):
             data[law.name] = [ratios.get(k) for k in range(len(self.runs))]
         data["runs"] = rows
         in_order = sorted(((k, law, row) for (k, law), row in zip(which, rows, strict=True)), key=_mode)
-        figures = [
-            self._drawing(k, run, own)
-            for k, (run, own) in enumerate(zip(self.runs, results_of(self.runs, results), strict=True), start=1)
-        ]
+        figures = [self._drawing(run, own) for run, own in zip(self.runs, results_of(self.runs, results), strict=True)]
         if len(self.runs) > 2:
             caption = "Damping ratio of each mode under each law."
-            figures.append(drawn(f"{self.name}_ratios", caption, lambda: self._overview(data)))
+            figures.append(drawn(caption, lambda: self._overview(data)))
         return Finding(data, (self._ratios(in_order), self._amplitudes(in_order)), tuple(figures))
 
     def _ratios(self, rows: Sequence[Row]) -> DataTable:
@@ -149,9 +146,9 @@ class Transients(Part):
         )
         notes = ("The base amplitude is that of linear theory for the requested amplitude of the tip.", reason)
         title = "Amplitudes of the excitation and of the tip"
-        return self.data_table(title, columns, *notes[: 1 + short], suffix="_amplitudes")
+        return self.data_table(title, columns, *notes[: 1 + short])
 
-    def _drawing(self, k: int, run: RequestedRun, results: Sequence[ExperimentResult]) -> Drawing:
+    def _drawing(self, run: RequestedRun, results: Sequence[ExperimentResult]) -> Drawing:
         caption = (
             f"Mode {run.mode}, driven until {results[0].numbers['stop_s']:.4g} s.  Top: extremes of the tip "
             "displacement relative to the clamp.  Middle: the same around the stop.  "
@@ -159,7 +156,7 @@ class Transients(Part):
         )
         if math.isfinite(run.measured_ratio):
             caption += "  The measured decay is synthetic: Eq. (9) with the measured damping ratio."
-        return drawn(f"{self.name}_{k}", caption, lambda: _run_figure(run, results))
+        return drawn(caption, lambda: _run_figure(run, results))
 
     def _overview(self, data: Mapping[str, Any]) -> Figure:
         """Draw the damping ratio of each mode under each law."""

@@ -38,7 +38,9 @@ laws = ["modal", "drag"]
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory) -> StudyReport:
-    return run_in(tmp_path_factory.mktemp("steady"), BEAM + LAWS + EXPERIMENTS, quick=True)
+    return run_in(
+        tmp_path_factory.mktemp("steady"), BEAM.replace("elements = 3", "elements = 6") + LAWS + EXPERIMENTS, quick=True
+    )
 
 
 def test_a_long_experiment_ends_on_its_curve(report):

@@ -53,7 +53,8 @@ class Shown:
 def labelled(study: Study, findings: Mapping[str, Finding]) -> tuple[Shown, ...]:
     """Return the parts in order, their tables and figures with labels.
 
-    In a study that gives labels, the others continue with the letters of additional ones: ``Table A1``, ``Figure A1``.
+    The notes of a part stand below its first table.  In a study that gives labels, the others continue with the letters
+    of additional ones: ``Table A1``, ``Figure A1``.
     """
     own = any(part.tables or part.figures for part in study.parts)
     taken = {file_name(label) for part in study.parts for label in (*part.tables, *part.figures)}
@@ -65,8 +66,9 @@ def labelled(study: Study, findings: Mapping[str, Finding]) -> tuple[Shown, ...]
     shown = []
     for part in study.parts:
         finding = findings[part.name]
-        tables = [replace(table, notes=(*table.notes, *(() if k else part.notes))) for k, table in
-                  enumerate(finding.tables)]  # fmt: skip
+        tables = list(finding.tables)
+        if tables:
+            tables[0] = replace(tables[0], notes=(*tables[0].notes, *part.notes))
         shown.append(
             Shown(
                 part,

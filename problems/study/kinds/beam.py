@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 BEAM_ROWS = (("length", "mm", 1e3), ("width", "mm", 1e3), ("thickness", "mm", 1e3), ("density", "kg/m³", 1.0),
         ("elastic_modulus", "GPa", 1e-9))  # fmt: skip
-MATCHING_ROWS = BEAM_ROWS[1:]  # that a match may change
+ELEMENT_ROWS = BEAM_ROWS[1:]  # of each element, which a match may change
 
 
 @final
@@ -58,7 +58,7 @@ class BeamProperties(Part):
             Column("unit", tuple(unit for _, unit, _ in BEAM_ROWS)),
             Column("value", tuple(means), printed=printed),
         )
-        varying = [name for name, *_ in MATCHING_ROWS if np.ptp(getattr(beam, name)) > 0.0]
+        varying = [name for name, *_ in ELEMENT_ROWS if np.ptp(getattr(beam, name)) > 0.0]
         notes = [f"{beam.elements} elements; axis {beam.axis}, gravity {beam.gravity} m/s²."]
         if varying:
             notes.append(f"Means over the elements: {', '.join(varying).replace('_', ' ')} vary along the beam.")
@@ -68,7 +68,7 @@ class BeamProperties(Part):
             notes.append(f"Stiffness of the clamp: {beam.clamp_stiffness:.4g} N m/rad.")
         table = self.data_table("Properties of the beam", columns, *notes)
         data = {
-            **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in MATCHING_ROWS},
+            **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in ELEMENT_ROWS},
             "length": beam.length,
             "elements": beam.elements,
             "axis": list(beam.axis),
@@ -175,7 +175,7 @@ class Match(Part, MatchTable):
             own = read(source.file.needed("match"), MatchTable, source.file.where("match"))
         with located(where):
             modes = len(request_of(own)["targets"])
-        columns = {"standard": modes, "optimum": modes, "value": len(MATCHING_ROWS)}
+        columns = {"standard": modes, "optimum": modes, "value": len(ELEMENT_ROWS)}
         return replace(self, **own.request, printed=printed_numbers(self.printed, columns, where))
 
     def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
@@ -196,11 +196,11 @@ class Match(Part, MatchTable):
         return Finding(matched.data, tables, figures, tuple(matched.data["warnings"]), matched.beam)
 
     def _properties(self, matched: Matched, beam: Beam) -> DataTable:
-        arrays = {name: scale * np.array(getattr(matched.beam, name)) for name, _, scale in MATCHING_ROWS}
-        standard = [scale * float(np.mean(getattr(beam, name))) for name, _, scale in MATCHING_ROWS]
+        arrays = {name: scale * np.array(getattr(matched.beam, name)) for name, _, scale in ELEMENT_ROWS}
+        standard = [scale * float(np.mean(getattr(beam, name))) for name, _, scale in ELEMENT_ROWS]
         columns = (
-            Column("property", tuple(name.replace("_", " ") for name, *_ in MATCHING_ROWS)),
-            Column("unit", tuple(unit for _, unit, _ in MATCHING_ROWS)),
+            Column("property", tuple(name.replace("_", " ") for name, *_ in ELEMENT_ROWS)),
+            Column("unit", tuple(unit for _, unit, _ in ELEMENT_ROWS)),
             Column("before", tuple(standard)),
             Column("mean", tuple(float(values.mean()) for values in arrays.values()),
                    printed=self.printed.get("value")),
@@ -237,8 +237,8 @@ class Match(Part, MatchTable):
         return self.data_table(title, columns, note)
 
     def _profiles(self, matched: Matched, beam: Beam) -> Figure:
-        names = [name for name, *_ in MATCHING_ROWS if matched.ranges.get(name) is not None] or [
-            name for name, *_ in MATCHING_ROWS
+        names = [name for name, *_ in ELEMENT_ROWS if matched.ranges.get(name) is not None] or [
+            name for name, *_ in ELEMENT_ROWS
         ]
         along = [name for name in names if np.ptp(getattr(matched.beam, name)) > 0.0] or names[:1]
         figure, panels = new_figure(0.8 + 1.5 * len(along), len(along), sharex=True)

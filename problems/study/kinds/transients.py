@@ -110,7 +110,7 @@ class Transients(Part):
             data[law.name] = [ratios.get(k) for k in range(len(self.runs))]
         data["runs"] = rows
         in_order = sorted(((k, law, row) for (k, law), row in zip(which, rows, strict=True)), key=_mode)
-        figures = [self._drawing(run, own) for run, own in zip(self.runs, results_of(self.runs, results), strict=True)]
+        figures = [_drawing(run, own) for run, own in zip(self.runs, results_of(self.runs, results), strict=True)]
         if len(self.runs) > 2:
             caption = "Damping ratio of each mode under each law."
             figures.append(drawn(caption, lambda: self._overview(data)))
@@ -148,16 +148,6 @@ class Transients(Part):
         title = "Amplitudes of the excitation and of the tip"
         return self.data_table(title, columns, *notes[: 1 + short])
 
-    def _drawing(self, run: RequestedRun, results: Sequence[ExperimentResult]) -> Drawing:
-        caption = (
-            f"Mode {run.mode}, driven until {results[0].numbers['stop_s']:.4g} s.  Top: extremes of the tip "
-            "displacement relative to the clamp.  Middle: the same around the stop.  "
-            "Bottom: amplitude of the mode after the stop."
-        )
-        if math.isfinite(run.measured_ratio):
-            caption += "  The measured decay is synthetic: Eq. (9) with the measured damping ratio."
-        return drawn(caption, lambda: _run_figure(run, results))
-
     def _overview(self, data: Mapping[str, Any]) -> Figure:
         """Draw the damping ratio of each mode under each law."""
         figure, (axes,) = new_figure(3.6)
@@ -193,6 +183,17 @@ def _heads(rows: Sequence[Row]) -> list[Column]:
         Column("mode", tuple(row["mode"] for *_, row in rows)),
         Column("law", tuple(law.title for _, law, _ in rows)),
     ]
+
+
+def _drawing(run: RequestedRun, results: Sequence[ExperimentResult]) -> Drawing:
+    caption = (
+        f"Mode {run.mode}, driven until {results[0].numbers['stop_s']:.4g} s.  Top: extremes of the tip "
+        "displacement relative to the clamp.  Middle: the same around the stop.  "
+        "Bottom: amplitude of the mode after the stop."
+    )
+    if math.isfinite(run.measured_ratio):
+        caption += "  The measured decay is synthetic: Eq. (9) with the measured damping ratio."
+    return drawn(caption, lambda: _run_figure(run, results))
 
 
 def _run_figure(run: RequestedRun, results: Sequence[ExperimentResult]) -> Figure:

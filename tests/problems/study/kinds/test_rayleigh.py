@@ -73,7 +73,7 @@ def test_misprint_and_reason_stand_beside_the_value():
     alpha, beta = table.cells()
     assert alpha[-2:] == ["0.228", "+0.079 %"]
     assert beta[-2:] == ["0.000318", "-90 %"]
-    assert any("ten times" in note for note in table.notes)
+    assert any("ten times" in note for note in parts["proportional"].notes)
 
 
 def test_a_study_of_two_numbers_is_a_document(study_file, tmp_path):

@@ -39,13 +39,7 @@ Resonance = tuple[dict[str, Any], Array]  # a curve, and the amplitude of the dr
 
 
 def resonance(beam: Beam, terms: Terms, amplitude: float, frequencies: tuple[float, float], mode: int) -> Resonance:
-    """Return the response curve under a base amplitude (m), and the amplitude of the driven mode along it.
-
-    Raises
-    ------
-    InputError, EquilibriumError, NumericsError
-        As ``frequency_response``.
-    """
+    """Return the response curve under a base amplitude (m), and the amplitude of the driven mode along it."""
     model = Model(beam)
     law, count = law_of(terms, model, "damping"), max(RESPONSE_MODES, mode)
     task = ResponseTask(model, law, frequencies, (amplitude,), "base", (1.0, 0.0), count, 24, RESPONSE_TOLERANCE, {})

@@ -129,13 +129,7 @@ class Matched:
 
 
 def match_plain(beam: Beam, request: dict[str, Any]) -> Matched:
-    """Match a beam, and return the result as plain data.
-
-    Raises
-    ------
-    InputError, FitError
-        As ``match_frequencies``.
-    """
+    """Match a beam, and return the result as plain data."""
     match = match_frequencies(beam, **request_of(MatchTable(**request)))
     ranges: dict[str, Array] = {}
     if not match.out_of_reach:

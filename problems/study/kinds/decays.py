@@ -117,13 +117,7 @@ class FittedDecay:
 
 
 def fit_plain(decay: Decay, law: str, offset: bool) -> FittedDecay:
-    """Fit a decay, and return the fit as plain data.
-
-    Raises
-    ------
-    InputError, FitError
-        As ``fit_decay``.
-    """
+    """Fit a decay, and return the fit as plain data."""
     release = None if math.isnan(decay.release_time) else decay.release_time
     record = decay.record
     with located(record.name):

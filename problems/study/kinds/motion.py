@@ -61,13 +61,7 @@ class FilePart(Part, ABC):
 
 
 def simulated_motion(file: StudyFile) -> Finding:
-    """Simulate the motion of a study file: range and energies, and the figure of the motion.
-
-    Raises
-    ------
-    InputError, SimulationError
-        As ``simulate``.
-    """
+    """Simulate the motion of a study file: range and energies, and the figure of the motion."""
     task = read_simulation(file)
     run = simulate(task.model, damping=task.damping, base=task.base, **task.settings)
     if run.interrupted:
@@ -108,13 +102,7 @@ class SimulationPart(FilePart):
 
 
 def fitted_motion(file: StudyFile) -> Finding:
-    """Fit the motion in the files of a study: estimates, predictions and their figures.
-
-    Raises
-    ------
-    InputError, FitError
-        As ``fit_beam``.
-    """
+    """Fit the motion in the files of a study: estimates, predictions and their figures."""
     read = read_measurements(file)
     fit = fit_beam(read.model, read.records, read.damping, **read.settings)
     figures = [drawn("Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
@@ -171,13 +159,7 @@ class MotionFit(FilePart):
 
 
 def compared_laws(file: StudyFile) -> Finding:
-    """Fit the laws of a study file to its records: the criteria, as a table and as a figure.
-
-    Raises
-    ------
-    InputError, FitError
-        As ``compare_laws``.
-    """
+    """Fit the laws of a study file to its records: the criteria, as a table and as a figure."""
     read = read_measurements(file)
     found = compare_laws(read.model, read.records, read.laws, **read.settings)
     caption = "Information criteria of the laws above the lowest: smaller is better."

@@ -102,13 +102,7 @@ def _listed(frequencies: Sequence[float]) -> str:
 
 
 def level_curve(given: StudyFile, level: float) -> dict[str, Any]:
-    """Return the response curve of a study file at one of its levels.
-
-    Raises
-    ------
-    InputError, EquilibriumError, NumericsError
-        As ``frequency_response``.
-    """
+    """Return the response curve of a study file at one of its levels."""
     task = read_response(given)
     return curve_numbers(task, task.curve(level))
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from ancf_casadi import HarmonicBase, ModalDamping, Model, natural_modes, simulate
 from ancf_casadi.plot import png
 from ancf_casadi.support.figures import MEASURED
-from problems.study import paper
+from problems.paper import numbers as paper
 from problems.study.drawing import plain_log_ticks, series
 
 LAWS = {"generic": "modal (generic)", "proportional": "Rayleigh (proportional)", "quadratic": "quadratic"}

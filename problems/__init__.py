@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from problems.matching.result import FrequencyMatch
     from problems.matching.unknowns import Global, PerElement, Smooth
     from problems.modal_damping.rayleigh import RayleighFit, fit_rayleigh
+    from problems.paper.reproduce import reproduce
     from problems.study.study import StudyReport, run_study
 else:
     __getattr__, __dir__ = on_first_use(__name__)
@@ -75,5 +76,6 @@ __all__ = [
     "load_fit",
     "match_frequencies",
     "monte_carlo",
+    "reproduce",
     "run_study",
 ]

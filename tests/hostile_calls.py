@@ -309,6 +309,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
             "preference": None, "objective": "least-squares", "guess": None, "starts": 1, "seed": 0,
         }),
         "monte_carlo": (p.monte_carlo, {"fit": fit, "runs": 2, "seed": 0, "method": "parametric"}),
+        "reproduce": (p.reproduce, {"out": folder / "paper", "quick": True, "jobs": 1, "progress": False}),
         "run_study": (p.run_study, {
             "path": folder / "study.toml", "out": folder / "study", "quick": False, "jobs": 1, "command": "a",
         }),

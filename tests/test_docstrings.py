@@ -13,7 +13,7 @@ from ancf_casadi.support.compilation import c_compiler
 
 SLOW = (
     "ContinuationError", "DecayFit", "RecordPrediction", "SampledLoad",
-    "BeamFit", "compare_laws", "fit_beam", "write_fmu",
+    "BeamFit", "compare_laws", "fit_beam", "reproduce", "write_fmu",
 )  # fmt: skip
 PUBLIC = [
     pytest.param(

@@ -26,9 +26,9 @@ from problems.schema.motion import AXES, COMPONENTS, READING
 from problems.schema.records import CHANNEL, FIT, RECORD
 from problems.schema.response import ResponseTable
 from problems.schema.simulation import SETTINGS
-from problems.study.kinds.registry import KINDS
+from problems.study.part import LawChoice
 from problems.study.reading import StudyTable
-from problems.study.source import LawChoice
+from problems.study.study import KINDS
 
 ROOT = Path(__file__).parents[1]
 PUBLIC = {
@@ -96,7 +96,7 @@ def names_in_files() -> Iterator[tuple[str, str]]:
     for place, names in {**groups, "files": {*READING, *AXES, *COMPONENTS}}.items():
         yield from ((name, place) for name in names)
     declared = {"[match]": MatchTable, "[response]": ResponseTable, "[study]": StudyTable, "[[laws]]": LawChoice}
-    for place, kind in {**declared, **{f"part {name}": kind for name, kind in KINDS.items()}}.items():
+    for place, kind in {**declared, **{f"part {kind.kind}": kind for kind in KINDS}}.items():
         yield from ((name, place) for name in keys(types.type_info(kind)))
 
 

@@ -60,10 +60,10 @@ def with_notes(tree):
 
 
 def makers(path):
-    """Return the functions of a module that make warnings; the notes of a study are captions, and no warnings."""
+    """Return the functions of a module that make warnings; the notes of studies are captions, and no warnings."""
     tree = ast.parse(path.read_text())
     functions = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
-    fields = {"warn"} if "study" in path.parts else FIELDS | {"warn"} | with_notes(tree)
+    fields = {"warn"} if {"study", "paper"} & {*path.parts} else FIELDS | {"warn"} | with_notes(tree)
     found = {
         name
         for name, node in functions.items()

@@ -10,13 +10,7 @@ from ancf_casadi.support.tables import Table
 from problems.command.output import Output, add_plot, figure_writer, file_writer, json_text, new_files
 from problems.schema.response import RESPONSE_HELP, ResponseTask, read_response
 from problems.study.data_table import Column, DataTable
-from problems.study.kinds.steady.curves import (
-    CurveData,
-    curve_data,
-    level_numbers,
-    level_titles,
-    summary_columns,
-)
+from problems.study.kinds.response import Curve, curve_numbers, level_numbers, level_titles, summary_columns
 
 
 def add_response(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +30,7 @@ def _run(options: argparse.Namespace) -> Output:
     task = read_response(options.file)
     out, plot = new_files([options.file], options.out, options.plot)
     found = [task.curve(level) for level in task.levels]
-    curves = [curve_data(task, curve) for curve in found]
+    curves = [curve_numbers(task, curve) for curve in found]
     titles = level_titles(task.levels, task.unit)
     files = []
     if out is not None:
@@ -48,27 +42,27 @@ def _run(options: argparse.Namespace) -> Output:
         return Output(json_text({"modes": task.modes or None, "driven": task.driven, "levels": levels}), files)
     place = "base amplitude" if task.driven == "base" else "force at the tip"
     columns = (Column(place, titles), *summary_columns(curves))
-    lines = [DataTable("response", "Peaks and jumps of the response", columns).text()]
+    lines = [DataTable("Peaks and jumps of the response", columns).text()]
     for title, curve in zip(titles, curves, strict=True):
         lines += [
-            f"  {title}: {one.name} at {one.frequency:.6g} Hz, tip {1e3 * one.amplitude:.4g} mm"
-            for one in curve.bifurcations
+            f"  {title}: {one['name']} at {one['frequency_hz']:.6g} Hz, tip {1e3 * one['amplitude_m']:.4g} mm"
+            for one in curve["bifurcations"]
         ]
     return Output("\n".join(lines), files)
 
 
-def _points(task: ResponseTask, curves: Sequence[CurveData]) -> Table:
+def _points(task: ResponseTask, curves: Sequence[Curve]) -> Table:
     """Return the points of all curves, one row each."""
-    names = list(curves[0].amplitude)
+    quantities = ("amplitude_m", "phase_rad")
     columns = [f"level_{task.unit.lower()}", "frequency_hz", "stable"]
-    columns += [f"{name}_{quantity}" for name in names for quantity in ("amplitude_m", "phase_rad")]
+    columns += [f"{name}_{quantity}" for name in curves[0]["points"] for quantity in quantities]
     rows = [
         [level, frequency, int(stable), *values]
         for level, curve in zip(task.levels, curves, strict=True)
         for frequency, stable, *values in zip(
-            curve.frequency.tolist(),
-            curve.stable.tolist(),
-            *(own.tolist() for name in names for own in (curve.amplitude[name], curve.phase[name])),
+            curve["frequency_hz"],
+            curve["stable"],
+            *(point[quantity] for point in curve["points"].values() for quantity in quantities),
             strict=True,
         )
     ]

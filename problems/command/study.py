@@ -12,7 +12,7 @@ from problems.command.output import Output, json_text, positive_count
 
 def add_study(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    from problems.study.reading import study_help
+    from problems.study.study import study_help
 
     parser.set_defaults(run=_study)
     parser.epilog = study_help()
@@ -22,10 +22,7 @@ def add_study(parser: argparse.ArgumentParser) -> None:
 
 def add_reproduce(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    from problems.study.reading import paper_help
-
     parser.set_defaults(run=_reproduce)
-    parser.epilog = paper_help()
     _add_options(parser)
 
 
@@ -45,16 +42,22 @@ def _study(options: argparse.Namespace) -> Output:
 
 
 def _reproduce(options: argparse.Namespace) -> Output:
-    return _run(options, None, "ancf-casadi reproduce")
+    from problems.paper.numbers import PAPER_FILE
+
+    return _run(options, PAPER_FILE, "ancf-casadi reproduce")
 
 
-def _run(options: argparse.Namespace, path: Path | None, command: str) -> Output:
-    from problems.study.study import run_study  # slow to import, and only needed here
+def _run(options: argparse.Namespace, path: Path, command: str) -> Output:
+    """Run a study, which may be an edited copy of that of the paper."""
+    from problems.paper.reproduce import ALL_KINDS  # slow to import, and only needed here
+    from problems.study.study import write_study
 
-    report = run_study(
+    report = write_study(
         path,
+        ALL_KINDS,
         options.out,
         quick=options.quick,
+        executor=None,
         jobs=options.jobs,
         progress=sys.stderr.isatty(),
         command=f"{command}{' --quick' if options.quick else ''}",

@@ -44,8 +44,6 @@ class DataTable:
 
     Parameters
     ----------
-    name : str
-        Name of its CSV file, without suffix.
     title : str
         Title.
     columns : tuple of Column
@@ -56,7 +54,6 @@ class DataTable:
         Origin of the printed numbers.
     """
 
-    name: str
     title: str
     columns: tuple[Column, ...]
     notes: tuple[str, ...] = ()
@@ -85,7 +82,7 @@ class DataTable:
 
     def text(self) -> str:
         """Return the table for a terminal, as a document shows it."""
-        return Table(self.name, self.title, self.heads(), self.cells(), self.notes).text()
+        return Table(self.title, self.title, self.heads(), self.cells(), self.notes).text()
 
     def table(self) -> Table:
         """Return the table with one number per cell, all digits, for CSV."""
@@ -100,7 +97,7 @@ class DataTable:
             if column.printed:
                 heads.append(self.source)
                 cells.append(column.printed)
-        return Table(self.name, self.title, heads, list(zip(*cells, strict=True)), self.notes)
+        return Table(self.title, self.title, heads, list(zip(*cells, strict=True)), self.notes)
 
 
 def shown(value: Cell, error: float | None = None, digits: int = 4) -> str:

@@ -49,8 +49,6 @@ class Drawing:
 
     Parameters
     ----------
-    name : str
-        Name of its files, without suffix.
     caption : str
         Caption, which says what is drawn.
     svg : str
@@ -59,7 +57,6 @@ class Drawing:
         Content of its PNG file; empty if it is not drawn.
     """
 
-    name: str
     caption: str
     svg: str
     png: bytes
@@ -75,23 +72,15 @@ def only(formats: tuple[str, ...]) -> Iterator[None]:
         _wanted.reset(before)
 
 
-def drawn(name: str, caption: str, draw: Callable[[], Figure]) -> Drawing:
-    """Draw a figure in the style of the documents, identical for identical data, in the formats that are wanted.
-
-    Parameters
-    ----------
-    name, caption : str
-        Name of its files, and caption.
-    draw : callable
-        Function that draws it.
-    """
+def drawn(caption: str, draw: Callable[[], Figure]) -> Drawing:
+    """Draw a figure in the style of the documents, identical for identical data, in the formats that are wanted."""
     from matplotlib import rc_context  # slow to import
 
     from ancf_casadi.plot import DOTS_PER_INCH
 
     svg, png, formats = io.StringIO(), io.BytesIO(), _wanted.get()
     if not formats:
-        return Drawing(name, caption, "", b"")
+        return Drawing(caption, "", b"")
     with _one_at_a_time, rc_context(STYLE):
         figure = literal_text(draw)()
         if engine := figure.get_layout_engine():
@@ -101,20 +90,13 @@ def drawn(name: str, caption: str, draw: Callable[[], Figure]) -> Drawing:
             figure.savefig(svg, format="svg", transparent=True, metadata={"Date": None})
         if "png" in formats:
             figure.savefig(png, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
-        return Drawing(name, caption, svg.getvalue(), png.getvalue())
+        return Drawing(caption, svg.getvalue(), png.getvalue())
 
 
 def new_figure(height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, list[Axes]]:
-    """Return a figure of the usual width and its panels, row by row.
+    """Return a figure of the usual width and a height in inches, and its panels, row by row.
 
-    Parameters
-    ----------
-    height : float
-        Height, inches.
-    rows, columns : int
-        Numbers of panels.
-    **options
-        Options of ``Figure.subplots``.
+    The options are those of ``Figure.subplots``.
     """
     from matplotlib.figure import Figure
 
@@ -147,64 +129,26 @@ def plain_log_ticks(axes: Axes, axis: str) -> None:
     axes.set(**{f"{axis}lim": (low, high)})
 
 
-@dataclass(frozen=True)
-class Band:
-    """A vibration as it is drawn: its samples, or its extremes in windows of at least one period.
-
-    Parameters
-    ----------
-    time : ndarray
-        Times, s.
-    low, high : ndarray
-        The extremes; equal if they are the samples.
-    """
-
-    time: Array
-    low: Array
-    high: Array
-
-
-def band(time: Array, values: Array, frequency: float) -> Band:
-    """Return a vibration for a figure: its samples if it has few periods, else its extremes.
-
-    Parameters
-    ----------
-    time, values : ndarray
-        Times, s, and values.
-    frequency : float
-        Frequency, Hz.
-    """
+def band(time: Array, values: Array, frequency: float) -> Array:
+    """Return times and extremes, (3, k), of a vibration of a frequency (Hz): its samples if it has few periods."""
     periods = float(time[-1] - time[0]) * frequency
     if periods < 25:  # so few are drawn in full
         step = max(1, len(time) // 1000)
-        return Band(time[::step], values[::step], values[::step])
+        return np.array([time[::step], values[::step], values[::step]])
     columns = int(min(periods, 300))
     edges = np.searchsorted(time, np.linspace(time[0], time[-1], columns, endpoint=False))
     edges = np.unique(edges)
-    return Band(time[edges], np.minimum.reduceat(values, edges), np.maximum.reduceat(values, edges))
+    return np.array([time[edges], np.minimum.reduceat(values, edges), np.maximum.reduceat(values, edges)])
 
 
-def draw_band(axes: Axes, shown: Band, scale: float, *, filled: bool = False, **style: Any) -> None:
-    """Draw a band: the samples as a line, the extremes as two lines or as a filled area.
-
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    shown : Band
-        The band.
-    scale : float
-        Factor of the values.
-    filled : bool
-        Whether to fill the area between the extremes.
-    **style
-        Arguments of ``Axes.plot``.
-    """
-    if shown.low is shown.high or np.array_equal(shown.low, shown.high):
-        axes.plot(shown.time, scale * shown.low, **style)
+def draw_band(axes: Axes, shown: Array, scale: float, *, filled: bool = False, **style: Any) -> None:
+    """Draw what ``band`` returns, times a factor: samples as a line, extremes as two lines or as a filled area."""
+    time, low, high = shown
+    if np.array_equal(low, high):
+        axes.plot(time, scale * low, **style)
     elif filled:
-        axes.fill_between(shown.time, scale * shown.low, scale * shown.high, color=style["color"], alpha=0.35, lw=0,
+        axes.fill_between(time, scale * low, scale * high, color=style["color"], alpha=0.35, lw=0,
                           label=style.get("label"))  # fmt: skip
     else:
-        axes.plot(shown.time, scale * shown.high, **style)
-        axes.plot(shown.time, scale * shown.low, **{**style, "label": None})
+        axes.plot(time, scale * high, **style)
+        axes.plot(time, scale * low, **{**style, "label": None})

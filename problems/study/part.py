@@ -10,23 +10,26 @@ A later part may need an earlier one: its beam, or the terms of its damping law.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from functools import cached_property
+from typing import Annotated, Any, ClassVar, Self
 
 from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.strain import StrainMeasures
+from ancf_casadi.support.inputs import is_sequence, number, shown
+from problems.schema.beam import law_of, read_beam
 from problems.schema.file import StudyFile
 from problems.schema.table import UNLISTED
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing
 
-if TYPE_CHECKING:
-    from problems.study.source import Source
-
 Terms = tuple[dict[str, Any], ...]  # tables [[damping]], the terms of one law
+Printed = dict[str, Any]  # printed numbers by column
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,132 @@ NO_FILE = StudyFile("", {})
 Found = Mapping[str, Finding]  # findings, without tables and figures, by the name of their part
 
 
+@dataclass(frozen=True)
+class LawChoice:
+    """A damping law of a table [[laws]], whose terms may be those that an earlier part has found.
+
+    Parameters
+    ----------
+    name, title : str
+        Name in the file, and title in figures.
+    terms : tuple of dict
+        Its tables [[damping]]; ``{part = "NAME"}`` stands for the terms of a part.
+    """
+
+    name: str
+    terms: Annotated[Terms, Meta(description='tables [[damping]], or {part = "PART"}')]
+    title: str = ""
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Names of the parts that find terms."""
+        return tuple(term["part"] for term in self.terms if "part" in term)
+
+    def of(self, found: Found) -> Terms:
+        """Return the terms without references.
+
+        Raises
+        ------
+        InputError
+            If a part has found none.
+        """
+        for name in self.needs:
+            if not found[name].terms:
+                raise InputError(f"the part {name!r} finds no damping law", f"[laws]: {self.name}")
+        terms: list[dict[str, Any]] = []
+        for term in self.terms:  # other keys beside ``part`` override those of the terms that the part has found
+            own = {key: value for key, value in term.items() if key != "part"}
+            terms += [other | own for other in found[term["part"]].terms] if "part" in term else [term]
+        return tuple(terms)
+
+
+@dataclass(frozen=True)
+class Source:
+    """The file of a study, and what all parts share.
+
+    Parameters
+    ----------
+    file : StudyFile
+        The tables.
+    laws : tuple of LawChoice
+        The tables [[laws]].
+    seed : int
+        Seed of random numbers.
+    """
+
+    file: StudyFile
+    laws: tuple[LawChoice, ...]
+    seed: int
+
+    @cached_property
+    def model(self) -> Model:
+        """The beam of the file.
+
+        Raises
+        ------
+        InputError
+            If there is none, or it comes from a document with strain measures other than the defaults.
+        """
+        if "beam" not in self.file.tables:
+            raise InputError("the table is missing; this part needs a beam", self.file.where("beam"))
+        model = read_beam(self.file).model
+        if model.measures != StrainMeasures():
+            raise InputError(
+                "the document has strain measures that this part does not support; use the defaults",
+                self.file.where("beam"),
+            )
+        return model
+
+    @property
+    def most_modes(self) -> int:
+        """Number of modes of the beam.
+
+        Raises
+        ------
+        InputError
+            If there is no beam.
+        """
+        count: int = self.model.size - self.model.free.start
+        return count
+
+    def law_choice(self, name: Any, where: str) -> LawChoice:
+        """Return a law by its name.
+
+        Raises
+        ------
+        InputError
+            If there is no such law.
+        """
+        for law in self.laws:
+            if law.name == name:
+                law_of([term for term in law.terms if "part" not in term], self.model, f"{where}: {name}")  # check
+                return law
+        raise InputError(f"there is no law {shown(name)}; [[laws]] names them", where)
+
+
+def printed_numbers(given: Printed, columns: Mapping[str, int], where: str) -> Printed:
+    """Return the printed numbers of a part by column, from its key ``printed``; nan stands for a missing number.
+
+    ``columns`` holds the number of rows of each column that may be given.
+
+    Raises
+    ------
+    InputError
+        If a name is no column, or a value is not a list with one number per row.
+    """
+    found = {}
+    for name, values in given.items():
+        place = f"{where}: printed"
+        if name not in columns:
+            raise InputError(f"must be one of {', '.join(columns)}, got {shown(name)}", place)
+        if not is_sequence(values):
+            raise InputError(f"must be a list of numbers, got {shown(values)}", f"{place}: {name}")
+        if len(values) != columns[name]:
+            raise InputError(f"has {len(values)} values for {columns[name]} rows", f"{place}: {name}")
+        found[name] = tuple(None if value != value else number(value, f"{place}: {name}") for value in values)
+    return found
+
+
 @dataclass(frozen=True, kw_only=True)
 class Part(ABC):
     """Base class of the kinds of parts; each kind is final.
@@ -116,7 +245,6 @@ class Part(ABC):
     kind: ClassVar[str]  # as in the table of a TOML file
     about: ClassVar[str]  # what it shows, for the help; {} stands for its keys
     heading: ClassVar[str]  # title of a part that gives none
-    numbers: ClassVar[Any]  # type of the data of its finding, for the schema of results.json
     naming: ClassVar[tuple[str, ...]] = ()  # keys that name parts; an empty ``beam`` stands for that of the file
 
     name: Annotated[str, Meta(description="its key in results.json")] = ""
@@ -169,50 +297,9 @@ class Part(ABC):
             raise InputError(f"the part {name!r} finds no beam; name a part of the kind match", "beam")
         return beam
 
-    def data_table(self, title: str, columns: Sequence[Column], *notes: str, suffix: str = "") -> DataTable:
-        """Return a table under the name of the part; the first one, without a suffix, has the notes of the part."""
-        own = () if suffix else self.notes
-        return DataTable(f"{self.name}{suffix}", title, tuple(columns), (*notes, *own), self.printed_by)
-
-
-@dataclass(frozen=True, kw_only=True)
-class FilePart(Part, ABC):
-    """Base class of the parts that read tables of the file and compute their finding, as another command does."""
-
-    wanted: ClassVar[Set[str]]  # names of the tables
-    seconds: ClassVar[float]  # expected computing time
-
-    given: Annotated[StudyFile, UNLISTED] = NO_FILE
-
-    @staticmethod
-    @abstractmethod
-    def compute(file: StudyFile, name: str) -> Finding:
-        """Return the finding from the tables of the file and the name of the part."""
-
-    def checked(self, source: Source, where: str) -> Self:
-        """Return the part with the tables that it reads."""
-        self.check(source.file, where)
-        return replace(self, given=source.file.only(self.wanted))
-
-    @abstractmethod
-    def check(self, file: StudyFile, where: str) -> None:
-        """Check the tables of a file.
-
-        Raises
-        ------
-        InputError
-            If a table is missing, a key or value cannot be used, or a file cannot be read.
-        """
-
-    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
-        """Return the computation."""
-        return (Task(self.compute, (self.given, self.name), self.seconds),)
-
-    def finding(self, results: Sequence[Finding], found: Found, effort: Effort) -> Finding:
-        """Return what the computation has found, with the notes of the part below its first table."""
-        (own,) = results
-        first, *others = own.tables
-        return replace(own, tables=(replace(first, notes=(*first.notes, *self.notes)), *others))
+    def data_table(self, title: str, columns: Sequence[Column], *notes: str) -> DataTable:
+        """Return a table that names the origin of the printed numbers."""
+        return DataTable(title, tuple(columns), notes, self.printed_by)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ simulation, the steady vibration, and the fit to measured motion.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,14 +15,10 @@ from msgspec import Meta, Struct
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import shown
-from problems.schema import beam, match
 from problems.schema.file import StudyFile
-from problems.schema.table import read, told
-from problems.study.document.labels import file_name
-from problems.study.kinds.decays import DecayRecord
-from problems.study.kinds.registry import KINDS, OF_PAPER, USUAL
-from problems.study.part import Part, Study
-from problems.study.source import LawChoice, Source, read_laws
+from problems.schema.table import read
+from problems.study.part import LawChoice, Part, Source, Study
+from problems.study.results import file_name
 
 SUGGESTED_KEYS = {  # parts that a table suggests
     "beam": ("beam", "modes"), "decays": ("decays",), "match": ("match",), "simulation": ("simulation",),
@@ -41,33 +37,8 @@ class StudyTable(Struct, frozen=True):
     seed: Annotated[int, Meta(ge=0)] = 0
 
 
-def study_help() -> str:
-    """Return the tables of a study file and their keys, for ``--help``."""
-    return "".join((
-        beam.HEAD,
-        told("[study]", "{}", StudyTable),
-        beam.BEAM_KEYS,
-        match.MATCH_KEYS,
-        told("[[decays]]", "measured free decays: {}", DecayRecord),
-        told("[[laws]]", "damping laws: {}", LawChoice),
-        beam.DAMPING_KEYS,
-        told("[[parts]]", "the document in order; without it, the parts that the other tables suggest.  Each part has "
-             "a kind, and may have {}", Part),
-        *map(_kind_help, USUAL),
-    ))  # fmt: skip
-
-
-def paper_help() -> str:
-    """Return the kinds of parts that only the study of the paper has, for ``--help``."""
-    return "".join(("kinds of [[parts]] that only the study of the paper has:\n", *map(_kind_help, OF_PAPER)))
-
-
-def _kind_help(kind: type[Part]) -> str:
-    return told(f'kind = "{kind.kind}"', kind.about, kind, indent=24, base=Part)
-
-
-def read_study(path: str | Path) -> Study:
-    """Read a study.
+def read_study(path: str | Path, kinds: Sequence[type[Part]]) -> Study:
+    """Read a study whose parts are of these kinds.
 
     Raises
     ------
@@ -80,10 +51,10 @@ def read_study(path: str | Path) -> Study:
     tables = file.several("parts") or suggested
     if not tables:
         raise InputError("has nothing to study; add [beam], [[decays]] or [[parts]]", str(path))
-    source, where = Source(file, read_laws(file), about.seed), file.where("parts")
+    source, where = Source(file, _laws(file), about.seed), file.where("parts")
     parts: dict[str, Part] = {}
     for table in tables:
-        part = _part(source, table, parts, where)
+        part = _part(source, table, {kind.kind: kind for kind in kinds}, parts, where)
         parts[part.name] = replace(part, printed_by=about.printed_by)
     _check_needs(parts, where)
     _check_labels(parts, where)
@@ -91,10 +62,32 @@ def read_study(path: str | Path) -> Study:
     return Study(about.title or Path(path).stem, tuple(parts.values()), about.text, about.source, about.seed, known)
 
 
-def _part(source: Source, table: Any, before: Mapping[str, Part], where: str) -> Part:
+def _laws(file: StudyFile) -> tuple[LawChoice, ...]:
+    """Return the laws of the tables [[laws]].
+
+    Raises
+    ------
+    InputError
+        If a key or value cannot be used, or two laws have one name.
+    """
+    where = file.where("laws")
+    found: dict[str, LawChoice] = {}
+    for table in file.several("laws"):
+        law = read(table, LawChoice, where)
+        if not law.name.isidentifier() or law.name in found:
+            raise InputError(f"must be made of letters, digits and _, and differ, got {shown(law.name)}",
+                             f"{where}: name")  # fmt: skip
+        for term in law.terms:
+            if not isinstance(term.get("part", ""), str):
+                raise InputError(f"must be the name of a part, got {shown(term['part'])}", f"{where}: {law.name}: part")
+        found[law.name] = law if law.title else replace(law, title=law.name)
+    return tuple(found.values())
+
+
+def _part(source: Source, table: Any, kinds: Mapping[str, type[Part]], before: Mapping[str, Part], where: str) -> Part:
     kind = table.get("kind") if isinstance(table, dict) else None
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise InputError(f"kind must be one of {', '.join(KINDS)}, got {shown(kind)}", where)
+    if not isinstance(kind, str) or kind not in kinds:
+        raise InputError(f"kind must be one of {', '.join(kinds)}, got {shown(kind)}", where)
     name = table.get("name", _free_name(kind, before))
     if not isinstance(name, str) or not name.isidentifier() or name in STUDY_TABLES:
         taken = ", ".join(sorted(STUDY_TABLES))
@@ -103,10 +96,10 @@ def _part(source: Source, table: Any, before: Mapping[str, Part], where: str) ->
         )
     if name in before:
         raise InputError(f"{name!r} is taken by an earlier part; choose another one", f"{where}: name")
-    given = {"title": KINDS[kind].heading, **table, "name": name}
+    given = {"title": kinds[kind].heading, **table, "name": name}
     del given["kind"]
     place = f"{where}: {name}"
-    part = read(given, KINDS[kind], place, {LawChoice: source.law_choice})
+    part = read(given, kinds[kind], place, {LawChoice: source.law_choice})
     return part.checked(source, place)
 
 

@@ -1,4 +1,6 @@
-"""The numbers of a study as ``results.json``, and the JSON Schema of this file.
+"""The results of a study: labels of its tables and figures, its numbers as ``results.json``, and their schema.
+
+A part may give labels; all other tables and figures have running numbers.
 
     {"study": {"title", "source", "seed", "quick", "parts": [{"name", "kind", "title", "tables", "figures"}]},
      "versions": {...},
@@ -10,55 +12,95 @@ Two runs of one study with one seed differ only in ``timing`` and in keys that e
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, TypedDict
+import itertools
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import NoneType
+from typing import Any
 
-import msgspec
-
-from problems.study.document.labels import Shown
-from problems.study.part import Study
+from problems.study.data_table import DataTable
+from problems.study.drawing import Drawing
+from problems.study.part import Finding, Part, Study
 from problems.study.runner import PartTime
 
-
-class PartNumbers(TypedDict):
-    """A part of the study and its place in the document."""
-
-    name: str
-    kind: str
-    title: str
-    tables: list[str]
-    figures: list[str]
-    warnings: list[str]
+JSON_TYPES = {dict: "object", list: "array", str: "string", bool: "boolean", int: "integer", float: "number",
+              NoneType: "null"}  # fmt: skip
 
 
-class StudyNumbers(TypedDict):
-    """The study."""
+@dataclass(frozen=True)
+class Shown:
+    """A part as the document shows it.
 
-    title: str
-    source: str
-    seed: int
-    quick: bool
-    parts: list[PartNumbers]
+    Parameters
+    ----------
+    part : Part
+        The part.
+    finding : Finding
+        Its results.
+    tables : tuple of (str, DataTable)
+        Its tables with their labels.
+    figures : tuple of (str, Drawing)
+        Its figures with their labels.
+    """
+
+    part: Part
+    finding: Finding
+    tables: tuple[tuple[str, DataTable], ...]
+    figures: tuple[tuple[str, Drawing], ...]
+
+
+def labelled(study: Study, findings: Mapping[str, Finding]) -> tuple[Shown, ...]:
+    """Return the parts in order, their tables and figures with labels.
+
+    The notes of a part stand below its first table.  In a study that gives labels, the others continue with the letters
+    of additional ones: ``Table A1``, ``Figure A1``.
+    """
+    own = any(part.tables or part.figures for part in study.parts)
+    taken = {file_name(label) for part in study.parts for label in (*part.tables, *part.figures)}
+    numbered = {kind: _free(f"{kind} {'A' if own else ''}", taken) for kind in ("Table", "Figure")}
+
+    def label(kind: str, given: tuple[str, ...], k: int) -> str:
+        return given[k] if k < len(given) else next(numbered[kind])
+
+    shown = []
+    for part in study.parts:
+        finding = findings[part.name]
+        tables = list(finding.tables)
+        if tables:
+            tables[0] = replace(tables[0], notes=(*tables[0].notes, *part.notes))
+        shown.append(
+            Shown(
+                part,
+                finding,
+                tuple((label("Table", part.tables, k), table) for k, table in enumerate(tables)),
+                tuple((label("Figure", part.figures, k), figure) for k, figure in enumerate(finding.figures)),
+            )
+        )
+    return tuple(shown)
+
+
+def file_name(label: str) -> str:
+    """Return the name of the files of a labelled table or figure: ``figure_05`` for Figure 5.
+
+    The name is made of letters, digits and _; it is empty if the label has none of them.
+    """
+    kind, _, number = label.lower().partition(" ")
+    named = f"{kind} {number.zfill(2)}" if number.isdecimal() else label.lower()
+    return re.sub(r"\W+", "_", named).strip("_")
+
+
+def _free(kind: str, taken: set[str]) -> Iterator[str]:
+    """Yield the running labels whose files have other names than those taken."""
+    for number in itertools.count(1):
+        if file_name(f"{kind}{number}") not in taken:
+            yield f"{kind}{number}"
 
 
 def results(
     study: Study, shown: Sequence[Shown], steps: Sequence[PartTime], versions: Mapping[str, str], *, quick: bool
 ) -> dict[str, Any]:
-    """Return the numbers of a study as plain data.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    shown : sequence of Shown
-        Its parts with labels.
-    steps : sequence of PartTime
-        Time of each part.
-    versions : mapping of str to str
-        Versions of the programs.
-    quick : bool
-        Whether the simulations were shortened.
-    """
+    """Return the numbers of a study as plain data; ``versions`` are those of the programs."""
     parts = [
         {
             "name": part.name,
@@ -86,23 +128,35 @@ def results(
     }
 
 
-def schema(study: Study) -> dict[str, Any]:
-    """Return the layout of ``results.json`` of a study as a JSON Schema (draft 2020-12)."""
-    types = [StudyNumbers, *(part.numbers for part in study.parts)]
-    layouts, components = msgspec.json.schema_components(types, ref_template="#/$defs/{name}")
-    about, *parts = layouts
-    properties = {
-        "study": about,
-        "versions": {"type": "object", "additionalProperties": {"type": "string"}},
-        **{part.name: layout for part, layout in zip(study.parts, parts, strict=True)},
-        "timing": {"type": "object", "additionalProperties": {"type": "number", "minimum": 0}},
-    }
+def schema(study: Study, numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the layout of the numbers of a study as a JSON Schema (draft 2020-12).
+
+    The numbers themselves give the layout: all their keys are required, but in a list of tables those that not all of
+    them have.  Every number may be null, which stands for an unknown one.
+    """
+    layout = _layout([numbers])
+    layout["properties"]["timing"] = {"type": "object", "additionalProperties": {"type": "number", "minimum": 0}}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": f"results.json of the study: {study.title}",
-        "type": "object",
-        "properties": properties,
-        "required": list(properties),
+        **layout,
         "additionalProperties": False,
-        "$defs": components,
     }
+
+
+def _layout(values: Sequence[Any]) -> dict[str, Any]:
+    """Return the layout that all of these values have; that of null alone leaves open what it stands for."""
+    types = {JSON_TYPES[type(value)] for value in values}
+    if "number" in types:
+        types.discard("integer")
+    if types & {"integer", "number"}:
+        types.add("null")
+    layout: dict[str, Any] = {} if types == {"null"} else {"type": sorted(types)}
+    if "object" in types:
+        tables = [value for value in values if isinstance(value, dict)]
+        keys = dict.fromkeys(key for table in tables for key in table)
+        layout["properties"] = {key: _layout([table[key] for table in tables if key in table]) for key in keys}
+        layout["required"] = [key for key in keys if all(key in table for table in tables)]
+    if items := [item for value in values if isinstance(value, list) for item in value]:
+        layout["items"] = _layout(items)
+    return layout

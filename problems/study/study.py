@@ -13,11 +13,10 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from importlib.metadata import version
-from importlib.resources import files
 from pathlib import Path
 from types import NoneType
 from typing import Any
@@ -26,14 +25,25 @@ from ancf_casadi.support.files import check_folder, check_path, write_files
 from ancf_casadi.support.inputs import check_instance, flag, whole
 from ancf_casadi.support.tables import Displayed, counted, to_json
 from ancf_casadi.version import __version__
-from problems.study.document.labels import Shown, file_name, labelled
-from problems.study.document.page import page
-from problems.study.part import FULL, QUICK, Study
-from problems.study.reading import read_study
-from problems.study.results import results, schema
+from problems.schema import beam as beam_schema
+from problems.schema.match import MATCH_KEYS
+from problems.schema.table import told
+from problems.study.kinds.beam import BeamProperties, Match, ModesOfBeam
+from problems.study.kinds.decays import DecayRecord, Decays
+from problems.study.kinds.motion import Comparison, MotionFit, SimulationPart
+from problems.study.kinds.rayleigh import Rayleigh
+from problems.study.kinds.response import ResponsePart
+from problems.study.kinds.transients import Transients
+from problems.study.page import page
+from problems.study.part import FULL, QUICK, LawChoice, Part, Study
+from problems.study.reading import StudyTable, read_study
+from problems.study.results import Shown, file_name, labelled, results, schema
 from problems.study.runner import PartTime, run_parts
 
-PAPER_FILE = Path(str(files("problems.study").joinpath("paper.toml")))  # the study of the paper
+KINDS: tuple[type[Part], ...] = (  # that users' files name, in the order of the help
+    BeamProperties, ModesOfBeam, Decays, Rayleigh, Match, SimulationPart, ResponsePart, MotionFit, Comparison,
+    Transients,
+)  # fmt: skip
 NUMBERED = re.compile(r"(table|figure)_a?\d+\.(csv|svg|png)")  # names of files of tables and figures
 PAGE, NUMBERS_FILE, SCHEMA_FILE = "report.html", "results.json", "results.schema.json"
 
@@ -91,8 +101,24 @@ class StudyReport(Displayed):
         return f"{str(self.page)!r}, {counted(len(self.parts), 'part')}, {counted(len(self.warnings), 'warning')}"
 
 
+def study_help() -> str:
+    """Return the tables of a study file and their keys, for ``--help``."""
+    return "".join((
+        beam_schema.HEAD,
+        told("[study]", "{}", StudyTable),
+        beam_schema.BEAM_KEYS,
+        MATCH_KEYS,
+        told("[[decays]]", "measured free decays: {}", DecayRecord),
+        told("[[laws]]", "damping laws: {}", LawChoice),
+        beam_schema.DAMPING_KEYS,
+        told("[[parts]]", "the document in order; without it, the parts that the other tables suggest.  Each part has "
+             "a kind, and may have {}", Part),
+        *(told(f'kind = "{kind.kind}"', kind.about, kind, indent=24, base=Part) for kind in KINDS),
+    ))  # fmt: skip
+
+
 def run_study(
-    path: str | Path | None = None,
+    path: str | Path,
     out: str | Path = "results",
     *,
     quick: bool = False,
@@ -107,8 +133,8 @@ def run_study(
 
     Parameters
     ----------
-    path : str or Path, optional
-        TOML file of the study; the study of the paper if not given.
+    path : str or Path
+        TOML file of the study.
     out : str or Path
         Folder of the results.
     quick : bool
@@ -140,12 +166,26 @@ def run_study(
     >>> round(report.results["rayleigh"]["alpha"], 6), report.page.name
     (0.228181, 'report.html')
     """
-    if path is not None:
-        check_path(path, "path")
+    return write_study(path, KINDS, out, quick=quick, executor=executor, jobs=jobs, progress=progress, command=command)
+
+
+def write_study(
+    path: str | Path,
+    kinds: Sequence[type[Part]],
+    out: str | Path,
+    *,
+    quick: bool,
+    executor: Executor | None,
+    jobs: int,
+    progress: bool,
+    command: str,
+) -> StudyReport:
+    """Run a study whose parts are of these kinds, and write its document, as ``run_study`` does."""
+    check_path(path, "path")
     check_instance(executor, "executor", Executor, NoneType)
     folder = check_folder(out)
     quick, jobs = flag(quick, "quick"), whole(jobs, "jobs", 1)
-    whole_study = read_study(PAPER_FILE if path is None else path)
+    whole_study = read_study(path, kinds)
     study = whole_study.shortened() if quick else whole_study
     findings, steps = run_parts(
         study,
@@ -174,7 +214,7 @@ def _write(folder: Path, study: Study, shown: tuple[Shown, ...], numbers: Mappin
             contents[folder / "figures" / f"{file_name(label)}.svg"] = figure.svg
             if figure.png:
                 contents[folder / "figures" / f"{file_name(label)}.png"] = figure.png
-    contents[folder / SCHEMA_FILE] = to_json(schema(study))
+    contents[folder / SCHEMA_FILE] = to_json(schema(study, numbers))
     contents[folder / NUMBERS_FILE] = to_json(numbers)
     contents[folder / PAGE] = document
     write_files(contents)

@@ -1,37 +1,32 @@
-"""Parts with the properties of the beam, Table 1 of the paper, and with its natural frequencies and mode shapes."""
+"""Parts with the beam: its properties, its modes, and a match to measured frequencies: Tables 1, 9, 10 of the paper."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Self, TypedDict, final
+from typing import TYPE_CHECKING, Annotated, Any, Self, final
 
 import numpy as np
 from msgspec import Meta
 
+from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.inputs import whole
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import located, whole
 from ancf_casadi.vibration.modes import natural_modes
-from problems.study.data_table import Column
-from problems.study.drawing import drawn
-from problems.study.part import Effort, Finding, Found, Part
-from problems.study.source import Printed, Source, printed_numbers
+from problems.matching.frequency_matching import match_frequencies
+from problems.schema.match import MatchTable, request_of
+from problems.schema.table import Positive, read
+from problems.study.data_table import Column, DataTable
+from problems.study.drawing import Drawing, drawn, new_figure, series
+from problems.study.part import Effort, Finding, Found, Part, Printed, Source, Task, printed_numbers
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 BEAM_ROWS = (("length", "mm", 1e3), ("width", "mm", 1e3), ("thickness", "mm", 1e3), ("density", "kg/m³", 1.0),
         ("elastic_modulus", "GPa", 1e-9))  # fmt: skip
-
-
-class BeamNumbers(TypedDict):
-    """Properties of a beam, one value per element, in SI units."""
-
-    length: float
-    elements: int
-    axis: list[float]
-    gravity: list[float]
-    width: list[float]
-    thickness: list[float]
-    density: list[float]
-    elastic_modulus: list[float]
+ELEMENT_ROWS = BEAM_ROWS[1:]  # of each element, which a match may change
 
 
 @final
@@ -40,7 +35,6 @@ class BeamProperties(Part):
     """The properties of a beam."""
 
     kind, about, heading = "beam", "the properties of [beam]; {}", "The beam"
-    numbers = BeamNumbers
     naming, beam = ("beam",), ""
 
     printed: Annotated[
@@ -64,7 +58,7 @@ class BeamProperties(Part):
             Column("unit", tuple(unit for _, unit, _ in BEAM_ROWS)),
             Column("value", tuple(means), printed=printed),
         )
-        varying = [name for name, *_ in BEAM_ROWS[1:] if np.ptp(getattr(beam, name)) > 0.0]
+        varying = [name for name, *_ in ELEMENT_ROWS if np.ptp(getattr(beam, name)) > 0.0]
         notes = [f"{beam.elements} elements; axis {beam.axis}, gravity {beam.gravity} m/s²."]
         if varying:
             notes.append(f"Means over the elements: {', '.join(varying).replace('_', ' ')} vary along the beam.")
@@ -74,7 +68,7 @@ class BeamProperties(Part):
             notes.append(f"Stiffness of the clamp: {beam.clamp_stiffness:.4g} N m/rad.")
         table = self.data_table("Properties of the beam", columns, *notes)
         data = {
-            **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in BEAM_ROWS[1:]},
+            **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in ELEMENT_ROWS},
             "length": beam.length,
             "elements": beam.elements,
             "axis": list(beam.axis),
@@ -83,19 +77,12 @@ class BeamProperties(Part):
         return Finding(data, (table,), beam=beam)
 
 
-class ModesNumbers(TypedDict):
-    """Natural frequencies."""
-
-    frequency_hz: list[float]
-
-
 @final
 @dataclass(frozen=True, kw_only=True)
 class ModesOfBeam(Part):
     """The lowest modes of a beam."""
 
     kind, about, heading = "modes", "natural frequencies and shapes: {}", "Natural modes"
-    numbers = ModesNumbers
     naming = ("beam",)
 
     modes: Annotated[int, Meta(ge=1)] = 5
@@ -117,5 +104,167 @@ class ModesOfBeam(Part):
             Column("frequency", tuple(frequencies), "Hz", printed=self.printed.get("frequency")),
         )
         table = self.data_table("Natural frequencies", columns)
-        figure = drawn(self.name, "Mode shapes about the equilibrium.", modes.figure)
+        figure = drawn("Mode shapes about the equilibrium.", modes.figure)
         return Finding({"frequency_hz": frequencies}, (table,), (figure,), beam=beam)
+
+
+@dataclass(frozen=True)
+class Matched:
+    """A matched beam as plain data.
+
+    Parameters
+    ----------
+    beam : Beam
+        The matched beam.
+    data : dict
+        The result for JSON, as ``FrequencyMatch.to_dict``.
+    ranges : dict of str to ndarray (n, 2)
+        Lowest and highest relative change of each property along the beam that fits equally well; none if the targets
+        are out of reach.
+    """
+
+    beam: Beam
+    data: dict[str, Any]
+    ranges: dict[str, Array]
+
+
+def match_plain(beam: Beam, request: dict[str, Any]) -> Matched:
+    """Match a beam, and return the result as plain data."""
+    match = match_frequencies(beam, **request_of(MatchTable(**request)))
+    space = match.matching.space
+    ranges = {} if match.out_of_reach else space.by_property(match.identifiability.spread - 1)
+    data = match.to_dict()
+    data["elastic_modulus_per_element"] = data["elastic_modulus"]
+    data["density_per_element"] = data["density"]
+    data["elastic_modulus"], data["density"] = data["elastic_modulus"][0], data["density"][0]
+    return Matched(match.beam, data, ranges)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Match(Part, MatchTable):
+    """A beam matched to measured frequencies."""
+
+    kind, heading = "match", "Beam matched to measured frequencies"
+    about = "nearest beam with measured frequencies; without targets, the table [match]: {}"
+    naming, beam = ("beam",), ""
+
+    weightless: Annotated[Positive, Meta(description="density, kg/m^3, of a beam without gravity to show beside")] = 0.0
+    printed: Annotated[
+        Printed,
+        Meta(
+            description="{standard (Hz), optimum (Hz), value = [width, thickness (mm), density (kg/m^3), "
+            "elastic modulus (GPa)]}"
+        ),
+    ] = field(default_factory=dict)
+
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with the keys of [match], if it has none of its own."""
+        own: MatchTable = self
+        if not self.request:
+            own = read(source.file.needed("match"), MatchTable, source.file.where("match"))
+        with located(where):
+            modes = len(request_of(own)["targets"])
+        columns = {"standard": modes, "optimum": modes, "value": len(ELEMENT_ROWS)}
+        return replace(self, **own.request, printed=printed_numbers(self.printed, columns, where))
+
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
+        """Return the match."""
+        return (Task(match_plain, (self.beam_in(found), self.request), 2.0),)
+
+    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+        """Return the properties, the frequencies, and both as figures."""
+        matched: Matched = results[0]
+        beam = self.beam_in(found)
+        figures = (
+            drawn("Properties of the matched beam along its length, relative to the given beam.  "
+                  "Shaded: changes of single elements that fit equally well.",
+                  lambda: self._profiles(matched, beam)),
+            self._errors(matched),
+        )  # fmt: skip
+        tables = (self._properties(matched, beam), self._frequencies(matched, beam))
+        return Finding(matched.data, tables, figures, tuple(matched.data["warnings"]), matched.beam)
+
+    def _properties(self, matched: Matched, beam: Beam) -> DataTable:
+        arrays = {name: scale * np.array(getattr(matched.beam, name)) for name, _, scale in ELEMENT_ROWS}
+        standard = [scale * float(np.mean(getattr(beam, name))) for name, _, scale in ELEMENT_ROWS]
+        columns = (
+            Column("property", tuple(name.replace("_", " ") for name, *_ in ELEMENT_ROWS)),
+            Column("unit", tuple(unit for _, unit, _ in ELEMENT_ROWS)),
+            Column("before", tuple(standard)),
+            Column("mean", tuple(float(values.mean()) for values in arrays.values()),
+                   printed=self.printed.get("value")),
+            Column("smallest", tuple(float(values.min()) for values in arrays.values())),
+            Column("largest", tuple(float(values.max()) for values in arrays.values())),
+        )  # fmt: skip
+        bounds = ", ".join(matched.data["at_bound"]) or "none"
+        notes = (
+            f"{matched.data['iterations']} iterations of IPOPT; properties at a bound: {bounds}.",
+            "Mean, smallest and largest value along the beam.",
+            *matched.data["identified"],
+        )
+        return self.data_table("Properties of the matched beam", columns, *notes)
+
+    def _frequencies(self, matched: Matched, beam: Beam) -> DataTable:
+        data = matched.data
+        columns = [
+            Column("mode", tuple(data["modes"])),
+            Column("measured", tuple(data["target_hz"]), "Hz"),
+            Column("before", tuple(data["standard_hz"]), "Hz"),
+        ]
+        printed = self.printed.get("standard")
+        if self.weightless:
+            other = beam.with_(gravity=(0.0, 0.0), density=self.weightless)
+            frequencies = natural_modes(Model(other), count=max(data["modes"])).frequencies
+            shown = tuple(float(frequencies[mode - 1]) for mode in data["modes"])
+            columns.append(Column(f"{self.weightless:g} kg/m³, no gravity", shown, "Hz", printed=printed))
+        else:
+            columns[-1] = Column("before", tuple(data["standard_hz"]), "Hz", printed=printed)
+        optimum = self.printed.get("optimum")
+        columns.append(Column("matched", tuple(data["matched_hz"]), "Hz", printed=optimum))
+        note = f"Largest relative error after matching: {data['max_relative_error']:.1e}."
+        title = "Natural frequencies before and after matching"
+        return self.data_table(title, columns, note)
+
+    def _profiles(self, matched: Matched, beam: Beam) -> Figure:
+        names = [name for name, *_ in ELEMENT_ROWS if matched.ranges.get(name) is not None] or [
+            name for name, *_ in ELEMENT_ROWS
+        ]
+        along = [name for name in names if np.ptp(getattr(matched.beam, name)) > 0.0] or names[:1]
+        figure, panels = new_figure(0.8 + 1.5 * len(along), len(along), sharex=True)
+        edges = 1e3 * np.linspace(0.0, beam.length, beam.elements + 1)
+        for k, (axes, name) in enumerate(zip(panels, along, strict=True)):
+            change = 100 * (np.array(getattr(matched.beam, name)) / np.array(getattr(beam, name)) - 1)
+            if name in matched.ranges:
+                low, high = 100 * np.broadcast_to(matched.ranges[name], (beam.elements, 2)).T
+                axes.fill_between(edges, np.append(low, low[-1]), np.append(high, high[-1]), step="post",
+                                  color=series(0)["color"], alpha=0.2, lw=0, label="fits equally well")  # fmt: skip
+            axes.stairs(change, edges, baseline=None, color=series(0)["color"], lw=1.5, label="matched")
+            axes.axhline(0.0, color="black", lw=0.8, ls=":")
+            axes.set(ylabel=f"{name.replace('_', ' ')}\nchange, %", xlim=(0.0, edges[-1]))
+            if not k:
+                axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+        panels[-1].set_xlabel("distance from the clamp, mm")
+        figure.align_ylabels()
+        return figure
+
+    def _errors(self, matched: Matched) -> Drawing:
+        """Draw the relative errors on a logarithmic scale, so that those after matching are visible."""
+        data = matched.data
+        target = np.array(data["target_hz"])
+        columns = {"before": data["standard_hz"], "matched": data["matched_hz"]}
+        for key, name in (("standard", "standard"), ("optimum", "optimum")):
+            if key in self.printed:
+                columns[f"{self.printed_by}, {name}"] = list(self.printed[key])
+
+        def draw() -> Figure:
+            figure, (axes,) = new_figure(3.2)
+            for k, (label, frequencies) in enumerate(columns.items()):
+                errors = 100 * np.abs(np.array(frequencies, dtype=float) / target - 1)
+                axes.plot(data["modes"], np.maximum(errors, 1e-12), **series(k), ms=5, label=label)
+            axes.set(yscale="log", xlabel="mode", ylabel="frequency error, %", xticks=data["modes"])
+            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+            return figure
+
+        caption = "Relative errors of the natural frequencies, without their signs, on a logarithmic scale."
+        return drawn(caption, draw)

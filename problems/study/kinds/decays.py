@@ -7,9 +7,9 @@ figure and table made from synthetic decays says so.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypedDict, final
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, final
 
 import casadi as cs
 import numpy as np
@@ -19,7 +19,6 @@ from msgspec.structs import asdict
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import prefixed
 from ancf_casadi.support.inputs import check_keys, located
@@ -32,8 +31,7 @@ from problems.schema.motion import read_measured
 from problems.schema.table import UNLISTED, Positive, read
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
-from problems.study.part import Effort, Finding, Found, Part, Task
-from problems.study.source import Printed, Source, printed_numbers
+from problems.study.part import Effort, Finding, Found, Part, Printed, Source, Task, printed_numbers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -79,32 +77,17 @@ class Decay:
 
     Parameters
     ----------
-    time, values : ndarray
-        Times, s, and values in the SI unit of the sensor.
-    sensor : Sensor
-        The sensor.
-    label : str
-        Name of the record.
+    record : Measurement
+        The record.
     synthetic : str
         Description of a synthetic record; empty for a measured one.
     release_time : float
         Start of the decay, s; nan if it is to be detected.
     """
 
-    time: Array
-    values: Array
-    sensor: Sensor
-    label: str
+    record: Measurement
     synthetic: str
     release_time: float
-
-
-class Unbounded(TypedDict):
-    """Coefficients under the quadratic law as if they had no bounds (1/s, 1/m), and their covariance (2, 2)."""
-
-    eta1: float
-    eta2_per_m: float
-    covariance: list[list[float]]
 
 
 @dataclass(frozen=True)
@@ -113,87 +96,70 @@ class FittedDecay:
 
     Parameters
     ----------
-    quantities, errors : dict of str to float
-        Estimates and standard errors by name, as in ``DecayFit``.
-    law : str
-        The law.
-    warnings : tuple of str
-        Limitations.
+    numbers : dict
+        Estimates, standard errors, law and warnings as in ``results.json``; ``unbounded`` holds the coefficients of the
+        quadratic law as if they had no bounds, and their covariance, None under other laws.
+    amplitude_error : float
+        Standard error of the amplitude, m; nan if unknown.
     time, measured, fitted : ndarray
         Times from the release on, s, record and fit.
     fine_time, fine : ndarray
         Fine times over the first periods, s, and the fit there.
-    unbounded : dict, optional
-        Coefficients under the quadratic law as if they had no bounds; None under other laws.
     """
 
-    quantities: dict[str, float]
-    errors: dict[str, float]
-    law: str
-    warnings: tuple[str, ...]
+    numbers: dict[str, Any]
+    amplitude_error: float
     time: Array
     measured: Array
     fitted: Array
     fine_time: Array
     fine: Array
-    unbounded: Unbounded | None
 
 
 def fit_plain(decay: Decay, law: str, offset: bool) -> FittedDecay:
-    """Fit a decay, and return the fit as plain data.
-
-    Raises
-    ------
-    InputError, FitError
-        As ``fit_decay``.
-    """
+    """Fit a decay, and return the fit as plain data."""
     release = None if math.isnan(decay.release_time) else decay.release_time
-    record = Measurement(decay.time, decay.values, decay.label, decay.sensor)
-    with located(decay.label):
+    record = decay.record
+    with located(record.name):
         fit: DecayFit = fit_decay(record, law=law, offset=offset, release_time=release)  # type: ignore[arg-type]
-    names = ("frequency", "damping_ratio", "eta1", "eta2", "amplitude", "correlation")
     per_period = len(fit.time) / max(1.0, fit.frequency * float(fit.time[-1] - fit.time[0]))
     periods = min(12, max(3, 300 / per_period), len(fit.time) / per_period)  # drawn in detail
     fine_time = fit.release_time + np.linspace(0.0, periods / fit.frequency, int(40 * periods))
     return FittedDecay(
-        quantities={name: float(getattr(fit, name)) for name in names},
-        errors={name: float(fit.standard_errors.get(name, math.nan)) for name in names},
-        law=fit.law,
-        warnings=fit.warnings,
+        numbers=_numbers(fit),
+        amplitude_error=fit.standard_errors.get("amplitude", math.nan),
         time=fit.time,
-        measured=np.interp(fit.time, decay.time, decay.values),
+        measured=np.interp(fit.time, record.time, record.values),
         fitted=np.asarray(fit.displacement(fit.time)),
         fine_time=fine_time,
         fine=np.asarray(fit.displacement(fine_time)),
-        unbounded=_unbounded(fit) if fit.law in ("quadratic", "one-mode") else None,
     )
 
 
-def _unbounded(fit: DecayFit) -> Unbounded:
-    found = ModeCoefficients.from_fit(fit)
-    return {"eta1": found.eta1, "eta2_per_m": found.eta2, "covariance": found.covariance.tolist()}
+def _numbers(fit: DecayFit) -> dict[str, Any]:
+    def error(name: str) -> float | None:
+        return known(fit.standard_errors.get(name, math.nan))
 
-
-class DecayNumbers(TypedDict):
-    """Estimates from a free decay."""
-
-    mode: int
-    record: str
-    synthetic: bool
-    law: str
-    frequency_hz: float
-    frequency_stderr_hz: float | None
-    damping_ratio: float
-    damping_ratio_stderr: float | None
-    equivalent_damping_ratio: float
-    amplitude_m: float
-    eta1: float
-    eta1_stderr: float | None
-    eta2_per_m: float
-    eta2_stderr_per_m: float | None
-    correlation: float | None
-    unbounded: Unbounded | None
-    warnings: list[str]
+    unbounded = None
+    if fit.law in ("quadratic", "one-mode"):
+        found = ModeCoefficients.from_fit(fit)
+        unbounded = {"eta1": found.eta1, "eta2_per_m": found.eta2, "covariance": found.covariance.tolist()}
+    return {
+        "law": fit.law,
+        "frequency_hz": fit.frequency,
+        "frequency_stderr_hz": error("frequency"),
+        "damping_ratio": fit.damping_ratio,
+        "damping_ratio_stderr": error("damping_ratio"),
+        "equivalent_damping_ratio": fit.damping_ratio,
+        "amplitude_m": fit.amplitude,
+        "eta1": fit.eta1,
+        "eta1_stderr": error("eta1"),
+        "eta2_per_m": fit.eta2,
+        "eta2_stderr_per_m": error("eta2"),
+        "correlation": known(fit.correlation),
+        "unbounded": unbounded,
+        "warnings": list(fit.warnings),
+    }
 
 
 @final
@@ -202,7 +168,6 @@ class Decays(Part):
     """Free decays, one per mode, and their fits."""
 
     kind, about, heading = "decays", "free decays: {}", "Free decays"
-    numbers = list[DecayNumbers]
 
     law: Literal[Law, "auto"] = "linear"
     offset: bool = True
@@ -260,7 +225,8 @@ class Decays(Part):
             f"Synthetic decays by {law}, because no raw record was published: {self.sample_rate:g} samples/s, "
             f"{self.duration:g} s, white noise of {1e3 * self.std:g} mm, seed {seed}."
         )
-        return Decay(time, exact.full().ravel() + noise, Sensor(), f"mode {mode}, synthetic", about, 0.0)
+        record = Measurement(time, exact.full().ravel() + noise, f"mode {mode}, synthetic")
+        return Decay(record, about, 0.0)
 
     def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
         """Return the fits."""
@@ -269,100 +235,78 @@ class Decays(Part):
     def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the table of modal parameters, and a figure per record."""
         fits: Sequence[FittedDecay] = results
-        figures = tuple(
-            self._drawing(mode, decay, fit)
-            for mode, (decay, fit) in enumerate(zip(self.decays, fits, strict=True), start=1)
-        )
-        warnings = tuple(
-            f"{decay.label}: {warning}"
-            for decay, fit in zip(self.decays, fits, strict=True)
-            for warning in fit.warnings
-        )
-        data = [self._data(mode, decay, fit) for mode, (decay, fit) in
-                enumerate(zip(self.decays, fits, strict=True), start=1)]  # fmt: skip
-        return Finding(data, (self._table(fits),), figures, warnings)
+        numbered = list(enumerate(zip(self.decays, fits, strict=True), start=1))
+        data = [
+            {"mode": mode, "record": decay.record.name, "synthetic": bool(decay.synthetic), **fit.numbers}
+            for mode, (decay, fit) in numbered
+        ]
+        figures = tuple(self._drawing(mode, decay, fit) for mode, (decay, fit) in numbered)
+        warnings = tuple(f"{row['record']}: {warning}" for row in data for warning in row["warnings"])
+        rows = [{**row, "amplitude_error": fit.amplitude_error} for row, fit in zip(data, fits, strict=True)]
+        return Finding(data, (self._table(rows),), figures, warnings)
 
-    def _table(self, fits: Sequence[FittedDecay]) -> DataTable:
-        def column(head: str, name: str, unit: str, scale: float = 1.0) -> Column:
-            values = tuple(scale * fit.quantities[name] for fit in fits)
-            errors = tuple(scale * fit.errors[name] for fit in fits)
+    def _table(self, rows: Sequence[Mapping[str, Any]]) -> DataTable:
+        def column(head: str, name: str, unit: str, key: str, error: str, scale: float = 1.0) -> Column:
+            values = tuple(scale * row[key] for row in rows)
+            errors = tuple(None if row[error] is None else scale * row[error] for row in rows)
             return Column(head, values, unit, errors, self.printed.get(name))
 
-        columns = [Column("record", tuple(decay.label for decay in self.decays))]
+        columns = [Column("record", tuple(decay.record.name for decay in self.decays))]
         if all(decay.synthetic for decay in self.decays):
-            columns = [Column("mode", tuple(range(1, len(fits) + 1)))]
-        if len({fit.law for fit in fits}) > 1 or self.law == "auto":
-            columns.append(Column("law", tuple(fit.law for fit in fits)))
-        columns.append(column("frequency", "frequency", "Hz"))
-        damped_by_rate = any(fit.law != "linear" for fit in fits)
+            columns = [Column("mode", tuple(range(1, len(rows) + 1)))]
+        laws = tuple(row["law"] for row in rows)
+        if len({*laws}) > 1 or self.law == "auto":
+            columns.append(Column("law", laws))
+        columns.append(column("frequency", "frequency", "Hz", "frequency_hz", "frequency_stderr_hz"))
+        damped_by_rate = any(law != "linear" for law in laws)
         if damped_by_rate:
-            columns += [column("η1", "eta1", "1/s"), column("η2", "eta2", "1/m")]
-            columns.append(Column("correlation", tuple(fit.quantities["correlation"] for fit in fits)))
-            columns.append(column("amplitude", "amplitude", "mm", 1e3))
+            columns.append(column("η1", "eta1", "1/s", "eta1", "eta1_stderr"))
+            columns.append(column("η2", "eta2", "1/m", "eta2_per_m", "eta2_stderr_per_m"))
+            columns.append(Column("correlation", tuple(row["correlation"] for row in rows)))
+            columns.append(column("amplitude", "amplitude", "mm", "amplitude_m", "amplitude_error", 1e3))
         ratio = "equivalent damping ratio" if damped_by_rate else "damping ratio"
-        columns.append(column(ratio, "damping_ratio", "%", 100.0))
+        columns.append(column(ratio, "damping_ratio", "%", "damping_ratio", "damping_ratio_stderr", 100.0))
         sources = dict.fromkeys(decay.synthetic for decay in self.decays if decay.synthetic)
         title = "Modal parameters from free decays"
         if sources:
             title += "; synthetic data"
         return self.data_table(title, columns, *sources)
 
-    def _data(self, mode: int, decay: Decay, fit: FittedDecay) -> dict[str, Any]:
-        values, errors = fit.quantities, fit.errors
-        return {
-            "mode": mode,
-            "record": decay.label,
-            "synthetic": bool(decay.synthetic),
-            "law": fit.law,
-            "frequency_hz": values["frequency"],
-            "frequency_stderr_hz": known(errors["frequency"]),
-            "damping_ratio": values["damping_ratio"],
-            "damping_ratio_stderr": known(errors["damping_ratio"]),
-            "equivalent_damping_ratio": values["damping_ratio"],
-            "amplitude_m": values["amplitude"],
-            "eta1": values["eta1"],
-            "eta1_stderr": known(errors["eta1"]),
-            "eta2_per_m": values["eta2"],
-            "eta2_stderr_per_m": known(errors["eta2"]),
-            "correlation": known(values["correlation"]),
-            "unbounded": fit.unbounded,
-            "warnings": list(fit.warnings),
-        }
-
     def _drawing(self, mode: int, decay: Decay, fit: FittedDecay) -> Drawing:
-        name = f"{self.name}_{mode}"
-        values = fit.quantities
-        title = f"f = {values['frequency']:.5g} Hz,  ζ = {100 * values['damping_ratio']:.3g} %"
-        if fit.law in ("quadratic", "one-mode"):
-            title = f"f = {values['frequency']:.5g} Hz,  η1 = {values['eta1']:.3g} 1/s,  η2 = {values['eta2']:.3g} 1/m"
-        which = f"Mode {mode}: free decay (synthetic record)" if decay.synthetic else f"Free decay {decay.label}"
+        found = fit.numbers
+        title = f"f = {found['frequency_hz']:.5g} Hz,  "
+        if found["unbounded"]:
+            title += f"η1 = {found['eta1']:.3g} 1/s,  η2 = {found['eta2_per_m']:.3g} 1/m"
+        else:
+            title += f"ζ = {100 * found['damping_ratio']:.3g} %"
+        which = f"Mode {mode}: free decay (synthetic record)" if decay.synthetic else f"Free decay {decay.record.name}"
         caption = (
-            f"{which} and its fit by the {fit.law} law.  Top: extremes over the whole record.  Middle: first periods.  "
-            "Bottom: record less fit."
+            f"{which} and its fit by the {found['law']} law.  Top: extremes over the whole record.  "
+            "Middle: first periods.  Bottom: record less fit."
         )
-        head = f"mode {mode}" if decay.synthetic else decay.label
-        return drawn(name, caption, lambda: _decay_figure(decay, fit, f"{head}:  {title}"))
+        head = f"mode {mode}" if decay.synthetic else decay.record.name
+        return drawn(caption, lambda: _decay_figure(decay, fit, f"{head}:  {title}"))
 
 
 def _decay_figure(decay: Decay, fit: FittedDecay, title: str) -> Figure:
     """Draw a decay with its fit, its first periods, and the residuals."""
     figure, (whole_record, first, remainder) = new_figure(4.6, 3)
-    size, unit = prefixed(float(np.abs(fit.measured).max()), decay.sensor.unit)
+    size, unit = prefixed(float(np.abs(fit.measured).max()), decay.record.sensor.unit)
     label = "synthetic record" if decay.synthetic else "record"
-    frequency = fit.quantities["frequency"]
+    frequency = fit.numbers["frequency_hz"]
     draw_band(whole_record, band(fit.time, fit.measured, frequency), 1 / size, filled=True, color="black", label=label)
     draw_band(whole_record, band(fit.time, fit.fitted, frequency), 1 / size, **line(1), lw=1, label="fit")
     shown = fit.time <= fit.fine_time[-1]
     first.plot(fit.time[shown], fit.measured[shown] / size, "k.", ms=3, label=label)
     first.plot(fit.fine_time, fit.fine / size, **line(1), lw=1, label="fit")
     rest = fit.measured - fit.fitted
-    rest_size, rest_unit = prefixed(float(np.abs(rest).max()), decay.sensor.unit)
+    rest_size, rest_unit = prefixed(float(np.abs(rest).max()), decay.record.sensor.unit)
     windows = np.unique(np.linspace(0, len(rest) - 1, min(300, len(rest))).astype(int))  # of the drawn residuals
     low, high = (extreme.reduceat(rest, windows) / rest_size for extreme in (np.minimum, np.maximum))
     remainder.vlines(fit.time[windows], low, high, color="black", lw=0.7)
     remainder.set(xlabel="time, s", ylabel=f"residual, {rest_unit}" if rest_unit else "residual")
     for axes in (whole_record, first):
-        axes.set_ylabel(f"{decay.sensor.quantity}, {unit}" if unit else decay.sensor.quantity)
+        axes.set_ylabel(f"{decay.record.sensor.quantity}, {unit}" if unit else decay.record.sensor.quantity)
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     figure.align_ylabels()
     figure.suptitle(f"{title}{';  SYNTHETIC DATA' if decay.synthetic else ''}", fontsize=9, ha="left", x=0.02)
@@ -374,4 +318,4 @@ def _measured(source: Source, given: DecayRecord, where: str) -> Decay:
     recording = read_measured(source.file, asdict(given), where)
     with located(where):
         record = Measurement.from_recording(recording, given.column, unit=given.unit).cut(given.begin, given.end)
-    return Decay(record.time, record.values, record.sensor, record.name, "", given.release_time)
+    return Decay(record, "", given.release_time)

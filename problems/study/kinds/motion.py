@@ -1,59 +1,125 @@
-"""Parts with measured large motion: a fit with predictions of other records, and a comparison of damping laws.
+"""Parts with motion, computed from the tables of the file as other commands do.
 
-They read the tables [[damping]], [base], [[records]], [[predictions]] and [fit] of the file, as the commands
-``fit`` and ``compare-laws`` do.
+One simulated motion, as ``ancf-casadi simulate``; a fit to measured large motion with predictions of other records, as
+``fit``; a comparison of damping laws on measured motion, as ``compare-laws``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, TypedDict, final
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar, Self, final
 
+import numpy as np
+
+from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.exceptions import InputError
 from problems.beam.fitting import compare_laws, fit_beam
 from problems.schema.file import StudyFile
 from problems.schema.records import NUMBERS, read_measurements
+from problems.schema.simulation import read_simulation
+from problems.schema.table import UNLISTED
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import drawn
-from problems.study.part import FilePart, Finding
+from problems.study.part import NO_FILE, Effort, Finding, Found, Part, Source, Task
 
 MOTION_TABLES = {"beam", "damping", "base", "load", "release", "records", *NUMBERS, "predictions", "fit"}
 
 
-class MotionNumbers(TypedDict):
-    """Fit to measured motion, as ``BeamFit.to_dict``, and predictions, as ``RecordPrediction.to_dict``."""
+@dataclass(frozen=True, kw_only=True)
+class FilePart(Part, ABC):
+    """Base class of these parts, which one computation makes of tables of the file."""
 
-    fit: dict[str, Any]
-    predictions: list[dict[str, Any]]
+    wanted: ClassVar[Set[str]]  # names of the tables
+    seconds: ClassVar[float]  # expected computing time
+
+    given: Annotated[StudyFile, UNLISTED] = NO_FILE
+
+    @staticmethod
+    @abstractmethod
+    def compute(file: StudyFile) -> Finding:
+        """Return the finding from the tables of the file."""
+
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with the tables that it reads, once they are checked."""
+        self.check(source.file, where)
+        return replace(self, given=source.file.only(self.wanted))
+
+    def check(self, file: StudyFile, where: str) -> None:
+        """Check the tables; most of these parts read measurements."""
+        read_measurements(file)
+
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
+        """Return the computation."""
+        return (Task(self.compute, (self.given,), self.seconds),)
+
+    def finding(self, results: Sequence[Finding], found: Found, effort: Effort) -> Finding:
+        """Return what the computation has found."""
+        return results[0]
 
 
-def fitted_motion(file: StudyFile, name: str) -> Finding:
-    """Fit the motion in the files of a study: estimates, predictions and their figures.
+def simulated_motion(file: StudyFile) -> Finding:
+    """Simulate the motion of a study file: range and energies, and the figure of the motion."""
+    task = read_simulation(file)
+    run = simulate(task.model, damping=task.damping, base=task.base, **task.settings)
+    if run.interrupted:
+        raise KeyboardInterrupt
+    data: dict[str, Any] = {
+        "tip_position_range_m": np.ptp(run.tip, axis=0).tolist(),
+        "dissipated_energy_j": float(run.dissipated_energy[-1]),
+        "balance_error_j": float(np.abs(run.balance_error).max()),
+        "integrators": [use.method for use in run.integrators],
+    }
+    x, y = data["tip_position_range_m"]
+    rows = (
+        ("range of the tip position in x", "mm", 1e3 * x),
+        ("range of the tip position in y", "mm", 1e3 * y),
+        ("energy taken by damping", "mJ", 1e3 * data["dissipated_energy_j"]),
+        ("largest energy balance error", "mJ", 1e3 * data["balance_error_j"]),
+    )
+    heads = ("quantity", "unit", "value")
+    columns = tuple(Column(head, cells) for head, cells in zip(heads, zip(*rows, strict=True), strict=True))
+    caption = "Motion of the tip relative to the clamp, and shapes of the beam."
+    return Finding(data, (DataTable("Simulated motion", columns),), (drawn(caption, run.figure),))
 
-    Raises
-    ------
-    InputError, FitError
-        As ``fit_beam``.
-    """
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class SimulationPart(FilePart):
+    """One simulated motion."""
+
+    kind, heading = "simulation", "Simulated motion"
+    about = "one motion: the tables [[damping]], [base], [load], [release], [simulation]"
+    seconds = 10.0
+    compute = staticmethod(simulated_motion)
+    wanted = frozenset({"beam", "damping", "base", "load", "release", "simulation", "markers"})
+
+    def check(self, file: StudyFile, where: str) -> None:
+        """Check the simulation."""
+        read_simulation(file)
+
+
+def fitted_motion(file: StudyFile) -> Finding:
+    """Fit the motion in the files of a study: estimates, predictions and their figures."""
     read = read_measurements(file)
     fit = fit_beam(read.model, read.records, read.damping, **read.settings)
-    figures = [drawn(name, "Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
+    figures = [drawn("Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
     predictions = []
     for k, record in enumerate(read.predictions, start=1):
         prediction = fit.predict(record)
         predictions.append(prediction)
         caption = f"Record {k} that was predicted, not fitted: measured (dots) and computed (lines), and residuals."
-        figures.append(drawn(f"{name}_prediction_{k}", caption, prediction.figure))
+        figures.append(drawn(caption, prediction.figure))
     warnings = (*fit.warnings, *(warning for prediction in predictions for warning in prediction.warnings))
     data: dict[str, Any] = {"fit": fit.to_dict(), "predictions": [one.to_dict() for one in predictions]}
-    tables = [_estimates(name, data["fit"]["estimates"])]
+    tables = [_estimates(data["fit"]["estimates"])]
     if predictions:
-        tables.append(_errors(f"{name}_predictions", data["predictions"]))
+        tables.append(_errors(data["predictions"]))
     return Finding(data, tuple(tables), tuple(figures), warnings, fit.model.beam)
 
 
-def _estimates(name: str, unknowns: Sequence[Mapping[str, Any]]) -> DataTable:
+def _estimates(unknowns: Sequence[Mapping[str, Any]]) -> DataTable:
     columns = (
         Column("unknown", tuple(one["name"] for one in unknowns)),
         Column("unit", tuple(one["unit"] for one in unknowns)),
@@ -62,10 +128,10 @@ def _estimates(name: str, unknowns: Sequence[Mapping[str, Any]]) -> DataTable:
         Column("95 % interval from", tuple(one["interval_95"][0] for one in unknowns)),
         Column("to", tuple(one["interval_95"][1] for one in unknowns)),
     )  # fmt: skip
-    return DataTable(name, "Estimates from the measurements", columns)
+    return DataTable("Estimates from the measurements", columns)
 
 
-def _errors(name: str, predictions: Sequence[Mapping[str, Any]]) -> DataTable:
+def _errors(predictions: Sequence[Mapping[str, Any]]) -> DataTable:
     rows = [
         (k, channel["channel"], channel["unit"], channel["rms_error"], 100 * channel["relative_error"])
         for k, one in enumerate(predictions, start=1)
@@ -75,7 +141,7 @@ def _errors(name: str, predictions: Sequence[Mapping[str, Any]]) -> DataTable:
     columns = tuple(
         Column(head, cells, unit) for (head, unit), cells in zip(heads, zip(*rows, strict=True), strict=True)
     )
-    return DataTable(name, "Errors of the predictions", columns)
+    return DataTable("Errors of the predictions", columns)
 
 
 @final
@@ -86,35 +152,13 @@ class MotionFit(FilePart):
     kind, heading = "motion", "Fit to measured motion"
     about = ("fit to measured large motion, and predictions: the tables [[damping]], [base], [[records]], "
              "[[predictions]], [fit]")  # fmt: skip
-    numbers = MotionNumbers
     seconds = 60.0
     compute = staticmethod(fitted_motion)
     wanted = MOTION_TABLES
 
-    def check(self, file: StudyFile, where: str) -> None:
-        """Check the records."""
-        read_measurements(file)
 
-
-class ComparisonNumbers(TypedDict):
-    """Comparison of damping laws, as ``LawComparison.to_dict``."""
-
-    best: str
-    settled: bool
-    effective_samples: float
-    laws: list[dict[str, Any]]
-    failed: dict[str, str]
-    warnings: list[str]
-
-
-def compared_laws(file: StudyFile, name: str) -> Finding:
-    """Fit the laws of a study file to its records: the criteria, as a table and as a figure.
-
-    Raises
-    ------
-    InputError, FitError
-        As ``compare_laws``.
-    """
+def compared_laws(file: StudyFile) -> Finding:
+    """Fit the laws of a study file to its records: the criteria, as a table and as a figure."""
     read = read_measurements(file)
     found = compare_laws(read.model, read.records, read.laws, **read.settings)
     caption = "Information criteria of the laws above the lowest: smaller is better."
@@ -127,8 +171,8 @@ def compared_laws(file: StudyFile, name: str) -> Finding:
         Column("rms residual", tuple(law["residual_rms"] for law in laws)),
         Column("BIC above the lowest", tuple(law["bic"] - lowest for law in laws)),
     )
-    table = DataTable(name, "Damping laws fitted to the measured motion", columns, tuple(found.table().notes))
-    return Finding(data, (table,), (drawn(name, caption, found.figure),), tuple(data["warnings"]))
+    table = DataTable("Damping laws fitted to the measured motion", columns, tuple(found.table().notes))
+    return Finding(data, (table,), (drawn(caption, found.figure),), tuple(data["warnings"]))
 
 
 @final
@@ -139,7 +183,6 @@ class Comparison(FilePart):
     kind, heading = "comparison", "Damping laws compared on measured motion"
     about = ('the law that explains measured large motion best: the tables of "motion" with several [[damping]], or '
              "laws in [fit]")  # fmt: skip
-    numbers = ComparisonNumbers
     seconds = 120.0
     compute = staticmethod(compared_laws)
     wanted = MOTION_TABLES

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, Self, TypedDict, final
+from typing import TYPE_CHECKING, Annotated, Any, Self, final
 
 import numpy as np
 from msgspec import Meta, Struct
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located
+from ancf_casadi.support.tables import known
 from problems.modal_damping.rayleigh import RayleighFit, fit_rayleigh, rayleigh_ratio
 from problems.schema.table import Positive
 from problems.study.data_table import Column
 from problems.study.drawing import drawn, line, new_figure, plain_log_ticks
-from problems.study.part import Effort, Finding, Found, Part
-from problems.study.source import Printed, Source, printed_numbers
+from problems.study.part import Effort, Finding, Found, Part, Printed, Source, printed_numbers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,23 +29,12 @@ class OtherModes(Struct, frozen=True):
     ratios: tuple[Positive, ...] = ()
 
 
-class RayleighNumbers(TypedDict):
-    """Coefficients alpha (1/s) and beta (s) with their standard errors."""
-
-    alpha: float
-    beta: float
-    alpha_stderr: float | None
-    beta_stderr: float | None
-    warnings: list[str]
-
-
 @final
 @dataclass(frozen=True, kw_only=True)
 class Rayleigh(Part):
     """Rayleigh damping from the damping ratios of modes."""
 
     kind, about, heading = "rayleigh", "alpha and beta, Eq. (17): {}", "Rayleigh (proportional) damping"
-    numbers = RayleighNumbers
     naming = ("identified_by",)
 
     frequencies: Annotated[tuple[float, ...], Meta(description="Hz, of the modes to fit")]
@@ -91,7 +79,7 @@ class Rayleigh(Part):
         )
         tables = (
             self.data_table("Coefficients of Rayleigh damping", columns),
-            self.data_table("Damping ratios under this law", law, suffix="_ratios"),
+            self.data_table("Damping ratios under this law", law),
         )
         caption = (
             "Damping ratio under Rayleigh damping against frequency, with the parts of α and β, and the measured modes."
@@ -101,12 +89,12 @@ class Rayleigh(Part):
         data = {
             "alpha": fit.alpha,
             "beta": fit.beta,
-            "alpha_stderr": None if math.isnan(errors[0]) else errors[0],
-            "beta_stderr": None if math.isnan(errors[1]) else errors[1],
+            "alpha_stderr": known(errors[0]),
+            "beta_stderr": known(errors[1]),
             "warnings": list(fit.warnings),
         }
         terms = ({"law": "rayleigh", "alpha": fit.alpha, "beta": fit.beta},)
-        figure = drawn(self.name, caption, lambda: self._figure(fit))
+        figure = drawn(caption, lambda: self._figure(fit))
         return Finding(data, tables, (figure,), fit.warnings, terms=terms)
 
     def _identified(self, data: Any) -> tuple[float, ...]:

@@ -40,6 +40,8 @@ from problems.command import match as match_command
 from problems.command import modes as modes_command
 from problems.command import simulate as simulate_command
 from problems.command.fits import fit_decay as fit_decay_command
+from problems.paper.numbers import PAPER_FILE
+from problems.paper.reproduce import ALL_KINDS
 from problems.schema import records
 from problems.schema.match import MatchTable
 from problems.schema.motion import AXES, READING
@@ -47,7 +49,6 @@ from problems.schema.response import ResponseTable
 from problems.schema.simulation import SETTINGS, read_simulation
 from problems.study import runner
 from problems.study import study as study_module
-from problems.study.kinds.registry import KINDS
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 RECORD = Path(__file__).parents[4] / "shared" / "data" / "silicone_beam" / "beam_gravity_tip.csv"
@@ -263,11 +264,11 @@ def test_reproduce_is_the_study_of_the_paper(files, capsys, monkeypatch):
         calls.update(options, arguments=arguments)
         raise FitError("no minimum was found")
 
-    monkeypatch.setattr(study_module, "run_study", run)
+    monkeypatch.setattr(study_module, "write_study", run)
     assert main(["reproduce", "--quick", "--jobs", "3", "--out", "study"]) == 1
-    assert calls.pop("arguments") == (None, Path("study"))
+    assert calls.pop("arguments") == (PAPER_FILE, ALL_KINDS, Path("study"))
     command = "ancf-casadi reproduce --quick"
-    assert calls == {"quick": True, "jobs": 3, "progress": False, "command": command}
+    assert calls == {"quick": True, "executor": None, "jobs": 3, "progress": False, "command": command}
     assert one_line(capsys) == "ancf-casadi: no minimum was found"
     assert not (files / "study").exists()
 
@@ -306,19 +307,13 @@ def test_every_command_has_help_and_json(command, capsys):
     assert "--json" in capsys.readouterr().out
 
 
-def test_the_help_of_study_leaves_the_kinds_of_parts_of_the_paper_alone_to_reproduce(capsys):
-    kinds = {}
-    for command in ("study", "reproduce"):
-        with pytest.raises(SystemExit):
-            main([command, "--help"])
-        kinds[command] = set(re.findall(r'^  kind = "(\w+)"', capsys.readouterr().out, re.MULTILINE))
-    assert not kinds["study"] & kinds["reproduce"]
-    assert kinds["study"] | kinds["reproduce"] == {*KINDS}
-    root = Path(__file__).parents[3]
-    named = [set(re.findall(r'kind = "(\w+)"', path.read_text())) for path in (root / "docs").rglob("*.md")]
-    assert set().union(*named) & {*KINDS} <= kinds["study"]
-    paper = (root / "problems" / "study" / "paper.toml").read_text()
-    assert all(f'kind = "{kind}"' in paper for kind in kinds["reproduce"])
+def test_the_help_and_the_docs_of_studies_leave_out_the_parts_of_the_paper(capsys):
+    with pytest.raises(SystemExit):
+        main(["study", "--help"])
+    told = re.findall(r'^  kind = "(\w+)"', capsys.readouterr().out, re.MULTILINE)
+    assert told == [kind.kind for kind in study_module.KINDS]
+    docs = (Path(__file__).parents[3] / "docs").rglob("*.md")
+    assert not any(re.search(r'kind = "paper"', path.read_text()) for path in docs)
 
 
 def test_help_names_every_key_that_a_file_may_have(capsys):

@@ -73,7 +73,7 @@ def table() -> DataTable:
         Column("frequency", (1.85001234567890123, 10.19), "Hz", (0.00123, math.nan), (1.85, None)),
         Column("law", ('"modal", generic', "η2")),
     )
-    return DataTable("modes", "Modes", columns, ("A note.",), "paper")
+    return DataTable("Modes", columns, ("A note.",), "paper")
 
 
 def test_a_table_has_the_printed_number_and_the_difference_beside(table):
@@ -100,6 +100,6 @@ def test_text_has_title_and_notes(table):
 
 @pytest.mark.parametrize("values", [(1e300, 1e-300), (5e-324, -1e308)])
 def test_files_keep_any_number(values):
-    table = DataTable("t", "t", (Column("x", values),))
+    table = DataTable("t", (Column("x", values),))
     _, *rows = csv.reader(io.StringIO(table.table().csv()))
     assert tuple(float(cell) for (cell,) in rows) == values

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from problems.study.document.labels import file_name, labelled
-from problems.study.document.page import inline_svg
 from problems.study.drawing import FIGURE_WIDTH, STYLE
+from problems.study.page import inline_svg
 from problems.study.part import Finding, Study
+from problems.study.results import file_name, labelled
 from problems.study.study import StudyReport, run_study
-from tests.problems.study.conftest import BEAM, DECAYS, RAYLEIGH
+from tests.problems.conftest import BEAM, DECAYS, RAYLEIGH
 from tests.problems.study.test_runner import Doubles
 
 NASTY = '<script>alert("x")</script> & $\\bad$ {{ 7 * 7 }} black'
@@ -34,11 +34,6 @@ notes = [TEXT]
 figures = ["Figure <b>"]
 laws = ["drag"]
 runs = [{mode = 1, amplitude = 0.005, stop = 1.0}]
-
-[[parts]]
-kind = "omitted"
-reason = TEXT
-tables = ["Table 5"]
 """
 RESOURCES = {"link": "href", "script": "src", "img": "src", "iframe": "src", "object": "data", "source": "src"}
 VOID = {"meta", "br", "img", "link", "hr", "input"}

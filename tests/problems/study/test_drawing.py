@@ -15,9 +15,9 @@ def test_a_figure_is_drawn_in_the_wanted_formats_alone(formats):
         return new_figure(1.0)[0]
 
     with only(formats):
-        drawing = drawn("name", "caption", draw)
-    assert (drawing.name, drawing.caption, len(calls)) == ("name", "caption", bool(formats))
+        drawing = drawn("caption", draw)
+    assert (drawing.caption, len(calls)) == ("caption", bool(formats))
     assert drawing.svg.startswith("<?xml") == ("svg" in formats)
     assert drawing.png.startswith(b"\x89PNG") == ("png" in formats)
     if not formats:
-        assert all((drawn("name", "caption", draw).svg, drawn("name", "caption", draw).png))
+        assert all((drawn("caption", draw).svg, drawn("caption", draw).png))

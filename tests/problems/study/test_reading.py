@@ -9,9 +9,8 @@ from typing import Any, ClassVar
 import pytest
 
 from ancf_casadi.exceptions import AncfError, InputError
-from problems.study.paper import PAPER_FILE
-from problems.study.reading import read_study
-from tests.problems.study.conftest import BEAM, DECAYS, RAYLEIGH, toml
+from problems.paper.numbers import PAPER_FILE
+from tests.problems.conftest import BEAM, DECAYS, RAYLEIGH, study_in, toml
 
 LAWS = """
 [[laws]]
@@ -43,8 +42,9 @@ beam = "match"
 printed = {frequency = [1.0, 2.0]}
 
 [[parts]]
-kind = "omitted"
-reason = "There is no camera."
+kind = "paper"
+script = "omitted"
+text = "There is no camera."
 figures = ["Figure 7"]
 
 [[parts]]
@@ -59,7 +59,8 @@ runs = [{mode = 1, amplitude = 0.01, stop = 0.5, frequency = 1.8, window = 1.0, 
 printed = {weak = [1.0]}
 
 [[parts]]
-kind = "shapes"
+kind = "transients"
+name = "shapes"
 laws = ["weak"]
 runs = [{mode = 1, amplitude = 0.01, frequency = 1.8, ramp = 0.5, stop = 0.5}]
 """
@@ -84,7 +85,7 @@ class TestDefaults:
     }
 
     def test_of_a_beam(self, study_file):
-        study = read_study(study_file(BEAM, name="strip.toml"))
+        study = study_in(study_file(BEAM, name="strip.toml"))
         assert [(part.kind, part.name) for part in study.parts] == [("beam", "beam"), ("modes", "modes")]
         assert (study.title, study.seed) == ("strip", 0)
 
@@ -93,22 +94,22 @@ class TestDefaults:
         rows = "\n".join(f"{0.01 * k},{math.exp(-0.01 * k) * math.cos(0.3 * k)}" for k in range(200))
         (tmp_path / "a.csv").write_text(f"time_s,tip_mm\n{rows}\n")
         text, kinds = self.TABLES[table]
-        assert [part.kind for part in read_study(study_file(BEAM, text)).parts] == ["beam", "modes", *kinds]
+        assert [part.kind for part in study_in(study_file(BEAM, text)).parts] == ["beam", "modes", *kinds]
 
     def test_decays_need_no_beam(self, study_file, tmp_path):
         (tmp_path / "a.csv").write_text("time_s,tip_mm\n0,1\n0.1,-1\n0.2,0.9\n0.3,-0.9\n")
-        (part,) = read_study(study_file('[[decays]]\nfile = "a.csv"\n')).parts
+        (part,) = study_in(study_file('[[decays]]\nfile = "a.csv"\n')).parts
         assert part.kind == "decays"
 
     def test_names_count_within_a_kind(self, study_file):
-        study = read_study(study_file(RAYLEIGH, RAYLEIGH, RAYLEIGH))
+        study = study_in(study_file(RAYLEIGH, RAYLEIGH, RAYLEIGH))
         assert [part.name for part in study.parts] == ["rayleigh", "rayleigh_2", "rayleigh_3"]
 
     def test_all_kinds_together(self, study_file):
-        study = read_study(study_file(ALL))
+        study = study_in(study_file(ALL))
         needs = {part.name: part.needs for part in study.parts if any(part.needs)}
         assert needs == {"modes": ("match",), "swing": ("match",)}
-        assert [part.title for part in study.parts if part.kind == "transients"] == ["A swing"]
+        assert [part.title for part in study.parts if part.name == "swing"] == ["A swing"]
 
 
 MISTAKES = {  # what is replaced, by what, and the message after the name of the file
@@ -118,8 +119,8 @@ MISTAKES = {  # what is replaced, by what, and the message after the name of the
     "unknown key of the study": (BEAM, f"{BEAM}[study]\ncolour = 1\n", ": [study]: unknown key 'colour'"),
     "seed": (BEAM, f"{BEAM}[study]\nseed = -1\n", ": [study]: seed: must be a whole number"),
     "title": (BEAM, f"{BEAM}[study]\ntitle = 1\n", ": [study]: title: must be a text, got 1"),
-    "unknown kind": ('kind = "omitted"', 'kind = "omited"', ": [parts]: kind must be one of beam,"),
-    "no kind": ('kind = "omitted"', "", ": [parts]: kind must be one of"),
+    "unknown kind": ('kind = "modes"', 'kind = "mode"', ": [parts]: kind must be one of beam,"),
+    "no kind": ('kind = "modes"', "", ": [parts]: kind must be one of"),
     "reserved name": ('name = "swing"', 'name = "timing"', ": [parts]: name: must be made of letters"),
     "unusable name": ('name = "swing"', 'name = "a b"', ": [parts]: name: must be made of letters"),
     "repeated name": ('name = "swing"', 'name = "match"', ": [parts]: name: 'match' is taken by an earlier part"),
@@ -184,7 +185,7 @@ def test_a_mistake_is_one_line_with_file_table_and_key(study_file, mistake):
     assert old in ALL
     path = study_file(ALL.replace(old, new, 1))
     with pytest.raises(InputError) as raised:
-        read_study(path)
+        study_in(path)
     line = str(raised.value)
     assert "\n" not in line
     assert message in line
@@ -195,7 +196,7 @@ def test_parts_that_need_each_other(study_file):
     cycle = MATCH.replace('kind = "match"', 'kind = "modes"\nname = "one"\nbeam = "two"').partition("targets")[0]
     other = cycle.replace('"one"', '"one_"').replace('"two"', '"one"').replace('"one_"', '"two"')
     with pytest.raises(InputError, match=r"\[parts\]: the parts one, two need each other"):
-        read_study(study_file(BEAM, cycle, other))
+        study_in(study_file(BEAM, cycle, other))
 
 
 def mutated(tables: dict[str, Any], rng: random.Random) -> dict[str, Any]:
@@ -233,7 +234,7 @@ def test_a_mutated_study_is_read_or_refused(study_file, name, times):
     for _ in range(times):
         path = study_file(toml(mutated(tables, rng)))
         try:
-            read_study(path)
+            study_in(path)
         except AncfError as error:
             refused += 1
             assert "\n" not in str(error)

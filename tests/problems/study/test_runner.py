@@ -13,7 +13,7 @@ from ancf_casadi.exceptions import FitError, InputError
 from problems.study.part import QUICK, Effort, Finding, Found, Part, Study, Task
 from problems.study.runner import STEPS_FOLDER, run_parts
 from problems.study.study import run_study
-from tests.problems.study.conftest import BEAM, DECAYS, RAYLEIGH, without_times
+from tests.problems.conftest import BEAM, DECAYS, RAYLEIGH, without_times
 
 
 def doubled(term: float, log: str) -> float:
@@ -31,7 +31,6 @@ class Doubles(Part):
     """Twice the sum of numbers, each after the results of other parts were added."""
 
     kind = "doubles"
-    numbers = dict[str, float]
 
     terms: tuple[float, ...]
     after: tuple[str, ...]
@@ -55,7 +54,6 @@ class Largest(Part):
     """Another kind with the same fields and the same tasks."""
 
     kind = "largest"
-    numbers = dict[str, float]
 
     terms: tuple[float, ...]
     after: tuple[str, ...]

@@ -7,14 +7,14 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from ancf_casadi import FitError, InputError
+from ancf_casadi import FitError, InputError, Measurement
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
-from problems.study import paper
+from problems.paper import numbers as paper
+from problems.paper.numbers import PAPER_FILE
 from problems.study.kinds.decays import SYNTHETIC_STD, fit_plain
-from problems.study.paper import PAPER_FILE
 from problems.study.part import FULL
-from problems.study.reading import read_study
 from problems.study.study import run_study
+from tests.problems.conftest import study_in
 
 QUADRATIC = """
 [[parts]]
@@ -31,7 +31,7 @@ records = [
 
 @pytest.fixture(scope="module")
 def parts() -> dict:
-    return {part.name: part for part in read_study(PAPER_FILE).parts}
+    return {part.name: part for part in study_in(PAPER_FILE).parts}
 
 
 def exact(name: str) -> list[np.ndarray]:
@@ -52,9 +52,9 @@ class TestSynthetic:
         """Noise of the stated size, not correlated in time or between modes."""
         noises = []
         for decay, clean in zip(parts[name].decays, exact(name), strict=True):
-            assert len(decay.time) == 2500
+            assert len(decay.record.time) == 2500
             assert "white noise of 0.2 mm" in decay.synthetic
-            noises.append(decay.values - clean)
+            noises.append(decay.record.values - clean)
         for k, noise in enumerate(noises):
             assert np.std(noise) == pytest.approx(SYNTHETIC_STD, rel=0.06)
             assert abs(np.mean(noise)) < 4 * SYNTHETIC_STD / math.sqrt(noise.size)
@@ -62,18 +62,17 @@ class TestSynthetic:
                 assert abs(np.corrcoef(noise[:-1], other)[0, 1]) < 4 / math.sqrt(noise.size)
 
     def test_is_the_same_each_time_and_differs_with_the_seed(self, parts, study_file):
-        again = {part.name: part for part in read_study(PAPER_FILE).parts}
+        again = {part.name: part for part in study_in(PAPER_FILE).parts}
         for name in ("modal_identification", "quadratic"):
             for ours, theirs in zip(parts[name].decays, again[name].decays, strict=True):
-                assert ours.values.tobytes() == theirs.values.tobytes()
-        one, two = (read_study(study_file(QUADRATIC.replace("seed = 3", seed))).parts[0] for seed in ("", "seed = 4"))
-        assert not np.array_equal(one.decays[0].values, two.decays[0].values)
+                assert ours.record.values.tobytes() == theirs.record.values.tobytes()
+        one, two = (study_in(study_file(QUADRATIC.replace("seed = 3", seed))).parts[0] for seed in ("", "seed = 4"))
+        assert not np.array_equal(one.decays[0].record.values, two.decays[0].record.values)
 
     def test_seed_of_the_study_holds_without_another(self, study_file):
         text = QUADRATIC.replace("seed = 3", "")
-        one, two, same = (
-            read_study(study_file(f"[study]\nseed = {seed}\n", text)).parts[0].decays[0].values for seed in (1, 2, 1)
-        )
+        studies = [study_in(study_file(f"[study]\nseed = {seed}\n", text)) for seed in (1, 2, 1)]
+        one, two, same = (study.parts[0].decays[0].record.values for study in studies)
         assert not np.array_equal(one, two)
         assert np.array_equal(one, same)
 
@@ -82,7 +81,7 @@ class TestFits:
     @pytest.mark.parametrize("seed", [3, 4, 5])
     def test_recover_the_truth_within_their_errors(self, study_file, seed):
         """Frequency, eta1 and eta2 within four standard errors; the equivalent ratio at the amplitude of release."""
-        (part,) = read_study(study_file(QUADRATIC.replace("seed = 3", f"seed = {seed}"))).parts
+        (part,) = study_in(study_file(QUADRATIC.replace("seed = 3", f"seed = {seed}"))).parts
         results = [task.function(*task.inputs) for task in part.tasks({}, FULL)]
         rows = part.finding(results, {}, FULL).data
         for row, (f, eta1, eta2) in zip(rows, [(3.0, 0.3, 5.0), (7.0, 0.2, 8.0)], strict=True):
@@ -96,14 +95,14 @@ class TestFits:
     def test_of_a_record_without_damping_is_zero(self, study_file):
         """The ratio is a result: where the record has none, none is found."""
         undamped = "offset = false\nrecords = [{synthetic = {frequency = 3.0, damping_ratio = 0.0, amplitude = 0.02}}]"
-        (part,) = read_study(study_file('[[parts]]\nkind = "decays"\nduration = 10.0\n', undamped)).parts
+        (part,) = study_in(study_file('[[parts]]\nkind = "decays"\nduration = 10.0\n', undamped)).parts
         (fit,) = [task.function(*task.inputs) for task in part.tasks({}, FULL)]
-        assert abs(fit.quantities["damping_ratio"]) < 5e-5
+        assert abs(fit.numbers["damping_ratio"]) < 5e-5
 
     def test_name_the_record_that_cannot_be_fitted(self, study_file):
-        (part,) = read_study(study_file(QUADRATIC)).parts
+        (part,) = study_in(study_file(QUADRATIC)).parts
         decay = part.decays[0]
-        still = replace(decay, values=0 * decay.values)
+        still = replace(decay, record=Measurement(decay.record.time, 0 * decay.record.values, decay.record.name))
         with pytest.raises((InputError, FitError), match="mode 1"):
             fit_plain(still, "linear", False)
 

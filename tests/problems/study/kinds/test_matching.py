@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Model, natural_modes
-from problems.study import paper
+from problems.paper import numbers as paper
 from problems.study.part import FULL, Finding
-from problems.study.reading import read_study
 from problems.study.study import run_study
-from tests.problems.study.conftest import BEAM
+from tests.problems.conftest import BEAM, study_in
 
 MATCH = """
 [match]
@@ -42,7 +41,7 @@ def test_later_parts_take_the_matched_beam(report):
 
 
 def test_the_beam_of_the_outcome_has_the_frequencies(study_file):
-    study = read_study(study_file(BEAM, MATCH, LATER))
+    study = study_in(study_file(BEAM, MATCH, LATER))
     part, found = study.parts[0], {"": Finding(None, beam=study.beam)}
     results = [task.function(*task.inputs) for task in part.tasks(found, FULL)]
     beam = part.finding(results, found, FULL).beam
@@ -76,7 +75,7 @@ def test_the_standard_frequencies_need_another_density_and_no_gravity(study_file
     """Erratum 1: the column beside the match has those of Table 10."""
     text = BEAM.replace("elements = 3", "elements = 20")
     targets = f"[match]\ntargets = {list(paper.TARGET_FREQUENCIES)}\n"
-    study = read_study(study_file(text, targets, LATER.replace("[1.67, 10.47]", "[1.67, 10.47, 29.32, 57.46, 94.97]")))
+    study = study_in(study_file(text, targets, LATER.replace("[1.67, 10.47]", "[1.67, 10.47, 29.32, 57.46, 94.97]")))
     part, found = study.parts[0], {"": Finding(None, beam=study.beam)}
     results = [task.function(*task.inputs) for task in part.tasks(found, FULL)]
     _, table = part.finding(results, found, FULL).tables

@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 
 from ancf_casadi import InputError
-from problems.study import paper
-from problems.study.paper import PAPER_FILE
+from problems.paper import numbers as paper
+from problems.paper.numbers import PAPER_FILE
 from problems.study.part import FULL, Finding
-from problems.study.reading import read_study
 from problems.study.study import run_study
-from tests.problems.study.conftest import DECAYS, RAYLEIGH
+from tests.problems.conftest import DECAYS, RAYLEIGH, study_in
 
 
 def finding(study_file, *pieces: str, **found: Finding):
-    parts = {part.kind: part for part in read_study(study_file(*pieces)).parts}
+    parts = {part.kind: part for part in study_in(study_file(*pieces)).parts}
     return parts["rayleigh"].finding((), found, FULL)
 
 
@@ -68,13 +67,13 @@ def test_the_table_shows_the_ratio_of_every_mode(study_file):
 
 def test_misprint_and_reason_stand_beside_the_value():
     """Erratum 4 in Table 3 of the paper."""
-    parts = {part.name: part for part in read_study(PAPER_FILE).parts}
+    parts = {part.name: part for part in study_in(PAPER_FILE).parts}
     rows = [{"damping_ratio": 0.01, "damping_ratio_stderr": 1e-4}] * 2
     table, _ = parts["proportional"].finding((), {"modal_identification": Finding(rows)}, FULL).tables
     alpha, beta = table.cells()
     assert alpha[-2:] == ["0.228", "+0.079 %"]
     assert beta[-2:] == ["0.000318", "-90 %"]
-    assert any("ten times" in note for note in table.notes)
+    assert any("ten times" in note for note in parts["proportional"].notes)
 
 
 def test_a_study_of_two_numbers_is_a_document(study_file, tmp_path):

@@ -25,22 +25,27 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import Meta
 
 from ancf_casadi.decay.envelope import DampingCurve, damping_curve
 from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.dynamics.simulation import Method, simulate
 from ancf_casadi.dynamics.trajectory import Trajectory
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import located, whole
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.decay.fitting import fit_decay
 from problems.schema.beam import law_of
-from problems.study.drawing import Band, band
+from problems.schema.table import Positive
+from problems.study.drawing import band
+from problems.study.part import Effort, LawChoice, Source, Terms
 
 EXPERIMENT_TOLERANCE = 1e-4  # of the integrator, over the tip amplitude relative to the length
 IDAS_RATIO = 0.04  # tolerance of IDAS_RATIO relative to that of Radau, for errors of the same size
@@ -49,46 +54,32 @@ FEWEST_MODES = 5
 
 
 @dataclass(frozen=True)
-class Experiment:
-    """An experiment to simulate.
+class RequestedRun:
+    """An excitation, and the laws under which it is simulated; 0 or nan for what is not given."""
 
-    Parameters
-    ----------
-    beam : Beam
-        The beam.
-    terms : tuple of dict
-        The damping law as tables [[damping]]; undamped if empty.
-    mode : int
-        Number of the driven mode, from 1.
-    frequency : float
-        Frequency of the excitation, Hz; that of the mode if 0.
-    amplitude : float
-        Requested tip amplitude at the stop, m.
-    stop : float
-        End of the excitation, s.
-    window : float
-        Length of the fitted decay, s; until the amplitude halves, but at most 70 periods, if 0.
-    shortening : float
-        Factor of this length.
-    steps_per_period : int
-        Least number of integrator steps per period.
-    method : {"radau", "idas"}
-        The integrator.
-    ramp : float
-        Cycles in which the amplitude of the base grows.
-    """
+    mode: Annotated[int, Meta(ge=1)]
+    amplitude: Annotated[Positive, Meta(description="m, at the tip when it stops")]
+    stop: Annotated[Positive, Meta(description="s")]
+    frequency: Annotated[Positive, Meta(description="Hz, if not that of the mode")] = 0.0
+    ramp: Annotated[Positive, Meta(description="cycles in which the amplitude grows")] = 0.0
+    window: Annotated[Positive, Meta(description="s, of the fitted decay")] = 0.0
+    laws: tuple[LawChoice, ...] = ()
+    measured_ratio: float = math.nan
 
-    beam: Beam
-    terms: tuple[dict[str, Any], ...]
-    mode: int
-    frequency: float
-    amplitude: float
-    stop: float
-    window: float
-    shortening: float
-    steps_per_period: int
-    method: str = "radau"
-    ramp: float = 0.0
+    def check(self, source: Source, where: str) -> None:
+        """Check the run.
+
+        Raises
+        ------
+        InputError
+            If it has no laws, there is no such mode, or the ramp ends after the stop.
+        """
+        whole(self.mode, f"{where}: mode", 1, source.most_modes)
+        if not self.laws:
+            raise InputError("name at least one of [[laws]]", f"{where}: laws")
+        with located(where):
+            if self.ramp and self.frequency:
+                HarmonicBase(1.0, self.frequency, self.stop, ramp=self.ramp)
 
 
 @dataclass(frozen=True)
@@ -97,52 +88,34 @@ class ExperimentResult:
 
     Parameters
     ----------
-    natural_frequency : float
-        Frequency of the mode at small amplitude, Hz.
-    base_amplitude, stop : float
-        Amplitude of the excitation, m, and its end, s.
-    reached : float
-        Tip amplitude of the mode at the stop, m.
-    amplitude : float
-        Tip amplitude of the mode half-way through the fitted decay, m.
-    frequency : float
-        Fitted frequency at this amplitude, Hz.
-    damping_ratio, damping_ratio_error : float
-        Fitted damping ratio and its standard error.
-    expected_ratio : float
-        Damping ratio that the law predicts at ``amplitude``.
-    motion : Band
-        Tip displacement relative to the clamp, m, over the whole run.
+    numbers : dict
+        Its numbers as in ``results.json``: ``reached_amplitude_m`` is the tip amplitude of the mode at the stop,
+        ``amplitude_m`` that half-way through the fitted decay, to which frequency and damping ratios belong.
+    motion : ndarray (3, k)
+        Times, s, and extremes of the tip displacement relative to the clamp, m, over the whole run.
     stop_time, stop_motion : ndarray
         This displacement around the stop.
     decay_time, decay : ndarray
         Tip displacement in the mode after the stop, m.
     shapes : ndarray (13, 41, 2)
         Positions of points along the beam, m, over the last period before the stop.
-    steps : int
-        Number of integrator steps.
     """
 
-    natural_frequency: float
-    base_amplitude: float
-    stop: float
-    reached: float
-    amplitude: float
-    frequency: float
-    damping_ratio: float
-    damping_ratio_error: float
-    expected_ratio: float
-    motion: Band
+    numbers: dict[str, Any]
+    motion: Array
     stop_time: Array
     stop_motion: Array
     decay_time: Array
     decay: Array
     shapes: Array
-    steps: int
 
 
-def run_experiment(experiment: Experiment) -> ExperimentResult:
-    """Simulate an experiment and fit its decay.
+def run_experiment(
+    beam: Beam, terms: Terms, run: RequestedRun, effort: Effort, method: Method = "radau"
+) -> ExperimentResult:
+    """Simulate the experiment of a run under a law, and fit its decay.
+
+    The decay is fitted until the amplitude halves, but over at most 70 periods, if the run gives no window.
 
     Raises
     ------
@@ -151,33 +124,31 @@ def run_experiment(experiment: Experiment) -> ExperimentResult:
     SimulationError, FitError
         If the integration or the fit fails.
     """
-    modes = natural_modes(Model(experiment.beam), count=max(FEWEST_MODES, experiment.mode))
-    law = law_of(experiment.terms, modes.model, "damping")
-    mode = experiment.mode - 1
+    modes = natural_modes(Model(beam), count=max(FEWEST_MODES, run.mode))
+    law = law_of(terms, modes.model, "damping")
+    mode = run.mode - 1
 
     def ratio(amplitude: float) -> float:
         return 0.0 if law is None else float(law.damping_ratios(modes, [amplitude] * modes.count)[mode])
 
-    base, window = _excitation(experiment, modes, ratio(experiment.amplitude))
-    size = experiment.amplitude / experiment.beam.length
-    tolerance = min(EXPERIMENT_TOLERANCE * size, 1e-5) * (
-        IDAS_RATIO if experiment.method == "idas" else 1.0
-    )  # largest tolerance
-    run = simulate(
+    base, window = _excitation(run, effort, modes, ratio(run.amplitude))
+    size = run.amplitude / beam.length
+    tolerance = min(EXPERIMENT_TOLERANCE * size, 1e-5) * (IDAS_RATIO if method == "idas" else 1.0)  # largest tolerance
+    trajectory = simulate(
         modes.model,
         duration=base.stop_time + 2 / base.frequency + window,  # two periods between the stop and the fit
         damping=law,
         base=base,
         sample_rate=PERIOD_SAMPLES * base.frequency,
-        method=_method(experiment.method),
+        method=method,
         tolerance=tolerance,
-        largest_step=1 / (experiment.steps_per_period * base.frequency),
+        largest_step=1 / (effort.steps_per_period * base.frequency),
     )
-    if run.interrupted:
+    if trajectory.interrupted:
         raise KeyboardInterrupt
-    motion = modes.modal_coordinate(run.relative_coordinates, mode)
-    after = run.time >= run.time[-1] - window
-    decay = Measurement(run.time[after], motion[after])
+    motion = modes.modal_coordinate(trajectory.relative_coordinates, mode)
+    after = trajectory.time >= trajectory.time[-1] - window
+    decay = Measurement(trajectory.time[after], motion[after])
     fit = fit_decay(
         decay,
         release_time=float(decay.time[0]),
@@ -186,28 +157,34 @@ def run_experiment(experiment: Experiment) -> ExperimentResult:
     )
     half_way = (decay.time[-1] - decay.time[0]) / 2
     amplitude = fit.amplitude * math.exp(-fit.damping_ratio * 2 * math.pi * fit.frequency * half_way)
-    end = int(np.searchsorted(run.time, base.stop_time))
-    across = (run.tip - run.base)[:, 0]
+    end = int(np.searchsorted(trajectory.time, base.stop_time))
+    across = (trajectory.tip - trajectory.base)[:, 0]
     across = across - across[0]
     # six periods before and after the stop are drawn in detail
-    near = np.abs(run.time - base.stop_time) <= 6 / base.frequency
+    near = np.abs(trajectory.time - base.stop_time) <= 6 / base.frequency
+    numbers = {
+        "mode": run.mode,
+        "requested_amplitude_m": run.amplitude,
+        "reached_amplitude_m": float(np.abs(motion[max(0, end - PERIOD_SAMPLES) : end]).max()),
+        "base_amplitude_m": base.amplitude,
+        "drive_hz": run.frequency or float(modes.frequencies[mode]),
+        "natural_frequency_hz": float(modes.frequencies[mode]),
+        "stop_s": base.stop_time,
+        "amplitude_m": amplitude,
+        "frequency_hz": fit.frequency * (1 + fit.frequency_curvature * amplitude**2),
+        "damping_ratio": fit.damping_ratio,
+        "damping_ratio_stderr": fit.standard_errors["damping_ratio"],
+        "expected_damping_ratio": ratio(amplitude),
+        "steps": trajectory.steps,
+    }
     return ExperimentResult(
-        natural_frequency=float(modes.frequencies[mode]),
-        base_amplitude=base.amplitude,
-        stop=base.stop_time,
-        reached=float(np.abs(motion[max(0, end - PERIOD_SAMPLES) : end]).max()),
-        amplitude=amplitude,
-        frequency=fit.frequency * (1 + fit.frequency_curvature * amplitude**2),
-        damping_ratio=fit.damping_ratio,
-        damping_ratio_error=fit.standard_errors["damping_ratio"],
-        expected_ratio=ratio(amplitude),
+        numbers=numbers,
+        motion=band(trajectory.time, across, base.frequency),
+        stop_time=trajectory.time[near] - base.stop_time,
+        stop_motion=across[near],
         decay_time=decay.time,
         decay=decay.values,
-        shapes=_shapes(run, end),
-        steps=run.steps,
-        motion=band(run.time, across, base.frequency),
-        stop_time=run.time[near] - base.stop_time,
-        stop_motion=across[near],
+        shapes=_shapes(trajectory, end),
     )
 
 
@@ -219,18 +196,18 @@ def decay_curve(result: ExperimentResult) -> DampingCurve:
         return damping_curve(decay, release_time=float(decay.time[0]))
 
 
-def _excitation(experiment: Experiment, modes: Modes, ratio: float) -> tuple[HarmonicBase, float]:
+def _excitation(run: RequestedRun, effort: Effort, modes: Modes, ratio: float) -> tuple[HarmonicBase, float]:
     """Return the base motion and the length of the fitted decay, given the damping ratio at the requested amplitude."""
-    mode = experiment.mode - 1
+    mode = run.mode - 1
     ω = float(modes.angular_frequencies[mode])
-    frequency = experiment.frequency or ω / (2 * math.pi)
-    unit = HarmonicBase(amplitude=1.0, frequency=frequency, stop=experiment.stop, ramp=experiment.ramp)
+    frequency = run.frequency or ω / (2 * math.pi)
+    unit = HarmonicBase(amplitude=1.0, frequency=frequency, stop=run.stop, ramp=run.ramp)
     driven = unit.stop_time - unit.ramp / (2 * frequency)  # until the first instant of zero velocity after the stop
     growth = -math.expm1(-ratio * ω * driven) / (2 * ratio) if ratio else ω * driven / 2
-    base = replace(unit, amplitude=experiment.amplitude / (participation(modes, mode) * growth))
+    base = replace(unit, amplitude=run.amplitude / (participation(modes, mode) * growth))
     halving = math.log(2) * base.frequency / (ratio * ω) if ratio else math.inf  # periods
-    periods = experiment.window * base.frequency or min(halving, 70)  # periods of a fitted decay
-    return base, max(experiment.shortening * periods, 8) / base.frequency
+    periods = run.window * base.frequency or min(halving, 70)  # periods of a fitted decay
+    return base, max(effort.window * periods, 8) / base.frequency
 
 
 def participation(modes: Modes, mode: int) -> float:
@@ -239,10 +216,6 @@ def participation(modes: Modes, mode: int) -> float:
     mass = model.mass(model.properties).sparse()
     horizontal = np.tile([1.0, 0.0, 0.0, 0.0], model.size // 4)
     return float(abs(modes.shapes[:, mode] @ (mass @ horizontal)) * modes.tip_amplitudes()[mode])
-
-
-def _method(name: str) -> Method:
-    return "idas" if name == "idas" else "radau"
 
 
 def _shapes(run: Trajectory, end: int) -> Array:

@@ -11,11 +11,13 @@ Journal of Sound and Vibration 325 (2009) 722-741, Tables 1, 2, 4, 9 and 10.
 from __future__ import annotations
 
 import tomllib
+from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 from ancf_casadi.mechanics.beam import Beam
-from problems.study.study import PAPER_FILE
 
+PAPER_FILE = Path(str(files("problems.paper").joinpath("paper.toml")))
 _TABLES = tomllib.loads(PAPER_FILE.read_text(encoding="utf-8"))
 _PARTS = {part["name"]: part for part in _TABLES["parts"]}
 

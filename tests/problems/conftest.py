@@ -8,8 +8,11 @@ from typing import Any
 
 import pytest
 
-from problems.study.paper import PAPER_FILE
-from problems.study.study import StudyReport, run_study
+from problems.paper.numbers import PAPER_FILE
+from problems.paper.reproduce import ALL_KINDS
+from problems.study.part import Study
+from problems.study.reading import read_study
+from problems.study.study import StudyReport, write_study
 
 BEAM = """
 [beam]
@@ -54,6 +57,18 @@ def study_file(tmp_path) -> Callable[..., Path]:
     return write
 
 
+def study_in(path: Path) -> Study:
+    """Return a study whose parts are of any kind."""
+    return read_study(path, ALL_KINDS)
+
+
+def run_in(folder: Path, text: str, *, quick: bool = False, name: str = "study.toml") -> StudyReport:
+    """Run a study whose parts are of any kind, in the folder ``results`` beside its file."""
+    (folder / name).write_text(text, encoding="utf-8")
+    options = {"executor": None, "jobs": 1, "progress": False, "command": "run_in"}
+    return write_study(folder / name, ALL_KINDS, folder / "results", quick=quick, **options)
+
+
 def toml(tables: dict[str, Any]) -> str:
     """Return tables as TOML, each in one line."""
     return "\n".join(f"{json.dumps(name)} = {_toml(value)}" for name, value in tables.items())
@@ -88,5 +103,4 @@ def small_paper(tmp_path_factory) -> StudyReport:
     comparison["runs"] = [{**comparison["runs"][0], "amplitude": 0.02, "stop": 1.0}]
     comparison["printed"] = {law: values[:1] for law, values in comparison["printed"].items()}
     folder = tmp_path_factory.mktemp("paper")
-    (folder / "small.toml").write_text(toml({**tables, "parts": list(parts.values())}), encoding="utf-8")
-    return run_study(folder / "small.toml", folder / "results", quick=True)
+    return run_in(folder, toml({**tables, "parts": list(parts.values())}), quick=True, name="small.toml")

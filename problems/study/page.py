@@ -10,8 +10,8 @@ from typing import Any
 from markupsafe import Markup
 
 from problems.study.data_table import DataTable
-from problems.study.document.labels import Shown, file_name
 from problems.study.part import Study
+from problems.study.results import Shown, file_name
 from problems.study.runner import PartTime
 
 NO_BREAK = "\u00a0"  # a space where no line ends
@@ -22,24 +22,15 @@ LEADING_NUMBER = re.compile(r"^[(]?[-+–]?\d")
 def page(study: Study, shown: Sequence[Shown], steps: Sequence[PartTime], **about: Any) -> str:
     """Return the document as HTML.
 
-    Parameters
-    ----------
-    study : Study
-        The study.
-    shown : sequence of Shown
-        Its parts with labels.
-    steps : sequence of PartTime
-        Time of each part.
-    **about
-        The circumstances: ``command``, ``versions`` of the programs, ``quick`` for shortened simulations, and
-        ``left_out``, the titles of the parts that a quick look leaves out.
+    The circumstances are ``command``, ``versions`` of the programs, ``quick`` for shortened simulations, and
+    ``left_out``, the titles of the parts that a quick look leaves out.
     """
     from jinja2 import Environment, StrictUndefined  # slow to import
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {"paragraphs": _paragraphs, "anchor": file_name, "unbroken": _unbroken}
     environment.globals |= {"svg": _svg, "numeric": _numeric, "zip": zip}
-    source = files("problems.study.document").joinpath("page.html.jinja").read_text(encoding="utf-8")
+    source = files("problems.study").joinpath("page.html.jinja").read_text(encoding="utf-8")
     values: dict[str, Any] = {
         "study": study, "parts": shown, "steps": steps, "about": about,
         "seconds": sum(step.seconds for step in steps),
@@ -69,16 +60,9 @@ def _numeric(table: DataTable) -> list[bool]:
 
 
 def inline_svg(svg: str, name: str, caption: str) -> str:
-    """Return an SVG file as an element of an HTML page.
+    """Return an SVG file as an element of an HTML page: names get a prefix, as they must differ between figures.
 
-    Parameters
-    ----------
-    svg : str
-        Content of the file.
-    name : str
-        Prefix of its names, which must differ from those of other figures on the page.
-    caption : str
-        Description for readers who do not see the figure.
+    The caption describes the figure to readers who do not see it.
     """
     element = svg[svg.index("<svg") :]
     element = re.sub(r"<metadata>.*?</metadata>", "", element, flags=re.S)

@@ -1,13 +1,11 @@
-"""Parts of a study about air drag: their tables, their numbers, and what they refuse."""
+"""Decays under quadratic laws and the law for all modes: their tables and their numbers."""
 
 import json
 import math
 
 import pytest
 
-from ancf_casadi import InputError
-from problems.study.reading import read_study
-from problems.study.study import run_study
+from tests.problems.conftest import run_in
 
 pytestmark = pytest.mark.slow  # all tests need the study
 
@@ -33,16 +31,20 @@ terms = [{law = "modal", ratios = [0.01]}]
 """
 EFFECTS = """
 [[parts]]
-kind = "eta_effects"
+kind = "paper"
+name = "eta_effects"
+script = "eta_effects"
 laws = ["linear", "drag"]
-frequencies = [2.0, 4.0]
 frequency = 2.0
 duration = 5.0
-words = [["rapid decay", "independent", "controllable"], ["rapid decay", "dependent", "uncontrollable"]]
+inputs.frequencies = [2.0, 4.0]
+inputs.words = [["rapid decay", "independent", "controllable"], ["rapid decay", "dependent", "uncontrollable"]]
 """
 CHANGE = """
 [[parts]]
-kind = "ratio_change"
+kind = "paper"
+name = "ratio_change"
+script = "ratio_change"
 laws = ["linear", "drag"]
 frequency = 3.0
 duration = 3.0
@@ -59,19 +61,20 @@ records = [
 """
 COMBINED = """
 [[parts]]
-kind = "combined_law"
+kind = "paper"
+name = "combined_law"
+script = "combined_law"
 decays = "decays"
 laws = ["modal"]
-air = {density = 1.2, density_std = 0.03}
-printed = {eta2 = [0.11, 0.06]}
+inputs.amplitudes = [0.076, 0.0149]
+inputs.air = {density = 1.2, density_std = 0.03}
+inputs.printed_eta2 = [0.11, 0.06]
 """
 
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("study")
-    (folder / "STUDY.toml").write_text(BEAM + LAWS + EFFECTS + CHANGE + DECAYS + COMBINED)
-    return run_study(folder / "STUDY.toml", folder / "results")
+    return run_in(tmp_path_factory.mktemp("study"), BEAM + LAWS + EFFECTS + CHANGE + DECAYS + COMBINED)
 
 
 def shown(report, name):
@@ -123,36 +126,3 @@ def test_the_drag_of_each_mode_has_errors_and_the_printed_eta2_its_coefficient(r
     assert value.errors[0] > 0.03 / 1.2 * value.values[0]  # error of the air density at least
     assert column(law, "value")[-1] == pytest.approx(value.values[0], rel=0.2)
     assert all("synthetic" in figure.caption and "SYNTHETIC" in figure.svg for _, figure in part.figures)
-
-
-@pytest.mark.parametrize(
-    ("parts", "message"),
-    [
-        (EFFECTS.replace('"drag"]', '"modal"]'), "parts: eta_effects: laws: 'modal' must have one term, with law"),
-        (EFFECTS.replace('["linear", "drag"]', '["linear"]'), "parts: eta_effects: laws: needs two laws, got 1"),
-        (
-            EFFECTS.replace("[2.0, 4.0]", "[2.0]"),
-            "eta_effects: frequencies: must be a list of 2 or more",
-        ),
-        (CHANGE.replace("3.0", "-3.0", 1), "parts: ratio_change: frequency: must be positive, got -3"),
-        (
-            CHANGE.replace('["linear", "drag"]', "[]"),
-            "ratio_change: laws: must be a list of 1 or more names",
-        ),
-        (COMBINED, "needs the part 'decays', which does not exist"),
-        (DECAYS + COMBINED.replace("density = 1.2", "density = 0"), "combined_law: air: density: must be positive"),
-        ('[[parts]]\nkind = "drawing"\nsubject = "photo"', "parts: drawing: subject: must be one of element, uniform"),
-    ],
-)
-def test_unusable_parts_are_refused_in_one_line(tmp_path, parts, message):
-    (tmp_path / "STUDY.toml").write_text(BEAM + LAWS + parts)
-    with pytest.raises(InputError) as caught:
-        read_study(tmp_path / "STUDY.toml")
-    assert message in str(caught.value).replace("[parts]", "parts")
-    assert "\n" not in str(caught.value)
-
-
-def test_decays_under_another_law_have_no_combined_law(tmp_path):
-    (tmp_path / "STUDY.toml").write_text(BEAM + LAWS + DECAYS.replace('"quadratic"', '"friction"', 1) + COMBINED)
-    with pytest.raises(InputError, match="'decays' must have two or more decays with law = \"quadratic\""):
-        run_study(tmp_path / "STUDY.toml", tmp_path / "results")

@@ -1,4 +1,4 @@
-"""Parts that show simulated experiments: their numbers agree with each other and with the laws."""
+"""Simulated experiments of users and of the paper: their numbers agree with each other and with the laws."""
 
 import math
 
@@ -7,9 +7,8 @@ import pytest
 
 from ancf_casadi import InputError
 from problems.study.part import FULL, QUICK, Finding
-from problems.study.reading import read_study
-from problems.study.study import StudyReport, run_study
-from tests.problems.study.conftest import BEAM
+from problems.study.study import StudyReport
+from tests.problems.conftest import BEAM, run_in, study_in
 
 pytestmark = pytest.mark.slow  # all tests need the study
 
@@ -35,17 +34,23 @@ runs = [
 printed = {modal = [1.0, 2.0, nan]}
 
 [[parts]]
-kind = "amplitudes"
+kind = "paper"
+name = "amplitudes"
+script = "amplitudes"
 laws = ["modal", "drag"]
 runs = [{mode = 1, amplitude = 0.02, stop = 60.0}]
 
 [[parts]]
-kind = "shapes"
+kind = "paper"
+name = "shapes"
+script = "shapes"
 laws = ["modal"]
 runs = [{mode = 1, amplitude = 0.02, stop = 60.0}]
 
 [[parts]]
-kind = "integrators"
+kind = "paper"
+name = "integrators"
+script = "integrators"
 laws = ["modal"]
 runs = [{mode = 1, amplitude = 0.02, stop = 3.0}]
 """
@@ -53,9 +58,7 @@ runs = [{mode = 1, amplitude = 0.02, stop = 3.0}]
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory) -> StudyReport:
-    folder = tmp_path_factory.mktemp("experiments")
-    (folder / "study.toml").write_text(BEAM + LAWS + PARTS, encoding="utf-8")
-    return run_study(folder / "study.toml", folder / "results", quick=True)
+    return run_in(tmp_path_factory.mktemp("experiments"), BEAM + LAWS + PARTS, quick=True)
 
 
 def test_ratios_stand_under_their_laws_in_the_order_of_the_runs(report):
@@ -123,10 +126,10 @@ def test_equal_experiments_run_once(report):
 
 
 def test_a_quick_look_drives_for_less_time(study_file):
-    study = read_study(study_file(BEAM, LAWS, PARTS))
+    study = study_in(study_file(BEAM, LAWS, PARTS))
     for effort in (FULL, QUICK):
-        experiment = study.parts[0].tasks({"": Finding(None, beam=study.beam)}, effort)[0].inputs[0]
-        assert experiment.stop == pytest.approx(5.0 * effort.driving)
+        _, _, run, *_ = study.parts[0].tasks({"": Finding(None, beam=study.beam)}, effort)[0].inputs
+        assert run.stop == pytest.approx(5.0 * effort.driving)
     assert QUICK.driving < 0.2 < FULL.driving == 1.0
     assert QUICK.steps_per_period < FULL.steps_per_period
     assert set(QUICK.formats) < set(FULL.formats)
@@ -136,4 +139,4 @@ def test_a_quick_look_drives_for_less_time(study_file):
 def test_a_law_cannot_take_the_name_of_another_key(study_file, name):
     text = (LAWS + PARTS).replace('"drag"', f'"{name}"')
     with pytest.raises(InputError, match=f"transients: the name {name} is taken in results.json"):
-        read_study(study_file(BEAM, text))
+        study_in(study_file(BEAM, text))

@@ -1,0 +1,134 @@
+"""The study of the paper, ``paper.toml``: every table and figure, beside the numbers that the paper prints.
+
+from problems import reproduce
+
+if __name__ == "__main__":
+    report = reproduce("results", jobs=2)
+    print(report.page)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal, Self, final
+
+from problems.paper import combined_law, decays, drawings, experiments, resonances
+from problems.paper.numbers import PAPER_FILE
+from problems.schema.table import Positive
+from problems.study.kinds.experiment import RequestedRun
+from problems.study.kinds.transients import with_laws
+from problems.study.part import Effort, Finding, Found, LawChoice, Part, Source, Task
+from problems.study.study import KINDS, StudyReport, write_study
+
+Tasks = Callable[["PaperPart", Found, Effort], tuple[Task, ...]]
+Result = Callable[["PaperPart", Sequence[Any], Found, Effort], Finding]
+
+
+def _no_tasks(part: PaperPart, found: Found, effort: Effort) -> tuple[Task, ...]:
+    return ()
+
+
+SCRIPTS: dict[str, tuple[Tasks, Result]] = {
+    "amplitudes": (experiments.tasks, experiments.amplitudes),
+    "shapes": (experiments.tasks, experiments.shapes),
+    "integrators": (partial(experiments.tasks, methods=experiments.METHODS), experiments.integrators),
+    "resonances": (resonances.tasks, resonances.finding),
+    "eta_effects": (decays.effect_tasks, decays.eta_effects),
+    "ratio_change": (decays.change_tasks, decays.ratio_change),
+    "combined_law": (_no_tasks, combined_law.finding),
+    "element": (_no_tasks, drawings.element),
+    "uniform_load": (_no_tasks, drawings.uniform_load),
+    "omitted": (_no_tasks, drawings.omitted),
+}
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class PaperPart(Part):
+    """A part that only the study of the paper has, made by a script of this folder."""
+
+    kind, heading = "paper", ""
+    naming = ("beam", "decays", "transients")
+
+    script: Literal[
+        "amplitudes", "shapes", "integrators", "resonances", "eta_effects", "ratio_change", "combined_law", "element",
+        "uniform_load", "omitted",
+    ]  # fmt: skip
+    beam: str = ""
+    decays: str = ""
+    transients: str = ""
+    laws: tuple[LawChoice, ...] = ()
+    runs: tuple[RequestedRun, ...] = ()
+    frequency: Positive = 1.85  # Hz
+    amplitude: Positive = 0.076  # m, at the tip
+    duration: Positive = 15.0  # s
+    inputs: dict[str, Any] = field(default_factory=dict)  # of this script alone
+
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with the laws of its runs."""
+        return replace(self, runs=with_laws(self.runs, self.laws))
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Names of the parts whose findings it needs, and always the beam of the file."""
+        return tuple(dict.fromkeys((*super().needs, "")))
+
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
+        """Return the tasks of the script."""
+        return SCRIPTS[self.script][0](self, found, effort)
+
+    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+        """Return the finding of the script."""
+        return SCRIPTS[self.script][1](self, results, found, effort)
+
+
+ALL_KINDS: tuple[type[Part], ...] = (*KINDS, PaperPart)
+
+
+def reproduce(
+    out: str | Path = "results",
+    *,
+    quick: bool = False,
+    executor: Executor | None = None,
+    jobs: int = 1,
+    progress: bool = False,
+) -> StudyReport:
+    r"""Compute every table and figure of the paper, and write them as a document.
+
+    Finished computations are kept in the folder, so that a run that was stopped continues from there.
+
+    Parameters
+    ----------
+    out : str or Path
+        Folder of the results.
+    quick : bool
+        Whether to shorten the simulations, for a first look.
+    executor : Executor, optional
+        Executor of the computations.
+    jobs : int
+        Number of processes if no executor is given; with 2 or more, a script must call this under
+        ``if __name__ == "__main__":``.
+    progress : bool
+        Whether to show progress bars.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written.
+    FitError, SimulationError
+        If a fit or a simulation fails.
+
+    Examples
+    --------
+    >>> from problems import reproduce
+    >>> report = reproduce("results", quick=True)
+    >>> report.page.name, report.results["frequency_matching"]["max_relative_error"] < 1e-6
+    ('report.html', True)
+    """
+    return write_study(
+        PAPER_FILE, ALL_KINDS, out, quick=quick, executor=executor, jobs=jobs, progress=progress, command="reproduce"
+    )

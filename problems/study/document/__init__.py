@@ -1,1 +1,0 @@
-"""The document of a study: one HTML file, and its tables, figures and numbers as files beside it."""

@@ -1,0 +1,173 @@
+"""A part with response curves, as ``ancf-casadi response`` computes them from the tables of the file.
+
+A curve is a table as in ``results.json``: its points in their order along the curve, with the amplitude of the tip and
+of each marker relative to the clamp (m) and the phase (rad), the peak of the tip, bifurcations, and the frequencies at
+which slow sweeps jump (Hz).
+
+The equivalent damping ratio at the peak is that of viscous damping that loses the same energy W per period in the mode
+with the nearest natural frequency.  With the amplitude A of the tip, and the modal mass m for a tip displacement of 1,
+
+    zeta = W/(2 pi m omega^2 A^2).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, Any, Self, final
+
+import numpy as np
+
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.reduction.reduced import ReducedModel
+from ancf_casadi.response.curve import ResponseCurve
+from ancf_casadi.response.periodic import PeriodicMotion
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.vibration.modes import natural_modes
+from problems.schema.file import StudyFile
+from problems.schema.response import ResponseTask, read_response
+from problems.schema.table import UNLISTED
+from problems.study.data_table import Column
+from problems.study.drawing import drawn, new_figure, series
+from problems.study.part import NO_FILE, Effort, Finding, Found, Part, Source, Task
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+RESPONSE_TABLES = {"beam", "damping", "response", "markers"}
+TIP_KEY = "tip"
+
+Curve = Mapping[str, Any]  # a response curve as in results.json
+
+
+def curve_numbers(task: ResponseTask, curve: ResponseCurve) -> dict[str, Any]:
+    """Return a response curve of a task for JSON."""
+    places = {TIP_KEY: None, **task.markers}
+    amplitudes = {name: curve.amplitude(place) for name, place in places.items()}
+    peak = int(np.argmax(amplitudes[TIP_KEY]))
+    return {
+        "frequency_hz": curve.frequencies.tolist(),
+        "stable": curve.stable.tolist(),
+        "points": {
+            name: {"amplitude_m": amplitudes[name].tolist(), "phase_rad": curve.phase(place).tolist()}
+            for name, place in places.items()
+        },
+        "peak_frequency_hz": float(curve.frequencies[peak]),
+        "peak_amplitude_m": float(amplitudes[TIP_KEY][peak]),
+        "peak_damping_ratio": _damping_ratio(task.body, curve.motions[peak]),
+        "bifurcations": [
+            {"name": one.kind, "frequency_hz": one.motion.frequency, "amplitude_m": one.motion.amplitude()}
+            for one in curve.bifurcations
+        ],
+        "jumps_up_hz": list(curve.jumps.up),
+        "jumps_down_hz": list(curve.jumps.down),
+    }
+
+
+def _damping_ratio(body: Model | ReducedModel, motion: PeriodicMotion) -> float:
+    """Return the equivalent damping ratio of a motion."""
+    # the nearest mode is sought among ten of the full beam
+    modes = body.modes if isinstance(body, ReducedModel) else natural_modes(body, count=10)
+    nearest = int(np.argmin(np.abs(np.log(modes.frequencies / motion.frequency))))
+    speed = 2 * math.pi * motion.frequency * motion.amplitude() / modes.tip_amplitudes()[nearest]
+    return float(motion.dissipated_energy / (2 * math.pi * speed**2))
+
+
+def level_numbers(levels: Sequence[float], unit: str, curves: Sequence[Curve]) -> list[dict[str, Any]]:
+    """Return the curves at the levels of an excitation, base amplitudes (m) or tip forces (N), for JSON."""
+    return [{"level": level, "unit": unit, "curve": curve} for level, curve in zip(levels, curves, strict=True)]
+
+
+def level_titles(levels: Sequence[float], unit: str) -> tuple[str, ...]:
+    """Return the levels of an excitation as text, in mm or mN."""
+    return tuple(f"{1e3 * level:.4g} m{unit}" for level in levels)
+
+
+def summary_columns(curves: Sequence[Curve]) -> tuple[Column, ...]:
+    """Return peak, damping and jumps of curves as columns of a table, one row per curve."""
+    return (
+        Column("peak of the tip", tuple(1e3 * curve["peak_amplitude_m"] for curve in curves), "mm"),
+        Column("at", tuple(curve["peak_frequency_hz"] for curve in curves), "Hz"),
+        Column("damping there", tuple(100 * curve["peak_damping_ratio"] for curve in curves), "%"),
+        Column("jump up", tuple(_listed(curve["jumps_up_hz"]) for curve in curves), "Hz"),
+        Column("jump down", tuple(_listed(curve["jumps_down_hz"]) for curve in curves), "Hz"),
+    )
+
+
+def _listed(frequencies: Sequence[float]) -> str:
+    return ", ".join(f"{frequency:.5g}" for frequency in frequencies) or "–"
+
+
+def level_curve(given: StudyFile, level: float) -> dict[str, Any]:
+    """Return the response curve of a study file at one of its levels."""
+    task = read_response(given)
+    return curve_numbers(task, task.curve(level))
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class ResponsePart(Part):
+    """Response curves at one or several levels."""
+
+    kind, heading = "response", "Steady vibration"
+    about = "steady vibration over frequency, with folds and jumps: the tables [[damping]], [response], [markers]"
+
+    given: Annotated[StudyFile, UNLISTED] = NO_FILE
+    levels: Annotated[tuple[float, ...], UNLISTED] = ()
+    unit: Annotated[str, UNLISTED] = ""
+
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with its levels and the tables that it reads."""
+        task = read_response(source.file)
+        return replace(self, given=source.file.only(RESPONSE_TABLES), levels=task.levels, unit=task.unit)
+
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
+        """Return the curve of each level."""
+        # expected computing time of a curve
+        return tuple(Task(level_curve, (self.given, level), 5.0) for level in self.levels)
+
+    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+        """Return the curves with their peaks and jumps."""
+        titles = level_titles(self.levels, self.unit)
+        columns = (Column("excitation", titles), *summary_columns(results))
+        table = self.data_table("Peaks and jumps of the response", columns)
+        caption = (
+            "Steady vibration of the tip relative to the clamp: half the peak-to-peak value, and phase against the "
+            "excitation.  Dashed: unstable."
+        )
+        figure = drawn(caption, lambda: _figure(titles, results))
+        data = level_numbers(self.levels, self.unit, results)
+        return Finding(data, (table,), (figure,))
+
+
+def _figure(titles: Sequence[str], curves: Sequence[Curve]) -> Figure:
+    """Draw amplitude and phase of the tip against frequency."""
+    figure, (above, below) = new_figure(5.4, 2, sharex=True, height_ratios=(1.7, 1))
+    for k, (title, curve) in enumerate(zip(titles, curves, strict=True)):
+        tip = curve["points"][TIP_KEY]
+        draw_curve(above, curve, 1e3 * np.array(tip["amplitude_m"]), k, title)
+        draw_curve(below, curve, np.degrees(tip["phase_rad"]), k)
+    above.set(ylabel="amplitude of the tip, mm", ylim=(0.0, None))
+    below.set(xlabel="frequency, Hz", ylabel="phase, degrees")
+    above.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+    figure.align_ylabels()
+    return figure
+
+
+def draw_curve(axes: Axes, curve: Curve, values: Array, number: int, label: str | None = None) -> None:
+    """Draw values along a curve in the style of its number: stable parts solid, unstable parts dashed."""
+    style: dict[str, Any] = {**series(number), "ms": 4, "lw": 1.4, "linestyle": "-"}
+    span = max(1, len(values) // 8)  # markers, which tell the curves apart in grey
+    for first, last, stable in _parts(curve["stable"]):
+        dash = {} if stable else {"linestyle": (0, (3, 2)), "marker": ""}
+        axes.plot(curve["frequency_hz"][first:last], values[first:last], markevery=(span // 2, span),
+                  label=label if first == 0 else None, **style | dash)  # fmt: skip
+
+
+def _parts(stable: Any) -> list[tuple[int, int, bool]]:
+    """Return begin, end and stability of the parts of a curve; neighbouring parts share a point."""
+    ends = [0, *(np.flatnonzero(np.diff(stable)) + 1).tolist(), len(stable)]
+    return [(begin, min(end + 1, len(stable)), bool(stable[begin])) for begin, end in pairwise(ends)]

@@ -1,1 +1,0 @@
-"""The kinds of parts with steady vibration: response curves of a beam under harmonic excitation."""

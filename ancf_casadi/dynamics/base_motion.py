@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from ancf_casadi.damping import Parameter
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import array, choice, number, physical, positive, vector
+from ancf_casadi.support.inputs import array, check_size, choice, number, physical, positive, vector
 from ancf_casadi.support.tables import Displayed
 
 StopAt = Literal["rest", "once"]
@@ -177,7 +177,7 @@ class _Oscillation(BaseMotion):
     def _validate(self) -> None:
         """Check what all oscillations share, and normalise the direction."""
         positive(self.amplitude, "amplitude")
-        if self.stop != math.inf:
+        if np.ndim(self.stop) or self.stop != math.inf:
             physical(self.stop, "stop")
         check_ramp(self.ramp, self._instant, self.stop)
         choice(self.stop_at, get_args(StopAt), "stop_at")
@@ -355,6 +355,7 @@ def checked_samples(least: int, time: ArrayLike, **samples: Any) -> dict[str, Ar
     instants = array(time, "time")
     if instants.ndim != 1 or instants.size < least:
         raise InputError(f"needs at least {least} instants", "time")
+    check_size(instants, "time")
     if (np.diff(instants) <= 0.0).any():
         raise InputError("must increase", "time")
     physical(float(np.ptp(instants)), "time")

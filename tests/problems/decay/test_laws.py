@@ -206,7 +206,13 @@ def test_all_laws_are_combined():
     assert LAWS_COMPARED == ("linear", "quadratic", "friction", "power")
     assert FREQUENCY_LAWS_COMPARED == ("constant", "linear", "quadratic", "logarithmic")
     names = compare_decay_laws(TIME, record("linear", "linear", 1e-4), laws=("linear", "one-mode")).names
-    assert names == ("linear", "one-mode", "linear + linear frequency", "linear + quadratic frequency")
+    assert names == (
+        "linear",
+        "one-mode",
+        "linear + linear frequency",
+        "linear + quadratic frequency",
+        "linear + logarithmic frequency",
+    )
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ ones would leave a rest at its own frequency.
 
 A mode whose frequency depends on its amplitude leaves an oscillation close to its frequency, which is no other mode.
 Two close modes therefore count as one unless they are evident (``ancf_casadi.decay.evidence``) beside one mode with
-quadratic damping and a frequency that is linear in amplitude.  What fades within a period is no mode either.
+quadratic damping and a frequency that is logarithmic in amplitude.  What fades within a period is no mode either.
 
 The mode within a band of frequencies follows likewise.  A band-pass filter would colour the noise, ring at the release
 and shift it, and would make the standard errors too small.  Instead, modes are fitted at once until the residuals show
@@ -288,7 +288,7 @@ def _single(first: DecayFit, second: DecayFit, t: Array, y: Array) -> DecayFit |
         return None
     record = Measurement(t, y, sensor=first.model.sensor)
     try:
-        one = fit_one(record, DecayModel("quadratic", first.model.offset, False, "linear"), release_time=float(t[0]))
+        one = fit_one(record, DecayModel("quadratic", first.model.offset, False, "logarithmic"), release_time=float(t[0]))
         two = _together([first, second], t, y)[0]
     except (InputError, FitError):
         return None

@@ -9,6 +9,7 @@ import pytest
 from ancf_casadi.decay.closed_forms import linear_decay
 from ancf_casadi.exceptions import InputError
 from problems import fit_decay, fit_modes
+from problems.decay.laws import DecayModel
 
 TIME = np.arange(0.0, 5.0, 1 / 500)
 MODES = [(1.85, 0.0100, 0.050), (10.19, 0.0028, 0.006), (26.84, 0.0028, 0.002)]  # Table 2; Hz, 1, m
@@ -90,6 +91,18 @@ def test_a_frequency_that_depends_on_amplitude_is_not_split_into_two_modes():
     (fit,) = fit_modes(time, y, modes=2)
     assert 6.86 < fit.frequency < 6.92
     assert any("one mode near 6.8" in note and "frequency law" in note for note in fit.warnings)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_mode_whose_frequency_is_logarithmic_in_the_amplitude_is_one_mode(seed):
+    """6.9 Hz (1 - 0.0035 ln(A/A0)) under quadratic damping, over two decades: once listed as three modes."""
+    time, start = np.arange(0.0, 19.0, 1 / 256), 1e-3
+    model = DecayModel("quadratic", False, False, "logarithmic", reference=start)
+    values = (2 * math.pi * 6.9, 0.37, 7.9, -0.0035, -9.0, start, 0.0)
+    y = np.asarray(cs.evalf(model.curve(time, *map(cs.MX, values)))).ravel()
+    (fit,) = fit_modes(time, y + 2e-6 * np.random.default_rng(seed).standard_normal(len(time)))
+    assert 6.9 < fit.frequency < 6.99
+    assert any("one mode near 6.9" in note and "frequency law" in note for note in fit.warnings)
 
 
 def test_two_close_modes_that_beat_are_kept():

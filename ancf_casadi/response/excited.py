@@ -35,24 +35,12 @@ Body = Model | ReducedModel | SecondOrderSystem
 
 @dataclass(frozen=True, eq=False)
 class Excited:
-    """A system with its excitation.
-
-    Parameters
-    ----------
-    system : SecondOrderSystem
-        The system.
-    drive : Drive
-        The excitation.
-    body : Model, ReducedModel or None
-        The beam; None for a system of the user.
-    law : DampingLaw or None
-        The damping law of the beam.
-    """
+    """A system with its excitation."""
 
     system: SecondOrderSystem
     drive: Drive
-    body: Model | ReducedModel | None
-    law: DampingLaw | None = None
+    body: Model | ReducedModel | None  # None for a system of the user
+    law: DampingLaw | None = None  # of the beam
 
     @property
     def model(self) -> Model | None:
@@ -88,11 +76,9 @@ class Excited:
     def displacement(
         self, q: Any, u: Any, point: float | None, direction: Sequence[float] | None, *, relative: bool
     ) -> Any:
-        """Return the displacement of a point of a beam, m, or a coordinate of a system, (1, k), DM or MX.
+        """Return the displacement of a point of a beam, m, or a coordinate of a system, (1, k).
 
-        Coordinates (n, k) and excitation (e, k) are DM or MX.
-
-        Raise InputError if the point is not on the beam, the coordinate does not exist, or the direction is no vector.
+        Coordinates (n, k), excitation (e, k) and displacement are DM or MX.
         """
         model = self.model
         if model is None:
@@ -123,15 +109,7 @@ def excited(
     *,
     free: bool = False,
 ) -> Excited:
-    """Return a beam or a system with its excitation; ``free`` stands for none.
-
-    Raises
-    ------
-    InputError
-        If an argument is of the wrong kind, or there is not exactly one excitation.
-    EquilibriumError
-        If a beam has no equilibrium under gravity.
-    """
+    """Return a beam or a system with its excitation; ``free`` stands for none."""
     check_instance(body, "model", Model, ReducedModel, SecondOrderSystem)
     check_instance(damping, "damping", DampingLaw, NoneType)
     if isinstance(body, SecondOrderSystem):

@@ -62,26 +62,10 @@ def floquet_multipliers(
 ) -> ComplexArray:
     """Return the Floquet multipliers (2n,) of M(t) x_tt + D(t) x_t + K(t) x = 0, the largest magnitude first.
 
-    Parameters
-    ----------
-    K : array (N, n, n)
-        Stiffness matrix at N equally spaced samples of one period.
-    D, M : array (N, n, n) or (n, n)
-        Damping and mass matrix at the same samples, or constant.
-    period : float
-        Period T, s.
-    resolved : float, optional
-        Highest frequency at which multipliers are accurate to 3e-6, in oscillations per period; higher frequencies are
-        damped.  The time grows in proportion.  The default is N/4 for up to 32 degrees of freedom, otherwise N/8 up to
-        64, but at least 8.
-    mirror : array (n,), optional
-        Signs P = diag(+-1) of a symmetry K(t + T/2) = P K(t) P, likewise for D and M.  Half a period is then enough:
-        the multipliers are the squares of the eigenvalues of P times the matrix of half a period.
-
-    Raises
-    ------
-    NumericsError
-        If a matrix is not finite, or if the matrices do not determine the motion.
+    K is (N, n, n) at equally spaced samples of one period, s; D and M are likewise, or constant, (n, n).  ``resolved``
+    is the highest frequency, in oscillations per period, at which multipliers are accurate to 3e-6; higher ones are
+    damped.  The time grows in proportion.  With the signs P = diag(+-1) of a symmetry K(t + T/2) = P K(t) P, likewise
+    of D and M, the multipliers are the squares of the eigenvalues of P times the matrix of half a period.
     """
     samples, size, _ = K.shape
     if resolved is None:
@@ -116,13 +100,7 @@ def bifurcations(before: ComplexArray, after: ComplexArray, *, turned: bool) -> 
 
     A real multiplier that crosses +1 or -1 alone changes whether the number beyond is odd, also if other multipliers
     cross at the same time or conjugates meet on the real axis.
-
-    Parameters
-    ----------
-    before, after : array (2n,)
-        Floquet multipliers of the two points.
-    turned : bool
-        Whether the curve turns between the points, which makes a crossing of +1 a fold.
+    If the curve turns between the points, a crossing of +1 is a fold.
     """
     above, below, beside = (_crossings(before, after, sign) for sign in (1, -1, 0))
     crossed = abs(_outside(before) - _outside(after))

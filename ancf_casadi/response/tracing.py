@@ -232,15 +232,7 @@ def parameter_response(
 
 
 def _near(subject: Excited, start: PeriodicMotion, tolerance: float) -> Point:
-    """Return the motion of a system near a given one, continued to the amplitude of its excitation.
-
-    Raises
-    ------
-    InputError
-        If the motion belongs to another kind of system.
-    NumericsError
-        If the system has no such motion.
-    """
+    """Return the motion of a system near a given one, continued to the amplitude of its excitation."""
     check_instance(start, "start", PeriodicMotion)
     if start.balance.system.size != subject.system.size:
         raise InputError("belongs to a system with another number of coordinates", "start")

@@ -55,65 +55,31 @@ MOST_PERIOD_SAMPLES = 4096
 
 @dataclass(frozen=True)
 class Setting:
-    """Frequency, excitation and parameter of a periodic motion.
+    """Frequency, excitation and parameter of a periodic motion."""
 
-    Parameters
-    ----------
-    omega : float
-        Angular frequency, rad/s.
-    amplitude : float
-        Amplitude A of the excitation.
-    growth : float
-        Coefficient xi of the negative damping, 1/s.
-    value : float
-        Value of the parameter of the system that varies; not a number if none does.
-    """
-
-    omega: float
-    amplitude: float
-    growth: float = 0.0
-    value: float = math.nan
+    omega: float  # angular frequency, rad/s
+    amplitude: float  # amplitude A of the excitation
+    growth: float = 0.0  # coefficient xi of the negative damping, 1/s
+    value: float = math.nan  # value of the parameter of the system that varies; nan if none does
 
 
 @dataclass(frozen=True, eq=False)
 class BalanceDerivatives:
-    """Derivatives of the equations at a motion.
+    """Derivatives of the equations at a motion."""
 
-    Parameters
-    ----------
-    by_coefficients : array (c, c)
-        dF/dC for the c coefficients that are not zero by symmetry, in the order of ``C.ravel()``.
-    by : mapping
-        Derivatives (c,) with respect to each field of the setting, by name.
-    matrices : (array, array, array)
-        Entries of K, D and M at the samples, (N, k).
-    """
-
-    by_coefficients: Array
-    by: Mapping[str, Array]
-    matrices: tuple[Array, Array, Array]
+    by_coefficients: Array  # dF/dC, (c, c), for the c coefficients not zero by symmetry, in the order of C.ravel()
+    by: Mapping[str, Array]  # derivatives (c,) by each field of the setting
+    matrices: tuple[Array, Array, Array]  # entries of K, D and M at the samples, (N, k)
 
 
 @dataclass(frozen=True, eq=False)
 class HarmonicBalance:
-    """The equations of harmonic balance of a system under a drive.
-
-    Parameters
-    ----------
-    system : SecondOrderSystem
-        The system.
-    drive : Drive
-        Its excitation.
-    fourier : Fourier
-        Harmonics and samples.
-    varied : int, optional
-        Index of the parameter of the system whose value belongs to the setting.
-    """
+    """The equations of harmonic balance of a system under a drive."""
 
     system: SecondOrderSystem
     drive: Drive
     fourier: Fourier
-    varied: int | None = None
+    varied: int | None = None  # index of the parameter of the system whose value belongs to the setting
 
     def parameters(self, setting: Setting) -> Array:
         """Return the parameters p of the system."""
@@ -234,18 +200,10 @@ def _directional(function: cs.Function) -> cs.Function:
 
 @dataclass(frozen=True)
 class Errors:
-    """Estimated errors of a motion, relative to its size.
+    """Estimated errors of a motion, relative to its size."""
 
-    Parameters
-    ----------
-    harmonics : float
-        Size of the missing harmonics, and of the error of the others that is due to them.
-    samples : float
-        Error of the coefficients due to the sampling.
-    """
-
-    harmonics: float
-    samples: float
+    harmonics: float  # size of the missing harmonics, and of the error of the others that is due to them
+    samples: float  # error of the coefficients due to the sampling
 
     @property
     def largest(self) -> float:
@@ -266,18 +224,9 @@ def errors_of(
     size: float,
     shift: Callable[[Array], Array],
 ) -> Errors:
-    """Return the estimated errors of a motion, relative to a size.
+    """Return the estimated errors of a motion relative to its size, from the entries of K, D and M at the samples.
 
-    Parameters
-    ----------
-    balance, C, setting
-        The motion.
-    matrices : (array, array, array)
-        Entries of K, D and M at the samples, (N, k).
-    size : float
-        Size of the motion.
-    shift : callable
-        Returns the change of the coefficients, (2 H + 1, n), due to a residual (2 H + 1, n).
+    ``shift`` gives the change of the coefficients due to a residual, both (2 H + 1, n).
     """
     series, system = balance.fourier, balance.system
     # harmonics of the residual are checked up to this multiple of H

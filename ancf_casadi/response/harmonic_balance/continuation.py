@@ -38,25 +38,11 @@ LOCATED = 1e-9  # width of the interval around a located point, relative to the 
 
 @dataclass(frozen=True, eq=False)
 class ContinuationStep:
-    """A step of the continuation.
-
-    Parameters
-    ----------
-    start : Point
-        The point before.
-    tangent : array
-        Unit tangent there.
-    length : float
-        Arclength h.
-    end : Point
-        The point after.
-    end_tangent : array
-        Unit tangent there.
-    """
+    """A step of the continuation."""
 
     start: Point
-    tangent: Array
-    length: float
+    tangent: Array  # unit tangent at the start
+    length: float  # arclength h
     end: Point
     end_tangent: Array
 
@@ -69,12 +55,7 @@ def endless(point: Point, tangent: Array) -> float:
 def point_at(family: Family, guess: Array, row: Array, near: Point | None = None) -> Point:
     """Return the point with row . (z - guess)/s = 0, with enough harmonics and samples.
 
-    Raises
-    ------
-    NotFound
-        If Newton's method does not converge.
-    NumericsError
-        If the motion needs too many harmonics.
+    Raise NotFound if Newton's method does not converge, and NumericsError if the motion needs too many harmonics.
     """
     coarser: Point | None = None
     while True:
@@ -114,23 +95,9 @@ def follow(
     first_step: float,
     longest: Callable[[Point, Array], float] = endless,
 ) -> Iterator[ContinuationStep]:
-    """Yield the steps along a curve.
+    """Yield the steps along a curve, first in the direction whose product with the tangent is positive.
 
-    Parameters
-    ----------
-    first : Point
-        First point.
-    direction : array
-        Vector that has a positive product with the tangent at the first point.
-    first_step : float
-        First arclength.
-    longest : callable
-        Returns the largest arclength of a step from a point with a tangent.
-
-    Raises
-    ------
-    NumericsError
-        If no step is short enough, or a motion needs too many harmonics.
+    ``longest`` gives the largest arclength of a step from a point with a tangent.
     """
     point, tangent, length = first, first.tangent(direction), first_step
     while True:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
@@ -69,27 +69,13 @@ class HarmonicForce(Displayed):
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """A harmonic excitation of a system.
+    """A harmonic excitation of a system."""
 
-    Parameters
-    ----------
-    parts : array (3, e)
-        u_0, u_1 and u_2.
-    amplitude : float
-        A, m, N or N m.
-    omega : float
-        Angular frequency, rad/s.
-    unit : str
-        Unit of the amplitude.
-    direction : (float, float)
-        Direction of the base motion or of the force at the tip; zero for a moment alone.
-    """
-
-    parts: Array
-    amplitude: float
-    omega: float
-    unit: str = ""
-    direction: tuple[float, float] = field(default=(0.0, 0.0))
+    parts: Array  # u_0, u_1 and u_2, (3, e)
+    amplitude: float  # A; of a beam, m, N or N m
+    omega: float  # rad/s
+    unit: str = ""  # of the amplitude
+    direction: tuple[float, float] = (0.0, 0.0)  # of the base motion or the force at the tip; zero for a moment alone
 
     @property
     def moves_base(self) -> bool:

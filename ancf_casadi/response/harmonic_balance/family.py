@@ -49,34 +49,15 @@ class NotFound(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """The equations of a curve of periodic motions.
-
-    Parameters
-    ----------
-    balance : HarmonicBalance
-        The equations of harmonic balance.
-    setting : Setting
-        The values that stay as they are.
-    free : tuple of str
-        Names of the fields of the setting that are unknown.
-    scales : tuple of float
-        Typical change of each of them.
-    size : float
-        Typical size of the motion, relative to the scale of the system.
-    tolerance : float
-        Largest estimated error of each motion, relative to its size; if infinite, the numbers of harmonics and samples
-        stay as they are.
-    phase : array (n,), optional
-        Functional of the coordinates whose cosine in the first harmonic is zero, if there are two free entries.
-    """
+    """The equations of a curve of periodic motions."""
 
     balance: HarmonicBalance
-    setting: Setting
-    free: tuple[str, ...]
-    scales: tuple[float, ...]
-    size: float
-    tolerance: float
-    phase: Array | None = None
+    setting: Setting  # what is not free stays as it is
+    free: tuple[str, ...]  # fields of the setting that are unknown
+    scales: tuple[float, ...]  # typical change of each
+    size: float  # typical size of the motion, relative to the scale of the system
+    tolerance: float  # of the error relative to the size; if infinite, harmonics and samples stay as they are
+    phase: Array | None = None  # with two free entries, the functional (n,) without cosine in the first harmonic
 
     @cached_property
     def scale(self) -> Array:
@@ -178,23 +159,11 @@ class Family:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A point of a curve of periodic motions, or near it, with the derivatives of the equations there.
-
-    Parameters
-    ----------
-    family : Family
-        The equations, with the numbers of harmonics and samples of the point.
-    z : array
-        Unknowns.
-    row : array
-        A row across the curve, in scaled unknowns, which completes the derivatives to a regular matrix.
-    linear : BalanceDerivatives
-        Derivatives of harmonic balance.
-    """
+    """A point of a curve of periodic motions, or near it, with the derivatives of the equations there."""
 
     family: Family
     z: Array
-    row: Array
+    row: Array  # across the curve, in scaled unknowns; completes the derivatives to a regular matrix
     linear: BalanceDerivatives
 
     @property

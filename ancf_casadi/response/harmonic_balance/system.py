@@ -35,24 +35,12 @@ KEPT_FUNCTIONS = 64  # sets of Functions, each of a system and a number of sampl
 
 
 class SampledFunctions(NamedTuple):
-    """A system at N samples, as Functions of q, v, a (n, N), u (e, N) and p.
+    """A system at N samples, as Functions of q, v, a (n, N), u (e, N) and p."""
 
-    Parameters
-    ----------
-    balance : Function
-        -> R (n, N).
-    tangents : Function
-        Has two further inputs u_1, u_2 (e, N) -> the entries of K, D and M (k, N); U u_1 and U u_2 (n, N).
-    powers : Function
-        -> the power lost to damping, and the power supplied by the excitation, each (1, N).
-    differentiable : Function
-        -> R, like ``balance``, which may be machine code without derivatives.
-    """
-
-    balance: cs.Function
-    tangents: cs.Function
-    powers: cs.Function
-    differentiable: cs.Function
+    balance: cs.Function  # -> R (n, N)
+    tangents: cs.Function  # also of u_1, u_2 (e, N) -> the entries of K, D and M (k, N); U u_1 and U u_2 (n, N)
+    powers: cs.Function  # -> powers lost to damping and supplied by the excitation, each (1, N), W
+    differentiable: cs.Function  # -> R, like ``balance``, which may be machine code without derivatives
 
 
 @dataclass(frozen=True, eq=False)

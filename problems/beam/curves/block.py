@@ -46,40 +46,18 @@ WITHOUT_MODULUS = (FrictionDamping, ModalDamping, QuadraticDamping)  # laws whos
 
 @dataclass(frozen=True, eq=False)
 class CurveBlock(Block):
-    """Measured response curves of a beam in one configuration.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    numbered : tuple of (int, ResponseRecord)
-        The measurements, with their numbers, from 1, in the names of the factors on their levels.
-    law : DampingLaw
-        The damping law.
-    names : tuple of str
-        The unknowns of the fit.
-    first : mapping
-        First values of the unknown properties by name, SI units.
-    modes, harmonics : int
-        Numbers of modes and of harmonics of the motion.
-    weights : SeriesWeights
-        The factors on the standard deviations of amplitudes and levels, and of phases.
-    refinements : int
-        Number of times that modes and harmonics were added.
-    looseness : tuple of float
-        Further factors on the standard deviations of amplitudes, phases and levels.
-    """
+    """Measured response curves of a beam in one configuration."""
 
     model: Model
-    numbered: tuple[tuple[int, ResponseRecord], ...]
+    numbered: tuple[tuple[int, ResponseRecord], ...]  # with the numbers, from 1, in the names of factors on levels
     law: DampingLaw
-    names: tuple[str, ...]
-    first: Mapping[str, float]
-    modes: int
+    names: tuple[str, ...]  # of the unknowns of the fit
+    first: Mapping[str, float]  # values of the unknown properties by name, SI units
+    modes: int  # of the motion
     harmonics: int
-    weights: SeriesWeights
-    refinements: int = 0
-    looseness: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    weights: SeriesWeights  # factors on the standard deviations of amplitudes and levels, and of phases
+    refinements: int = 0  # times that modes and harmonics were added
+    looseness: tuple[float, float, float] = (1.0, 1.0, 1.0)  # further factors for amplitudes, phases and levels
 
     @property
     def records(self) -> Sequence[ResponseRecord]:

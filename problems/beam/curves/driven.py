@@ -41,24 +41,13 @@ from problems.beam.curves.record import ResponseRecord
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """A reduced beam under the excitation of a record, with its sensor.
+    """A reduced beam under the excitation of a record, with its sensor."""
 
-    Parameters
-    ----------
-    system : SecondOrderSystem
-        The beam; its parameters are the unknowns s.
-    drive : Drive
-        The excitation at level 1.
-    fourier : Fourier
-        Harmonics and samples.
-    reading : Function
-        (C and amplitude of the excitation (d + 1,), omega, s) -> Y and phi (2,), and their Jacobians by the first and
-        the last input; d = (2 H + 1) n.
-    """
-
-    system: SecondOrderSystem
-    drive: Drive
+    system: SecondOrderSystem  # its parameters are the unknowns s
+    drive: Drive  # at level 1
     fourier: Fourier
+    # (C and amplitude of the excitation (d + 1,), omega, s) -> Y and phi (2,), and their Jacobians by the first
+    # and the last input; d = (2 H + 1) n
     reading: cs.Function
 
     def curve(self, omega: float, s: Array) -> Family:

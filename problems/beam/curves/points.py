@@ -59,21 +59,11 @@ class NoMotionError(NumericsError):
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A measured point.
+    """A measured point."""
 
-    Parameters
-    ----------
-    omega : float
-        Angular frequency, rad/s.
-    values : array (3,)
-        Amplitude, phase and level; the phase is nan if it was not measured.
-    deviations : array (3,)
-        Their standard deviations.
-    """
-
-    omega: float
-    values: Array
-    deviations: Array
+    omega: float  # rad/s
+    values: Array  # amplitude, phase and level, (3,); the phase is nan if it was not measured
+    deviations: Array  # standard deviations of the values, (3,)
 
     @property
     def has_phase(self) -> bool:
@@ -89,18 +79,10 @@ class Measured:
 
 @dataclass(frozen=True, eq=False)
 class PointMotion:
-    """A steady motion at the frequency of a measured point.
-
-    Parameters
-    ----------
-    driven : Driven
-        The beam with its excitation and sensor.
-    point : Point
-        The motion as a point of the curve at its frequency.
-    """
+    """A steady motion at the frequency of a measured point."""
 
     driven: Driven
-    point: Point
+    point: Point  # of the curve at the frequency
 
     @cached_property
     def values(self) -> Array:
@@ -136,10 +118,7 @@ class PointMotion:
     def sensitivities(self, forces: Array, polar: Array) -> Array:
         """Return the derivatives of amplitude, phase and level by unknowns, at the same amplitude, (3, k).
 
-        Parameters
-        ----------
-        forces, polar : array (d, k), (2, k)
-            Derivatives of the balance and of the reading by the unknowns, at the same coefficients and level.
+        Those of the balance (d, k) and of the reading (2, k) are at the same coefficients and level.
         """
         change = self._changed(-forces, -polar[0])
         phase = polar[1] + self.reading[1][1] @ change

@@ -33,14 +33,7 @@ FREE_STD = 1e4  # factor on the standard deviations of amplitude and phase: the 
 def response_channels(record: ResponseRecord, values: Array, errors: Array, prefix: str = "") -> list[PredictedChannel]:
     """Return measured and computed amplitudes and phases; the latter are on the turn nearest to the measured ones.
 
-    Parameters
-    ----------
-    record : ResponseRecord
-        The measurements.
-    values, errors : array (2, m)
-        Computed amplitudes and phases, and their standard errors.
-    prefix : str
-        Beginning of the names.
+    The computed values and their standard errors are (2, m).
     """
     amplitudes, phases = values
     measured = np.full(phases.shape, math.nan) if record.measured_phases is None else record.measured_phases
@@ -59,13 +52,7 @@ def response_channels(record: ResponseRecord, values: Array, errors: Array, pref
 
 
 def predicted_response(block: CurveBlock, fit: Fit, kind: str) -> RecordPrediction:
-    """Return the prediction of the only record of a block with the estimates of a fit.
-
-    Raises
-    ------
-    FitError
-        If the response at a point cannot be computed.
-    """
+    """Return the prediction of the only record of a block with the estimates of a fit."""
     (record,), values = block.records, fit.estimates
     responses = replace(block, looseness=(FREE_STD, FREE_STD, 1.0)).evaluation()
     try:

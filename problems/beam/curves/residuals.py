@@ -76,13 +76,7 @@ def first_weights(records: Sequence[ResponseRecord]) -> SeriesWeights:
 
 
 class Responses:
-    """The residuals of a block and their Jacobian; the search for every motion starts from its last one.
-
-    Parameters
-    ----------
-    block : CurveBlock
-        The block.
-    """
+    """The residuals of a block and their Jacobian; the search for every motion starts from its last one."""
 
     def __init__(self, block: CurveBlock) -> None:
         self.block = block
@@ -115,10 +109,7 @@ class Responses:
         return Differentiable(self._respond, sum(self.block.series), len(self.block.names))
 
     def motions(self, values: Mapping[str, float]) -> list[list[PointMotion]]:
-        """Return the motion closest to each point, record by record, for values of the unknowns by name.
-
-        Raise NoMotionError if one is not found; the message names it.
-        """
+        """Return the motion closest to each point, record by record, for values of the unknowns by name."""
         s, beams, found = self.block.shared(values), self._driven(values), []
         for k, (record, points) in enumerate(zip(self.block.records, self.block.measured(values), strict=True)):
             own: list[PointMotion] = []
@@ -135,8 +126,6 @@ class Responses:
         """Return the residuals (m,), and their Jacobian (m, n) by the unknowns of the block, for values by name.
 
         Those that are not given have their guesses.
-
-        Raise NoMotionError if a motion is not found.
         """
         motions, points = self.motions(values), self.block.measured(values)
         residuals, jacobians = [], []
@@ -198,14 +187,7 @@ class Responses:
 def across(slope: Array, response_controlled: bool, has_phase: bool) -> Array:
     """Return the rows of the rotation T that take the plane across a curve to its residuals, (2, 3) or (1, 3).
 
-    Parameters
-    ----------
-    slope : array (3,)
-        Direction of the curve: derivatives of amplitude, phase and level over their standard deviations.
-    response_controlled : bool
-        Whether the amplitude, and not the level, was controlled.
-    has_phase : bool
-        Whether the phase was measured.
+    The slope (3,) has the derivatives of amplitude, phase and level over their standard deviations.
     """
     rows = (2, 1) if response_controlled else (0, 1)
     e = np.array([1.0, 0.0, 0.0]) if response_controlled else np.array([0.0, 0.0, 1.0])

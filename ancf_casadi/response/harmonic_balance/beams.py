@@ -10,7 +10,7 @@ operation is a product of matrices; the derivatives follow column by column, for
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 
@@ -63,17 +63,15 @@ def full_system(model: Model, law: DampingLaw) -> SecondOrderSystem:
     )
 
 
-@lru_cache(maxsize=KEPT_FUNCTIONS)
 def _full_functions(model: Model, law: DampingLaw, samples: int) -> SampledFunctions:
-    return several(samples, *_one_sample(model, law)[1])
+    return several(_one_sample(model, law)[1], samples)
 
 
 @lru_cache(maxsize=KEPT)
 def _one_sample(model: Model, law: DampingLaw) -> tuple[tuple[Index, Index], SampledFunctions]:
     """Return rows and columns of the entries of the matrices, and the Functions of one sample."""
     equations = Equations(model, law, compiled)
-    symbols, names = _symbols(equations), ["q", "v", "a", "u", "p"]
-    *_, u, p = symbols
+    *_, u, p = symbols = _symbols(equations)
     forces, powers, (e, e_t, _) = _full_motion(equations, symbols)
     plain, *_ = _full_motion(Equations(model, law), symbols)
     directions = [cs.MX.sym(name, BEAM_EXCITATION) for name in ("u_1", "u_2")]
@@ -88,13 +86,8 @@ def _one_sample(model: Model, law: DampingLaw) -> tuple[tuple[Index, Index], Sam
     free = [matrix[NODE:, NODE:] for matrix in (K, D, M)]
     pattern = free[0].sparsity() + free[1].sparsity()
     outputs = [*(cs.project(matrix, pattern).nz[:] for matrix in free), *(U @ direction for direction in directions)]
-    balance, differentiable = (cs.Function("balance", symbols, [own[NODE:]], names, ["R"]) for own in (forces, plain))
-    tangents = cs.Function("tangents", [*symbols, *directions], [cs.densify(part) for part in outputs],
-                           [*names, "u_1", "u_2"], ["K", "D", "M", "R_1", "R_2"])  # fmt: skip
     entries = np.array(pattern.row()), np.array(pattern.get_col())
-    return entries, SampledFunctions(
-        balance, tangents, cs.Function("powers", symbols, powers, names, ["lost", "supplied"]), differentiable
-    )
+    return entries, SampledFunctions.of([*symbols, *directions], forces[NODE:], outputs, powers, plain[NODE:])
 
 
 def _symbols(equations: Equations) -> list[cs.MX]:
@@ -130,31 +123,22 @@ def base_force(model: Model, law: DampingLaw) -> cs.Function:
 
 
 @lru_cache(maxsize=KEPT)
-def reduced_system(reduced: ReducedModel) -> SecondOrderSystem:
-    """Return a reduced model as a second-order system; its parameters are gravity and those of the law."""
-    parameters = parameters_of(reduced.parameters, reduced.law)
-    return _reduced_system(reduced, parameters, partial(_reduced_functions, reduced, False))
+def reduced_system(reduced: ReducedModel, *, tuned: bool = False) -> SecondOrderSystem:
+    """Return a reduced model as a second-order system; its parameters are gravity and those of the law.
 
-
-def tuned_system(reduced: ReducedModel) -> SecondOrderSystem:
-    """Return a reduced model with factors c on its natural frequencies w and E on its elastic modulus.
-
-    Their forces are diag((c_k^2 - 1) w_k^2) q + (E - 1) dU/dq.  The parameters are those of the law, c and E.
+    If it is tuned, they are those of the law, factors c on the natural frequencies w, and a factor E on the elastic
+    modulus, with the forces diag((c_k^2 - 1) w_k^2) q + (E - 1) dU/dq.
     """
-    n = reduced.count
-    factors = [Parameter(f"frequency_{k + 1}", 1.0, "1", f"factor on the frequency of mode {k + 1}") for k in range(n)]
-    modulus = Parameter("elastic_modulus", 1.0, "1", "factor on the elastic modulus")
-    parameters = (*parameters_of(reduced.parameters, reduced.law)[GRAVITY_SIZE:], *factors, modulus)
-    return _reduced_system(reduced, parameters, partial(_reduced_functions, reduced, True))
-
-
-def _reduced_system(
-    reduced: ReducedModel, parameters: tuple[Parameter, ...], functions: Callable[[int], SampledFunctions]
-) -> SecondOrderSystem:
     m, model, projection = reduced.count, reduced.model, reduced.projection
-    rest = reduced.modes.equilibrium.coordinates[NODE:]
+    rest, parameters = reduced.modes.equilibrium.coordinates[NODE:], parameters_of(reduced.parameters, reduced.law)
+    if tuned:
+        factors = [
+            Parameter(f"frequency_{k}", 1.0, "1", f"factor on the frequency of mode {k}") for k in range(1, m + 1)
+        ]
+        modulus = Parameter("elastic_modulus", 1.0, "1", "factor on the elastic modulus")
+        parameters = (*parameters[GRAVITY_SIZE:], *factors, modulus)
     return SecondOrderSystem(
-        functions=functions,
+        functions=partial(_reduced_functions, reduced, tuned),
         entries=dense_entries(m),
         parameters=parameters,
         excitation=BEAM_EXCITATION,
@@ -187,15 +171,8 @@ def _reduced_functions(reduced: ReducedModel, tuned: bool, samples: int) -> Samp
         row[k, :] = 1.0
     matrices = [cs.vertcat(*(cs.jtimes(balance, own, row) for row in rows)) for own in coordinates]
     driven = [cs.jtimes(balance, u, direction) for direction in directions]
-    symbols, names = [*coordinates, u, p], ["q", "v", "a", "u", "p"]
-    plain = cs.Function("balance", symbols, [balance], names, ["R"], {"cse": True})
-    return SampledFunctions(
-        plain,
-        cs.Function("tangents", [*symbols, *directions], [*matrices, *driven], [*names, "u_1", "u_2"],
-                    ["K", "D", "M", "R_1", "R_2"], {"cse": True}),
-        cs.Function("powers", symbols, [cs.sum1(velocity * damping), supplied], names, ["lost", "supplied"]),
-        plain,
-    )  # fmt: skip
+    powers = [cs.sum1(velocity * damping), supplied]
+    return SampledFunctions.of([*coordinates, u, p, *directions], balance, [*matrices, *driven], powers)
 
 
 def _across(model: Model, rest: Array) -> Array:

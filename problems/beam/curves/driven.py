@@ -29,7 +29,7 @@ from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.reduction import ReducedModel
 from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
-from ancf_casadi.response.harmonic_balance.beams import tuned_system
+from ancf_casadi.response.harmonic_balance.beams import reduced_system
 from ancf_casadi.response.harmonic_balance.drive import Drive, beam_drive
 from ancf_casadi.response.harmonic_balance.family import Family
 from ancf_casadi.response.harmonic_balance.fourier import Fourier, fourier
@@ -70,7 +70,7 @@ def driven(reduced: ReducedModel, record: ResponseRecord, harmonics: int) -> Dri
     drive = beam_drive(record.base, record.load)
     # enough samples for the products of a few harmonics, and for the kink of |v| v
     series = fourier(harmonics, max(32, 6 * harmonics + 2))
-    return Driven(tuned_system(reduced), drive, series, _reading(reduced, record, drive, series))
+    return Driven(reduced_system(reduced, tuned=True), drive, series, _reading(reduced, record, drive, series))
 
 
 def _reading(reduced: ReducedModel, record: ResponseRecord, drive: Drive, series: Fourier) -> cs.Function:

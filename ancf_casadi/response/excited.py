@@ -6,7 +6,6 @@ the beam, (-a_y, a_x) for the axis a, unless another is given.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import NoneType
@@ -28,7 +27,7 @@ from ancf_casadi.response.harmonic_balance.drive import Drive, HarmonicForce, be
 from ancf_casadi.response.harmonic_balance.fourier import basis_at, fourier
 from ancf_casadi.response.harmonic_balance.system import SecondOrderSystem
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, vector, whole
+from ancf_casadi.support.inputs import check_instance, unit_vector, whole
 
 Body = Model | ReducedModel | SecondOrderSystem
 
@@ -85,10 +84,7 @@ class Excited:
             return q[whole(0 if point is None else point, "point", 0, self.system.size - 1), :]
         interpolation = model.interpolation(model.beam.length if point is None else point)
         ax, ay = model.beam.axis
-        along = np.array((-ay, ax) if direction is None else vector(direction, "direction"))
-        if not along.any():
-            raise InputError("must not be the zero vector", "direction")
-        along = along / math.hypot(*along)
+        along = np.array(unit_vector((-ay, ax) if direction is None else direction, "direction"))
         if isinstance(self.body, ReducedModel):
             motion = ReducedMotion(self.body.projection, q, 0 * q, u[:BASE_SIZE, :], gravity=cs.DM(2, 1))
             shape = cs.DM(interpolation[:1, ::2] @ self.body.projection.slopes.shape)

@@ -57,20 +57,18 @@ def floquet_multipliers(
     M: Array,
     period: float,
     *,
-    resolved: float | None = None,
     mirror: Array | None = None,
 ) -> ComplexArray:
     """Return the Floquet multipliers (2n,) of M(t) x_tt + D(t) x_t + K(t) x = 0, the largest magnitude first.
 
-    K is (N, n, n) at equally spaced samples of one period, s; D and M are likewise, or constant, (n, n).  ``resolved``
-    is the highest frequency, in oscillations per period, at which multipliers are accurate to 3e-6; higher ones are
-    damped.  The time grows in proportion.  With the signs P = diag(+-1) of a symmetry K(t + T/2) = P K(t) P, likewise
-    of D and M, the multipliers are the squares of the eigenvalues of P times the matrix of half a period.
+    K is (N, n, n) at equally spaced samples of one period, s; D and M are likewise, or constant, (n, n).  With the
+    signs P = diag(+-1) of a symmetry K(t + T/2) = P K(t) P, likewise of D and M, the multipliers are the squares of the
+    eigenvalues of P times the matrix of half a period.
     """
     samples, size, _ = K.shape
-    if resolved is None:
-        # degrees of freedom up to which all that N samples can excite is resolved within milliseconds
-        resolved = max(8, samples / 4 if size <= 32 else min(samples / 8, 64))  # oscillations per period
+    # highest oscillations per period whose multipliers are accurate to 3e-6; the time grows in proportion, and with up
+    # to 32 degrees of freedom all that N samples can excite is resolved within milliseconds
+    resolved = max(8, samples / 4 if size <= 32 else min(samples / 8, 64))
     steps = 2 * max(1, int(np.ceil(resolved)))
     taken = steps if mirror is None else steps // 2
     at_once = max(1, (2**22) // (FLOQUET_STAGES * size) ** 2)  # of the matrices that are solved at a time
@@ -102,7 +100,7 @@ def bifurcations(before: ComplexArray, after: ComplexArray, *, turned: bool) -> 
     cross at the same time or conjugates meet on the real axis.
     If the curve turns between the points, a crossing of +1 is a fold.
     """
-    above, below, beside = (_crossings(before, after, sign) for sign in (1, -1, 0))
+    above, below, beside = (abs(_outside(before, sign) - _outside(after, sign)) for sign in (1, -1, 0))
     crossed = abs(_outside(before) - _outside(after))
     found: list[Bifurcation] = ["fold"] if turned else ["branch point"] if above % 2 else []
     found += ["period doubling"] if below % 2 else []
@@ -116,11 +114,6 @@ def _outside(multipliers: ComplexArray, sign: int | None = None) -> int:
     outside = multipliers[np.abs(multipliers) > 1 + STABILITY_TOLERANCE]
     signs = np.where(outside.imag == 0, np.sign(outside.real), 0)
     return int(np.sum(signs == sign)) if sign is not None else len(outside)
-
-
-def _crossings(before: ComplexArray, after: ComplexArray, sign: int) -> int:
-    """Return by how many the multipliers of one kind outside the unit circle differ."""
-    return abs(_outside(before, sign) - _outside(after, sign))
 
 
 def _factors(matrices: Sequence[Array], numbers: Index, steps: int, period: float) -> Array:

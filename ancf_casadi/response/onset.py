@@ -8,6 +8,7 @@ amplitude.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -17,15 +18,10 @@ from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.response.excited import Body, Excited, excited
-from ancf_casadi.response.harmonic_balance.balance import (
-    HarmonicBalance,
-    Setting,
-    size_of,
-)
+from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting, size_of
 from ancf_casadi.response.harmonic_balance.continuation import (
     SMALLEST_SIZE,
     ContinuationStep,
-    endless,
     follow,
     located,
     point_at,
@@ -174,7 +170,7 @@ def crossing(
     direction: Array,
     test: Callable[[Point], float],
     first_step: float,
-    longest: Callable[[Point, Array], float] = endless,
+    longest: Callable[[Point, Array], float] = lambda point, tangent: math.inf,
 ) -> ContinuationStep | None:
     """Return the first step along a curve in which a function changes its sign; None if there is none in 300 steps.
 

@@ -102,33 +102,32 @@ class HarmonicBalance:
 
     def sampled_residual(self, C: Array, setting: Setting) -> Array:
         """Return R at the samples, (n, N)."""
-        q, v, a, u = self.motion(C, setting)
-        inputs = (q, v, a - setting.growth * v, u, self.parameters(setting))
-        return evaluated(self._functions.balance, *inputs)[0]
+        return evaluated(self._functions.balance, *self._inputs(C, setting))[0]
 
     def linearised(self, C: Array, setting: Setting) -> BalanceDerivatives:
         """Return the derivatives of F."""
-        system, series, omega, growth = self.system, self.fourier, setting.omega, setting.growth
-        q, v, a, u = self.motion(C, setting)
+        series, omega, (_, v, a, _) = self.fourier, setting.omega, self.motion(C, setting)
         _, growing, shape = self.drive.samples(series.phases, omega, setting.amplitude)
-        inputs = (q, v, a - growth * v, u, self.parameters(setting), growing, shape)
+        inputs = (*self._inputs(C, setting), growing, shape)
         k, d, m, by_growing, by_shape = evaluated(self._functions.tangents, *inputs)
-        drag = d - growth * m
+        drag = d - setting.growth * m
         J = self._assembled((k, omega * drag, omega**2 * m))
         speed = self._times(drag, v / omega) + self._times(m, 2 / omega * a) + by_growing
         sampled = {"omega": speed, "amplitude": by_shape, "growth": -self._times(m, v)}
         by = {name: (series.analysis @ part.T)[self.allowed] for name, part in sampled.items()}
         if self.varied is not None:
-            by["value"] = self.by_parameters(C, setting, np.eye(len(system.parameters))[:, [self.varied]])[:, 0]
+            by["value"] = self.by_parameters(C, setting, np.eye(len(self.system.parameters))[:, [self.varied]])[:, 0]
         return BalanceDerivatives(J, by, (k.T, d.T, m.T))
 
     def by_parameters(self, C: Array, setting: Setting, directions: Array) -> Array:
         """Return dF/dp times directions (l, k) in the space of the parameters, (c, k)."""
-        q, v, a, u = self.motion(C, setting)
-        inputs = (q, v, a - setting.growth * v, u, self.parameters(setting))
-        R = _directional(self._functions.differentiable)(*inputs, directions).full()
+        R = _directional(self._functions.differentiable)(*self._inputs(C, setting), directions).full()
         columns = R.reshape(self.system.size, directions.shape[1], -1)
         return np.asarray(np.einsum("as,iks->aik", self.fourier.analysis, columns)[self.allowed])
+
+    def _inputs(self, C: Array, setting: Setting) -> tuple[Array, ...]:
+        q, v, a, u = self.motion(C, setting)
+        return q, v, a - setting.growth * v, u, self.parameters(setting)
 
     def sampled_powers(self, C: Array, setting: Setting) -> tuple[Array, Array]:
         """Return the power lost to damping and the power supplied at the samples, (N,), W."""
@@ -147,16 +146,13 @@ class HarmonicBalance:
 
     def _assembled(self, blocks: tuple[Array, Array, Array]) -> Array:
         """Return dF/dC from the entries (k, N) of the factors of E, E' and E''."""
-        mirror, series = self.system.mirror, self.fourier
+        mirror = self.system.mirror if self.fourier.half else np.ones(self.system.size)
         place = np.full(self.allowed.shape, -1)
         place[self.allowed] = np.arange(self.allowed.sum())
         J = np.zeros((self.allowed.sum(), self.allowed.sum()))
         rows, columns = self.system.entries
-        kinds = np.unique(mirror) if series.half else [None]
-        for own, other in itertools.product(kinds, kinds):
-            those = (
-                np.ones(len(rows), dtype=bool) if own is None else (mirror[rows] == own) & (mirror[columns] == other)
-            )
+        for own, other in itertools.product(np.unique(mirror), repeat=2):
+            those = (mirror[rows] == own) & (mirror[columns] == other)
             if not those.any():
                 continue
             i, j = rows[those], columns[those]

@@ -47,11 +47,6 @@ class ContinuationStep:
     end_tangent: Array
 
 
-def endless(point: Point, tangent: Array) -> float:
-    """Set no limit to the length of a step."""
-    return math.inf
-
-
 def point_at(family: Family, guess: Array, row: Array, near: Point | None = None) -> Point:
     """Return the point with row . (z - guess)/s = 0, with enough harmonics and samples.
 
@@ -93,7 +88,7 @@ def follow(
     first: Point,
     direction: Array,
     first_step: float,
-    longest: Callable[[Point, Array], float] = endless,
+    longest: Callable[[Point, Array], float] = lambda point, tangent: math.inf,
 ) -> Iterator[ContinuationStep]:
     """Yield the steps along a curve, first in the direction whose product with the tangent is positive.
 
@@ -155,14 +150,10 @@ def located(step: ContinuationStep, test: Callable[[Point, Array], float]) -> Po
             step = replace(step, length=length, end=found, end_tangent=tangent)
         else:
             at_start, at_end, kept = value, at_end / (2 if kept == "end" else 1), "end"
-            step = ContinuationStep(found, tangent, _ahead(found, tangent, step.end), step.end, step.end_tangent)
+            z = step.end.family.resized(step.end.z, found.family.balance.fourier.harmonics)
+            ahead = float(tangent @ ((z - found.z) / found.family.scale))
+            step = ContinuationStep(found, tangent, ahead, step.end, step.end_tangent)
     return found
-
-
-def _ahead(point: Point, tangent: Array, other: Point) -> float:
-    """Return the arclength from one point to another along a tangent."""
-    z = other.family.resized(other.z, point.family.balance.fourier.harmonics)
-    return float(tangent @ ((z - point.z) / point.family.scale))
 
 
 def carried(vector: Array, old: Point, new: Point) -> Array:

@@ -83,9 +83,13 @@ class Family:
         """Return coefficients and setting of the unknowns."""
         count = len(self.free)
         values = dict(zip(self.free, z[-count:].tolist(), strict=True))
+        return self._all(z[:-count]), replace(self.setting, **values)
+
+    def _all(self, coefficients: Array) -> Array:
+        """Return C, (2 H + 1, n), of the coefficients that are not zero by symmetry."""
         C = np.zeros(self.balance.allowed.shape)
-        C[self.balance.allowed] = z[:-count]
-        return C, replace(self.setting, **values)
+        C[self.balance.allowed] = coefficients
+        return C
 
     def residual(self, z: Array) -> Array:
         """Return the left sides of all equations but that of the row."""
@@ -106,16 +110,8 @@ class Family:
         moved = turning.moved(q, self._sampled(end[:count]) - carried - q)
         return self._analysed(moved + carried, end[count:])
 
-    def forth(self, reference: Array, z: Array, change: Array) -> Array:
-        """Return the change at z that corresponds to a change at a reference."""
-        return self._turned(reference, z, change, "forth")
-
-    def back(self, reference: Array, z: Array, residual: Array) -> Array:
-        """Return the left sides at a reference that correspond to those at z."""
-        return self._turned(reference, z, residual, "back")
-
-    def _turned(self, reference: Array, z: Array, vector: Array, way: Literal["forth", "back"]) -> Array:
-        """Return a vector whose first entries belong to the coefficients, these turned with the beam."""
+    def turned(self, reference: Array, z: Array, vector: Array, way: Literal["forth", "back"]) -> Array:
+        """Return the change at z that corresponds to one at a reference (forth), or the residual there (back)."""
         turning, count = self.balance.system.corrections, len(z) - len(self.free)
         if turning is None or reference is z:
             return vector
@@ -125,9 +121,7 @@ class Family:
 
     def _sampled(self, coefficients: Array) -> Array:
         """Return the coordinates at the samples, (n, N), of the coefficients that are not zero by symmetry."""
-        C = np.zeros(self.balance.allowed.shape)
-        C[self.balance.allowed] = coefficients
-        return np.asarray((self.balance.fourier.basis @ C).T)
+        return np.asarray((self.balance.fourier.basis @ self._all(coefficients)).T)
 
     def _carried(self, z: Array) -> Array:
         """Return the displacements of the clamp at all nodes and samples, (n, N)."""
@@ -239,8 +233,8 @@ def solve(family: Family, guess: Array, row: Array, near: Point | None = None) -
     used = family.at(z, row) if near is None else replace(near, family=family, row=row)
     for _ in range(30):
         gap = row @ ((z - guess) / scale)
-        residual = family.back(used.z, z, family.residual(z))
-        step = -family.forth(used.z, z, scale * used.solve(np.append(residual, gap))) / scale
+        residual = family.turned(used.z, z, family.residual(z), "back")
+        step = -family.turned(used.z, z, scale * used.solve(np.append(residual, gap)), "forth") / scale
         length = float(np.abs(step).max())
         if not np.isfinite(length) or (fresh and length > LARGEST_NEWTON_STEP):
             raise NotFound

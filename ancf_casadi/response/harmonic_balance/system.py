@@ -231,7 +231,8 @@ def several(ones: SampledFunctions, samples: int) -> SampledFunctions:
 def _side_by_side(one: cs.Function, samples: int) -> cs.Function:
     names = one.name_in()
     symbols = [cs.MX.sym(name, one.numel_in(k), 1 if name == "p" else samples) for k, name in enumerate(names)]
-    results = one.map(samples).call([cs.repmat(x, 1, samples) if x.name() == "p" else x for x in symbols])
+    columns = [cs.repmat(x, 1, samples // x.size2()) for x in symbols]
+    results = one.map(samples).call(columns)
     return cs.Function(one.name(), symbols, results, names, one.name_out())
 
 

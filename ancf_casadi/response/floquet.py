@@ -78,11 +78,13 @@ def floquet_multipliers(
             for begin in range(0, taken, at_once)
         ]
         monodromy = _product(np.concatenate(parts))
-        if mirror is None:
-            return _sorted_eigenvalues(monodromy)
-        return _sorted_eigenvalues(np.tile(mirror, 2)[:, None] * monodromy) ** 2
+        if mirror is not None:
+            monodromy = np.tile(mirror, 2)[:, None] * monodromy
+        values = np.linalg.eigvals(monodromy).astype(complex)
     except np.linalg.LinAlgError:
         raise NumericsError("the Floquet multipliers cannot be computed: the equation of motion is singular") from None
+    values = values[np.argsort(-np.abs(values), kind="stable")]
+    return values if mirror is None else values**2
 
 
 def is_stable(multipliers: ComplexArray) -> bool:
@@ -173,9 +175,3 @@ def _derivative_matrix() -> Array:
     B = weights / weights[:, None] / distance
     np.fill_diagonal(B, 1 - B.sum(axis=1))
     return np.asarray(B[1:, 1:])
-
-
-def _sorted_eigenvalues(P: Array) -> ComplexArray:
-    """Return the eigenvalues in order of decreasing magnitude."""
-    values = np.linalg.eigvals(P).astype(complex)
-    return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])

@@ -13,6 +13,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
+from typing import Literal
 
 import casadi as cs
 import numpy as np
@@ -33,7 +34,7 @@ from ancf_casadi.response.harmonic_balance.system import (
     dense_entries,
     several,
 )
-from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.arrays import Array, ComplexArray, Index
 from ancf_casadi.support.compilation import compiled
 from ancf_casadi.vibration.equilibrium import static_equilibrium
 
@@ -209,18 +210,11 @@ class Turning:
     The coordinates are equivalent to pairs G q + g: the slopes r' at the two Gauss points of each element and, with an
     elastic clamp, slope and position of the first node.  A correction turns each slope by the angle (r' x dr')/|r'|^2
     and multiplies its length by exp(r' . dr'/|r'|^2).
-
-    Parameters
-    ----------
-    matrix, constant : array (4 n, 4 n), (4 n,)
-        G and g.
-    slopes : int
-        Number of slopes among the pairs; they come first.
     """
 
-    matrix: Array
-    constant: Array
-    slopes: int
+    matrix: Array  # G, (4 n, 4 n)
+    constant: Array  # g, (4 n,)
+    slopes: int  # number of slopes among the pairs; they come first
 
     @staticmethod
     def of(model: Model) -> Turning:
@@ -236,42 +230,39 @@ class Turning:
 
     def moved(self, q: Array, change: Array) -> Array:
         """Return coordinates (4 n, N) after corrections (4 n, N)."""
-        pairs = self._pairs(q)
-        turn = (self.matrix @ change).reshape(pairs.shape)
-        x, y = pairs[: self.slopes].transpose(1, 0, 2)
-        u, v = turn[: self.slopes].transpose(1, 0, 2)
-        square = x**2 + y**2
+        pairs, corrections = self._pairs(q), _complex(self.matrix @ change)
+        rate = (corrections / pairs)[: self.slopes]
         # logarithm of the factor by which a correction stretches a slope at most
-        angle, growth = (x * v - y * u) / square, np.exp(np.minimum((x * u + y * v) / square, 5.0))
-        cosine, sine = growth * np.cos(angle), growth * np.sin(angle)
-        moved = pairs + turn
-        moved[: self.slopes] = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=1)
-        return np.asarray(self._inverse @ (moved.reshape(q.shape) - self.constant[:, None]))
+        turn = np.exp(np.minimum(rate.real, 5.0) + 1j * rate.imag)
+        moved = np.concatenate([pairs[: self.slopes] * turn, (pairs + corrections)[self.slopes :]])
+        return np.asarray(self._inverse @ (_real(moved) - self.constant[:, None]))
 
-    def forth(self, reference: Array, q: Array, change: Array) -> Array:
-        """Return corrections, with each slope turned by its angle from the reference to q."""
-        return np.asarray(self._inverse @ self._turned(reference, q, self.matrix @ change, 1.0))
+    def turned(self, reference: Array, q: Array, vectors: Array, way: Literal["forth", "back"]) -> Array:
+        """Return corrections with each slope turned by its angle from the reference to q (forth).
 
-    def back(self, reference: Array, q: Array, residual: Array) -> Array:
-        """Return residuals: the transposed of ``forth``."""
-        return np.asarray(self.matrix.T @ self._turned(reference, q, self._inverse.T @ residual, -1.0))
+        Residuals are turned back by the transposed matrix.
+        """
+        before, after = (self._pairs(own)[: self.slopes] for own in (reference, q))
+        turn = after / before if way == "forth" else before / after
+        into, out = (self.matrix, self._inverse) if way == "forth" else (self._inverse.T, self.matrix.T)
+        pairs = _complex(into @ vectors)
+        pairs[: self.slopes] *= turn / np.abs(turn)
+        return np.asarray(out @ _real(pairs))
 
     @cached_property
     def _inverse(self) -> Array:
         return np.asarray(np.linalg.inv(self.matrix))
 
-    def _pairs(self, q: Array) -> Array:
-        """Return the slopes, and the position behind an elastic clamp, (k, 2, N)."""
-        return np.asarray((self.matrix @ q + self.constant[:, None]).reshape(-1, 2, q.shape[1]))
+    def _pairs(self, q: Array) -> ComplexArray:
+        """Return the slopes, and the position behind an elastic clamp, (k, N)."""
+        return _complex(self.matrix @ q + self.constant[:, None])
 
-    def _turned(self, reference: Array, q: Array, pairs: Array, sign: float) -> Array:
-        """Return vectors (2 k, N), those of the slopes turned by the angles from the reference to q, or back."""
-        x, y = self._pairs(reference)[: self.slopes].transpose(1, 0, 2)
-        u, v = self._pairs(q)[: self.slopes].transpose(1, 0, 2)
-        cosine, sine = x * u + y * v, sign * (x * v - y * u)
-        size = np.hypot(cosine, sine)
-        turned = pairs.reshape(-1, 2, q.shape[1]).copy()
-        a, b = turned[: self.slopes].transpose(1, 0, 2)
-        both = np.stack([cosine * a - sine * b, sine * a + cosine * b], axis=1) / size[:, None]
-        turned[: self.slopes] = both
-        return turned.reshape(pairs.shape)
+
+def _complex(vectors: Array) -> ComplexArray:
+    """Return pairs of rows (2 k, N) as the real and imaginary parts of one row, (k, N)."""
+    return np.asarray(vectors[::2] + 1j * vectors[1::2])
+
+
+def _real(pairs: ComplexArray) -> Array:
+    """Return the reverse of ``_complex``."""
+    return np.stack([pairs.real, pairs.imag], axis=1).reshape(-1, pairs.shape[1])

@@ -115,8 +115,7 @@ class Family:
         turning, count = self.balance.system.corrections, len(z) - len(self.free)
         if turning is None or reference is z:
             return vector
-        turn = turning.forth if way == "forth" else turning.back
-        turned = turn(self._relative(reference), self._relative(z), self._sampled(vector[:count]))
+        turned = turning.turned(self._relative(reference), self._relative(z), self._sampled(vector[:count]), way)
         return self._analysed(turned, vector[count:])
 
     def _sampled(self, coefficients: Array) -> Array:

@@ -86,8 +86,7 @@ class CurveBlock(Block):
 
     def evaluation(self, before: Evaluation | None = None) -> Responses:
         """Return the residuals; the search for each motion starts from the last one."""
-        found = Responses(self)
-        return found.continued(before) if isinstance(before, Responses) else found
+        return Responses(self, before if isinstance(before, Responses) else None)
 
     def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
         """Return the block with the factors on the standard deviations that residuals show."""

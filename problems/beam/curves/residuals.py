@@ -78,18 +78,12 @@ def first_weights(records: Sequence[ResponseRecord]) -> SeriesWeights:
 class Responses:
     """The residuals of a block and their Jacobian; the search for every motion starts from its last one."""
 
-    def __init__(self, block: CurveBlock) -> None:
+    def __init__(self, block: CurveBlock, before: Responses | None = None) -> None:
+        """Begin with the last motions of a block with other weights, or fewer modes and harmonics."""
         self.block = block
-        self._last: list[list[PointMotion]] = []
-        self._constant: list[Driven] = []
-
-    def continued(self, before: Responses) -> Responses:
-        """Return the residuals, from the last motions of a block with other weights, or fewer modes and harmonics."""
-        old, new = before.block, self.block
-        if (new.modes, new.harmonics) == (old.modes, old.harmonics):
-            self._constant = before._constant
-        self._last = before._last
-        return self
+        self._last: list[list[PointMotion]] = before._last if before else []
+        same = before and (block.modes, block.harmonics) == (before.block.modes, before.block.harmonics)
+        self._constant: list[Driven] = before._constant if before and same else []
 
     @property
     def failure(self) -> str:
@@ -106,7 +100,12 @@ class Responses:
     @cached_property
     def _differentiable(self) -> Differentiable:
         """The residuals as a CasADi Function of the unknowns, nan where a motion is not found."""
-        return Differentiable(self._respond, sum(self.block.series), len(self.block.names))
+        names = self.block.names
+
+        def respond(x: Array) -> tuple[Array, Array]:
+            return self.at(dict(zip(names, x.tolist(), strict=True)))
+
+        return Differentiable(respond, sum(self.block.series), len(names))
 
     def motions(self, values: Mapping[str, float]) -> list[list[PointMotion]]:
         """Return the motion closest to each point, record by record, for values of the unknowns by name."""
@@ -178,10 +177,6 @@ class Responses:
             return self.block.driven(values)
         self._constant = self._constant or self.block.driven({})
         return self._constant
-
-    def _respond(self, x: Array) -> tuple[Array, Array]:
-        """Return residuals and Jacobian."""
-        return self.at(dict(zip(self.block.names, x.tolist(), strict=True)))
 
 
 def across(slope: Array, response_controlled: bool, has_phase: bool) -> Array:

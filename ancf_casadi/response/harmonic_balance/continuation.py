@@ -180,8 +180,5 @@ def _lean(point: Point, tangent: Array) -> Point:
 
 def described(point: Point) -> str:
     """Return the free entries of the setting in words."""
-    setting, words = point.setting, []
-    for name in point.family.free:
-        value = getattr(setting, name)
-        words.append(f"{value / (2 * np.pi):.6g} Hz" if name == "omega" else f"{name} = {value:.4g}")
-    return ", ".join(words)
+    free = ((name, getattr(point.setting, name)) for name in point.family.free)
+    return ", ".join(f"{x / (2 * np.pi):.6g} Hz" if name == "omega" else f"{name} = {x:.4g}" for name, x in free)

@@ -48,8 +48,6 @@ def full_system(model: Model, law: DampingLaw) -> SecondOrderSystem:
     """Return the full beam under a damping law as a second-order system.
 
     Its parameters are gravity, the properties of each element in turn, and the parameters of the law.
-
-    Raise EquilibriumError if there is no equilibrium under gravity.
     """
     rest = static_equilibrium(model).coordinates[NODE:]
     return SecondOrderSystem(

@@ -225,15 +225,14 @@ def dense_entries(size: int) -> tuple[Index, Index]:
 @lru_cache(maxsize=KEPT_FUNCTIONS)
 def several(ones: SampledFunctions, samples: int) -> SampledFunctions:
     """Return the Functions of N samples that evaluate those of one, with the same parameters."""
-    return SampledFunctions(*(_side_by_side(one, samples) for one in ones))
 
+    def side_by_side(one: cs.Function) -> cs.Function:
+        names = one.name_in()
+        symbols = [cs.MX.sym(name, one.numel_in(k), 1 if name == "p" else samples) for k, name in enumerate(names)]
+        results = one.map(samples).call([cs.repmat(x, 1, samples // x.size2()) for x in symbols])
+        return cs.Function(one.name(), symbols, results, names, one.name_out())
 
-def _side_by_side(one: cs.Function, samples: int) -> cs.Function:
-    names = one.name_in()
-    symbols = [cs.MX.sym(name, one.numel_in(k), 1 if name == "p" else samples) for k, name in enumerate(names)]
-    columns = [cs.repmat(x, 1, samples // x.size2()) for x in symbols]
-    results = one.map(samples).call(columns)
-    return cs.Function(one.name(), symbols, results, names, one.name_out())
+    return SampledFunctions(*map(side_by_side, ones))
 
 
 def _vector(given: Array | Sequence[float] | None, size: int, default: float, where: str) -> Array:

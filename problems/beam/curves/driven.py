@@ -63,10 +63,7 @@ class Driven:
 
 
 def driven(reduced: ReducedModel, record: ResponseRecord, harmonics: int) -> Driven:
-    """Return a reduced beam under the excitation of a record, with its sensor, for a number of harmonics.
-
-    Raise InputError if the sensor is not on the beam.
-    """
+    """Return a reduced beam under the excitation of a record, with its sensor, for a number of harmonics."""
     drive = beam_drive(record.base, record.load)
     # enough samples for the products of a few harmonics, and for the kink of |v| v
     series = fourier(harmonics, max(32, 6 * harmonics + 2))

@@ -140,10 +140,7 @@ class PointMotion:
 
 
 def motion_from_rest(driven: Driven, measured: Measured, s: Array) -> PointMotion:
-    """Return a motion with nearly the measured amplitude, on the curve that begins at rest.
-
-    Raise NumericsError if the curve cannot be followed, or the sensor does not move.
-    """
+    """Return a motion with nearly the measured amplitude, on the curve that begins at rest."""
     goal, curve, size = float(measured.values[0]), driven.curve(measured.omega, s), driven.drive.amplitude
     response, slight = linear_response(curve.balance, measured.omega), 1e-9 * size
     z = curve.joined(response[0] + slight * response[1], replace(curve.setting, amplitude=slight))
@@ -187,10 +184,7 @@ def _half_period_later(motion: PointMotion) -> PointMotion:
 
 
 def closest(driven: Driven, measured: Measured, s: Array, near: PointMotion) -> PointMotion:
-    """Return the motion closest to a measured point, from one nearby, by steps that each reduce the distance.
-
-    Raise NumericsError if the search does not converge.
-    """
+    """Return the motion closest to a measured point, from one nearby, by steps that each reduce the distance."""
     try:
         here = _again(driven, driven.curve(measured.omega, s), near)
     except NotFound:

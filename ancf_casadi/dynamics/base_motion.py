@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from ancf_casadi.damping import Parameter
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import array, check_size, choice, number, physical, positive, vector
+from ancf_casadi.support.inputs import array, check_size, choice, number, physical, positive, unit_vector, vector
 from ancf_casadi.support.tables import Displayed
 
 StopAt = Literal["rest", "once"]
@@ -181,11 +181,7 @@ class _Oscillation(BaseMotion):
             physical(self.stop, "stop")
         check_ramp(self.ramp, self._instant, self.stop)
         choice(self.stop_at, get_args(StopAt), "stop_at")
-        x, y = vector(self.direction, "direction")
-        length = math.hypot(x, y)
-        if length == 0.0:
-            raise InputError("must not be the zero vector", "direction")
-        object.__setattr__(self, "direction", (x / length, y / length))
+        object.__setattr__(self, "direction", unit_vector(self.direction, "direction"))
 
 
 @final

@@ -35,10 +35,7 @@ import scipy.linalg
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.exceptions import ContinuationError, InputError, NumericsError
 from ancf_casadi.response.excited import Body, Excited, excited
-from ancf_casadi.response.harmonic_balance.balance import (
-    Setting,
-    size_of,
-)
+from ancf_casadi.response.harmonic_balance.balance import Setting, size_of
 from ancf_casadi.response.harmonic_balance.continuation import follow, point_at
 from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
 from ancf_casadi.response.onset import RESPONSE_ERROR, motion_of, rest
@@ -108,13 +105,7 @@ class Backbone(Reported):
         return self._interpolated(self.frequencies, amplitude)
 
     def damping_ratio(self, amplitude: float) -> float:
-        """Return the damping ratio at an amplitude, interpolated by a cubic spline.
-
-        Raises
-        ------
-        InputError
-            If the backbone does not reach the amplitude, or turns in amplitude.
-        """
+        """Return the damping ratio at an amplitude; interpolation and errors are those of ``frequency``."""
         return self._interpolated(self.damping_ratios, amplitude)
 
     def to_dict(self) -> dict[str, Any]:

@@ -25,34 +25,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class BifurcationPoint(Displayed):
-    """A bifurcation on a curve.
-
-    Parameters
-    ----------
-    kind : {"fold", "branch point", "period doubling", "Neimark-Sacker"}
-        Its kind.
-    index : int
-        Number of the motion in the curve, from 0.
-    motion : PeriodicMotion
-        The motion there.
-    """
+    """A bifurcation on a curve."""
 
     kind: Bifurcation
-    index: int
+    index: int  # of the motion in the curve, from 0
     motion: PeriodicMotion
 
 
 class Jumps(NamedTuple):
-    """Values of the frequency, amplitude or parameter at which a slow sweep jumps.
+    """Values of the frequency, amplitude or parameter at which a slow sweep jumps, in order."""
 
-    Parameters
-    ----------
-    up, down : tuple of float
-        In a sweep towards larger and towards smaller values, in order.
-    """
-
-    up: tuple[float, ...]
-    down: tuple[float, ...]
+    up: tuple[float, ...]  # in a sweep towards larger values
+    down: tuple[float, ...]  # in one towards smaller values
 
 
 @dataclass(frozen=True, eq=False)

@@ -125,10 +125,7 @@ def _near(motion: PeriodicMotion, varied: Index, inputs: Array) -> tuple[Array, 
 
 
 def _point_near(motion: PeriodicMotion, varied: Index, inputs: Array) -> Point:
-    """Return the motion near a given one, on a way in parts if that is not close enough.
-
-    Raise NumericsError if there is no motion near the given one.
-    """
+    """Return the motion near a given one, on a way in parts if that is not close enough."""
     values, size = motion.balance.system.values, size_of(motion.balance, motion.coefficients)
     begin = np.append(values[varied], [motion.frequency, motion.drive_amplitude])
     for parts in (1, 4, 16):  # into which the way from the given motion is divided if Newton's method fails

@@ -140,41 +140,20 @@ def frf_figure(functions: Mapping[str, LinearFrf]) -> Figure:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A curve of a Bode plot.
+    """A curve of a Bode plot."""
 
-    Parameters
-    ----------
-    name : str
-        Name in the legend; none if empty.
-    frequencies : array (k,)
-        Frequencies, Hz.
-    values : array (k,)
-        Complex values.
-    style : str, optional
-        A colour; the curve is then a thin line of it.  Curves without a style differ by colours and dashes.
-    phase : bool
-        Whether to draw the phase.
-    """
-
-    name: str
-    frequencies: Array
-    values: ComplexArray
-    style: str = ""
-    phase: bool = True
+    name: str  # in the legend; none if empty
+    frequencies: Array  # (k,), Hz
+    values: ComplexArray  # (k,)
+    style: str = ""  # colour of a thin line; curves without a style differ by colours and dashes
+    phase: bool = True  # whether to draw the phase
 
 
 @literal_text
 def bode_figure(columns: Sequence[Sequence[Curve]], label: str, titles: Sequence[str] = ()) -> Figure:
     """Draw curves, one pair of plots per column: amplitude above, phase below.
 
-    Parameters
-    ----------
-    columns : sequence of sequence of Curve
-        The curves of each column.
-    label : str
-        Quantity and unit of the amplitude.
-    titles : sequence of str
-        Title of each column.
+    The label is that of the amplitude, with its unit; the titles are those of the columns.
     """
     count = len(columns)
     figure = Figure(figsize=(max(7.0, 4.2 * count), 5.5), layout="constrained")

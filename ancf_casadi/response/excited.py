@@ -6,7 +6,6 @@ the beam, (-a_y, a_x) for the axis a, unless another is given.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import NoneType
@@ -28,31 +27,19 @@ from ancf_casadi.response.harmonic_balance.drive import Drive, HarmonicForce, be
 from ancf_casadi.response.harmonic_balance.fourier import basis_at, fourier
 from ancf_casadi.response.harmonic_balance.system import SecondOrderSystem
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, vector, whole
+from ancf_casadi.support.inputs import check_instance, unit_vector, whole
 
 Body = Model | ReducedModel | SecondOrderSystem
 
 
 @dataclass(frozen=True, eq=False)
 class Excited:
-    """A system with its excitation.
-
-    Parameters
-    ----------
-    system : SecondOrderSystem
-        The system.
-    drive : Drive
-        The excitation.
-    body : Model, ReducedModel or None
-        The beam; None for a system of the user.
-    law : DampingLaw or None
-        The damping law of the beam.
-    """
+    """A system with its excitation."""
 
     system: SecondOrderSystem
     drive: Drive
-    body: Model | ReducedModel | None
-    law: DampingLaw | None = None
+    body: Model | ReducedModel | None  # None for a system of the user
+    law: DampingLaw | None = None  # of the beam
 
     @property
     def model(self) -> Model | None:
@@ -88,21 +75,16 @@ class Excited:
     def displacement(
         self, q: Any, u: Any, point: float | None, direction: Sequence[float] | None, *, relative: bool
     ) -> Any:
-        """Return the displacement of a point of a beam, m, or a coordinate of a system, (1, k), DM or MX.
+        """Return the displacement of a point of a beam, m, or a coordinate of a system, (1, k).
 
-        Coordinates (n, k) and excitation (e, k) are DM or MX.
-
-        Raise InputError if the point is not on the beam, the coordinate does not exist, or the direction is no vector.
+        Coordinates (n, k), excitation (e, k) and displacement are DM or MX.
         """
         model = self.model
         if model is None:
             return q[whole(0 if point is None else point, "point", 0, self.system.size - 1), :]
         interpolation = model.interpolation(model.beam.length if point is None else point)
         ax, ay = model.beam.axis
-        along = np.array((-ay, ax) if direction is None else vector(direction, "direction"))
-        if not along.any():
-            raise InputError("must not be the zero vector", "direction")
-        along = along / math.hypot(*along)
+        along = np.array(unit_vector((-ay, ax) if direction is None else direction, "direction"))
         if isinstance(self.body, ReducedModel):
             motion = ReducedMotion(self.body.projection, q, 0 * q, u[:BASE_SIZE, :], gravity=cs.DM(2, 1))
             shape = cs.DM(interpolation[:1, ::2] @ self.body.projection.slopes.shape)
@@ -123,15 +105,7 @@ def excited(
     *,
     free: bool = False,
 ) -> Excited:
-    """Return a beam or a system with its excitation; ``free`` stands for none.
-
-    Raises
-    ------
-    InputError
-        If an argument is of the wrong kind, or there is not exactly one excitation.
-    EquilibriumError
-        If a beam has no equilibrium under gravity.
-    """
+    """Return a beam or a system with its excitation; ``free`` stands for none."""
     check_instance(body, "model", Model, ReducedModel, SecondOrderSystem)
     check_instance(damping, "damping", DampingLaw, NoneType)
     if isinstance(body, SecondOrderSystem):

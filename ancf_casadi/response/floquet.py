@@ -57,36 +57,18 @@ def floquet_multipliers(
     M: Array,
     period: float,
     *,
-    resolved: float | None = None,
     mirror: Array | None = None,
 ) -> ComplexArray:
     """Return the Floquet multipliers (2n,) of M(t) x_tt + D(t) x_t + K(t) x = 0, the largest magnitude first.
 
-    Parameters
-    ----------
-    K : array (N, n, n)
-        Stiffness matrix at N equally spaced samples of one period.
-    D, M : array (N, n, n) or (n, n)
-        Damping and mass matrix at the same samples, or constant.
-    period : float
-        Period T, s.
-    resolved : float, optional
-        Highest frequency at which multipliers are accurate to 3e-6, in oscillations per period; higher frequencies are
-        damped.  The time grows in proportion.  The default is N/4 for up to 32 degrees of freedom, otherwise N/8 up to
-        64, but at least 8.
-    mirror : array (n,), optional
-        Signs P = diag(+-1) of a symmetry K(t + T/2) = P K(t) P, likewise for D and M.  Half a period is then enough:
-        the multipliers are the squares of the eigenvalues of P times the matrix of half a period.
-
-    Raises
-    ------
-    NumericsError
-        If a matrix is not finite, or if the matrices do not determine the motion.
+    K is (N, n, n) at equally spaced samples of one period, s; D and M are likewise, or constant, (n, n).  With the
+    signs P = diag(+-1) of a symmetry K(t + T/2) = P K(t) P, likewise of D and M, the multipliers are the squares of the
+    eigenvalues of P times the matrix of half a period.
     """
     samples, size, _ = K.shape
-    if resolved is None:
-        # degrees of freedom up to which all that N samples can excite is resolved within milliseconds
-        resolved = max(8, samples / 4 if size <= 32 else min(samples / 8, 64))  # oscillations per period
+    # highest oscillations per period whose multipliers are accurate to 3e-6; the time grows in proportion, and with up
+    # to 32 degrees of freedom all that N samples can excite is resolved within milliseconds
+    resolved = max(8, samples / 4 if size <= 32 else min(samples / 8, 64))
     steps = 2 * max(1, int(np.ceil(resolved)))
     taken = steps if mirror is None else steps // 2
     at_once = max(1, (2**22) // (FLOQUET_STAGES * size) ** 2)  # of the matrices that are solved at a time
@@ -96,11 +78,13 @@ def floquet_multipliers(
             for begin in range(0, taken, at_once)
         ]
         monodromy = _product(np.concatenate(parts))
-        if mirror is None:
-            return _sorted_eigenvalues(monodromy)
-        return _sorted_eigenvalues(np.tile(mirror, 2)[:, None] * monodromy) ** 2
+        if mirror is not None:
+            monodromy = np.tile(mirror, 2)[:, None] * monodromy
+        values = np.linalg.eigvals(monodromy).astype(complex)
     except np.linalg.LinAlgError:
         raise NumericsError("the Floquet multipliers cannot be computed: the equation of motion is singular") from None
+    values = values[np.argsort(-np.abs(values), kind="stable")]
+    return values if mirror is None else values**2
 
 
 def is_stable(multipliers: ComplexArray) -> bool:
@@ -116,15 +100,9 @@ def bifurcations(before: ComplexArray, after: ComplexArray, *, turned: bool) -> 
 
     A real multiplier that crosses +1 or -1 alone changes whether the number beyond is odd, also if other multipliers
     cross at the same time or conjugates meet on the real axis.
-
-    Parameters
-    ----------
-    before, after : array (2n,)
-        Floquet multipliers of the two points.
-    turned : bool
-        Whether the curve turns between the points, which makes a crossing of +1 a fold.
+    If the curve turns between the points, a crossing of +1 is a fold.
     """
-    above, below, beside = (_crossings(before, after, sign) for sign in (1, -1, 0))
+    above, below, beside = (abs(_outside(before, sign) - _outside(after, sign)) for sign in (1, -1, 0))
     crossed = abs(_outside(before) - _outside(after))
     found: list[Bifurcation] = ["fold"] if turned else ["branch point"] if above % 2 else []
     found += ["period doubling"] if below % 2 else []
@@ -138,11 +116,6 @@ def _outside(multipliers: ComplexArray, sign: int | None = None) -> int:
     outside = multipliers[np.abs(multipliers) > 1 + STABILITY_TOLERANCE]
     signs = np.where(outside.imag == 0, np.sign(outside.real), 0)
     return int(np.sum(signs == sign)) if sign is not None else len(outside)
-
-
-def _crossings(before: ComplexArray, after: ComplexArray, sign: int) -> int:
-    """Return by how many the multipliers of one kind outside the unit circle differ."""
-    return abs(_outside(before, sign) - _outside(after, sign))
 
 
 def _factors(matrices: Sequence[Array], numbers: Index, steps: int, period: float) -> Array:
@@ -202,9 +175,3 @@ def _derivative_matrix() -> Array:
     B = weights / weights[:, None] / distance
     np.fill_diagonal(B, 1 - B.sum(axis=1))
     return np.asarray(B[1:, 1:])
-
-
-def _sorted_eigenvalues(P: Array) -> ComplexArray:
-    """Return the eigenvalues in order of decreasing magnitude."""
-    values = np.linalg.eigvals(P).astype(complex)
-    return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])

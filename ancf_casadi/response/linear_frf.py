@@ -49,7 +49,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.banded import BandedFactors
-from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, choice, is_sequence, number, vector
+from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, choice, is_sequence, number, unit_vector
 from ancf_casadi.support.tables import Reported, Table, counted, spread
 from ancf_casadi.vibration.assembly import BANDWIDTH
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
@@ -254,8 +254,8 @@ def linear_frf(
     if moved and load_points is not None:
         raise InputError(f"has no meaning for a {kind}, in which the base moves", "load_points")
     axis = model.beam.axis
-    response_direction = _unit((-axis[1], axis[0]) if direction is None else direction, "direction")
-    input_direction = response_direction if load_direction is None else _unit(load_direction, "load_direction")
+    response_direction = unit_vector((-axis[1], axis[0]) if direction is None else direction, "direction")
+    input_direction = response_direction if load_direction is None else unit_vector(load_direction, "load_direction")
     responding, loaded = _points(model, points, "points"), () if moved else _points(model, load_points, "load_points")
     law = damping or RayleighDamping()
     rest = equilibrium or static_equilibrium(model)
@@ -276,15 +276,6 @@ def linear_frf(
     if not np.isfinite(values).all():
         raise InputError("one is a natural frequency of the beam, and there is no damping", "frequencies")
     return LinearFrf(kind, f, values, responding, loaded, response_direction, input_direction, modes, law)
-
-
-def _unit(direction: Any, where: str) -> tuple[float, float]:
-    """Return a direction as a unit vector."""
-    x, y = vector(direction, where)
-    length = math.hypot(x, y)
-    if length == 0.0:
-        raise InputError("must not be the zero vector", where)
-    return x / length, y / length
 
 
 def _points(model: Model, given: Any, where: str) -> tuple[float, ...]:

@@ -8,6 +8,7 @@ amplitude.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -17,15 +18,10 @@ from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.response.excited import Body, Excited, excited
-from ancf_casadi.response.harmonic_balance.balance import (
-    HarmonicBalance,
-    Setting,
-    size_of,
-)
+from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting, size_of
 from ancf_casadi.response.harmonic_balance.continuation import (
     SMALLEST_SIZE,
     ContinuationStep,
-    endless,
     follow,
     located,
     point_at,
@@ -101,10 +97,7 @@ def motion_of(subject: Excited, point: Point) -> PeriodicMotion:
 
 
 def grown(subject: Excited, omega: float, amplitude: float, tolerance: float) -> Point:
-    """Return the motion, with the amplitude as the free entry, that a slowly growing excitation reaches.
-
-    Raise NumericsError if the motion cannot be followed up to the amplitude.
-    """
+    """Return the motion, with the amplitude as the free entry, that a slowly growing excitation reaches."""
     balance = subject.balance
     response = linear_response(balance, omega)
     # largest size of the motion there, relative to the scale of the system
@@ -115,10 +108,7 @@ def grown(subject: Excited, omega: float, amplitude: float, tolerance: float) ->
 
 
 def linear_response(balance: HarmonicBalance, omega: float) -> tuple[Array, Array]:
-    """Return the coefficients at rest, and their derivatives by the amplitude of the excitation, (2 H + 1, n) each.
-
-    Raise NumericsError if there is no equilibrium, or an undamped mode is in resonance.
-    """
+    """Return the coefficients at rest, and their derivatives by the amplitude of the excitation, (2 H + 1, n) each."""
     at_rest = rest(balance, omega)
     linear, change = balance.linearised(at_rest, Setting(omega, 0.0)), np.zeros_like(at_rest)
     try:
@@ -136,10 +126,7 @@ def small_motion_at(
     scale: float,
     tolerance: float,
 ) -> Point:
-    """Return the motion near the linear response to a small amplitude of the excitation, whose typical change is given.
-
-    Raise NumericsError if it is not found.
-    """
+    """Return the motion near the linear response to a small amplitude of the excitation, whose changes have a scale."""
     (at_rest, change), setting = response, Setting(omega, 0.0)
     size = max(size_of(balance, amplitude * change), SMALLEST_SIZE)
     family = Family(balance, setting, ("amplitude",), (scale,), size, tolerance)
@@ -154,10 +141,7 @@ def small_motion_at(
 
 
 def reached(point: Point, amplitude: float) -> Point:
-    """Return the point at which the excitation first has an amplitude, on the curve of motions in its direction.
-
-    Raise NumericsError if the curve does not reach it within 300 steps.
-    """
+    """Return the point at which the excitation first has an amplitude, on the curve of motions in its direction."""
     direction = np.sign(amplitude - point.setting.amplitude) * point.family.unit("amplitude")
     step = crossing(point, direction, lambda end: end.setting.amplitude - amplitude, 4.0)
     if step is None:
@@ -174,7 +158,7 @@ def crossing(
     direction: Array,
     test: Callable[[Point], float],
     first_step: float,
-    longest: Callable[[Point, Array], float] = endless,
+    longest: Callable[[Point, Array], float] = lambda point, tangent: math.inf,
 ) -> ContinuationStep | None:
     """Return the first step along a curve in which a function changes its sign; None if there is none in 300 steps.
 
@@ -187,10 +171,7 @@ def crossing(
 
 
 def set_to(step: ContinuationStep, name: str, value: float) -> Point:
-    """Return the point of a step at which a free entry of the setting has a value.
-
-    Raise NumericsError if it is not found.
-    """
+    """Return the point of a step at which a free entry of the setting has a value."""
     family = step.start.family
     scale = family.scale[family.place(name)]
     try:
@@ -205,10 +186,7 @@ def set_to(step: ContinuationStep, name: str, value: float) -> Point:
 
 
 def rest(balance: HarmonicBalance, omega: float) -> Array:
-    """Return the coefficients at rest without excitation, (2 H + 1, n).
-
-    Raise NumericsError if there is no equilibrium near ``system.rest``.
-    """
+    """Return the coefficients at rest without excitation, (2 H + 1, n)."""
     C = np.zeros((balance.fourier.size, balance.system.size))
     C[0] = balance.system.rest
     setting = Setting(omega, 0.0)

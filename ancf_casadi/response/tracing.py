@@ -131,12 +131,10 @@ def amplitude_response(
 
     Parameters
     ----------
-    model : Model, ReducedModel or SecondOrderSystem
-        The full beam, the beam in a few modes, or another system.
+    model, damping, base, load, force
+        As in ``periodic_motion``; the amplitude of the excitation gives its direction only.
     amplitudes : (float, float)
         First and last amplitude of the excitation: of the base motion, m, of the force, N, or of a moment alone, N m.
-    damping, base, load, force
-        As in ``periodic_motion``; the amplitude of the excitation gives its direction only.
     points, tolerance
         As in ``frequency_response``.
 
@@ -144,12 +142,8 @@ def amplitude_response(
     ------
     InputError
         If an argument is not in its range, or there is not exactly one excitation.
-    EquilibriumError
-        If the beam has no equilibrium under gravity.
-    NumericsError
-        If the first motion is not found.
-    ContinuationError
-        If the curve cannot be followed; its ``partial`` holds the curve up to there.
+    EquilibriumError, NumericsError, ContinuationError
+        As in ``frequency_response``.
 
     Examples
     --------
@@ -183,15 +177,13 @@ def parameter_response(
 
     Parameters
     ----------
-    model : Model, ReducedModel or SecondOrderSystem
-        The full beam, the beam in a few modes, or another system.
+    model, damping, base, load, force
+        As in ``periodic_motion``.
     parameter : str
         Name of a parameter: of the damping law, ``gravity_x`` or ``gravity_y``, with the full beam a property of an
         element such as ``elastic_modulus_1``; for another system one of its own.
     values : (float, float)
         First and last value.
-    damping, base, load, force
-        As in ``periodic_motion``.
     points, tolerance
         As in ``frequency_response``.
 
@@ -199,12 +191,8 @@ def parameter_response(
     ------
     InputError
         If there is no such parameter, an argument is not in its range, or there is not exactly one excitation.
-    EquilibriumError
-        If the beam has no equilibrium under gravity.
-    NumericsError
-        If the first motion is not found.
-    ContinuationError
-        If the curve cannot be followed; its ``partial`` holds the curve up to there.
+    EquilibriumError, NumericsError, ContinuationError
+        As in ``frequency_response``.
 
     Examples
     --------
@@ -232,15 +220,7 @@ def parameter_response(
 
 
 def _near(subject: Excited, start: PeriodicMotion, tolerance: float) -> Point:
-    """Return the motion of a system near a given one, continued to the amplitude of its excitation.
-
-    Raises
-    ------
-    InputError
-        If the motion belongs to another kind of system.
-    NumericsError
-        If the system has no such motion.
-    """
+    """Return the motion of a system near a given one, continued to the amplitude of its excitation."""
     check_instance(start, "start", PeriodicMotion)
     if start.balance.system.size != subject.system.size:
         raise InputError("belongs to a system with another number of coordinates", "start")

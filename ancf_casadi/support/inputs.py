@@ -213,6 +213,15 @@ def vector(value: Any, where: str) -> tuple[float, float]:
     return number(value[0], where), number(value[1], where)
 
 
+def unit_vector(value: Any, where: str) -> tuple[float, float]:
+    """Return a direction of any positive length as a unit vector."""
+    x, y = vector(value, where)
+    length = math.hypot(x, y)
+    if length == 0.0:
+        raise InputError("must not be the zero vector", where)
+    return x / length, y / length
+
+
 def array(values: ArrayLike, where: str, *, finite: bool = True) -> Array:
     """Return a copy of numbers as an array."""
     try:

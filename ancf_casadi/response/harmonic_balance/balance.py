@@ -55,65 +55,31 @@ MOST_PERIOD_SAMPLES = 4096
 
 @dataclass(frozen=True)
 class Setting:
-    """Frequency, excitation and parameter of a periodic motion.
+    """Frequency, excitation and parameter of a periodic motion."""
 
-    Parameters
-    ----------
-    omega : float
-        Angular frequency, rad/s.
-    amplitude : float
-        Amplitude A of the excitation.
-    growth : float
-        Coefficient xi of the negative damping, 1/s.
-    value : float
-        Value of the parameter of the system that varies; not a number if none does.
-    """
-
-    omega: float
-    amplitude: float
-    growth: float = 0.0
-    value: float = math.nan
+    omega: float  # angular frequency, rad/s
+    amplitude: float  # amplitude A of the excitation
+    growth: float = 0.0  # coefficient xi of the negative damping, 1/s
+    value: float = math.nan  # value of the parameter of the system that varies; nan if none does
 
 
 @dataclass(frozen=True, eq=False)
 class BalanceDerivatives:
-    """Derivatives of the equations at a motion.
+    """Derivatives of the equations at a motion."""
 
-    Parameters
-    ----------
-    by_coefficients : array (c, c)
-        dF/dC for the c coefficients that are not zero by symmetry, in the order of ``C.ravel()``.
-    by : mapping
-        Derivatives (c,) with respect to each field of the setting, by name.
-    matrices : (array, array, array)
-        Entries of K, D and M at the samples, (N, k).
-    """
-
-    by_coefficients: Array
-    by: Mapping[str, Array]
-    matrices: tuple[Array, Array, Array]
+    by_coefficients: Array  # dF/dC, (c, c), for the c coefficients not zero by symmetry, in the order of C.ravel()
+    by: Mapping[str, Array]  # derivatives (c,) by each field of the setting
+    matrices: tuple[Array, Array, Array]  # entries of K, D and M at the samples, (N, k)
 
 
 @dataclass(frozen=True, eq=False)
 class HarmonicBalance:
-    """The equations of harmonic balance of a system under a drive.
-
-    Parameters
-    ----------
-    system : SecondOrderSystem
-        The system.
-    drive : Drive
-        Its excitation.
-    fourier : Fourier
-        Harmonics and samples.
-    varied : int, optional
-        Index of the parameter of the system whose value belongs to the setting.
-    """
+    """The equations of harmonic balance of a system under a drive."""
 
     system: SecondOrderSystem
     drive: Drive
     fourier: Fourier
-    varied: int | None = None
+    varied: int | None = None  # index of the parameter of the system whose value belongs to the setting
 
     def parameters(self, setting: Setting) -> Array:
         """Return the parameters p of the system."""
@@ -136,33 +102,32 @@ class HarmonicBalance:
 
     def sampled_residual(self, C: Array, setting: Setting) -> Array:
         """Return R at the samples, (n, N)."""
-        q, v, a, u = self.motion(C, setting)
-        inputs = (q, v, a - setting.growth * v, u, self.parameters(setting))
-        return evaluated(self._functions.balance, *inputs)[0]
+        return evaluated(self._functions.balance, *self._inputs(C, setting))[0]
 
     def linearised(self, C: Array, setting: Setting) -> BalanceDerivatives:
         """Return the derivatives of F."""
-        system, series, omega, growth = self.system, self.fourier, setting.omega, setting.growth
-        q, v, a, u = self.motion(C, setting)
+        series, omega, (_, v, a, _) = self.fourier, setting.omega, self.motion(C, setting)
         _, growing, shape = self.drive.samples(series.phases, omega, setting.amplitude)
-        inputs = (q, v, a - growth * v, u, self.parameters(setting), growing, shape)
+        inputs = (*self._inputs(C, setting), growing, shape)
         k, d, m, by_growing, by_shape = evaluated(self._functions.tangents, *inputs)
-        drag = d - growth * m
+        drag = d - setting.growth * m
         J = self._assembled((k, omega * drag, omega**2 * m))
         speed = self._times(drag, v / omega) + self._times(m, 2 / omega * a) + by_growing
         sampled = {"omega": speed, "amplitude": by_shape, "growth": -self._times(m, v)}
         by = {name: (series.analysis @ part.T)[self.allowed] for name, part in sampled.items()}
         if self.varied is not None:
-            by["value"] = self.by_parameters(C, setting, np.eye(len(system.parameters))[:, [self.varied]])[:, 0]
+            by["value"] = self.by_parameters(C, setting, np.eye(len(self.system.parameters))[:, [self.varied]])[:, 0]
         return BalanceDerivatives(J, by, (k.T, d.T, m.T))
 
     def by_parameters(self, C: Array, setting: Setting, directions: Array) -> Array:
         """Return dF/dp times directions (l, k) in the space of the parameters, (c, k)."""
-        q, v, a, u = self.motion(C, setting)
-        inputs = (q, v, a - setting.growth * v, u, self.parameters(setting))
-        R = _directional(self._functions.differentiable)(*inputs, directions).full()
+        R = _directional(self._functions.differentiable)(*self._inputs(C, setting), directions).full()
         columns = R.reshape(self.system.size, directions.shape[1], -1)
         return np.asarray(np.einsum("as,iks->aik", self.fourier.analysis, columns)[self.allowed])
+
+    def _inputs(self, C: Array, setting: Setting) -> tuple[Array, ...]:
+        q, v, a, u = self.motion(C, setting)
+        return q, v, a - setting.growth * v, u, self.parameters(setting)
 
     def sampled_powers(self, C: Array, setting: Setting) -> tuple[Array, Array]:
         """Return the power lost to damping and the power supplied at the samples, (N,), W."""
@@ -181,16 +146,13 @@ class HarmonicBalance:
 
     def _assembled(self, blocks: tuple[Array, Array, Array]) -> Array:
         """Return dF/dC from the entries (k, N) of the factors of E, E' and E''."""
-        mirror, series = self.system.mirror, self.fourier
+        mirror = self.system.mirror if self.fourier.half else np.ones(self.system.size)
         place = np.full(self.allowed.shape, -1)
         place[self.allowed] = np.arange(self.allowed.sum())
         J = np.zeros((self.allowed.sum(), self.allowed.sum()))
         rows, columns = self.system.entries
-        kinds = np.unique(mirror) if series.half else [None]
-        for own, other in itertools.product(kinds, kinds):
-            those = (
-                np.ones(len(rows), dtype=bool) if own is None else (mirror[rows] == own) & (mirror[columns] == other)
-            )
+        for own, other in itertools.product(np.unique(mirror), repeat=2):
+            those = (mirror[rows] == own) & (mirror[columns] == other)
             if not those.any():
                 continue
             i, j = rows[those], columns[those]
@@ -234,18 +196,10 @@ def _directional(function: cs.Function) -> cs.Function:
 
 @dataclass(frozen=True)
 class Errors:
-    """Estimated errors of a motion, relative to its size.
+    """Estimated errors of a motion, relative to its size."""
 
-    Parameters
-    ----------
-    harmonics : float
-        Size of the missing harmonics, and of the error of the others that is due to them.
-    samples : float
-        Error of the coefficients due to the sampling.
-    """
-
-    harmonics: float
-    samples: float
+    harmonics: float  # size of the missing harmonics, and of the error of the others that is due to them
+    samples: float  # error of the coefficients due to the sampling
 
     @property
     def largest(self) -> float:
@@ -266,18 +220,9 @@ def errors_of(
     size: float,
     shift: Callable[[Array], Array],
 ) -> Errors:
-    """Return the estimated errors of a motion, relative to a size.
+    """Return the estimated errors of a motion relative to its size, from the entries of K, D and M at the samples.
 
-    Parameters
-    ----------
-    balance, C, setting
-        The motion.
-    matrices : (array, array, array)
-        Entries of K, D and M at the samples, (N, k).
-    size : float
-        Size of the motion.
-    shift : callable
-        Returns the change of the coefficients, (2 H + 1, n), due to a residual (2 H + 1, n).
+    ``shift`` gives the change of the coefficients due to a residual, both (2 H + 1, n).
     """
     series, system = balance.fourier, balance.system
     # harmonics of the residual are checked up to this multiple of H

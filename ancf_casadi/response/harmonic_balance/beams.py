@@ -10,9 +10,10 @@ operation is a product of matrices; the derivatives follow column by column, for
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
+from typing import Literal
 
 import casadi as cs
 import numpy as np
@@ -33,7 +34,7 @@ from ancf_casadi.response.harmonic_balance.system import (
     dense_entries,
     several,
 )
-from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.arrays import Array, ComplexArray, Index
 from ancf_casadi.support.compilation import compiled
 from ancf_casadi.vibration.equilibrium import static_equilibrium
 
@@ -47,8 +48,6 @@ def full_system(model: Model, law: DampingLaw) -> SecondOrderSystem:
     """Return the full beam under a damping law as a second-order system.
 
     Its parameters are gravity, the properties of each element in turn, and the parameters of the law.
-
-    Raise EquilibriumError if there is no equilibrium under gravity.
     """
     rest = static_equilibrium(model).coordinates[NODE:]
     return SecondOrderSystem(
@@ -63,17 +62,15 @@ def full_system(model: Model, law: DampingLaw) -> SecondOrderSystem:
     )
 
 
-@lru_cache(maxsize=KEPT_FUNCTIONS)
 def _full_functions(model: Model, law: DampingLaw, samples: int) -> SampledFunctions:
-    return several(samples, *_one_sample(model, law)[1])
+    return several(_one_sample(model, law)[1], samples)
 
 
 @lru_cache(maxsize=KEPT)
 def _one_sample(model: Model, law: DampingLaw) -> tuple[tuple[Index, Index], SampledFunctions]:
     """Return rows and columns of the entries of the matrices, and the Functions of one sample."""
     equations = Equations(model, law, compiled)
-    symbols, names = _symbols(equations), ["q", "v", "a", "u", "p"]
-    *_, u, p = symbols
+    *_, u, p = symbols = _symbols(equations)
     forces, powers, (e, e_t, _) = _full_motion(equations, symbols)
     plain, *_ = _full_motion(Equations(model, law), symbols)
     directions = [cs.MX.sym(name, BEAM_EXCITATION) for name in ("u_1", "u_2")]
@@ -88,13 +85,8 @@ def _one_sample(model: Model, law: DampingLaw) -> tuple[tuple[Index, Index], Sam
     free = [matrix[NODE:, NODE:] for matrix in (K, D, M)]
     pattern = free[0].sparsity() + free[1].sparsity()
     outputs = [*(cs.project(matrix, pattern).nz[:] for matrix in free), *(U @ direction for direction in directions)]
-    balance, differentiable = (cs.Function("balance", symbols, [own[NODE:]], names, ["R"]) for own in (forces, plain))
-    tangents = cs.Function("tangents", [*symbols, *directions], [cs.densify(part) for part in outputs],
-                           [*names, "u_1", "u_2"], ["K", "D", "M", "R_1", "R_2"])  # fmt: skip
     entries = np.array(pattern.row()), np.array(pattern.get_col())
-    return entries, SampledFunctions(
-        balance, tangents, cs.Function("powers", symbols, powers, names, ["lost", "supplied"]), differentiable
-    )
+    return entries, SampledFunctions.of([*symbols, *directions], forces[NODE:], outputs, powers, plain[NODE:])
 
 
 def _symbols(equations: Equations) -> list[cs.MX]:
@@ -130,31 +122,22 @@ def base_force(model: Model, law: DampingLaw) -> cs.Function:
 
 
 @lru_cache(maxsize=KEPT)
-def reduced_system(reduced: ReducedModel) -> SecondOrderSystem:
-    """Return a reduced model as a second-order system; its parameters are gravity and those of the law."""
-    parameters = parameters_of(reduced.parameters, reduced.law)
-    return _reduced_system(reduced, parameters, partial(_reduced_functions, reduced, False))
+def reduced_system(reduced: ReducedModel, *, tuned: bool = False) -> SecondOrderSystem:
+    """Return a reduced model as a second-order system; its parameters are gravity and those of the law.
 
-
-def tuned_system(reduced: ReducedModel) -> SecondOrderSystem:
-    """Return a reduced model with factors c on its natural frequencies w and E on its elastic modulus.
-
-    Their forces are diag((c_k^2 - 1) w_k^2) q + (E - 1) dU/dq.  The parameters are those of the law, c and E.
+    If it is tuned, they are those of the law, factors c on the natural frequencies w, and a factor E on the elastic
+    modulus, with the forces diag((c_k^2 - 1) w_k^2) q + (E - 1) dU/dq.
     """
-    n = reduced.count
-    factors = [Parameter(f"frequency_{k + 1}", 1.0, "1", f"factor on the frequency of mode {k + 1}") for k in range(n)]
-    modulus = Parameter("elastic_modulus", 1.0, "1", "factor on the elastic modulus")
-    parameters = (*parameters_of(reduced.parameters, reduced.law)[GRAVITY_SIZE:], *factors, modulus)
-    return _reduced_system(reduced, parameters, partial(_reduced_functions, reduced, True))
-
-
-def _reduced_system(
-    reduced: ReducedModel, parameters: tuple[Parameter, ...], functions: Callable[[int], SampledFunctions]
-) -> SecondOrderSystem:
     m, model, projection = reduced.count, reduced.model, reduced.projection
-    rest = reduced.modes.equilibrium.coordinates[NODE:]
+    rest, parameters = reduced.modes.equilibrium.coordinates[NODE:], parameters_of(reduced.parameters, reduced.law)
+    if tuned:
+        factors = [
+            Parameter(f"frequency_{k}", 1.0, "1", f"factor on the frequency of mode {k}") for k in range(1, m + 1)
+        ]
+        modulus = Parameter("elastic_modulus", 1.0, "1", "factor on the elastic modulus")
+        parameters = (*parameters[GRAVITY_SIZE:], *factors, modulus)
     return SecondOrderSystem(
-        functions=functions,
+        functions=partial(_reduced_functions, reduced, tuned),
         entries=dense_entries(m),
         parameters=parameters,
         excitation=BEAM_EXCITATION,
@@ -187,15 +170,8 @@ def _reduced_functions(reduced: ReducedModel, tuned: bool, samples: int) -> Samp
         row[k, :] = 1.0
     matrices = [cs.vertcat(*(cs.jtimes(balance, own, row) for row in rows)) for own in coordinates]
     driven = [cs.jtimes(balance, u, direction) for direction in directions]
-    symbols, names = [*coordinates, u, p], ["q", "v", "a", "u", "p"]
-    plain = cs.Function("balance", symbols, [balance], names, ["R"], {"cse": True})
-    return SampledFunctions(
-        plain,
-        cs.Function("tangents", [*symbols, *directions], [*matrices, *driven], [*names, "u_1", "u_2"],
-                    ["K", "D", "M", "R_1", "R_2"], {"cse": True}),
-        cs.Function("powers", symbols, [cs.sum1(velocity * damping), supplied], names, ["lost", "supplied"]),
-        plain,
-    )  # fmt: skip
+    powers = [cs.sum1(velocity * damping), supplied]
+    return SampledFunctions.of([*coordinates, u, p, *directions], balance, [*matrices, *driven], powers)
 
 
 def _across(model: Model, rest: Array) -> Array:
@@ -232,18 +208,11 @@ class Turning:
     The coordinates are equivalent to pairs G q + g: the slopes r' at the two Gauss points of each element and, with an
     elastic clamp, slope and position of the first node.  A correction turns each slope by the angle (r' x dr')/|r'|^2
     and multiplies its length by exp(r' . dr'/|r'|^2).
-
-    Parameters
-    ----------
-    matrix, constant : array (4 n, 4 n), (4 n,)
-        G and g.
-    slopes : int
-        Number of slopes among the pairs; they come first.
     """
 
-    matrix: Array
-    constant: Array
-    slopes: int
+    matrix: Array  # G, (4 n, 4 n)
+    constant: Array  # g, (4 n,)
+    slopes: int  # number of slopes among the pairs; they come first
 
     @staticmethod
     def of(model: Model) -> Turning:
@@ -259,42 +228,39 @@ class Turning:
 
     def moved(self, q: Array, change: Array) -> Array:
         """Return coordinates (4 n, N) after corrections (4 n, N)."""
-        pairs = self._pairs(q)
-        turn = (self.matrix @ change).reshape(pairs.shape)
-        x, y = pairs[: self.slopes].transpose(1, 0, 2)
-        u, v = turn[: self.slopes].transpose(1, 0, 2)
-        square = x**2 + y**2
+        pairs, corrections = self._pairs(q), _complex(self.matrix @ change)
+        rate = (corrections / pairs)[: self.slopes]
         # logarithm of the factor by which a correction stretches a slope at most
-        angle, growth = (x * v - y * u) / square, np.exp(np.minimum((x * u + y * v) / square, 5.0))
-        cosine, sine = growth * np.cos(angle), growth * np.sin(angle)
-        moved = pairs + turn
-        moved[: self.slopes] = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=1)
-        return np.asarray(self._inverse @ (moved.reshape(q.shape) - self.constant[:, None]))
+        turn = np.exp(np.minimum(rate.real, 5.0) + 1j * rate.imag)
+        moved = np.concatenate([pairs[: self.slopes] * turn, (pairs + corrections)[self.slopes :]])
+        return np.asarray(self._inverse @ (_real(moved) - self.constant[:, None]))
 
-    def forth(self, reference: Array, q: Array, change: Array) -> Array:
-        """Return corrections, with each slope turned by its angle from the reference to q."""
-        return np.asarray(self._inverse @ self._turned(reference, q, self.matrix @ change, 1.0))
+    def turned(self, reference: Array, q: Array, vectors: Array, way: Literal["forth", "back"]) -> Array:
+        """Return corrections with each slope turned by its angle from the reference to q (forth).
 
-    def back(self, reference: Array, q: Array, residual: Array) -> Array:
-        """Return residuals: the transposed of ``forth``."""
-        return np.asarray(self.matrix.T @ self._turned(reference, q, self._inverse.T @ residual, -1.0))
+        Residuals are turned back by the transposed matrix.
+        """
+        before, after = (self._pairs(own)[: self.slopes] for own in (reference, q))
+        turn = after / before if way == "forth" else before / after
+        into, out = (self.matrix, self._inverse) if way == "forth" else (self._inverse.T, self.matrix.T)
+        pairs = _complex(into @ vectors)
+        pairs[: self.slopes] *= turn / np.abs(turn)
+        return np.asarray(out @ _real(pairs))
 
     @cached_property
     def _inverse(self) -> Array:
         return np.asarray(np.linalg.inv(self.matrix))
 
-    def _pairs(self, q: Array) -> Array:
-        """Return the slopes, and the position behind an elastic clamp, (k, 2, N)."""
-        return np.asarray((self.matrix @ q + self.constant[:, None]).reshape(-1, 2, q.shape[1]))
+    def _pairs(self, q: Array) -> ComplexArray:
+        """Return the slopes, and the position behind an elastic clamp, (k, N)."""
+        return _complex(self.matrix @ q + self.constant[:, None])
 
-    def _turned(self, reference: Array, q: Array, pairs: Array, sign: float) -> Array:
-        """Return vectors (2 k, N), those of the slopes turned by the angles from the reference to q, or back."""
-        x, y = self._pairs(reference)[: self.slopes].transpose(1, 0, 2)
-        u, v = self._pairs(q)[: self.slopes].transpose(1, 0, 2)
-        cosine, sine = x * u + y * v, sign * (x * v - y * u)
-        size = np.hypot(cosine, sine)
-        turned = pairs.reshape(-1, 2, q.shape[1]).copy()
-        a, b = turned[: self.slopes].transpose(1, 0, 2)
-        both = np.stack([cosine * a - sine * b, sine * a + cosine * b], axis=1) / size[:, None]
-        turned[: self.slopes] = both
-        return turned.reshape(pairs.shape)
+
+def _complex(vectors: Array) -> ComplexArray:
+    """Return pairs of rows (2 k, N) as the real and imaginary parts of one row, (k, N)."""
+    return np.asarray(vectors[::2] + 1j * vectors[1::2])
+
+
+def _real(pairs: ComplexArray) -> Array:
+    """Return the reverse of ``_complex``."""
+    return np.stack([pairs.real, pairs.imag], axis=1).reshape(-1, pairs.shape[1])

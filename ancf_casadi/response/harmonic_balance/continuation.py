@@ -38,43 +38,19 @@ LOCATED = 1e-9  # width of the interval around a located point, relative to the 
 
 @dataclass(frozen=True, eq=False)
 class ContinuationStep:
-    """A step of the continuation.
-
-    Parameters
-    ----------
-    start : Point
-        The point before.
-    tangent : array
-        Unit tangent there.
-    length : float
-        Arclength h.
-    end : Point
-        The point after.
-    end_tangent : array
-        Unit tangent there.
-    """
+    """A step of the continuation."""
 
     start: Point
-    tangent: Array
-    length: float
+    tangent: Array  # unit tangent at the start
+    length: float  # arclength h
     end: Point
     end_tangent: Array
-
-
-def endless(point: Point, tangent: Array) -> float:
-    """Set no limit to the length of a step."""
-    return math.inf
 
 
 def point_at(family: Family, guess: Array, row: Array, near: Point | None = None) -> Point:
     """Return the point with row . (z - guess)/s = 0, with enough harmonics and samples.
 
-    Raises
-    ------
-    NotFound
-        If Newton's method does not converge.
-    NumericsError
-        If the motion needs too many harmonics.
+    Raise NotFound if Newton's method does not converge, and NumericsError if the motion needs too many harmonics.
     """
     coarser: Point | None = None
     while True:
@@ -112,25 +88,11 @@ def follow(
     first: Point,
     direction: Array,
     first_step: float,
-    longest: Callable[[Point, Array], float] = endless,
+    longest: Callable[[Point, Array], float] = lambda point, tangent: math.inf,
 ) -> Iterator[ContinuationStep]:
-    """Yield the steps along a curve.
+    """Yield the steps along a curve, first in the direction whose product with the tangent is positive.
 
-    Parameters
-    ----------
-    first : Point
-        First point.
-    direction : array
-        Vector that has a positive product with the tangent at the first point.
-    first_step : float
-        First arclength.
-    longest : callable
-        Returns the largest arclength of a step from a point with a tangent.
-
-    Raises
-    ------
-    NumericsError
-        If no step is short enough, or a motion needs too many harmonics.
+    ``longest`` gives the largest arclength of a step from a point with a tangent.
     """
     point, tangent, length = first, first.tangent(direction), first_step
     while True:
@@ -188,14 +150,10 @@ def located(step: ContinuationStep, test: Callable[[Point, Array], float]) -> Po
             step = replace(step, length=length, end=found, end_tangent=tangent)
         else:
             at_start, at_end, kept = value, at_end / (2 if kept == "end" else 1), "end"
-            step = ContinuationStep(found, tangent, _ahead(found, tangent, step.end), step.end, step.end_tangent)
+            z = step.end.family.resized(step.end.z, found.family.balance.fourier.harmonics)
+            ahead = float(tangent @ ((z - found.z) / found.family.scale))
+            step = ContinuationStep(found, tangent, ahead, step.end, step.end_tangent)
     return found
-
-
-def _ahead(point: Point, tangent: Array, other: Point) -> float:
-    """Return the arclength from one point to another along a tangent."""
-    z = other.family.resized(other.z, point.family.balance.fourier.harmonics)
-    return float(tangent @ ((z - point.z) / point.family.scale))
 
 
 def carried(vector: Array, old: Point, new: Point) -> Array:
@@ -222,8 +180,5 @@ def _lean(point: Point, tangent: Array) -> Point:
 
 def described(point: Point) -> str:
     """Return the free entries of the setting in words."""
-    setting, words = point.setting, []
-    for name in point.family.free:
-        value = getattr(setting, name)
-        words.append(f"{value / (2 * np.pi):.6g} Hz" if name == "omega" else f"{name} = {value:.4g}")
-    return ", ".join(words)
+    free = ((name, getattr(point.setting, name)) for name in point.family.free)
+    return ", ".join(f"{x / (2 * np.pi):.6g} Hz" if name == "omega" else f"{name} = {x:.4g}" for name, x in free)

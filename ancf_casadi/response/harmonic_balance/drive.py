@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
@@ -69,27 +69,13 @@ class HarmonicForce(Displayed):
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """A harmonic excitation of a system.
+    """A harmonic excitation of a system."""
 
-    Parameters
-    ----------
-    parts : array (3, e)
-        u_0, u_1 and u_2.
-    amplitude : float
-        A, m, N or N m.
-    omega : float
-        Angular frequency, rad/s.
-    unit : str
-        Unit of the amplitude.
-    direction : (float, float)
-        Direction of the base motion or of the force at the tip; zero for a moment alone.
-    """
-
-    parts: Array
-    amplitude: float
-    omega: float
-    unit: str = ""
-    direction: tuple[float, float] = field(default=(0.0, 0.0))
+    parts: Array  # u_0, u_1 and u_2, (3, e)
+    amplitude: float  # A; of a beam, m, N or N m
+    omega: float  # rad/s
+    unit: str = ""  # of the amplitude
+    direction: tuple[float, float] = (0.0, 0.0)  # of the base motion or the force at the tip; zero for a moment alone
 
     @property
     def moves_base(self) -> bool:
@@ -98,18 +84,19 @@ class Drive:
 
     def expression(self, phases: Array, omega: cs.MX, amplitude: cs.MX) -> cs.MX:
         """Return u at phases (k,) as an expression, (e, k)."""
-        position, velocity, acceleration = self.parts[:, :, None]
-        sine, cosine = np.sin(phases), np.cos(phases)
-        shape = cs.DM(position * sine) + omega * cs.DM(velocity * cosine) - omega**2 * cs.DM(acceleration * sine)
-        return amplitude * shape
+        constant, linear, square = map(cs.DM, self._powers(phases))
+        return amplitude * (constant + omega * linear + omega**2 * square)
 
     def samples(self, phases: Array, omega: float, amplitude: float) -> tuple[Array, Array, Array]:
         """Return u and its derivatives with respect to omega and A at phases (k,), each (e, k)."""
-        sine, cosine = np.sin(phases), np.cos(phases)
-        position, velocity, acceleration = (part[:, None] for part in self.parts)
-        shape = position * sine + omega * velocity * cosine - omega**2 * acceleration * sine
-        growth = velocity * cosine - 2 * omega * acceleration * sine
-        return amplitude * shape, amplitude * growth, shape
+        constant, linear, square = self._powers(phases)
+        shape = constant + omega * linear + omega**2 * square
+        return amplitude * shape, amplitude * (linear + 2 * omega * square), shape
+
+    def _powers(self, phases: Array) -> Array:
+        """Return the coefficients of 1, omega and omega^2 in u/A, (3, e, k)."""
+        factors = np.array([np.sin(phases), np.cos(phases), -np.sin(phases)])
+        return np.asarray(self.parts[:, :, None] * factors[:, None, :])
 
 
 def no_drive(components: int) -> Drive:
@@ -118,10 +105,7 @@ def no_drive(components: int) -> Drive:
 
 
 def beam_drive(base: BaseMotion | None, load: TipLoad | None) -> Drive:
-    """Return the excitation of a beam by its base or at its tip, at its full amplitude.
-
-    Raise InputError if there is not exactly one of them, it is not harmonic, or it ends.
-    """
+    """Return the excitation of a beam by its base or at its tip, at its full amplitude."""
     if (base is None) == (load is None):
         raise InputError("give either a HarmonicBase or a HarmonicLoad", "base" if base is not None else "load")
     parts = np.zeros((3, BEAM_EXCITATION))
@@ -145,10 +129,7 @@ def beam_drive(base: BaseMotion | None, load: TipLoad | None) -> Drive:
 
 
 def force_drive(force: HarmonicForce, components: int) -> Drive:
-    """Return the excitation of a system by a harmonic force.
-
-    Raise InputError if its direction does not have one entry per component of the excitation.
-    """
+    """Return the excitation of a system by a harmonic force."""
     if len(force.direction) != components:
         raise InputError(f"has {len(force.direction)} entries for {components} of the excitation", "direction")
     parts = np.zeros((3, components))

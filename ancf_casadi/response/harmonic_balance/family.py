@@ -49,34 +49,15 @@ class NotFound(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """The equations of a curve of periodic motions.
-
-    Parameters
-    ----------
-    balance : HarmonicBalance
-        The equations of harmonic balance.
-    setting : Setting
-        The values that stay as they are.
-    free : tuple of str
-        Names of the fields of the setting that are unknown.
-    scales : tuple of float
-        Typical change of each of them.
-    size : float
-        Typical size of the motion, relative to the scale of the system.
-    tolerance : float
-        Largest estimated error of each motion, relative to its size; if infinite, the numbers of harmonics and samples
-        stay as they are.
-    phase : array (n,), optional
-        Functional of the coordinates whose cosine in the first harmonic is zero, if there are two free entries.
-    """
+    """The equations of a curve of periodic motions."""
 
     balance: HarmonicBalance
-    setting: Setting
-    free: tuple[str, ...]
-    scales: tuple[float, ...]
-    size: float
-    tolerance: float
-    phase: Array | None = None
+    setting: Setting  # what is not free stays as it is
+    free: tuple[str, ...]  # fields of the setting that are unknown
+    scales: tuple[float, ...]  # typical change of each
+    size: float  # typical size of the motion, relative to the scale of the system
+    tolerance: float  # of the error relative to the size; if infinite, harmonics and samples stay as they are
+    phase: Array | None = None  # with two free entries, the functional (n,) without cosine in the first harmonic
 
     @cached_property
     def scale(self) -> Array:
@@ -102,9 +83,13 @@ class Family:
         """Return coefficients and setting of the unknowns."""
         count = len(self.free)
         values = dict(zip(self.free, z[-count:].tolist(), strict=True))
+        return self._all(z[:-count]), replace(self.setting, **values)
+
+    def _all(self, coefficients: Array) -> Array:
+        """Return C, (2 H + 1, n), of the coefficients that are not zero by symmetry."""
         C = np.zeros(self.balance.allowed.shape)
-        C[self.balance.allowed] = z[:-count]
-        return C, replace(self.setting, **values)
+        C[self.balance.allowed] = coefficients
+        return C
 
     def residual(self, z: Array) -> Array:
         """Return the left sides of all equations but that of the row."""
@@ -125,28 +110,17 @@ class Family:
         moved = turning.moved(q, self._sampled(end[:count]) - carried - q)
         return self._analysed(moved + carried, end[count:])
 
-    def forth(self, reference: Array, z: Array, change: Array) -> Array:
-        """Return the change at z that corresponds to a change at a reference."""
-        return self._turned(reference, z, change, "forth")
-
-    def back(self, reference: Array, z: Array, residual: Array) -> Array:
-        """Return the left sides at a reference that correspond to those at z."""
-        return self._turned(reference, z, residual, "back")
-
-    def _turned(self, reference: Array, z: Array, vector: Array, way: Literal["forth", "back"]) -> Array:
-        """Return a vector whose first entries belong to the coefficients, these turned with the beam."""
+    def turned(self, reference: Array, z: Array, vector: Array, way: Literal["forth", "back"]) -> Array:
+        """Return the change at z that corresponds to one at a reference (forth), or the residual there (back)."""
         turning, count = self.balance.system.corrections, len(z) - len(self.free)
         if turning is None or reference is z:
             return vector
-        turn = turning.forth if way == "forth" else turning.back
-        turned = turn(self._relative(reference), self._relative(z), self._sampled(vector[:count]))
+        turned = turning.turned(self._relative(reference), self._relative(z), self._sampled(vector[:count]), way)
         return self._analysed(turned, vector[count:])
 
     def _sampled(self, coefficients: Array) -> Array:
         """Return the coordinates at the samples, (n, N), of the coefficients that are not zero by symmetry."""
-        C = np.zeros(self.balance.allowed.shape)
-        C[self.balance.allowed] = coefficients
-        return np.asarray((self.balance.fourier.basis @ C).T)
+        return np.asarray((self.balance.fourier.basis @ self._all(coefficients)).T)
 
     def _carried(self, z: Array) -> Array:
         """Return the displacements of the clamp at all nodes and samples, (n, N)."""
@@ -178,23 +152,11 @@ class Family:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A point of a curve of periodic motions, or near it, with the derivatives of the equations there.
-
-    Parameters
-    ----------
-    family : Family
-        The equations, with the numbers of harmonics and samples of the point.
-    z : array
-        Unknowns.
-    row : array
-        A row across the curve, in scaled unknowns, which completes the derivatives to a regular matrix.
-    linear : BalanceDerivatives
-        Derivatives of harmonic balance.
-    """
+    """A point of a curve of periodic motions, or near it, with the derivatives of the equations there."""
 
     family: Family
     z: Array
-    row: Array
+    row: Array  # across the curve, in scaled unknowns; completes the derivatives to a regular matrix
     linear: BalanceDerivatives
 
     @property
@@ -270,8 +232,8 @@ def solve(family: Family, guess: Array, row: Array, near: Point | None = None) -
     used = family.at(z, row) if near is None else replace(near, family=family, row=row)
     for _ in range(30):
         gap = row @ ((z - guess) / scale)
-        residual = family.back(used.z, z, family.residual(z))
-        step = -family.forth(used.z, z, scale * used.solve(np.append(residual, gap))) / scale
+        residual = family.turned(used.z, z, family.residual(z), "back")
+        step = -family.turned(used.z, z, scale * used.solve(np.append(residual, gap)), "forth") / scale
         length = float(np.abs(step).max())
         if not np.isfinite(length) or (fresh and length > LARGEST_NEWTON_STEP):
             raise NotFound

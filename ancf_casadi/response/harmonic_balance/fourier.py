@@ -26,21 +26,11 @@ from ancf_casadi.support.arrays import Array, Index
 
 @dataclass(frozen=True)
 class Fourier:
-    """The Fourier series with H harmonics at N samples of one period.
+    """The Fourier series with H harmonics at N samples of one period."""
 
-    Parameters
-    ----------
-    harmonics : int
-        Number H of harmonics.
-    samples : int
-        Number N of samples of a period, more than 2 H.
-    half : bool
-        Whether only the samples of the first half of the period are taken.
-    """
-
-    harmonics: int
-    samples: int
-    half: bool = False
+    harmonics: int  # H
+    samples: int  # N per period, more than 2 H
+    half: bool = False  # whether only the samples of the first half of the period are taken
 
     @property
     def count(self) -> int:

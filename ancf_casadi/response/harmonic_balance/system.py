@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from types import NoneType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as cs
 import numpy as np
@@ -35,24 +35,27 @@ KEPT_FUNCTIONS = 64  # sets of Functions, each of a system and a number of sampl
 
 
 class SampledFunctions(NamedTuple):
-    """A system at N samples, as Functions of q, v, a (n, N), u (e, N) and p.
+    """A system at N samples, as Functions of q, v, a (n, N), u (e, N) and p."""
 
-    Parameters
-    ----------
-    balance : Function
-        -> R (n, N).
-    tangents : Function
-        Has two further inputs u_1, u_2 (e, N) -> the entries of K, D and M (k, N); U u_1 and U u_2 (n, N).
-    powers : Function
-        -> the power lost to damping, and the power supplied by the excitation, each (1, N).
-    differentiable : Function
-        -> R, like ``balance``, which may be machine code without derivatives.
-    """
+    balance: cs.Function  # -> R (n, N)
+    tangents: cs.Function  # also of u_1, u_2 (e, N) -> the entries of K, D and M (k, N); U u_1 and U u_2 (n, N)
+    powers: cs.Function  # -> powers lost to damping and supplied by the excitation, each (1, N), W
+    differentiable: cs.Function  # -> R, like ``balance``, which may be machine code without derivatives
 
-    balance: cs.Function
-    tangents: cs.Function
-    powers: cs.Function
-    differentiable: cs.Function
+    @classmethod
+    def of(
+        cls, symbols: Sequence[Any], residual: Any, tangents: Sequence[Any], powers: Sequence[Any], plain: Any = None
+    ) -> SampledFunctions:
+        """Return the Functions of expressions in q, v, a, u, p, u_1 and u_2, all SX or all MX; ``plain`` is R again."""
+
+        def function(name: str, results: Sequence[Any], outputs: list[str], inputs: str = "q v a u p") -> cs.Function:
+            names, dense = inputs.split(), [cs.densify(part) for part in results]
+            return cs.Function(name, list(symbols[: len(names)]), dense, names, outputs, {"cse": True})
+
+        balance = function("balance", [residual], ["R"])
+        matrices = function("tangents", tangents, ["K", "D", "M", "R_1", "R_2"], "q v a u p u_1 u_2")
+        given = function("powers", powers, ["lost", "supplied"])
+        return cls(balance, matrices, given, balance if plain is None else function("balance", [plain], ["R"]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,10 +171,14 @@ class SecondOrderSystem(Displayed):
         ]
         if strange:
             raise InputError(f"contains the unknown symbols {', '.join(strange)}; make them entries of p", "system")
-        rows, columns = dense_entries(n)
+        residual, directions = conservative + damping - excitation, [cs.SX.sym("u", u.numel()) for _ in range(2)]
+        matrices = [cs.vec(cs.jacobian(residual, own)) for own in (q, v, a)]
+        driven = [cs.jtimes(residual, u, direction) for direction in directions]
+        powers = [cs.dot(v, damping), cs.dot(v, excitation)]
+        one = SampledFunctions.of([*symbols, *directions], residual, [*matrices, *driven], powers)
         return cls(
-            functions=_sampled(symbols, conservative + damping - excitation, cs.dot(v, damping), cs.dot(v, excitation)),
-            entries=(rows, columns),
+            functions=partial(several, one),
+            entries=dense_entries(n),
             parameters=own,
             excitation=u.numel(),
             rest=_vector(rest, n, 0.0, "rest"),
@@ -215,42 +222,17 @@ def dense_entries(size: int) -> tuple[Index, Index]:
     return rows, columns
 
 
-def several(samples: int, *ones: cs.Function) -> SampledFunctions:
-    """Return the Functions of N samples that evaluate those of one."""
-    return SampledFunctions(*(side_by_side(one, samples) for one in ones))
-
-
 @lru_cache(maxsize=KEPT_FUNCTIONS)
-def _of_one(balance: cs.Function, tangents: cs.Function, powers: cs.Function, samples: int) -> SampledFunctions:
-    return several(samples, balance, tangents, powers, balance)
+def several(ones: SampledFunctions, samples: int) -> SampledFunctions:
+    """Return the Functions of N samples that evaluate those of one, with the same parameters."""
 
+    def side_by_side(one: cs.Function) -> cs.Function:
+        names = one.name_in()
+        symbols = [cs.MX.sym(name, one.numel_in(k), 1 if name == "p" else samples) for k, name in enumerate(names)]
+        results = one.map(samples).call([cs.repmat(x, 1, samples // x.size2()) for x in symbols])
+        return cs.Function(one.name(), symbols, results, names, one.name_out())
 
-def side_by_side(one: cs.Function, samples: int, shared: int = 4) -> cs.Function:
-    """Return the Function of N samples that evaluates a Function of one, whose input number ``shared`` is the same."""
-    names = one.name_in()
-    widths = [1 if k == shared else samples for k in range(len(names))]
-    symbols = [cs.MX.sym(name, one.numel_in(k), widths[k]) for k, name in enumerate(names)]
-    results = one.map(samples).call(
-        [cs.repmat(x, 1, samples // width) for x, width in zip(symbols, widths, strict=True)]
-    )
-    return cs.Function(one.name(), symbols, results, names, one.name_out())
-
-
-def _sampled(
-    symbols: Sequence[cs.SX], residual: cs.SX, lost: cs.SX, supplied: cs.SX
-) -> Callable[[int], SampledFunctions]:
-    """Return the Functions of a residual and powers that are given in the symbols q, v, a, u and p."""
-    q, v, a, u, _ = symbols
-    names = ["q", "v", "a", "u", "p"]
-    directions = [cs.SX.sym(name, u.numel()) for name in ("u_1", "u_2")]
-    matrices = [cs.vec(cs.densify(cs.jacobian(residual, own))) for own in (q, v, a)]
-    driven = [cs.densify(cs.jtimes(residual, u, direction)) for direction in directions]
-    balance = cs.Function("balance", list(symbols), [cs.densify(residual)], names, ["R"], {"cse": True})
-    tangents = cs.Function("tangents", [*symbols, *directions], [*matrices, *driven], [*names, "u_1", "u_2"],
-                           ["K", "D", "M", "R_1", "R_2"], {"cse": True})  # fmt: skip
-    powers = cs.Function("powers", list(symbols), [cs.densify(lost), cs.densify(supplied)], names, ["lost", "supplied"])
-
-    return partial(_of_one, balance, tangents, powers)
+    return SampledFunctions(*map(side_by_side, ones))
 
 
 def _vector(given: Array | Sequence[float] | None, size: int, default: float, where: str) -> Array:

@@ -1,1 +1,1 @@
-"""Measured response curves of a beam: records, their harmonic balance, the block of a fit, predictions."""
+"""Measured response curves of a beam: records, their harmonic balance, the block of a fit."""

@@ -29,16 +29,12 @@ from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.tables import known
 from problems.beam.curves.driven import Driven, driven
 from problems.beam.curves.points import Measured, PointMotion
-from problems.beam.curves.prediction import predicted_response, response_channels
 from problems.beam.curves.record import ResponseRecord
-from problems.beam.curves.residuals import Responses, first_weights
+from problems.beam.curves.residuals import FREE, Responses, first_weights, response_channels
 from problems.beam.properties import Owners
 from problems.beam.unknowns import frequency_name
 
-MODULUS = (
-    "elastic_modulus",
-    "bending_stiffness",
-)  # unknowns to which the strain energy of all elements is proportional
+MODULUS = ("elastic_modulus", "bending_stiffness")  # the strain energy of all elements is proportional to each
 LEVEL_ERROR = 0.01  # relative error of the levels whose effect the result states
 LEAST_SHIFT = 1e-4  # relative shift of an estimate that is worth more modes and harmonics
 WITHOUT_MODULUS = (FrictionDamping, ModalDamping, QuadraticDamping)  # laws whose forces do not contain the modulus
@@ -46,40 +42,18 @@ WITHOUT_MODULUS = (FrictionDamping, ModalDamping, QuadraticDamping)  # laws whos
 
 @dataclass(frozen=True, eq=False)
 class CurveBlock(Block):
-    """Measured response curves of a beam in one configuration.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    numbered : tuple of (int, ResponseRecord)
-        The measurements, with their numbers, from 1, in the names of the factors on their levels.
-    law : DampingLaw
-        The damping law.
-    names : tuple of str
-        The unknowns of the fit.
-    first : mapping
-        First values of the unknown properties by name, SI units.
-    modes, harmonics : int
-        Numbers of modes and of harmonics of the motion.
-    weights : SeriesWeights
-        The factors on the standard deviations of amplitudes and levels, and of phases.
-    refinements : int
-        Number of times that modes and harmonics were added.
-    looseness : tuple of float
-        Further factors on the standard deviations of amplitudes, phases and levels.
-    """
+    """Measured response curves of a beam in one configuration."""
 
     model: Model
-    numbered: tuple[tuple[int, ResponseRecord], ...]
+    numbered: tuple[tuple[int, ResponseRecord], ...]  # with the numbers, from 1, in the names of factors on levels
     law: DampingLaw
-    names: tuple[str, ...]
-    first: Mapping[str, float]
-    modes: int
+    names: tuple[str, ...]  # of the unknowns of the fit
+    first: Mapping[str, float]  # values of the unknown properties by name, SI units
+    modes: int  # of the motion
     harmonics: int
-    weights: SeriesWeights
-    refinements: int = 0
-    looseness: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    weights: SeriesWeights  # factors on the standard deviations of amplitudes and levels, and of phases
+    refinements: int = 0  # times that modes and harmonics were added
+    looseness: tuple[float, float, float] = (1.0, 1.0, 1.0)  # further factors for amplitudes, phases and levels
 
     @property
     def records(self) -> Sequence[ResponseRecord]:
@@ -108,8 +82,7 @@ class CurveBlock(Block):
 
     def evaluation(self, before: Evaluation | None = None) -> Responses:
         """Return the residuals; the search for each motion starts from the last one."""
-        found = Responses(self)
-        return found.continued(before) if isinstance(before, Responses) else found
+        return Responses(self, before if isinstance(before, Responses) else None)
 
     def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
         """Return the block with the factors on the standard deviations that residuals show."""
@@ -145,7 +118,7 @@ class CurveBlock(Block):
 
     def predicted(self, fit: Fit, kind: str) -> RecordPrediction:
         """Return amplitudes and phases at the levels of the record."""
-        return predicted_response(self, fit, kind)
+        return replace(self, looseness=FREE).evaluation().predicted(fit, kind)
 
     def account(self, fitted: Fitted) -> Account:
         """Return errors of the amplitudes, the effects of truncation and levels, and points without a stable motion."""
@@ -165,8 +138,7 @@ class CurveBlock(Block):
             f"estimate by more than {np.abs(fitted.shifts).max():.2g} standard errors"
         )
         names, by_levels = fitted.fit.names, self._level_shifts(fitted)
-        notes = [*_truncation_warnings(worst, names), *self._level_warnings(by_levels, names)]
-        notes += self._branch_warnings(values, motions)
+        notes = [*self._shift_warnings(worst, by_levels, names), *self._branch_warnings(values, motions)]
         data = {
             "kind": "response",
             "records": [
@@ -188,16 +160,21 @@ class CurveBlock(Block):
         change[fitted.rows] = fitted.scale * LEVEL_ERROR * derivatives
         return fitted.fit.shifts(change)
 
-    def _level_warnings(self, shifts: Array, names: Sequence[str]) -> list[str]:
-        """Return the warning about the effect of an error of the levels, if they count as exact."""
-        worst = int(np.nanargmax(np.abs(shifts)))
-        if any(map(self.excitation, (number for number, _ in self.numbered))) or not abs(shifts[worst]) > 1.0:
-            return []
-        return [
-            f"the levels of the excitation count as exact: if all of them are 1 % too small, {names[worst]} shifts by "
-            f"{shifts[worst]:+.2g} standard errors; if they are not that certain, add 'excitation' to the unknowns and "
-            "give it a prior"
-        ]
+    def _shift_warnings(self, by_finer: Array, by_levels: Array, names: Sequence[str]) -> list[str]:
+        """Return warnings about the effects of more modes and harmonics, and of errors of levels held exact."""
+        notes, worst = [], int(np.nanargmax(np.abs(by_levels)))
+        if by_finer.max() > LARGEST_SHIFT:
+            notes.append(
+                f"one mode and two harmonics more shift {names[int(by_finer.argmax())]} by {by_finer.max():.2g} "
+                "standard errors; give more (modes, harmonics)"
+            )
+        if abs(by_levels[worst]) > 1.0 and not any(self.excitation(number) for number, _ in self.numbered):
+            notes.append(
+                f"the levels of the excitation count as exact: if all of them are 1 % too small, {names[worst]} shifts "
+                f"by {by_levels[worst]:+.2g} standard errors; if they are not that certain, add 'excitation' to the "
+                "unknowns and give it a prior"
+            )
+        return notes
 
     def _branch_warnings(self, values: Mapping[str, float], found: Sequence[Sequence[PointMotion]]) -> list[str]:
         """Return warnings about points without a stable motion at their level."""
@@ -294,16 +271,6 @@ class CurveBlock(Block):
                 place, slope = self._places[name]
                 directions[place, k] = slope
         return directions
-
-
-def _truncation_warnings(shifts: Array, names: Sequence[str]) -> list[str]:
-    """Return the warning about the effect of more modes and harmonics."""
-    if shifts.max() <= LARGEST_SHIFT:
-        return []
-    return [
-        f"one mode and two harmonics more shift {names[int(shifts.argmax())]} by {shifts.max():.2g} standard errors; "
-        "give more (modes, harmonics)"
-    ]
 
 
 @lru_cache(maxsize=4)

@@ -29,7 +29,7 @@ from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.reduction import ReducedModel
 from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
-from ancf_casadi.response.harmonic_balance.beams import tuned_system
+from ancf_casadi.response.harmonic_balance.beams import reduced_system
 from ancf_casadi.response.harmonic_balance.drive import Drive, beam_drive
 from ancf_casadi.response.harmonic_balance.family import Family
 from ancf_casadi.response.harmonic_balance.fourier import Fourier, fourier
@@ -41,24 +41,13 @@ from problems.beam.curves.record import ResponseRecord
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """A reduced beam under the excitation of a record, with its sensor.
+    """A reduced beam under the excitation of a record, with its sensor."""
 
-    Parameters
-    ----------
-    system : SecondOrderSystem
-        The beam; its parameters are the unknowns s.
-    drive : Drive
-        The excitation at level 1.
-    fourier : Fourier
-        Harmonics and samples.
-    reading : Function
-        (C and amplitude of the excitation (d + 1,), omega, s) -> Y and phi (2,), and their Jacobians by the first and
-        the last input; d = (2 H + 1) n.
-    """
-
-    system: SecondOrderSystem
-    drive: Drive
+    system: SecondOrderSystem  # its parameters are the unknowns s
+    drive: Drive  # at level 1
     fourier: Fourier
+    # (C and amplitude of the excitation (d + 1,), omega, s) -> Y and phi (2,), and their Jacobians by the first
+    # and the last input; d = (2 H + 1) n
     reading: cs.Function
 
     def curve(self, omega: float, s: Array) -> Family:
@@ -74,14 +63,11 @@ class Driven:
 
 
 def driven(reduced: ReducedModel, record: ResponseRecord, harmonics: int) -> Driven:
-    """Return a reduced beam under the excitation of a record, with its sensor, for a number of harmonics.
-
-    Raise InputError if the sensor is not on the beam.
-    """
+    """Return a reduced beam under the excitation of a record, with its sensor, for a number of harmonics."""
     drive = beam_drive(record.base, record.load)
     # enough samples for the products of a few harmonics, and for the kink of |v| v
     series = fourier(harmonics, max(32, 6 * harmonics + 2))
-    return Driven(tuned_system(reduced), drive, series, _reading(reduced, record, drive, series))
+    return Driven(reduced_system(reduced, tuned=True), drive, series, _reading(reduced, record, drive, series))
 
 
 def _reading(reduced: ReducedModel, record: ResponseRecord, drive: Drive, series: Fourier) -> cs.Function:

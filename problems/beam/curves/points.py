@@ -59,21 +59,11 @@ class NoMotionError(NumericsError):
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A measured point.
+    """A measured point."""
 
-    Parameters
-    ----------
-    omega : float
-        Angular frequency, rad/s.
-    values : array (3,)
-        Amplitude, phase and level; the phase is nan if it was not measured.
-    deviations : array (3,)
-        Their standard deviations.
-    """
-
-    omega: float
-    values: Array
-    deviations: Array
+    omega: float  # rad/s
+    values: Array  # amplitude, phase and level, (3,); the phase is nan if it was not measured
+    deviations: Array  # standard deviations of the values, (3,)
 
     @property
     def has_phase(self) -> bool:
@@ -89,18 +79,10 @@ class Measured:
 
 @dataclass(frozen=True, eq=False)
 class PointMotion:
-    """A steady motion at the frequency of a measured point.
-
-    Parameters
-    ----------
-    driven : Driven
-        The beam with its excitation and sensor.
-    point : Point
-        The motion as a point of the curve at its frequency.
-    """
+    """A steady motion at the frequency of a measured point."""
 
     driven: Driven
-    point: Point
+    point: Point  # of the curve at the frequency
 
     @cached_property
     def values(self) -> Array:
@@ -136,10 +118,7 @@ class PointMotion:
     def sensitivities(self, forces: Array, polar: Array) -> Array:
         """Return the derivatives of amplitude, phase and level by unknowns, at the same amplitude, (3, k).
 
-        Parameters
-        ----------
-        forces, polar : array (d, k), (2, k)
-            Derivatives of the balance and of the reading by the unknowns, at the same coefficients and level.
+        Those of the balance (d, k) and of the reading (2, k) are at the same coefficients and level.
         """
         change = self._changed(-forces, -polar[0])
         phase = polar[1] + self.reading[1][1] @ change
@@ -161,10 +140,7 @@ class PointMotion:
 
 
 def motion_from_rest(driven: Driven, measured: Measured, s: Array) -> PointMotion:
-    """Return a motion with nearly the measured amplitude, on the curve that begins at rest.
-
-    Raise NumericsError if the curve cannot be followed, or the sensor does not move.
-    """
+    """Return a motion with nearly the measured amplitude, on the curve that begins at rest."""
     goal, curve, size = float(measured.values[0]), driven.curve(measured.omega, s), driven.drive.amplitude
     response, slight = linear_response(curve.balance, measured.omega), 1e-9 * size
     z = curve.joined(response[0] + slight * response[1], replace(curve.setting, amplitude=slight))
@@ -208,10 +184,7 @@ def _half_period_later(motion: PointMotion) -> PointMotion:
 
 
 def closest(driven: Driven, measured: Measured, s: Array, near: PointMotion) -> PointMotion:
-    """Return the motion closest to a measured point, from one nearby, by steps that each reduce the distance.
-
-    Raise NumericsError if the search does not converge.
-    """
+    """Return the motion closest to a measured point, from one nearby, by steps that each reduce the distance."""
     try:
         here = _again(driven, driven.curve(measured.omega, s), near)
     except NotFound:

@@ -1,4 +1,4 @@
-"""The residuals between measured response curves and the steady motion of the beam, with their derivatives.
+"""The residuals between measured response curves and the steady motion of the beam, their derivatives, predictions.
 
 The residuals of a point are its distance to the curve of motions at its frequency (``points``), in the plane across the
 curve.  With the unit vector u along g'(Y), and the unit vector e along the controlled quantity, the rotation that takes
@@ -24,6 +24,15 @@ factor c for the amplitudes and levels of all records of one sensor, and one for
 and make the intervals too narrow.  The fit weighs the residuals, distances in units of c s, by the geometric mean G of
 the factors (``ancf_casadi.estimation.solve``).
 
+Prediction.  At the level of the excitation, the amplitude and phase of a point are those of a motion on the branch of
+the curve that the measured amplitude is nearest to.  With the derivatives at fixed amplitude, and l' = dl/dY,
+
+    dY/dx = -(dl/dx)/l',    dphi/dx = phi_x + phi' dY/dx        at fixed level.
+
+With the covariance C of the estimates and the rows J of these derivatives, the standard errors of the prediction are
+diag(J C J')^1/2, to first order.  Beyond a jump no motion has the level; the motion at the jump takes its place,
+without a standard error, and a warning says so.
+
 References
 ----------
 L. Kaufman, A variable projection method for solving separable nonlinear least squares problems, BIT 15 (1975).
@@ -31,6 +40,7 @@ L. Kaufman, A variable projection method for solving separable nonlinear least s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -39,7 +49,9 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.block import SeriesWeights
-from ancf_casadi.exceptions import NumericsError
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
+from ancf_casadi.exceptions import FitError, NumericsError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.callbacks import Differentiable
 from problems.beam.curves.driven import Driven
@@ -50,6 +62,7 @@ if TYPE_CHECKING:
     from problems.beam.curves.block import CurveBlock
 
 DIFFERENCE = 1e-4  # relative change of a property for its derivative
+FREE = (1e4, 1e4, 1.0)  # factors on the standard deviations of a prediction, in which the level decides
 
 
 def first_weights(records: Sequence[ResponseRecord]) -> SeriesWeights:
@@ -76,26 +89,14 @@ def first_weights(records: Sequence[ResponseRecord]) -> SeriesWeights:
 
 
 class Responses:
-    """The residuals of a block and their Jacobian; the search for every motion starts from its last one.
+    """The residuals of a block and their Jacobian; the search for every motion starts from its last one."""
 
-    Parameters
-    ----------
-    block : CurveBlock
-        The block.
-    """
-
-    def __init__(self, block: CurveBlock) -> None:
+    def __init__(self, block: CurveBlock, before: Responses | None = None) -> None:
+        """Begin with the last motions of a block with other weights, or fewer modes and harmonics."""
         self.block = block
-        self._last: list[list[PointMotion]] = []
-        self._constant: list[Driven] = []
-
-    def continued(self, before: Responses) -> Responses:
-        """Return the residuals, from the last motions of a block with other weights, or fewer modes and harmonics."""
-        old, new = before.block, self.block
-        if (new.modes, new.harmonics) == (old.modes, old.harmonics):
-            self._constant = before._constant
-        self._last = before._last
-        return self
+        self._last: list[list[PointMotion]] = before._last if before else []
+        same = before and (block.modes, block.harmonics) == (before.block.modes, before.block.harmonics)
+        self._constant: list[Driven] = before._constant if before and same else []
 
     @property
     def failure(self) -> str:
@@ -112,13 +113,15 @@ class Responses:
     @cached_property
     def _differentiable(self) -> Differentiable:
         """The residuals as a CasADi Function of the unknowns, nan where a motion is not found."""
-        return Differentiable(self._respond, sum(self.block.series), len(self.block.names))
+        names = self.block.names
+
+        def respond(x: Array) -> tuple[Array, Array]:
+            return self.at(dict(zip(names, x.tolist(), strict=True)))
+
+        return Differentiable(respond, sum(self.block.series), len(names))
 
     def motions(self, values: Mapping[str, float]) -> list[list[PointMotion]]:
-        """Return the motion closest to each point, record by record, for values of the unknowns by name.
-
-        Raise NoMotionError if one is not found; the message names it.
-        """
+        """Return the motion closest to each point, record by record, for values of the unknowns by name."""
         s, beams, found = self.block.shared(values), self._driven(values), []
         for k, (record, points) in enumerate(zip(self.block.records, self.block.measured(values), strict=True)):
             own: list[PointMotion] = []
@@ -135,8 +138,6 @@ class Responses:
         """Return the residuals (m,), and their Jacobian (m, n) by the unknowns of the block, for values by name.
 
         Those that are not given have their guesses.
-
-        Raise NoMotionError if a motion is not found.
         """
         motions, points = self.motions(values), self.block.measured(values)
         residuals, jacobians = [], []
@@ -169,6 +170,30 @@ class Responses:
             found.append(changes)
         return found
 
+    def predicted(self, fit: Fit, kind: str) -> RecordPrediction:
+        """Return the prediction of the only record with the estimates of a fit; its looseness is ``FREE``."""
+        (record,), values = self.block.records, fit.estimates
+        try:
+            motions, changes = self.motions(values)[0], self.sensitivities(values)[0]
+        except NumericsError as error:
+            raise FitError(f"the response cannot be predicted: {error}") from None
+        found = np.array([one.values for one in motions]).T
+        places = [fit.names.index(name) for name in self.block.names]
+        slopes, errors = fit.coordinates.slopes(fit.values)[places], []
+        for motion, change in zip(motions, changes, strict=True):
+            by_amplitude = -change[2] / motion.slopes[2]
+            jacobian = np.zeros((2, len(fit.names)))
+            jacobian[:, places] = slopes * np.array([by_amplitude, change[1] + motion.slopes[1] * by_amplitude])
+            errors.append(np.nan_to_num(fit.errors_of(jacobian)))
+        levels = record.a * values.get(self.block.excitation(self.block.numbered[0][0]) or "", 1.0)
+        beyond = np.abs(found[2] / levels - 1) > 1e-4  # relative difference of levels that are the same
+        notes = (
+            f"{np.count_nonzero(beyond)} of {len(beyond)} points lie beyond a jump of the predicted curve, the first "
+            f"at {record.f[beyond][0]:.5g} Hz; their predictions are those at the jump",
+        ) if beyond.any() else ()  # fmt: skip
+        channels = response_channels(record, found[:2], np.where(beyond, math.nan, np.array(errors).T))
+        return RecordPrediction(kind, tuple(channels), notes=notes)
+
     def _change(self, motion: PointMotion, s: Array, neighbours: Sequence[tuple[int, float, list[Driven]]]) -> Array:
         """Return the derivatives of amplitude, phase and level of a motion at the same amplitude, (3, n)."""
         z, balance, setting = motion.point.z, motion.point.family.balance, motion.point.setting
@@ -190,22 +215,32 @@ class Responses:
         self._constant = self._constant or self.block.driven({})
         return self._constant
 
-    def _respond(self, x: Array) -> tuple[Array, Array]:
-        """Return residuals and Jacobian."""
-        return self.at(dict(zip(self.block.names, x.tolist(), strict=True)))
+
+def response_channels(record: ResponseRecord, values: Array, errors: Array, prefix: str = "") -> list[PredictedChannel]:
+    """Return measured and computed amplitudes and phases; the latter are on the turn nearest to the measured ones.
+
+    The computed values and their standard errors are (2, m).
+    """
+    amplitudes, phases = values
+    measured = np.full(phases.shape, math.nan) if record.measured_phases is None else record.measured_phases
+    if record.measured_phases is not None:
+        phases = measured + np.angle(np.exp(1j * (phases - measured)))
+    labels, quantity = tuple(f"{f:.6g} Hz" for f in record.f.tolist()), record.sensor.quantity
+    parts: tuple[tuple[str, str, Array, Array, float | Array], ...] = (
+        ("amplitude", record.sensor.unit, record.amplitudes, amplitudes, record.amplitudes),
+        ("phase", "rad", measured, phases, 1.0),
+    )
+    return [
+        PredictedChannel(prefix + name, unit, own, computed, error, record.f, "frequency, Hz", std, size, labels,
+                         f"{quantity} {name}")
+        for (name, unit, own, computed, size), error, std in zip(parts, errors, record.stds[:2], strict=True)
+    ]  # fmt: skip
 
 
 def across(slope: Array, response_controlled: bool, has_phase: bool) -> Array:
     """Return the rows of the rotation T that take the plane across a curve to its residuals, (2, 3) or (1, 3).
 
-    Parameters
-    ----------
-    slope : array (3,)
-        Direction of the curve: derivatives of amplitude, phase and level over their standard deviations.
-    response_controlled : bool
-        Whether the amplitude, and not the level, was controlled.
-    has_phase : bool
-        Whether the phase was measured.
+    The slope (3,) has the derivatives of amplitude, phase and level over their standard deviations.
     """
     rows = (2, 1) if response_controlled else (0, 1)
     e = np.array([1.0, 0.0, 0.0]) if response_controlled else np.array([0.0, 0.0, 1.0])

@@ -33,7 +33,6 @@ ADDITIVE: Mapping[Law, tuple[str, ...]] = {  # unknowns whose uncertainty may le
 }
 COUNTED: Mapping[Law, tuple[str, ...]] = {  # unknowns that count even at a bound; the others make the law a simpler one
     "linear": ("zeta",), "quadratic": ("eta1",), "friction": ("eta1", "eta2"), "power": ("zeta", "exponent"),
-    "one-mode": ("eta1",),
 }  # fmt: skip
 
 
@@ -51,7 +50,7 @@ def compare_decay_laws(
     """Fit combinations of damping laws and frequency laws to a free decay, and select one by information criteria.
 
     The best one was compared with every other damping law and with every other frequency law.  A combination that
-    cannot be fitted is listed with the reason.  ``one-mode`` is combined with a constant frequency only.
+    cannot be fitted is listed with the reason.
 
     Parameters
     ----------
@@ -59,7 +58,7 @@ def compare_decay_laws(
         Times, s, increasing; or the whole record.
     displacement : array_like
         Displacement at each time, m.
-    laws : sequence of {"linear", "quadratic", "friction", "power", "one-mode"}
+    laws : sequence of {"linear", "quadratic", "friction", "power"}
         Damping laws to compare, the simplest first.
     frequency_laws : sequence of {"constant", "linear", "quadratic", "power", "logarithmic"}
         Frequency laws to compare, the simplest first.
@@ -129,13 +128,11 @@ def _comparison(fits: Mapping[DecayModel, DecayFit], failed: Mapping[DecayModel,
 
 
 def _combinations(laws: Any, frequency_laws: Any, offset: bool, drift: bool, ratios: Any) -> list[DecayModel]:
-    """Return the damping laws with each frequency law; one that is integrated has a constant frequency only."""
+    """Return the damping laws with each frequency law."""
     for names, where in ((laws, "laws"), (frequency_laws, "frequency_laws")):
         if not is_sequence(names) or not len(names):
             raise InputError(f"must be a sequence of laws, got {shown(names)}", where)
     constant = [DecayModel(law, offset, drift, ratio_bounds=ratios) for law in laws]
     for frequency_law in frequency_laws:
         choice(frequency_law, get_args(FrequencyLaw), "frequency_law")
-    pairs = [(model, law) for law, model in product(frequency_laws, constant)]
-    possible = [(model, law) for model, law in pairs if law == "constant" or not model.integrated]
-    return [replace(model, frequency_law=law) for model, law in possible or pairs]
+    return [replace(model, frequency_law=law) for law, model in product(frequency_laws, constant)]

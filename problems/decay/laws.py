@@ -6,7 +6,6 @@ A damping law and a frequency law are combined.  Damping laws, with the unknowns
     quadratic   Eq. (27)    omega, eta1, eta2               eta1, eta2 >= 0
     friction    with eta0   omega, eta1, eta2, eta0         also eta0 >= 0 (``friction``)
     power       |r'|^p      omega, zeta, exponent           zeta > 0, 0 <= p <= 4 (``closed_forms``)
-    one-mode    Eq. (26)    omega, eta1, eta2               integrated; eta1, eta2 >= 0
 
 Frequency laws (``ancf_casadi.decay.phase``), with omega the frequency at zero amplitude, and under the logarithmic law
 at the amplitude R of reference:
@@ -18,9 +17,8 @@ at the amplitude R of reference:
     logarithmic   omega (1 + k ln((A + A_s)/(R + A_s)))
                                                 frequency_log_slope of f (1 + k ln(1 + A/A_s)), and corner_amplitude A_s
 
-Each release has its own amplitude e0 and phase; with Eq. (9) at constant frequency, and with Eq. (26), displacement r0
-and velocity v0.  The ratio zeta of the power law refers to the amplitude of reference, so that it hardly correlates
-with the exponent.
+Each release has its own amplitude e0 and phase; with Eq. (9) at constant frequency, displacement r0 and velocity v0.
+The ratio zeta of the power law refers to the amplitude of reference, so that it hardly correlates with the exponent.
 
 The scale of an unknown is the change that moves the curve by about as much as its amplitude within the decay: 1/T for
 omega, 1/(omega T) for zeta and so on, with T the length of the record or of the decay, whichever is less.  ``start``
@@ -52,7 +50,6 @@ from ancf_casadi.decay.closed_forms import (
 )
 from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.friction import friction_envelope
-from ancf_casadi.decay.one_mode import one_mode_decay
 from ancf_casadi.decay.phase import FREQUENCY_TERMS, FrequencyLaw, frequency_change, integral
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
@@ -60,7 +57,7 @@ from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import choice, vector
 
-Law = Literal["linear", "quadratic", "friction", "power", "one-mode"]
+Law = Literal["linear", "quadratic", "friction", "power"]
 Symbols = Sequence[cs.MX]
 Interval = tuple[float, float]
 
@@ -71,20 +68,10 @@ LOG_CORNERS = (-9.0, 2.0)  # bounds of ln(A_s/R): below, every record is logarit
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity that a decay fit reports.
-
-    Parameters
-    ----------
-    unit : str
-        SI unit.
-    suffix : str
-        Suffix of the keys in JSON.
-    lower, upper : float
-        Bounds, unless the law has others.
-    """
+    """A quantity that a decay fit reports: its SI unit and its bounds, unless the law has others."""
 
     unit: str = ""
-    suffix: str = ""
+    suffix: str = ""  # of the keys in JSON
     lower: float = 0.0
     upper: float = math.inf
 
@@ -112,7 +99,6 @@ DECAY_TERMS: Mapping[Law, tuple[str, ...]] = {  # reported damping coefficients;
     "quadratic": ("eta1", "eta2"),
     "friction": ("eta1", "eta2", "eta0"),
     "power": ("eta_p", "exponent"),
-    "one-mode": ("eta1", "eta2"),
 }
 FREQUENCY_REPORTED: Mapping[FrequencyLaw, tuple[str, ...]] = {  # where they are not the unknowns
     "logarithmic": ("frequency_log_slope", "corner_amplitude")
@@ -123,59 +109,26 @@ RATIO_BOUNDS = (0.0, 0.999)
 
 @dataclass(frozen=True)
 class DecayModel:
-    """A damping law and a frequency law about an equilibrium.
+    """A damping law and a frequency law about an equilibrium, as a sensor measures them.
 
-    Parameters
-    ----------
-    law : {"linear", "quadratic", "friction", "power", "one-mode"}
-        Damping law.
-    offset : bool
-        Whether the equilibrium may differ from 0.
-    drift : bool
-        Whether the equilibrium may move at a constant velocity.
-    frequency_law : {"constant", "linear", "quadratic", "power", "logarithmic"}
-        Frequency law; constant if the damping law is integrated.
-    ratio_bounds : (float, float)
-        Bounds of the damping ratio under the linear law, above -1 and below 1.
-    reference : float
-        Amplitude R to which the power laws and the logarithmic law refer, m.
-    longest_step : float
-        Longest integration step of an integrated law, s.
-    sensor : Sensor
-        Sensor of the record.  For a velocity or an acceleration, the curve is differentiated; offset and drift belong
-        to the sensor.
-
-    Raises
-    ------
-    InputError
-        If there is no such law, the two cannot be combined, or the bounds are not two numbers in order.
+    For a velocity or an acceleration, the curve is differentiated; offset and drift belong to the sensor.
     """
 
     law: Law
-    offset: bool
-    drift: bool
+    offset: bool  # if True, the equilibrium may differ from 0
+    drift: bool  # if True, the equilibrium may move at a constant velocity
     frequency_law: FrequencyLaw = "constant"
-    ratio_bounds: Interval = RATIO_BOUNDS
-    reference: float = 1.0
-    longest_step: float = math.inf
+    ratio_bounds: Interval = RATIO_BOUNDS  # of the linear law
+    reference: float = 1.0  # amplitude R of the power laws and of the logarithmic law, m
     sensor: Sensor = DISPLACEMENT
 
     def __post_init__(self) -> None:
         """Check the laws and the bounds."""
         choice(self.law, get_args(Law), "law")
         choice(self.frequency_law, get_args(FrequencyLaw), "frequency_law")
-        if self.integrated and self.bends:
-            raise InputError(
-                f"must be constant under the {self.law} law; use the quadratic law instead", "frequency_law"
-            )
         lower, upper = vector(self.ratio_bounds, "ratio_bounds")
         if not -1.0 < lower < upper < 1.0:
             raise InputError(f"must be in order and between -1 and 1, got ({lower:g}, {upper:g})", "ratio_bounds")
-
-    @property
-    def integrated(self) -> bool:
-        """True if the curve is integrated; exact second derivatives would then cost more than they save."""
-        return self.law == "one-mode"
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -195,7 +148,7 @@ class DecayModel:
     @property
     def from_motion(self) -> bool:
         """True if displacement and velocity at the release are unknown, in place of amplitude and phase."""
-        return self.integrated or (self.law == "linear" and not self.bends)
+        return self.law == "linear" and not self.bends
 
     def shared(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of the mode."""
@@ -248,9 +201,7 @@ class DecayModel:
         """Return the record, in the unit of its sensor, at times (s) after the release."""
         ω, damping, bending, release, offset, drift = self._split(x)
         t = _column(time)
-        if self.integrated:
-            motion = one_mode_decay(time, ω, *damping, *release, longest_step=self.longest_step)
-        elif self.from_motion:
+        if self.from_motion:
             motion = self._differentiated(t, lambda instant: linear_decay(instant, ω, *damping, *release))
         else:
 
@@ -343,8 +294,7 @@ class DecayModel:
         amplitude = release[0]
         if self.from_motion:
             r0, v0 = release
-            rate = damping[0] * ω if self.law == "linear" else 0  # Eq. (26) takes the amplitude of r0 and v0 itself
-            amplitude = cs.sqrt(r0**2 + ((v0 + rate * r0) / self._damped(ω, damping)) ** 2)
+            amplitude = cs.sqrt(r0**2 + ((v0 + damping[0] * ω * r0) / self._damped(ω, damping)) ** 2)
         found = {
             "frequency": ω / (2 * math.pi),
             "damping_ratio": self._ratio(amplitude, ω, damping),

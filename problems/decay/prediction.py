@@ -60,7 +60,6 @@ def predicted(modes: Sequence[DecayFit], record: Any) -> RecordPrediction:
     found = least_squares(
         lambda *x: curve(cs.MX(fit.values), cs.vertcat(*x)) - cs.DM(measured),
         [replace(u, name=f"{u.name}_{position}") for position, own in enumerate(releases) for u in own],
-        gauss_newton=any(one.model.integrated for one in modes),
         advice="check the record",
     )
     mode = cs.MX.sym("mode", len(fit.names))

@@ -111,8 +111,8 @@ class DecayFit(LeastSquaresResult):
     exponent = _quantity("exponent", "Exponent p of this force; nan under the other laws.")
     amplitude = _quantity(
         "amplitude",
-        "Amplitude about the offset at the release, m: that of the envelope in Eq. (9), e0 in Eq. (27), and that of "
-        "the initial state in Eq. (26).  If velocity or acceleration was measured, it is that of the displacement.",
+        "Amplitude about the offset at the release, m: that of the envelope in Eq. (9), and e0 in Eq. (27).  If "
+        "velocity or acceleration was measured, it is that of the displacement.",
     )
     offset = _quantity("offset", "Equilibrium, in the unit of the sensor; with drift, the one at the release.")
     drift = _quantity("drift", "Rate of the equilibrium, in this unit per s; 0 if it was not fitted.")

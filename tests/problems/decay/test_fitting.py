@@ -4,7 +4,6 @@ import json
 import math
 import pickle
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import casadi as cs
@@ -227,7 +226,7 @@ def test_a_long_decay_is_fitted_from_its_first_guess(periods, rate, life, share,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("law", ["linear", "quadratic", "friction", "one-mode"])
+@pytest.mark.parametrize("law", ["linear", "quadratic", "friction"])
 def test_every_law_fits_600_periods_in_few_iterations(law):
     time, ω = np.arange(0.0, 12.0, 1e-3), 100 * math.pi
     y = 1e-2 * np.exp(-3e-3 * ω * time) * np.cos(ω * time) + np.random.default_rng(4).normal(0.0, 1e-4, len(time))
@@ -253,26 +252,6 @@ def test_intervals_allow_for_a_term_at_its_bound(seed, bounded):
         assert fit.profile(name) == pytest.approx((low, high), abs=0.25 * (high - low))
         assert low - (high - low) / 2 <= value <= high + (high - low) / 2
     assert fit.intervals()["eta1"][0] == fit.intervals()["eta2"][0] == 0.0
-
-
-@pytest.mark.parametrize("quadratic", [True, False])
-def test_the_step_of_an_integrated_law_shifts_no_estimate_by_a_tenth_of_its_error(quadratic):
-    """The reference has steps a third as long, which reduces the integration error by a factor of 80."""
-    time = np.arange(0.0, 100.0, 1 / 8)
-    η1, η2 = (0.0, 0.03 * 3 * math.pi / 4 / 0.05) if quadratic else (0.06 * math.pi, 0.0)
-    y = drag(1.0, η1, η2, 0.05, time=time) + 5e-4 * noise(37, len(time))
-    fit = fit_decay(time, y, law="one-mode")
-    assert 0.3 < 2 * math.pi * fit.model.longest_step <= 0.4
-    model, unknowns = replace(fit.model, longest_step=fit.model.longest_step / 3), fit.fit.names
-    again = least_squares(
-        lambda *x: model.curve(time, *x) - cs.DM(y),
-        [Unknown(name, value, scale, lower) for name, value, scale, lower in
-         zip(unknowns, fit.fit.values.tolist(), fit.fit.scale.tolist(), fit.fit.lower.tolist(), strict=True)],
-        gauss_newton=True,
-    )  # fmt: skip
-    free = ~fit.fit.active_bounds
-    shifts = np.abs(again.values - fit.fit.values)[free] / fit.fit.errors[free]
-    assert shifts.max() < 0.1
 
 
 @pytest.mark.parametrize(("η1", "η2"), [(0.0, 0.33), (0.15, 0.0), (0.0, 0.0)])
@@ -664,7 +643,7 @@ def test_nothing_is_printed(capfd):
         (
             (TIME, swing(1.85, 0.01, 0.05)),
             {"law": "cubic"},
-            "law: must be one of linear, quadratic, friction, power, one-mode, auto, got 'cubic'",
+            "law: must be one of linear, quadratic, friction, power, auto, got 'cubic'",
         ),
         ((TIME, swing(1.85, 0.01, 0.05)), {"ratio_bounds": (0.0, 1.0)}, "ratio_bounds: must be in order and between"),
         ((TIME, swing(1.85, 0.01, 0.05)), {"ratio_bounds": (0.5, 0.1)}, "ratio_bounds: must be in order and between"),

@@ -130,11 +130,7 @@ def half_widths(case: Case, seed: int) -> list[tuple[float, float, float]]:
     rng = np.random.default_rng(seed)
     phase = rng.uniform(0.0, 2 * math.pi)
     model = DecayModel(case.law, False, False, case.frequency_law, reference=AMPLITUDE)
-    release = (AMPLITUDE, phase)
-    if model.from_motion:
-        velocity = -AMPLITUDE * OMEGA * (RATIO * math.cos(phase) + math.sqrt(1 - RATIO**2) * math.sin(phase))
-        release = (AMPLITUDE * math.cos(phase), velocity)
-    x = [OMEGA, *DAMPING[case.law], *BENDING[case.frequency_law], *release]
+    x = [OMEGA, *DAMPING[case.law], *BENDING[case.frequency_law], AMPLITUDE, phase]
     exact = np.asarray(cs.evalf(model.curve(TIME, *map(cs.MX, x)))).ravel()
     truth = model.values(np.array(x))
     fit = fit_decay(

@@ -27,7 +27,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
-from ancf_casadi.decay.friction import friction_decay, friction_envelope
+from ancf_casadi.decay.closed_forms import friction_decay, friction_envelope
 from ancf_casadi.decay.phase import FrequencyLaw, integral
 from ancf_casadi.exceptions import AncfError
 from problems import fit_decay

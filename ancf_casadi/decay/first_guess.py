@@ -40,78 +40,28 @@ CLOSE = 0.1  # relative distance of two frequencies, below which they may be of 
 
 @dataclass(frozen=True)
 class DecayGuess:
-    """Starting values for the fit of a decay.
+    """Starting values for the fit of a decay."""
 
-    Parameters
-    ----------
-    release : int
-        Index of the first sample of the free decay.
-    reason : str
-        Reason for this release, as in ``Release``.
-    duration : float
-        The smaller of ``length`` and 1/(zeta omega), s.
-    length : float
-        Length of the record from the release on, s.
-    ω : float
-        Natural frequency, rad/s.
-    ζ : float
-        Damping ratio.
-    amplitude : float
-        Amplitude at the release, in the unit of the record.
-    phase : float
-        Phase at the release, rad; 0 at the highest value.
-    offset : float
-        Equilibrium, in the unit of the record; with drift, the one at the release.
-    drift : float
-        Rate of the equilibrium, in this unit per s.
-    notes : tuple of str
-        Limitations of the record that make the release or the frequency uncertain.
-    """
-
-    release: int
-    reason: str
-    duration: float
-    length: float
-    ω: float
+    release: int  # index of the first sample of the free decay
+    reason: str  # for this release, as in ``Release``
+    duration: float  # the smaller of ``length`` and 1/(zeta omega), s
+    length: float  # of the record from the release on, s
+    ω: float  # natural frequency, rad/s
     ζ: float
-    amplitude: float
-    phase: float
-    offset: float
-    drift: float = 0.0
-    notes: tuple[str, ...] = ()
-
-    @property
-    def r0(self) -> float:
-        """Displacement from the offset at the release, m."""
-        return self.amplitude * math.cos(self.phase)
-
-    @property
-    def v0(self) -> float:
-        """Velocity at the release, m/s."""
-        ω_d = self.ω * math.sqrt(1 - self.ζ**2)
-        return -self.amplitude * (self.ζ * self.ω * math.cos(self.phase) + ω_d * math.sin(self.phase))
+    amplitude: float  # at the release, in the unit of the record
+    phase: float  # at the release, rad; 0 at the highest value
+    offset: float  # equilibrium, in the unit of the record; with drift, the one at the release
+    drift: float = 0.0  # rate of the equilibrium, in this unit per s
+    notes: tuple[str, ...] = ()  # limitations that make the release or the frequency uncertain
 
 
 def first_guess(
     record: Measurement, *, release_time: float | None = None, offset: bool = True, drift: bool = False
 ) -> DecayGuess:
-    """Guess the parameters of a decay from its record.
+    """Guess the parameters of a decay from its record at any times, which may begin at rest or with an excitation.
 
-    Parameters
-    ----------
-    record : Measurement
-        Record at any times, which may begin at rest or with an excitation.
-    release_time : float, optional
-        Start of the free decay, s; detected in the record if not given.
-    offset : bool
-        Whether the equilibrium may differ from 0.
-    drift : bool
-        Whether the equilibrium may move at a constant velocity.
-
-    Raises
-    ------
-    InputError
-        If there are too few samples or periods, the record has hardly more than gaps, or nothing oscillates.
+    The release (s) is detected if it is not given; ``offset`` and ``drift`` allow an equilibrium other than 0, and one
+    that moves at a constant velocity.
     """
     time, displacement = record.time, record.values
     step = typical_step(time)

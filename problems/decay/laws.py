@@ -1,11 +1,12 @@
 """Laws of a free decay as estimation problems: unknowns, starting values, scales, and reported quantities.
 
-A damping law and a frequency law are combined.  Damping laws, with the unknowns of the mode and their bounds:
+A damping law and a frequency law are combined.  Damping laws (``ancf_casadi.decay.closed_forms``), with the
+unknowns of the mode and their bounds:
 
     linear      Eq. (9)     omega, zeta                     zeta within its bounds
     quadratic   Eq. (27)    omega, eta1, eta2               eta1, eta2 >= 0
-    friction    with eta0   omega, eta1, eta2, eta0         also eta0 >= 0 (``friction``)
-    power       |r'|^p      omega, zeta, exponent           zeta > 0, 0 <= p <= 4 (``closed_forms``)
+    friction    with eta0   omega, eta1, eta2, eta0         also eta0 >= 0
+    power       |r'|^p      omega, zeta, exponent           zeta > 0, 0 <= p <= 4
 
 Frequency laws (``ancf_casadi.decay.phase``), with omega the frequency at zero amplitude, and under the logarithmic law
 at the amplitude R of reference:
@@ -17,8 +18,9 @@ at the amplitude R of reference:
     logarithmic   omega (1 + k ln((A + A_s)/(R + A_s)))
                                                 frequency_log_slope of f (1 + k ln(1 + A/A_s)), and corner_amplitude A_s
 
-Each release has its own amplitude e0 and phase; with Eq. (9) at constant frequency, displacement r0 and velocity v0.
-The ratio zeta of the power law refers to the amplitude of reference, so that it hardly correlates with the exponent.
+Each release has its own amplitude e0 of the envelope and phase phi, under every law.  With Eq. (9) these are
+r0 = e0 cos(phi) and (v0 + zeta omega r0)/omega_d = -e0 sin(phi).  The ratio zeta of the power law refers to the
+amplitude of reference, so that it hardly correlates with the exponent.
 
 The scale of an unknown is the change that moves the curve by about as much as its amplitude within the decay: 1/T for
 omega, 1/(omega T) for zeta and so on, with T the length of the record or of the decay, whichever is less.  ``start``
@@ -33,7 +35,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -42,14 +44,13 @@ import numpy as np
 
 from ancf_casadi.decay.closed_forms import (
     equivalent_damping_ratio,
-    linear_decay,
+    friction_envelope,
     power_coefficient,
     power_envelope,
     power_ratio,
     quadratic_envelope,
 )
 from ancf_casadi.decay.first_guess import DecayGuess
-from ancf_casadi.decay.friction import friction_envelope
 from ancf_casadi.decay.phase import FREQUENCY_TERMS, FrequencyLaw, frequency_change, integral
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
@@ -145,11 +146,6 @@ class DecayModel:
         """True if the frequency depends on the amplitude."""
         return self.frequency_law != "constant"
 
-    @property
-    def from_motion(self) -> bool:
-        """True if displacement and velocity at the release are unknown, in place of amplitude and phase."""
-        return self.law == "linear" and not self.bends
-
     def shared(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of the mode."""
         ω, T = guess.ω, guess.duration
@@ -187,10 +183,7 @@ class DecayModel:
     def own(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of a release and its record."""
         A, swing = guess.amplitude, guess.amplitude * guess.ω**self.sensor.derivatives
-        if self.from_motion:
-            release = [Unknown("r0", guess.r0, A, unit="m"), Unknown("v0", guess.v0, A * guess.ω, unit="m/s")]
-        else:
-            release = [Unknown("e0", A, A, lower=0.0, unit="m"), Unknown("phase", guess.phase, unit="rad")]
+        release = [Unknown("e0", A, A, lower=0.0, unit="m"), Unknown("phase", guess.phase, unit="rad")]
         baseline = [
             Unknown("offset", guess.offset, swing, unit=self.sensor.unit),
             Unknown("drift", guess.drift, swing / guess.length, unit=self.unit("drift")),
@@ -199,30 +192,27 @@ class DecayModel:
 
     def curve(self, time: Array, *x: cs.MX) -> cs.MX:
         """Return the record, in the unit of its sensor, at times (s) after the release."""
-        ω, damping, bending, release, offset, drift = self._split(x)
-        t = _column(time)
-        if self.from_motion:
-            motion = self._differentiated(t, lambda instant: linear_decay(instant, ω, *damping, *release))
-        else:
+        ω, damping, bending, (e0, φ), offset, drift = self._split(x)
+        t = turned = _column(time)
 
-            def amplitude(instant: cs.MX) -> cs.MX:
-                return self._amplitude(instant, release[0], ω, damping)
+        def amplitude(instant: cs.MX) -> cs.MX:
+            return self._amplitude(instant, e0, ω, damping)
 
-            turned = t
-            if self.bends:
-                turned = t + integral(lambda instant: self._change(amplitude(instant), bending), time)
-            phase = self._damped(ω, damping) * turned + release[1]
-            motion = self._swing(amplitude(t), phase, ω, damping, bending)
-        return motion + offset + drift * t
+        if self.bends:
+            turned = t + integral(lambda instant: self._change(amplitude(instant), bending), time)
+        phase = self._damped(ω, damping) * turned + φ
+        return self._swing(amplitude(t), phase, ω, damping, bending) + offset + drift * t
 
     def _amplitude(self, time: cs.MX, e0: cs.MX, ω: cs.MX, damping: Symbols) -> cs.MX:
         """Return the amplitude at times (s), which is ``e0`` at the release."""
+        if self.law == "linear":
+            return e0 * cs.exp(-damping[0] * ω * time)
         if self.law == "friction":
             η1, η2, η0 = damping
             return friction_envelope(time, ω, η0, η1, η2, e0)
         if self.law == "power":
             return power_envelope(time, ω, ω * self._ratio(e0, ω, damping), damping[1], e0)
-        η1, η2 = (2 * damping[0] * ω, cs.MX(0)) if self.law == "linear" else damping
+        η1, η2 = damping
         return quadratic_envelope(time, ω, η1, η2, e0)
 
     def change(self, amplitude: Array, *bending: float) -> Array:
@@ -251,14 +241,6 @@ class DecayModel:
             ζ, p = damping
             return {"eta_p": power_coefficient(ζ, p, ω, self.reference), "exponent": p}
         return dict(zip(DECAY_TERMS[self.law], damping, strict=True)) | {"exponent": cs.MX(math.nan)}
-
-    def _differentiated(self, time: cs.MX, motion: Callable[[cs.MX], cs.MX]) -> cs.MX:
-        """Return the derivative by time that the sensor measures, of a motion without integrals over time."""
-        t = cs.MX.sym("t", time.shape[0])
-        curve = motion(t)
-        for _ in range(self.sensor.derivatives):
-            curve = cs.jtimes(curve, t, cs.DM.ones(t.shape))
-        return cs.substitute(curve, t, time)
 
     def _swing(self, amplitude: cs.MX, phase: cs.MX, ω: cs.MX, damping: Symbols, bending: Symbols) -> cs.MX:
         """Return the derivative by time that the sensor measures, of A cos(phi).
@@ -290,11 +272,7 @@ class DecayModel:
 
     def quantities(self, *x: cs.MX) -> cs.MX:
         """Return the quantities of the decay, in the order of ``DECAY_QUANTITIES``."""
-        ω, damping, bending, release, offset, drift = self._split(x)
-        amplitude = release[0]
-        if self.from_motion:
-            r0, v0 = release
-            amplitude = cs.sqrt(r0**2 + ((v0 + damping[0] * ω * r0) / self._damped(ω, damping)) ** 2)
+        ω, damping, bending, (amplitude, _), offset, drift = self._split(x)
         found = {
             "frequency": ω / (2 * math.pi),
             "damping_ratio": self._ratio(amplitude, ω, damping),

@@ -37,7 +37,7 @@ NOISE_FREE = 1e-6  # residual relative to the amplitude, below which there is no
 FEW_PERIODS = 5  # of free decay, below which there is a warning
 IMPRECISE = 0.1  # relative standard error of the damping ratio beyond which there is a warning
 DAMPING = ("zeta", "eta1", "eta2", "eta0")  # unknowns whose information divides the record, the first that is free
-RELEASE = ("r0", "v0", "e0", "phase", "offset", "drift")  # unknowns of a release, which belong to no mode
+RELEASE = ("e0", "phase", "offset", "drift")  # unknowns of a release, which belong to no mode
 
 
 def limitations(decay: DecayFit) -> list[str]:

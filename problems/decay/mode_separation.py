@@ -2,7 +2,7 @@
 
 Under linear damping the modes of a beam are independent, and a record is their sum and an offset,
 
-    y(t) = d + sum_k r_k(t),    r_k of Eq. (9) with omega_k, zeta_k, r0_k, v0_k.
+    y(t) = d + sum_k r_k(t),    r_k of Eq. (9) with omega_k, zeta_k, and an amplitude and a phase.
 
 The strongest mode is fitted first.  The strongest oscillation in its residuals is the next mode; both are fitted at
 once, the residuals give the third mode, and so on.  If modes were subtracted one by one, a mode fitted beside stronger

@@ -8,7 +8,7 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from ancf_casadi.decay.friction import friction_decay
+from ancf_casadi.decay.closed_forms import friction_decay
 from ancf_casadi.estimation.criteria import Candidate, judge
 from ancf_casadi.exceptions import InputError
 from problems import compare_decay_laws, fit_decay

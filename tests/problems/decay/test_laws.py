@@ -43,12 +43,7 @@ REPORTED = {
 
 def record(law, frequency_law, noise=0.0, seed=0, time=TIME, k=None):
     model = DecayModel(law, True, False, frequency_law, reference=E0)
-    release = (E0, 0.3)
-    if model.from_motion:
-        ζ = DAMPING["linear"][0]
-        rate = ζ * math.cos(0.3) + math.sqrt(1 - ζ**2) * math.sin(0.3)
-        release = E0 * math.cos(0.3), -E0 * ω * rate
-    values = (ω, *DAMPING[law], *(SLOPE[frequency_law] if k is None else k), *release, 0.001)
+    values = (ω, *DAMPING[law], *(SLOPE[frequency_law] if k is None else k), E0, 0.3, 0.001)
     y = cs.evalf(model.curve(time, *map(cs.MX, values))).full().ravel()
     return y + noise * np.random.default_rng(seed).standard_normal(len(time))
 

@@ -23,10 +23,7 @@ BENDING = {"constant": (), "linear": (-0.5,), "quadratic": (-10.0,)}
 
 def curve(law, frequency_law, sensor, time=TIME):
     model = DecayModel(law, False, False, frequency_law, reference=AMPLITUDE, sensor=sensor)
-    release = (AMPLITUDE, PHASE)
-    if model.from_motion:
-        release = (AMPLITUDE * math.cos(PHASE), -AMPLITUDE * OMEGA * (0.01 * math.cos(PHASE) + math.sin(PHASE)))
-    x = (OMEGA, *DAMPING[law], *BENDING[frequency_law], *release)
+    x = (OMEGA, *DAMPING[law], *BENDING[frequency_law], AMPLITUDE, PHASE)
     return np.asarray(cs.evalf(model.curve(time, *map(cs.MX, x)))).ravel()
 
 

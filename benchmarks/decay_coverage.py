@@ -28,7 +28,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.support.tables import Table
 from problems import fit_decay
-from problems.decay.laws import DecayModel, Law
+from problems.decay.laws import DECAY_QUANTITIES, DecayModel, Law
 
 FREQUENCY, RATIO, AMPLITUDE, DURATION, RATE = 6.9, 0.01, 0.05, 10.0, 200.0
 OMEGA = 2 * math.pi * FREQUENCY
@@ -132,7 +132,8 @@ def half_widths(case: Case, seed: int) -> list[tuple[float, float, float]]:
     model = DecayModel(case.law, False, False, case.frequency_law, reference=AMPLITUDE)
     x = [OMEGA, *DAMPING[case.law], *BENDING[case.frequency_law], AMPLITUDE, phase]
     exact = np.asarray(cs.evalf(model.curve(TIME, *map(cs.MX, x)))).ravel()
-    truth = model.values(np.array(x))
+    quantities = cs.evalf(model.quantities(*map(cs.MX, x))).full().ravel().tolist()
+    truth = dict(zip(DECAY_QUANTITIES, quantities, strict=True))
     fit = fit_decay(
         Measurement(*case.disturb(rng, exact)), law=case.law, frequency_law=case.frequency_law, release_time=0.0
     )

@@ -17,8 +17,8 @@ Slow flow.  Averaged over a period, the free oscillation r = A cos(theta) of one
 
     A' = -(c + a A + b A^2)    or    A' = -D A^p,
 
-with friction c, linear damping a, quadratic damping b, or a force with a free exponent; ``phase`` has theta.  Two functions
-of the closed forms are 0/0 at x = 0; their series keep them and their derivatives smooth there:
+with friction c, linear damping a, quadratic damping b, or a force with a free exponent; ``phase`` has theta.  Two
+functions of the closed forms are 0/0 at x = 0; their series keep them and their derivatives smooth there:
 
     m(x) = (1 - exp(-x))/x                   the mean of exp(-s) over s from 0 to x
     l(x) = ln(1 + x)/x                       the mean of 1/(1 + s)

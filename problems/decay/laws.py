@@ -60,7 +60,6 @@ from ancf_casadi.support.inputs import choice, vector
 
 Law = Literal["linear", "quadratic", "friction", "power"]
 Symbols = Sequence[cs.MX]
-Interval = tuple[float, float]
 
 EXPONENTS = (0.0, 4.0)  # bounds of the exponent
 FREQUENCY_EXPONENTS = (0.05, 4.0)  # below, a power is a logarithm
@@ -119,7 +118,7 @@ class DecayModel:
     offset: bool  # if True, the equilibrium may differ from 0
     drift: bool  # if True, the equilibrium may move at a constant velocity
     frequency_law: FrequencyLaw = "constant"
-    ratio_bounds: Interval = RATIO_BOUNDS  # of the linear law
+    ratio_bounds: tuple[float, float] = RATIO_BOUNDS  # of the linear law
     reference: float = 1.0  # amplitude R of the power laws and of the logarithmic law, m
     sensor: Sensor = DISPLACEMENT
 
@@ -296,11 +295,6 @@ class DecayModel:
         ω, damping, bending, *_ = self._split(x)
         A = _column(amplitude)
         return self._ratio(A, ω, damping), ω / (2 * math.pi) * (1 + self._change(A, bending))
-
-    def values(self, x: Array) -> dict[str, float]:
-        """Return the quantities by name, for values of the unknowns."""
-        found = cs.evalf(self.quantities(*cs.vertsplit(cs.MX(cs.DM(x)))))
-        return dict(zip(DECAY_QUANTITIES, found.full().ravel().tolist(), strict=True))
 
     def _damped(self, ω: cs.MX, damping: Symbols) -> cs.MX:
         """Return the frequency of the oscillation, rad/s: with linear damping the damped one, as in Eq. (9)."""

@@ -1,9 +1,7 @@
 """The result of a decay fit: values with units, standard errors, 95 % intervals and warnings.
 
 Standard errors and intervals are those of ``ancf_casadi.estimation``, which allow for coloured residuals.  Warnings
-name terms that are strongly correlated or not significant, say if the residuals are not noise, so that the law does not
-explain all of the motion, and if the record is too short.  If the record is shorter than the decay, the standard error
-of the damping is proportional to length^(-3/2), which gives the length that would be enough.
+name terms that are strongly correlated or not significant, and the ``limitations`` of the record and the law.
 """
 
 from __future__ import annotations

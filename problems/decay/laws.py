@@ -153,31 +153,27 @@ class DecayModel:
     def _bending(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of the frequency law; k begins at 0, or at one turn where it has a second unknown."""
         turn = 1 / (guess.ω * guess.duration)  # relative change of the frequency that turns the phase by 1 rad
-        sizes = {"frequency_slope": 1 / guess.amplitude, "frequency_curvature": 1 / guess.amplitude**2}
-        starts = {name: size * turn for name, size in sizes.items()}
-        unknowns = {
-            "frequency_exponent": Unknown("frequency_exponent", 1.0, 1.0, *FREQUENCY_EXPONENTS),
-            "log_corner": Unknown("log_corner", -2.0, 1.0, *LOG_CORNERS),
-        } | {name: Unknown(name, 0.0, scale, unit=DECAY_QUANTITIES[name].unit) for name, scale in starts.items()}
-        return [unknowns.get(name, Unknown(name, turn, turn)) for name in self.frequency_terms]
+        unknowns = (
+            Unknown("frequency_slope", 0.0, turn / guess.amplitude, unit="1/m"),
+            Unknown("frequency_curvature", 0.0, turn / guess.amplitude**2, unit="1/m^2"),
+            Unknown("frequency_change", turn, turn),
+            Unknown("frequency_exponent", 1.0, 1.0, *FREQUENCY_EXPONENTS),
+            Unknown("frequency_log_slope", turn, turn),
+            Unknown("log_corner", -2.0, 1.0, *LOG_CORNERS),
+        )
+        return [one for one in unknowns if one.name in self.frequency_terms]
 
     def _damping(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of the damping; each of eta1, eta2, eta0 begins with an equal part of the guess."""
-        ω, A, T = guess.ω, guess.amplitude, guess.duration
+        ω, A, scale, names = guess.ω, guess.amplitude, 1 / (guess.ω * guess.duration), DECAY_TERMS[self.law]
         if self.law in ("linear", "power"):
             # at a ratio of 0, no record would determine the exponent
             lower, upper = self.ratio_bounds if self.law == "linear" else (1e-9, math.inf)
-            ratio = Unknown("zeta", min(max(guess.ζ, lower), upper), 1 / (ω * T), lower, upper)
-            exponent = Unknown("exponent", 1.0, lower=EXPONENTS[0], upper=EXPONENTS[1])
-            return [ratio] if self.law == "linear" else [ratio, exponent]
-        names = DECAY_TERMS[self.law]
+            ratio = Unknown("zeta", min(max(guess.ζ, lower), upper), scale, lower, upper)
+            return [ratio, Unknown("exponent", 1.0, 1.0, *EXPONENTS)] if self.law == "power" else [ratio]
         full = {"eta1": 2 * ω, "eta2": 3 * math.pi / (4 * A), "eta0": math.pi * ω**2 * A / 2}  # with a ratio of 1
-        return [
-            Unknown(
-                name, guess.ζ / len(names) * full[name], full[name] / (ω * T), 0.0, unit=DECAY_QUANTITIES[name].unit
-            )
-            for name in names
-        ]
+        part = guess.ζ / len(names)
+        return [Unknown(n, part * full[n], scale * full[n], 0.0, unit=DECAY_QUANTITIES[n].unit) for n in names]
 
     def own(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of a release and its record."""

@@ -55,7 +55,6 @@ from problems.decay.solution import as_record, fit_one
 from problems.decay.takes import DecayModes
 
 MOST_DECAY_MODES = 6  # fitted at once if no number is given
-MODES_ADVICE = "fit fewer modes, or check the time of the release"
 
 
 @dataclass(frozen=True, eq=False)
@@ -308,7 +307,8 @@ def _together(modes: Sequence[DecayFit], t: Array, y: Array) -> tuple[Fit, list[
         curves = [mode.model.curve(τ, *(x[i] for i in own)) for mode, own in zip(modes, columns, strict=True)]
         return sum(curves, -cs.MX(cs.DM(y)))
 
-    return least_squares(residuals, unknowns, series=[len(t)], times=τ, advice=MODES_ADVICE), columns
+    advice = "fit fewer modes, or check the time of the release"
+    return least_squares(residuals, unknowns, series=[len(t)], times=τ, advice=advice), columns
 
 
 def _rate(fit: DecayFit) -> float:

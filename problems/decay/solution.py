@@ -48,7 +48,6 @@ from problems.decay.start import of_motion, starting_values
 
 LEAST_REDUCED_LENGTH = 2500  # samples to which a longer record is reduced, if the band of the mode needs no more
 REDUCED_PER_PERIOD = 12  # samples that this band needs
-DECAY_ADVICE = "check the time of the release, or fit a law with fewer terms"
 
 
 def as_record(time: Measurement | ArrayLike, displacement: ArrayLike | None) -> Measurement:
@@ -77,7 +76,10 @@ def fit_from(
     """Fit several free decays of one mode at once, each from its guess; the model takes their sensor."""
     stated, sensor = model, records[0].sensor
     times = [record.time[guess.release :] for record, guess in zip(records, guesses, strict=True)]
-    decays = [_decay(record, guess.release) for record, guess in zip(records, guesses, strict=True)]
+    decays = [
+        Measurement(time - time[0], record.values[-len(time) :], sensor=sensor)
+        for time, record in zip(times, records, strict=True)
+    ]
     moving = [of_motion(guess, sensor.derivatives) for guess in guesses]
     model = replace(model, reference=max(guess.amplitude for guess in moving), sensor=sensor)
     lengths = [len(decay.time) for decay in decays]
@@ -100,12 +102,6 @@ def fit_from(
         DecayFit(fit, model, own, rows, time, rest, guess.reason, guess.notes, again=one)
         for time, rest, own, rows, guess, one in zip(times, residuals, columns, parts, guesses, again, strict=True)
     )
-
-
-def _decay(record: Measurement, release: int) -> Measurement:
-    """Return the record from its sample ``release`` on, with times after this sample."""
-    time = record.time[release:]
-    return Measurement(time - time[0], record.values[release:], record.name, record.sensor)
 
 
 def _counts(decays: Sequence[Measurement], ω: Sequence[float]) -> list[int]:
@@ -169,7 +165,7 @@ def _match(
     settings: dict[str, Any] = {
         "series": [len(t) for t in times],
         "times": np.concatenate(times),
-        "advice": DECAY_ADVICE,
+        "advice": "check the time of the release, or fit a law with fewer terms",
     }
     fit, errors = None, list[FitError]()
     for one in starts:

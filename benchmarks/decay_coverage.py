@@ -28,7 +28,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.support.tables import Table
 from problems import fit_decay
-from problems.decay.laws import DecayModel, Law
+from problems.decay.laws import DECAY_QUANTITIES, DecayModel, Law
 
 FREQUENCY, RATIO, AMPLITUDE, DURATION, RATE = 6.9, 0.01, 0.05, 10.0, 200.0
 OMEGA = 2 * math.pi * FREQUENCY
@@ -130,13 +130,10 @@ def half_widths(case: Case, seed: int) -> list[tuple[float, float, float]]:
     rng = np.random.default_rng(seed)
     phase = rng.uniform(0.0, 2 * math.pi)
     model = DecayModel(case.law, False, False, case.frequency_law, reference=AMPLITUDE)
-    release = (AMPLITUDE, phase)
-    if model.from_motion:
-        velocity = -AMPLITUDE * OMEGA * (RATIO * math.cos(phase) + math.sqrt(1 - RATIO**2) * math.sin(phase))
-        release = (AMPLITUDE * math.cos(phase), velocity)
-    x = [OMEGA, *DAMPING[case.law], *BENDING[case.frequency_law], *release]
+    x = [OMEGA, *DAMPING[case.law], *BENDING[case.frequency_law], AMPLITUDE, phase]
     exact = np.asarray(cs.evalf(model.curve(TIME, *map(cs.MX, x)))).ravel()
-    truth = model.values(np.array(x))
+    quantities = cs.evalf(model.quantities(*map(cs.MX, x))).full().ravel().tolist()
+    truth = dict(zip(DECAY_QUANTITIES, quantities, strict=True))
     fit = fit_decay(
         Measurement(*case.disturb(rng, exact)), law=case.law, frequency_law=case.frequency_law, release_time=0.0
     )

@@ -1,7 +1,7 @@
 """Count failed fits of seeded synthetic decays, and the coverage of their 95 % intervals.
 
     .venv/bin/python benchmarks/decay_robustness.py --runs 1000                     law="quadratic"
-    .venv/bin/python benchmarks/decay_robustness.py --runs 250 --law friction       also: linear, one-mode
+    .venv/bin/python benchmarks/decay_robustness.py --runs 250 --law friction       also: linear
     .venv/bin/python benchmarks/decay_robustness.py --long --runs 1000              long decays, all laws in turn
     .venv/bin/python benchmarks/decay_robustness.py --long --runs 100 --law auto    long decays, all laws each
 
@@ -27,8 +27,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
-from ancf_casadi.decay.friction import friction_decay, friction_envelope
-from ancf_casadi.decay.one_mode import one_mode_decay
+from ancf_casadi.decay.closed_forms import friction_decay, friction_envelope
 from ancf_casadi.decay.phase import FrequencyLaw, integral
 from ancf_casadi.exceptions import AncfError
 from problems import fit_decay
@@ -42,7 +41,7 @@ WEIGHTS = {
     "friction": (0.3, 0.4, 0.3),
 }
 MOST_SAMPLES = 40_000
-STRONG = 0.02  # largest damping ratio; beyond it, Eq. (27) deviates too far from Eqs. (9) and (26)
+STRONG = 0.02  # largest damping ratio; beyond it, Eq. (27) deviates too far from Eq. (26)
 LONG_SAMPLES = 10_000
 FAR = 2.5  # in half widths of an interval
 
@@ -73,12 +72,7 @@ def decay(seed: int, law: Law) -> Decay:
     eta0, eta1 = friction * math.pi * omega**2 * amplitude / 2, 2 * linear * omega
     eta2 = quadratic * 3 * math.pi / (4 * amplitude)
     phase, offset = rng.uniform(-math.pi, math.pi), amplitude * rng.uniform(-1.0, 1.0)
-    if law == "one-mode":
-        start = (amplitude * math.cos(phase), -amplitude * omega * math.sin(phase))
-        values = map(cs.MX, (omega, eta1, eta2, *start))
-        motion = cs.evalf(one_mode_decay(instants, *values, longest_step=0.1 / omega))
-    else:
-        motion = friction_decay(cs.DM(instants), *map(cs.DM, (omega, eta0, eta1, eta2, amplitude, phase)))
+    motion = friction_decay(cs.DM(instants), *map(cs.DM, (omega, eta0, eta1, eta2, amplitude, phase)))
     noise = _between(rng, 1e-5, 0.1)
     y = np.asarray(motion).ravel() + offset + noise * amplitude * rng.standard_normal(samples)
     natural = frequency / math.sqrt(1 - ratio**2) if law == "linear" else frequency
@@ -120,7 +114,7 @@ def _between(rng: np.random.Generator, least: float, most: float) -> float:
 def main() -> None:
     """Run the study and print the result."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--law", default="quadratic", choices=("linear", "quadratic", "friction", "one-mode", "auto"))
+    parser.add_argument("--law", default="quadratic", choices=("linear", "quadratic", "friction", "auto"))
     parser.add_argument("--long", action="store_true")
     parser.add_argument("--runs", type=int, default=1000)
     parser.add_argument("--first", type=int, default=0, help="seed of the first record")

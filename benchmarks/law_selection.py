@@ -36,7 +36,7 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.decay.friction import friction_decay
+from ancf_casadi.decay.closed_forms import friction_decay
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.exceptions import AncfError
 from problems import DecayFit, MarkerRecord, compare_decay_laws, compare_laws, fit_decay
@@ -90,8 +90,7 @@ def _draw(rng: np.random.Generator, law: Law, frequency_law: FrequencyLaw) -> tu
     damping = {"linear": [ratio], "power": [ratio, rng.uniform(0.0, 4.0)]}.get(law, terms)
     change = [rng.choice([-1.0, 1.0]) * between(1e-3, 0.1), rng.uniform(-6.0, -1.0)][: len(model.frequency_terms)]
     phase = rng.uniform(-math.pi, math.pi)
-    release = [math.cos(phase), -omega * math.sin(phase)] if model.from_motion else [1.0, phase]
-    values = (omega, *damping, *change, *release, 0.0)
+    values = (omega, *damping, *change, 1.0, phase, 0.0)
     y = np.asarray(cs.evalf(model.curve(time, *map(cs.MX, values)))).ravel()
     return time, y + between(1e-3, 0.03) * rng.standard_normal(len(time))
 

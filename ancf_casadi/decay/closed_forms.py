@@ -17,12 +17,37 @@ Slow flow.  Averaged over a period, the free oscillation r = A cos(theta) of one
 
     A' = -(c + a A + b A^2)    or    A' = -D A^p,
 
-with friction c (``friction``), linear damping a, quadratic damping b, or a force with a free exponent; ``phase`` has
-theta.  Two functions of the closed forms are 0/0 at x = 0, and written so that they and their derivatives are smooth
-there, by their series:
+with friction c, linear damping a, quadratic damping b, or a force with a free exponent; ``phase`` has theta.  Two
+functions of the closed forms are 0/0 at x = 0; their series keep them and their derivatives smooth there:
 
     m(x) = (1 - exp(-x))/x                   the mean of exp(-s) over s from 0 to x
     l(x) = ln(1 + x)/x                       the mean of 1/(1 + s)
+
+Friction.  Coulomb friction, a force of constant magnitude against the motion, adds a third term to Eq. (26),
+
+    r'' + eta0 sign(r') + eta1 r' + eta2 r' |r'| + omega^2 r = 0,
+
+with eta0 the friction force per mass, m/s^2.  For r = A cos(omega t + phi) with A changing slowly, the energy per mass
+omega^2 A^2/2 falls at the mean power of the three terms over a period.  With the means
+
+    <|r'|> = 2 omega A/pi,    <r'^2> = omega^2 A^2/2,    <|r'|^3> = 4 omega^3 A^3/(3 pi)
+
+this gives omega^2 A A' = -eta0 <|r'|> - eta1 <r'^2> - eta2 <|r'|^3>, that is
+
+    A' = -c - a A - b A^2,    a = eta1/2,    b = 4 omega eta2/(3 pi),    c = 2 eta0/(pi omega).
+
+Friction alone reduces the amplitude by c 2 pi/omega = 4 eta0/omega^2 in each period, which is exact.  The quotient
+A = p/q of the solution of the linear system p' = -(a/2) p - c q, q' = b p + (a/2) q solves this Riccati equation; the
+square of its matrix is k = a^2/4 - b c times the identity, and so
+
+    A(t) = (e0 - (a e0/2 + c) s) / (1 + (a/2 + b e0) s),    s = tanh(k^1/2 t)/k^1/2,
+
+with s = tan(|k|^1/2 t)/|k|^1/2 for k < 0, and s = t for k = 0.  A reaches zero before this tangent becomes infinite,
+and friction holds the mode from then on.  With eta0 = 0 this is Eq. (27).  Friction shifts the centre of each half
+swing by d = eta0/omega^2, half the width of the band of rest.  The averaged displacement ignores this shift; it is
+valid as long as A is well above d.  Within the last half period, where -d < A < d and averages mean nothing, A is
+replaced by (3 d - A)(A + d)^3/(16 d^3), which goes to zero with two continuous derivatives, so that a fit can find the
+stop.
 
 Free exponent.  The force per mass eta_p |r'|^p sign(r'), with eta_p in m^(1-p) s^(p-2), is friction for p = 0, linear
 damping for p = 1 and quadratic damping for p = 2; micro-slip in joints has an exponent between 1 and 2.  The energy per
@@ -40,12 +65,17 @@ in which p = 1 is no special case.  For p < 1 the mode stops at t = 1/((1 - p) r
 As under friction, y is replaced by a smooth transition in the band |y| < pi r/(2 omega), which is the band of rest for
 p = 0, so that a fit can find the stop.
 
-The closed forms take and return CasADi values, MX, SX or DM, and are smooth in all their arguments.
+The closed forms take and return CasADi values, MX, SX or DM, and are smooth in all their arguments: the time after the
+release (s), the undamped natural frequency omega (rad/s), coefficients of the damping (eta0 in m/s^2, eta1 in 1/s,
+eta2 in 1/m; with friction none negative), and amplitude e0 (m), displacement r0 (m), velocity v0 (m/s) or phase (rad)
+at the release.
 
 References
 ----------
 "Comparison of external damping models in a large deformation problem", Eqs. (9), (26), (27).  Eq. (27) as printed is
 0/0 at eta1 = 0; the form above has the right limit.
+B. F. Feeny, J. W. Liang, A decrement method for the simultaneous estimation of Coulomb and viscous friction, Journal of
+Sound and Vibration 195 (1996).
 A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, Wiley (1979), Sections 2.3, 3.3.
 C. Lanczos, A precision approximation of the gamma function, SIAM Journal on Numerical Analysis B 1 (1964).
 """
@@ -69,37 +99,13 @@ LANCZOS = (  # for g = 7
 
 
 def linear_decay(time: Value, ω: Value, ζ: Value, r0: Value, v0: Value) -> Value:
-    """Return the free decay under linear damping, Eq. (9).
-
-    Parameters
-    ----------
-    time : MX, SX or DM
-        Time after the release, s.
-    ω : MX, SX or DM
-        Undamped natural frequency, rad/s.
-    ζ : MX, SX or DM
-        Damping ratio, below 1.
-    r0, v0 : MX, SX or DM
-        Displacement (m) and velocity (m/s) at the release.
-    """
+    """Return the free decay under linear damping with a ratio ζ below 1, Eq. (9), from displacement and velocity."""
     ω_d = ω * cs.sqrt(1 - ζ**2)
     return cs.exp(-ζ * ω * time) * (r0 * cs.cos(ω_d * time) + (v0 + ζ * ω * r0) / ω_d * cs.sin(ω_d * time))
 
 
 def quadratic_envelope(time: Value, ω: Value, η1: Value, η2: Value, e0: Value) -> Value:
-    """Return the amplitude of the free decay under linear and quadratic damping, a(t) of Eq. (27).
-
-    Parameters
-    ----------
-    time : MX, SX or DM
-        Time after the release, s.
-    ω : MX, SX or DM
-        Natural frequency, rad/s.
-    η1, η2 : MX, SX or DM
-        Linear (1/s) and quadratic (1/m) damping coefficient.
-    e0 : MX, SX or DM
-        Amplitude at the release, m.
-    """
+    """Return the amplitude of the free decay under linear and quadratic damping, a(t) of Eq. (27)."""
     x = η1 * time / 2
     return e0 * cs.exp(-x) / (1 + 4 * ω * η2 * e0 * time / (3 * math.pi) * mean_decay(x))
 
@@ -118,21 +124,23 @@ def equivalent_damping_ratio(η1: Value, η2: Value, ω: Value, amplitude: Value
     return viscous if η0 is None else viscous + 2 * η0 / (math.pi * ω**2 * amplitude)
 
 
+def friction_envelope(time: Value, ω: Value, η0: Value, η1: Value, η2: Value, e0: Value) -> Value:
+    """Return the amplitude of the free decay under friction, linear and quadratic damping; 0 after the stop."""
+    a, b, c = η1 / 2, 4 * ω * η2 / (3 * math.pi), 2 * η0 / (math.pi * ω)
+    s = time * _tanh_ratio(time**2 * (a**2 / 4 - b * c))
+    amplitude = (e0 - (a * e0 / 2 + c) * s) / (1 + (a / 2 + b * e0) * s)
+    return stopping(amplitude, η0 / ω**2 + LEAST_BAND * e0)
+
+
+def friction_decay(time: Value, ω: Value, η0: Value, η1: Value, η2: Value, e0: Value, φ: Value) -> Value:
+    """Return the free decay under friction, linear and quadratic damping, with a phase φ (rad) at the release."""
+    return friction_envelope(time, ω, η0, η1, η2, e0) * cs.cos(ω * time + φ)
+
+
 def power_envelope(time: Value, ω: Value, rate: Value, p: Value, e0: Value) -> Value:
     """Return the amplitude of the free decay under a force with an exponent; 0 after the stop.
 
-    Parameters
-    ----------
-    time : MX, SX or DM
-        Time after the release, s.
-    ω : MX, SX or DM
-        Natural frequency, rad/s.
-    rate : MX, SX or DM
-        Decay rate -A'/A at the release, 1/s.
-    p : MX, SX or DM
-        Exponent.
-    e0 : MX, SX or DM
-        Amplitude at the release, m.
+    The ``rate`` is that of the decay at the release, -A'/A, 1/s.
     """
     band = cs.fmin(math.pi * rate / (2 * ω) + LEAST_BAND, 0.5)
     left = stopping(1 - (1 - p) * rate * time, band) + 1e-12  # so that its logarithm stays finite after the stop
@@ -170,6 +178,18 @@ def mean_decay(x: Value) -> Value:
 def log_ratio(x: Value) -> Value:
     """Return ln(1 + x)/x for x > -1; 1 at x = 0."""
     return smooth(x, [(-1) ** k / (k + 1) for k in range(10)], lambda x: cs.log1p(x) / x)
+
+
+def _tanh_ratio(y: Value) -> Value:
+    """Return tanh(y^1/2)/y^1/2; smooth also at y <= 0, where it is a tangent."""
+
+    def closed(y: Value) -> Value:
+        root = cs.sqrt(cs.fabs(y))
+        angle = cs.fmin(root, 1.57)  # just below pi/2; the motion stops earlier
+        return cs.if_else(y > 0, cs.tanh(root) / root, cs.tan(angle) / angle)
+
+    series = (1.0, -1 / 3, 2 / 15, -17 / 315, 62 / 2835, -1382 / 155925, 21844 / 6081075, -929569 / 638512875)
+    return smooth(y, series, closed)
 
 
 def smooth(x: Value, series: Sequence[float], closed: Callable[[Value], Value]) -> Value:

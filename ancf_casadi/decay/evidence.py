@@ -36,18 +36,9 @@ def least_gain(samples: float, unknowns: int) -> float:
 
 
 def evident(smaller: float, larger: float, samples: float, unknowns: int, motion: float) -> bool:
-    """Return whether a larger model is evident.
+    """Return whether a larger model with k further unknowns is evident, from the sums S0 and S1 that both leave.
 
-    Parameters
-    ----------
-    smaller, larger : float
-        Sums of the squared residuals, S0 and S1.
-    samples : float
-        Number n of samples.
-    unknowns : int
-        Number k of further unknowns of the larger model.
-    motion : float
-        Sum of the squares of the motion, of which each model leaves a part.
+    ``motion`` is the sum of the squares of the motion, of which each model leaves a part.
     """
     rough = MODEL_ERROR**2 * motion + np.finfo(float).tiny
     gain = samples * (math.log(smaller + rough) - math.log(larger + rough))

@@ -40,78 +40,28 @@ CLOSE = 0.1  # relative distance of two frequencies, below which they may be of 
 
 @dataclass(frozen=True)
 class DecayGuess:
-    """Starting values for the fit of a decay.
+    """Starting values for the fit of a decay."""
 
-    Parameters
-    ----------
-    release : int
-        Index of the first sample of the free decay.
-    reason : str
-        Reason for this release, as in ``Release``.
-    duration : float
-        The smaller of ``length`` and 1/(zeta omega), s.
-    length : float
-        Length of the record from the release on, s.
-    ω : float
-        Natural frequency, rad/s.
-    ζ : float
-        Damping ratio.
-    amplitude : float
-        Amplitude at the release, in the unit of the record.
-    phase : float
-        Phase at the release, rad; 0 at the highest value.
-    offset : float
-        Equilibrium, in the unit of the record; with drift, the one at the release.
-    drift : float
-        Rate of the equilibrium, in this unit per s.
-    notes : tuple of str
-        Limitations of the record that make the release or the frequency uncertain.
-    """
-
-    release: int
-    reason: str
-    duration: float
-    length: float
-    ω: float
+    release: int  # index of the first sample of the free decay
+    reason: str  # for this release, as in ``Release``
+    duration: float  # the smaller of ``length`` and 1/(zeta omega), s
+    length: float  # of the record from the release on, s
+    ω: float  # natural frequency, rad/s
     ζ: float
-    amplitude: float
-    phase: float
-    offset: float
-    drift: float = 0.0
-    notes: tuple[str, ...] = ()
-
-    @property
-    def r0(self) -> float:
-        """Displacement from the offset at the release, m."""
-        return self.amplitude * math.cos(self.phase)
-
-    @property
-    def v0(self) -> float:
-        """Velocity at the release, m/s."""
-        ω_d = self.ω * math.sqrt(1 - self.ζ**2)
-        return -self.amplitude * (self.ζ * self.ω * math.cos(self.phase) + ω_d * math.sin(self.phase))
+    amplitude: float  # at the release, in the unit of the record
+    phase: float  # at the release, rad; 0 at the highest value
+    offset: float  # equilibrium, in the unit of the record; with drift, the one at the release
+    drift: float = 0.0  # rate of the equilibrium, in this unit per s
+    notes: tuple[str, ...] = ()  # limitations that make the release or the frequency uncertain
 
 
 def first_guess(
     record: Measurement, *, release_time: float | None = None, offset: bool = True, drift: bool = False
 ) -> DecayGuess:
-    """Guess the parameters of a decay from its record.
+    """Guess the parameters of a decay from its record at any times, which may begin at rest or with an excitation.
 
-    Parameters
-    ----------
-    record : Measurement
-        Record at any times, which may begin at rest or with an excitation.
-    release_time : float, optional
-        Start of the free decay, s; detected in the record if not given.
-    offset : bool
-        Whether the equilibrium may differ from 0.
-    drift : bool
-        Whether the equilibrium may move at a constant velocity.
-
-    Raises
-    ------
-    InputError
-        If there are too few samples or periods, the record has hardly more than gaps, or nothing oscillates.
+    The release (s) is detected if it is not given; ``offset`` and ``drift`` allow an equilibrium other than 0, and one
+    that moves at a constant velocity.
     """
     time, displacement = record.time, record.values
     step = typical_step(time)
@@ -131,7 +81,8 @@ def first_guess(
         since = f" from {time[begin]:g} s on" if begin else ""
         raise InputError(f"is constant{since}, nothing oscillates", "record")
     line = np.array([np.ones(len(t)), t])  # a drift that is not asked for must not hide the oscillation
-    best, *others = _candidates(t, y, line)
+    candidates = _candidates(t, y, line)
+    best = candidates[0]
     if best.ω_d * t[-1] < 2 * math.pi * MINIMUM_PERIODS:
         raise InputError(
             f"has fewer than two periods of free decay in the {t[-1]:.3g} s from {time[begin]:g} s on "
@@ -155,12 +106,7 @@ def first_guess(
         phase=math.atan2(-s, c),
         offset=float(level[0]),
         drift=float(level[1]),
-        notes=(
-            *found.notes,
-            *_drive_note(record, best),
-            *_notes(t, y, best, others),
-            *([] if drift else _drift_note(t[-1], asked, best, record.sensor.unit)),
-        ),
+        notes=(*found.notes, *_notes(record, t, y, candidates, None if drift else asked)),
     )
 
 
@@ -211,21 +157,16 @@ def _check_oscillation(y: Array, baseline: Array, best: _Candidate) -> None:
         raise InputError("is noise or drift, nothing oscillates", "record")
 
 
-def _drive_note(record: Measurement, best: _Candidate) -> list[str]:
-    """Return a note if the mode that an excitation lets grow in the record is not the one that decays."""
-    time, values, frequency = record.time, record.values, best.ω_d / (2 * math.pi)
-    driven = step_frequency(time, without_line(time, values))
-    if abs(driven / frequency - 1) < CLOSE or not grows_slowly(time, values, driven):
-        return []
-    return [
-        f"the excitation had {driven:.3g} Hz, and the decay has {frequency:.3g} Hz: another mode than the driven one "
-        "is the largest; let the excitation grow slowly (ramp), measure at another point, or fit several modes"
-    ]
-
-
-def _notes(t: Array, y: Array, best: _Candidate, others: list[_Candidate]) -> list[str]:
-    """Return notes of an ambiguous frequency and of aliasing."""
-    notes, frequency = [], best.ω_d / (2 * math.pi)
+def _notes(record: Measurement, t: Array, y: Array, found: list[_Candidate], level: _Candidate | None) -> list[str]:
+    """Return limitations of the record; with ``level``, the oscillation without drift, also a drift that is evident."""
+    best, *others = found
+    notes, frequency = list[str](), best.ω_d / (2 * math.pi)
+    driven = step_frequency(record.time, without_line(record.time, record.values))
+    if abs(driven / frequency - 1) >= CLOSE and grows_slowly(record.time, record.values, driven):
+        notes.append(
+            f"the excitation had {driven:.3g} Hz, and the decay has {frequency:.3g} Hz: another mode than the driven "
+            "one is the largest; let the excitation grow slowly (ramp), measure at another point, or fit several modes"
+        )
     rivals = [
         f"{other.ω_d / (2 * math.pi):.4g}"
         for other in others
@@ -243,12 +184,7 @@ def _notes(t: Array, y: Array, best: _Candidate, others: list[_Candidate]) -> li
             f"the record has {samples:.2g} samples per period: a frequency above half the sampling rate would look "
             "the same (alias); sample faster"
         )
+    if level and best.misfit <= level.misfit / 2:
+        moved = f"{abs(best.linear[3]) * t[-1]:.2g} {record.sensor.unit}"
+        notes.append(f"the equilibrium drifts by about {moved} over the record; fit the drift too (option drift)")
     return notes
-
-
-def _drift_note(length: float, level: _Candidate, drifting: _Candidate, unit: str) -> list[str]:
-    """Return a note if a drift, which is not fitted, explains much of the residuals."""
-    moved = abs(drifting.linear[3]) * length
-    if drifting.misfit > level.misfit / 2:
-        return []
-    return [f"the equilibrium drifts by about {moved:.2g} {unit} over the record; fit the drift too (option drift)"]

@@ -58,33 +58,15 @@ LEVEL = 0.02  # departure that does not count as motion, relative to the largest
 
 @dataclass(frozen=True)
 class Release:
-    """Start of a free decay.
+    """Start of a free decay."""
 
-    Parameters
-    ----------
-    index : int
-        First sample of the decay.
-    reason : str
-        Reason: the first sample, the end of rest, the end of an excitation, the end of a gap, or given.
-    notes : tuple of str
-        Reasons for doubt.
-    """
-
-    index: int
-    reason: str
-    notes: tuple[str, ...] = ()
+    index: int  # of the first sample of the decay
+    reason: str  # the first sample, the end of rest, the end of an excitation, the end of a gap, or given
+    notes: tuple[str, ...] = ()  # reasons for doubt
 
 
 def find_release(time: Array, measured: Array) -> Release:
-    """Return the start of the free decay; the first sample unless rest or an excitation precedes it.
-
-    Parameters
-    ----------
-    time : ndarray
-        Increasing times, s.
-    measured : ndarray
-        Value at each, of any sensor.
-    """
+    """Return the start of the free decay in values of any sensor, the first unless rest or an excitation precedes."""
     if len(time) < MINIMUM_SAMPLES or np.ptp(measured) == 0.0:
         return Release(0, "the first sample")
     period = 1 / step_frequency(time, without_line(time, measured))

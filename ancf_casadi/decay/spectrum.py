@@ -46,25 +46,10 @@ def is_even(time: Array) -> bool:
 
 
 def peak_frequencies(time: Array, swing: Array) -> list[float]:
-    """Return the candidates for the frequency of an oscillation (Hz), the highest peak of the spectrum first.
-
-    Parameters
-    ----------
-    time : ndarray
-        Increasing times, s.
-    swing : ndarray
-        Oscillation about 0 at each.
-
-    Returns
-    -------
-    list of float
-        One frequency for even times.
-    """
+    """Return candidates for the frequency (Hz) of an oscillation about 0, the highest peak first; one at even times."""
     frequency, power = _spectrum(time, swing)
-    if is_even(time):
-        return [float(frequency[1 + np.argmax(power[1:])])]
     peaks = 1 + np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] >= power[2:]))
-    if not peaks.size:
+    if is_even(time) or not peaks.size:
         return [float(frequency[1 + np.argmax(power[1:])])]
     peaks = peaks[np.argsort(-power[peaks], kind="stable")]
     return [float(one) for one in frequency[peaks[power[peaks] >= RIVAL * power[peaks[0]]]]]

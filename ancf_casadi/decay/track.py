@@ -48,30 +48,14 @@ MOST_VARIANCE = 2.5  # of z, relative to a window without missing frames, beyond
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """An oscillation in successive windows.
+    """An oscillation in k successive windows."""
 
-    Parameters
-    ----------
-    time : ndarray
-        Mean time of the samples of each window (k,), s.
-    z : ndarray
-        Complex amplitude relative to the carrier (k,), in the unit of the record.
-    number : ndarray
-        Number of each window (k,), from 0 at the first sample; those left out are missing.
-    seen : ndarray
-        Whether noise leaves it visible (k,); it may not be before the largest one.
-    length : float
-        Length of a window, s.
-    ω : float
-        Frequency of the carrier, rad/s.
-    """
-
-    time: Array
-    z: ComplexArray
-    number: Index
-    seen: NDArray[np.bool_]
-    length: float
-    ω: float
+    time: Array  # mean time of the samples of each window (k,), s
+    z: ComplexArray  # complex amplitude relative to the carrier (k,), in the unit of the record
+    number: Index  # number of each window (k,), from 0 at the first sample; those left out are missing
+    seen: NDArray[np.bool_]  # True where noise leaves it visible (k,); it may not be before the largest one
+    length: float  # of a window, s
+    ω: float  # frequency of the carrier, rad/s
 
     @property
     def amplitude(self) -> Array:
@@ -142,27 +126,15 @@ def losses_of(amplitude: Array, losses: Sequence[Array]) -> tuple[float, list[fl
 
 @dataclass(frozen=True)
 class LocalDecay:
-    """Decay in the middle of a piece of a record.
+    """Decay in the middle of a piece of a record, with standard errors for white noise of standard deviation 1."""
 
-    Parameters
-    ----------
-    λ, ω : float
-        Decay rate (1/s) and damped natural frequency (rad/s).
-    amplitude : float
-        Amplitude, in the unit of the record.
-    λ_error, ω_error, amplitude_error : float
-        Their standard errors for white noise of standard deviation 1.
-    misfit : float
-        Sum of the squared residuals.
-    """
-
-    λ: float
-    ω: float
-    amplitude: float
+    λ: float  # decay rate, 1/s
+    ω: float  # damped natural frequency, rad/s
+    amplitude: float  # in the unit of the record
     λ_error: float
     ω_error: float
     amplitude_error: float
-    misfit: float
+    misfit: float  # sum of the squared residuals
 
 
 def local_decay(τ: Array, y: Array, λ: float, ω: float, others: Sequence[float] = ()) -> LocalDecay | None:

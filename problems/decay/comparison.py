@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import product
-from typing import Any, get_args
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -20,7 +19,7 @@ from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.inputs import choice, flag, is_sequence, number, shown
+from ancf_casadi.support.inputs import flag, is_sequence, number, shown
 from problems.decay.laws import DECAY_TERMS, RATIO_BOUNDS, DecayModel, Law
 from problems.decay.result import DecayFit
 from problems.decay.solution import as_record, fit_from
@@ -33,7 +32,6 @@ ADDITIVE: Mapping[Law, tuple[str, ...]] = {  # unknowns whose uncertainty may le
 }
 COUNTED: Mapping[Law, tuple[str, ...]] = {  # unknowns that count even at a bound; the others make the law a simpler one
     "linear": ("zeta",), "quadratic": ("eta1",), "friction": ("eta1", "eta2"), "power": ("zeta", "exponent"),
-    "one-mode": ("eta1",),
 }  # fmt: skip
 
 
@@ -51,7 +49,7 @@ def compare_decay_laws(
     """Fit combinations of damping laws and frequency laws to a free decay, and select one by information criteria.
 
     The best one was compared with every other damping law and with every other frequency law.  A combination that
-    cannot be fitted is listed with the reason.  ``one-mode`` is combined with a constant frequency only.
+    cannot be fitted is listed with the reason.
 
     Parameters
     ----------
@@ -59,7 +57,7 @@ def compare_decay_laws(
         Times, s, increasing; or the whole record.
     displacement : array_like
         Displacement at each time, m.
-    laws : sequence of {"linear", "quadratic", "friction", "power", "one-mode"}
+    laws : sequence of {"linear", "quadratic", "friction", "power"}
         Damping laws to compare, the simplest first.
     frequency_laws : sequence of {"constant", "linear", "quadratic", "power", "logarithmic"}
         Frequency laws to compare, the simplest first.
@@ -104,7 +102,15 @@ def compare_decay_laws(
             except FitError as error:
                 failed[model] = str(error)
         if fits:
-            found = _comparison({model: fits[model] for model in models if model in fits}, failed)
+            names = {_name(model): model for model in models if model in fits}
+            found = LawComparison(
+                names=tuple(names),
+                fits=tuple(fits[model] for model in names.values()),
+                terms=tuple(ADDITIVE[model.law] for model in names.values()),
+                failed={_name(model): reason for model, reason in failed.items()},
+                counted={name: (*COUNTED[model.law], *model.frequency_terms) for name, model in names.items()},
+                priors={name: EMPIRICAL for name, model in names.items() if model.law == "power"},
+            )
             best = next(model for model, fit in fits.items() if fit is found.best)
     if not fits:
         reasons = "; ".join(f"{_name(model)}: {reason}" for model, reason in failed.items())
@@ -116,26 +122,9 @@ def _name(model: DecayModel) -> str:
     return model.law if not model.bends else f"{model.law} + {model.frequency_law} frequency"
 
 
-def _comparison(fits: Mapping[DecayModel, DecayFit], failed: Mapping[DecayModel, str]) -> LawComparison[DecayFit]:
-    names = {_name(model): model for model in fits}
-    return LawComparison(
-        names=tuple(names),
-        fits=tuple(fits.values()),
-        terms=tuple(ADDITIVE[model.law] for model in fits),
-        failed={_name(model): reason for model, reason in failed.items()},
-        counted={name: (*COUNTED[model.law], *model.frequency_terms) for name, model in names.items()},
-        priors={name: EMPIRICAL for name, model in names.items() if model.law == "power"},
-    )
-
-
 def _combinations(laws: Any, frequency_laws: Any, offset: bool, drift: bool, ratios: Any) -> list[DecayModel]:
-    """Return the damping laws with each frequency law; one that is integrated has a constant frequency only."""
+    """Return the damping laws with each frequency law."""
     for names, where in ((laws, "laws"), (frequency_laws, "frequency_laws")):
         if not is_sequence(names) or not len(names):
             raise InputError(f"must be a sequence of laws, got {shown(names)}", where)
-    constant = [DecayModel(law, offset, drift, ratio_bounds=ratios) for law in laws]
-    for frequency_law in frequency_laws:
-        choice(frequency_law, get_args(FrequencyLaw), "frequency_law")
-    pairs = [(model, law) for law, model in product(frequency_laws, constant)]
-    possible = [(model, law) for model, law in pairs if law == "constant" or not model.integrated]
-    return [replace(model, frequency_law=law) for model, law in possible or pairs]
+    return [DecayModel(law, offset, drift, bent, ratios) for bent, law in product(frequency_laws, laws)]

@@ -54,10 +54,9 @@ def fit_decay(
         Times, s, increasing; or the whole record.
     displacement : array_like
         Displacement at each time, m.
-    law : {"linear", "quadratic", "friction", "power", "one-mode", "auto"}
+    law : {"linear", "quadratic", "friction", "power", "auto"}
         ``linear``: Eq. (9).  ``quadratic``: Eq. (27).  ``friction``: Eq. (27) with friction as a third term.
-        ``power``: a force ``eta_p |v|^p`` with a free exponent p.  ``one-mode``: Eq. (26), integrated numerically, for
-        damping so strong that Eq. (27) is not accurate enough.  ``auto``: the best of ``compare_decay_laws``.
+        ``power``: a force ``eta_p |v|^p`` with a free exponent p.  ``auto``: the best of ``compare_decay_laws``.
     frequency_law : {"constant", "linear", "quadratic", "power", "logarithmic", "auto"}, optional
         Change of the frequency f with the amplitude A: none, f (1 + k A), f (1 + k A^2), f (1 + k A^q),
         f (1 + k ln(1 + A/A_s)), or the best of ``compare_decay_laws``.  If not given, constant; with the law ``auto``
@@ -169,10 +168,6 @@ def fit_decays(
     sensors = {record.sensor.quantity for record in records}
     if len(sensors) > 1:
         raise InputError(f"must have one quantity, got {', '.join(sorted(sensors))}; fit them apart", "records")
-    if model.integrated and records[0].sensor.derivatives:
-        raise InputError(
-            f"integrates the displacement, which the {records[0].sensor.quantity} is not; use the quadratic law", "law"
-        )
     releases = [None] * len(records) if release_times is None else numbers(release_times, "release_times")
     if len(releases) != len(records):
         raise InputError(f"has {len(releases)} values for {len(records)} records", "release_times")

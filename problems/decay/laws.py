@@ -1,12 +1,12 @@
 """Laws of a free decay as estimation problems: unknowns, starting values, scales, and reported quantities.
 
-A damping law and a frequency law are combined.  Damping laws, with the unknowns of the mode and their bounds:
+A damping law and a frequency law are combined.  Damping laws (``ancf_casadi.decay.closed_forms``), with the
+unknowns of the mode and their bounds:
 
     linear      Eq. (9)     omega, zeta                     zeta within its bounds
     quadratic   Eq. (27)    omega, eta1, eta2               eta1, eta2 >= 0
-    friction    with eta0   omega, eta1, eta2, eta0         also eta0 >= 0 (``friction``)
-    power       |r'|^p      omega, zeta, exponent           zeta > 0, 0 <= p <= 4 (``closed_forms``)
-    one-mode    Eq. (26)    omega, eta1, eta2               integrated; eta1, eta2 >= 0
+    friction    with eta0   omega, eta1, eta2, eta0         also eta0 >= 0
+    power       |r'|^p      omega, zeta, exponent           zeta > 0, 0 <= p <= 4
 
 Frequency laws (``ancf_casadi.decay.phase``), with omega the frequency at zero amplitude, and under the logarithmic law
 at the amplitude R of reference:
@@ -18,9 +18,9 @@ at the amplitude R of reference:
     logarithmic   omega (1 + k ln((A + A_s)/(R + A_s)))
                                                 frequency_log_slope of f (1 + k ln(1 + A/A_s)), and corner_amplitude A_s
 
-Each release has its own amplitude e0 and phase; with Eq. (9) at constant frequency, and with Eq. (26), displacement r0
-and velocity v0.  The ratio zeta of the power law refers to the amplitude of reference, so that it hardly correlates
-with the exponent.
+Each release has its own amplitude e0 of the envelope and phase phi, under every law.  With Eq. (9) these are
+r0 = e0 cos(phi) and (v0 + zeta omega r0)/omega_d = -e0 sin(phi).  The ratio zeta of the power law refers to the
+amplitude of reference, so that it hardly correlates with the exponent.
 
 The scale of an unknown is the change that moves the curve by about as much as its amplitude within the decay: 1/T for
 omega, 1/(omega T) for zeta and so on, with T the length of the record or of the decay, whichever is less.  ``start``
@@ -35,7 +35,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -44,15 +44,13 @@ import numpy as np
 
 from ancf_casadi.decay.closed_forms import (
     equivalent_damping_ratio,
-    linear_decay,
+    friction_envelope,
     power_coefficient,
     power_envelope,
     power_ratio,
     quadratic_envelope,
 )
 from ancf_casadi.decay.first_guess import DecayGuess
-from ancf_casadi.decay.friction import friction_envelope
-from ancf_casadi.decay.one_mode import one_mode_decay
 from ancf_casadi.decay.phase import FREQUENCY_TERMS, FrequencyLaw, frequency_change, integral
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
@@ -60,9 +58,8 @@ from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import choice, vector
 
-Law = Literal["linear", "quadratic", "friction", "power", "one-mode"]
+Law = Literal["linear", "quadratic", "friction", "power"]
 Symbols = Sequence[cs.MX]
-Interval = tuple[float, float]
 
 EXPONENTS = (0.0, 4.0)  # bounds of the exponent
 FREQUENCY_EXPONENTS = (0.05, 4.0)  # below, a power is a logarithm
@@ -71,20 +68,10 @@ LOG_CORNERS = (-9.0, 2.0)  # bounds of ln(A_s/R): below, every record is logarit
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity that a decay fit reports.
-
-    Parameters
-    ----------
-    unit : str
-        SI unit.
-    suffix : str
-        Suffix of the keys in JSON.
-    lower, upper : float
-        Bounds, unless the law has others.
-    """
+    """A quantity that a decay fit reports: its SI unit and its bounds, unless the law has others."""
 
     unit: str = ""
-    suffix: str = ""
+    suffix: str = ""  # of the keys in JSON
     lower: float = 0.0
     upper: float = math.inf
 
@@ -112,7 +99,6 @@ DECAY_TERMS: Mapping[Law, tuple[str, ...]] = {  # reported damping coefficients;
     "quadratic": ("eta1", "eta2"),
     "friction": ("eta1", "eta2", "eta0"),
     "power": ("eta_p", "exponent"),
-    "one-mode": ("eta1", "eta2"),
 }
 FREQUENCY_REPORTED: Mapping[FrequencyLaw, tuple[str, ...]] = {  # where they are not the unknowns
     "logarithmic": ("frequency_log_slope", "corner_amplitude")
@@ -123,59 +109,26 @@ RATIO_BOUNDS = (0.0, 0.999)
 
 @dataclass(frozen=True)
 class DecayModel:
-    """A damping law and a frequency law about an equilibrium.
+    """A damping law and a frequency law about an equilibrium, as a sensor measures them.
 
-    Parameters
-    ----------
-    law : {"linear", "quadratic", "friction", "power", "one-mode"}
-        Damping law.
-    offset : bool
-        Whether the equilibrium may differ from 0.
-    drift : bool
-        Whether the equilibrium may move at a constant velocity.
-    frequency_law : {"constant", "linear", "quadratic", "power", "logarithmic"}
-        Frequency law; constant if the damping law is integrated.
-    ratio_bounds : (float, float)
-        Bounds of the damping ratio under the linear law, above -1 and below 1.
-    reference : float
-        Amplitude R to which the power laws and the logarithmic law refer, m.
-    longest_step : float
-        Longest integration step of an integrated law, s.
-    sensor : Sensor
-        Sensor of the record.  For a velocity or an acceleration, the curve is differentiated; offset and drift belong
-        to the sensor.
-
-    Raises
-    ------
-    InputError
-        If there is no such law, the two cannot be combined, or the bounds are not two numbers in order.
+    For a velocity or an acceleration, the curve is differentiated; offset and drift belong to the sensor.
     """
 
     law: Law
-    offset: bool
-    drift: bool
+    offset: bool  # if True, the equilibrium may differ from 0
+    drift: bool  # if True, the equilibrium may move at a constant velocity
     frequency_law: FrequencyLaw = "constant"
-    ratio_bounds: Interval = RATIO_BOUNDS
-    reference: float = 1.0
-    longest_step: float = math.inf
+    ratio_bounds: tuple[float, float] = RATIO_BOUNDS  # of the linear law
+    reference: float = 1.0  # amplitude R of the power laws and of the logarithmic law, m
     sensor: Sensor = DISPLACEMENT
 
     def __post_init__(self) -> None:
         """Check the laws and the bounds."""
         choice(self.law, get_args(Law), "law")
         choice(self.frequency_law, get_args(FrequencyLaw), "frequency_law")
-        if self.integrated and self.bends:
-            raise InputError(
-                f"must be constant under the {self.law} law; use the quadratic law instead", "frequency_law"
-            )
         lower, upper = vector(self.ratio_bounds, "ratio_bounds")
         if not -1.0 < lower < upper < 1.0:
             raise InputError(f"must be in order and between -1 and 1, got ({lower:g}, {upper:g})", "ratio_bounds")
-
-    @property
-    def integrated(self) -> bool:
-        """True if the curve is integrated; exact second derivatives would then cost more than they save."""
-        return self.law == "one-mode"
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -192,11 +145,6 @@ class DecayModel:
         """True if the frequency depends on the amplitude."""
         return self.frequency_law != "constant"
 
-    @property
-    def from_motion(self) -> bool:
-        """True if displacement and velocity at the release are unknown, in place of amplitude and phase."""
-        return self.integrated or (self.law == "linear" and not self.bends)
-
     def shared(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of the mode."""
         ω, T = guess.ω, guess.duration
@@ -205,39 +153,32 @@ class DecayModel:
     def _bending(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of the frequency law; k begins at 0, or at one turn where it has a second unknown."""
         turn = 1 / (guess.ω * guess.duration)  # relative change of the frequency that turns the phase by 1 rad
-        sizes = {"frequency_slope": 1 / guess.amplitude, "frequency_curvature": 1 / guess.amplitude**2}
-        starts = {name: size * turn for name, size in sizes.items()}
-        unknowns = {
-            "frequency_exponent": Unknown("frequency_exponent", 1.0, 1.0, *FREQUENCY_EXPONENTS),
-            "log_corner": Unknown("log_corner", -2.0, 1.0, *LOG_CORNERS),
-        } | {name: Unknown(name, 0.0, scale, unit=DECAY_QUANTITIES[name].unit) for name, scale in starts.items()}
-        return [unknowns.get(name, Unknown(name, turn, turn)) for name in self.frequency_terms]
+        unknowns = (
+            Unknown("frequency_slope", 0.0, turn / guess.amplitude, unit="1/m"),
+            Unknown("frequency_curvature", 0.0, turn / guess.amplitude**2, unit="1/m^2"),
+            Unknown("frequency_change", turn, turn),
+            Unknown("frequency_exponent", 1.0, 1.0, *FREQUENCY_EXPONENTS),
+            Unknown("frequency_log_slope", turn, turn),
+            Unknown("log_corner", -2.0, 1.0, *LOG_CORNERS),
+        )
+        return [one for one in unknowns if one.name in self.frequency_terms]
 
     def _damping(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of the damping; each of eta1, eta2, eta0 begins with an equal part of the guess."""
-        ω, A, T = guess.ω, guess.amplitude, guess.duration
+        ω, A, scale, names = guess.ω, guess.amplitude, 1 / (guess.ω * guess.duration), DECAY_TERMS[self.law]
         if self.law in ("linear", "power"):
             # at a ratio of 0, no record would determine the exponent
             lower, upper = self.ratio_bounds if self.law == "linear" else (1e-9, math.inf)
-            ratio = Unknown("zeta", min(max(guess.ζ, lower), upper), 1 / (ω * T), lower, upper)
-            exponent = Unknown("exponent", 1.0, lower=EXPONENTS[0], upper=EXPONENTS[1])
-            return [ratio] if self.law == "linear" else [ratio, exponent]
-        names = DECAY_TERMS[self.law]
+            ratio = Unknown("zeta", min(max(guess.ζ, lower), upper), scale, lower, upper)
+            return [ratio, Unknown("exponent", 1.0, 1.0, *EXPONENTS)] if self.law == "power" else [ratio]
         full = {"eta1": 2 * ω, "eta2": 3 * math.pi / (4 * A), "eta0": math.pi * ω**2 * A / 2}  # with a ratio of 1
-        return [
-            Unknown(
-                name, guess.ζ / len(names) * full[name], full[name] / (ω * T), 0.0, unit=DECAY_QUANTITIES[name].unit
-            )
-            for name in names
-        ]
+        part = guess.ζ / len(names)
+        return [Unknown(n, part * full[n], scale * full[n], 0.0, unit=DECAY_QUANTITIES[n].unit) for n in names]
 
     def own(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of a release and its record."""
         A, swing = guess.amplitude, guess.amplitude * guess.ω**self.sensor.derivatives
-        if self.from_motion:
-            release = [Unknown("r0", guess.r0, A, unit="m"), Unknown("v0", guess.v0, A * guess.ω, unit="m/s")]
-        else:
-            release = [Unknown("e0", A, A, lower=0.0, unit="m"), Unknown("phase", guess.phase, unit="rad")]
+        release = [Unknown("e0", A, A, lower=0.0, unit="m"), Unknown("phase", guess.phase, unit="rad")]
         baseline = [
             Unknown("offset", guess.offset, swing, unit=self.sensor.unit),
             Unknown("drift", guess.drift, swing / guess.length, unit=self.unit("drift")),
@@ -246,32 +187,27 @@ class DecayModel:
 
     def curve(self, time: Array, *x: cs.MX) -> cs.MX:
         """Return the record, in the unit of its sensor, at times (s) after the release."""
-        ω, damping, bending, release, offset, drift = self._split(x)
-        t = _column(time)
-        if self.integrated:
-            motion = one_mode_decay(time, ω, *damping, *release, longest_step=self.longest_step)
-        elif self.from_motion:
-            motion = self._differentiated(t, lambda instant: linear_decay(instant, ω, *damping, *release))
-        else:
+        ω, damping, bending, (e0, φ), offset, drift = self._split(x)
+        t = turned = _column(time)
 
-            def amplitude(instant: cs.MX) -> cs.MX:
-                return self._amplitude(instant, release[0], ω, damping)
+        def amplitude(instant: cs.MX) -> cs.MX:
+            return self._amplitude(instant, e0, ω, damping)
 
-            turned = t
-            if self.bends:
-                turned = t + integral(lambda instant: self._change(amplitude(instant), bending), time)
-            phase = self._damped(ω, damping) * turned + release[1]
-            motion = self._swing(amplitude(t), phase, ω, damping, bending)
-        return motion + offset + drift * t
+        if self.bends:
+            turned = t + integral(lambda instant: self._change(amplitude(instant), bending), time)
+        phase = self._damped(ω, damping) * turned + φ
+        return self._swing(amplitude(t), phase, ω, damping, bending) + offset + drift * t
 
     def _amplitude(self, time: cs.MX, e0: cs.MX, ω: cs.MX, damping: Symbols) -> cs.MX:
         """Return the amplitude at times (s), which is ``e0`` at the release."""
+        if self.law == "linear":
+            return e0 * cs.exp(-damping[0] * ω * time)
         if self.law == "friction":
             η1, η2, η0 = damping
             return friction_envelope(time, ω, η0, η1, η2, e0)
         if self.law == "power":
             return power_envelope(time, ω, ω * self._ratio(e0, ω, damping), damping[1], e0)
-        η1, η2 = (2 * damping[0] * ω, cs.MX(0)) if self.law == "linear" else damping
+        η1, η2 = damping
         return quadratic_envelope(time, ω, η1, η2, e0)
 
     def change(self, amplitude: Array, *bending: float) -> Array:
@@ -300,14 +236,6 @@ class DecayModel:
             ζ, p = damping
             return {"eta_p": power_coefficient(ζ, p, ω, self.reference), "exponent": p}
         return dict(zip(DECAY_TERMS[self.law], damping, strict=True)) | {"exponent": cs.MX(math.nan)}
-
-    def _differentiated(self, time: cs.MX, motion: Callable[[cs.MX], cs.MX]) -> cs.MX:
-        """Return the derivative by time that the sensor measures, of a motion without integrals over time."""
-        t = cs.MX.sym("t", time.shape[0])
-        curve = motion(t)
-        for _ in range(self.sensor.derivatives):
-            curve = cs.jtimes(curve, t, cs.DM.ones(t.shape))
-        return cs.substitute(curve, t, time)
 
     def _swing(self, amplitude: cs.MX, phase: cs.MX, ω: cs.MX, damping: Symbols, bending: Symbols) -> cs.MX:
         """Return the derivative by time that the sensor measures, of A cos(phi).
@@ -339,12 +267,7 @@ class DecayModel:
 
     def quantities(self, *x: cs.MX) -> cs.MX:
         """Return the quantities of the decay, in the order of ``DECAY_QUANTITIES``."""
-        ω, damping, bending, release, offset, drift = self._split(x)
-        amplitude = release[0]
-        if self.from_motion:
-            r0, v0 = release
-            rate = damping[0] * ω if self.law == "linear" else 0  # Eq. (26) takes the amplitude of r0 and v0 itself
-            amplitude = cs.sqrt(r0**2 + ((v0 + rate * r0) / self._damped(ω, damping)) ** 2)
+        ω, damping, bending, (amplitude, _), offset, drift = self._split(x)
         found = {
             "frequency": ω / (2 * math.pi),
             "damping_ratio": self._ratio(amplitude, ω, damping),
@@ -368,11 +291,6 @@ class DecayModel:
         ω, damping, bending, *_ = self._split(x)
         A = _column(amplitude)
         return self._ratio(A, ω, damping), ω / (2 * math.pi) * (1 + self._change(A, bending))
-
-    def values(self, x: Array) -> dict[str, float]:
-        """Return the quantities by name, for values of the unknowns."""
-        found = cs.evalf(self.quantities(*cs.vertsplit(cs.MX(cs.DM(x)))))
-        return dict(zip(DECAY_QUANTITIES, found.full().ravel().tolist(), strict=True))
 
     def _damped(self, ω: cs.MX, damping: Symbols) -> cs.MX:
         """Return the frequency of the oscillation, rad/s: with linear damping the damped one, as in Eq. (9)."""

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.decay.first_guess import first_guess
+from ancf_casadi.decay.first_guess import DecayGuess, first_guess
 from ancf_casadi.estimation.agreement import DISAGREE, part_estimates
 from ancf_casadi.estimation.fit import colour_warning
 from ancf_casadi.exceptions import InputError
@@ -37,7 +37,7 @@ NOISE_FREE = 1e-6  # residual relative to the amplitude, below which there is no
 FEW_PERIODS = 5  # of free decay, below which there is a warning
 IMPRECISE = 0.1  # relative standard error of the damping ratio beyond which there is a warning
 DAMPING = ("zeta", "eta1", "eta2", "eta0")  # unknowns whose information divides the record, the first that is free
-RELEASE = ("r0", "v0", "e0", "phase", "offset", "drift")  # unknowns of a release, which belong to no mode
+RELEASE = ("e0", "phase", "offset", "drift")  # unknowns of a release, which belong to no mode
 
 
 def limitations(decay: DecayFit) -> list[str]:
@@ -71,17 +71,22 @@ def _lasting(decay: DecayFit) -> str | None:
     length = float(decay.time[-1] - decay.time[0])
     if decay.damping_ratio * 2 * math.pi * decay.frequency * length > 0.1:  # otherwise the oscillation lasts
         return None
-    try:
-        other = first_guess(Measurement(decay.time, decay.residuals), release_time=decay.release_time)
-    except InputError:
-        return None
-    if other.ζ * other.ω * length < 1.0:  # otherwise it decays
+    other = residual_oscillation(decay)
+    if other is None or other.ζ * other.ω * length < 1.0:  # otherwise it decays
         return None
     return (
         f"the fitted oscillation of {decay.frequency:.4g} Hz hardly decays, but another one beside it, of "
         f"{other.ω / (2 * math.pi):.4g} Hz, does: if the former is hum, fit the latter by isolate_mode or the option "
         "--band, or both by fit_modes"
     )
+
+
+def residual_oscillation(decay: DecayFit) -> DecayGuess | None:
+    """Return the strongest oscillation in the residuals of a fit; None if they are noise."""
+    try:
+        return first_guess(Measurement(decay.time, decay.residuals), release_time=decay.release_time)
+    except InputError:
+        return None
 
 
 def _uncertain(decay: DecayFit) -> str | None:

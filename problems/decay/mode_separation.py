@@ -2,7 +2,7 @@
 
 Under linear damping the modes of a beam are independent, and a record is their sum and an offset,
 
-    y(t) = d + sum_k r_k(t),    r_k of Eq. (9) with omega_k, zeta_k, r0_k, v0_k.
+    y(t) = d + sum_k r_k(t),    r_k of Eq. (9) with omega_k, zeta_k, and an amplitude and a phase.
 
 The strongest mode is fitted first.  The strongest oscillation in its residuals is the next mode; both are fitted at
 once, the residuals give the third mode, and so on.  If modes were subtracted one by one, a mode fitted beside stronger
@@ -38,7 +38,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.evidence import evident
-from ancf_casadi.decay.first_guess import CLOSE, first_guess
+from ancf_casadi.decay.first_guess import CLOSE
 from ancf_casadi.decay.release import MINIMUM_PERIODS
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solver.least_squares import least_squares
@@ -49,12 +49,12 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import flag, number, physical, vector, whole
 from ancf_casadi.support.tables import Displayed
 from problems.decay.laws import DecayModel
+from problems.decay.limitations import residual_oscillation
 from problems.decay.result import DecayFit
 from problems.decay.solution import as_record, fit_one
 from problems.decay.takes import DecayModes
 
 MOST_DECAY_MODES = 6  # fitted at once if no number is given
-MODES_ADVICE = "fit fewer modes, or check the time of the release"
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,8 +212,8 @@ def isolate_mode(record: Measurement, band: tuple[float, float], *, release_time
             break
         fits = found
         inside = [fit for fit in fits if low <= fit.frequency <= high]
-        next_one = _oscillation(fits[0])
-        if next_one is None or (inside and low <= next_one <= high):
+        next_one = residual_oscillation(fits[0])
+        if next_one is None or (inside and low <= next_one.ω / (2 * math.pi) <= high):
             break
     if not inside:
         known = ", ".join(f"{fit.frequency:.4g}" for fit in fits)
@@ -311,16 +311,8 @@ def _together(modes: Sequence[DecayFit], t: Array, y: Array) -> tuple[Fit, list[
         curves = [mode.model.curve(τ, *(x[i] for i in own)) for mode, own in zip(modes, columns, strict=True)]
         return sum(curves, -cs.MX(cs.DM(y)))
 
-    return least_squares(residuals, unknowns, series=[len(t)], times=τ, advice=MODES_ADVICE), columns
-
-
-def _oscillation(fit: DecayFit) -> float | None:
-    """Return the frequency (Hz) of an oscillation in the residuals; None if they are noise."""
-    try:
-        guess = first_guess(Measurement(fit.time, fit.residuals), release_time=fit.release_time)
-    except InputError:
-        return None
-    return guess.ω / (2 * math.pi)
+    advice = "fit fewer modes, or check the time of the release"
+    return least_squares(residuals, unknowns, series=[len(t)], times=τ, advice=advice), columns
 
 
 def _rate(fit: DecayFit) -> float:

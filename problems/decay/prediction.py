@@ -31,15 +31,7 @@ if TYPE_CHECKING:
 
 
 def predicted(modes: Sequence[DecayFit], record: Any) -> RecordPrediction:
-    """Return the prediction of a decay with modes that were fitted at once.
-
-    Raises
-    ------
-    InputError
-        If the record is not usable, has another sensor, or nothing in it oscillates.
-    FitError
-        If the release cannot be fitted.
-    """
+    """Return the prediction of a decay with modes that were fitted at once."""
     check_instance(record, "record", Measurement)
     fit, sensor = modes[0].fit, modes[0].model.sensor
     if record.sensor != sensor:
@@ -60,7 +52,6 @@ def predicted(modes: Sequence[DecayFit], record: Any) -> RecordPrediction:
     found = least_squares(
         lambda *x: curve(cs.MX(fit.values), cs.vertcat(*x)) - cs.DM(measured),
         [replace(u, name=f"{u.name}_{position}") for position, own in enumerate(releases) for u in own],
-        gauss_newton=any(one.model.integrated for one in modes),
         advice="check the record",
     )
     mode = cs.MX.sym("mode", len(fit.names))

@@ -1,9 +1,7 @@
 """The result of a decay fit: values with units, standard errors, 95 % intervals and warnings.
 
 Standard errors and intervals are those of ``ancf_casadi.estimation``, which allow for coloured residuals.  Warnings
-name terms that are strongly correlated or not significant, say if the residuals are not noise, so that the law does not
-explain all of the motion, and if the record is too short.  If the record is shorter than the decay, the standard error
-of the damping is proportional to length^(-3/2), which gives the length that would be enough.
+name terms that are strongly correlated or not significant, and the ``limitations`` of the record and the law.
 """
 
 from __future__ import annotations
@@ -73,6 +71,11 @@ class DecayFit(LeastSquaresResult):
     >>> low, high = fit.intervals()["frequency"]
     >>> print(f"{low:.4f} to {high:.4f} Hz")
     1.9099 to 1.9100 Hz
+    >>> fit.displacement([0.0, 5.0]).round(3)
+    array([ 0.02 , -0.012])
+    >>> print(fit.report())
+    linear decay, 1001 samples from 0 s on; 95 % intervals
+      frequency ...
     """
 
     kind = "decay"
@@ -111,8 +114,8 @@ class DecayFit(LeastSquaresResult):
     exponent = _quantity("exponent", "Exponent p of this force; nan under the other laws.")
     amplitude = _quantity(
         "amplitude",
-        "Amplitude about the offset at the release, m: that of the envelope in Eq. (9), e0 in Eq. (27), and that of "
-        "the initial state in Eq. (26).  If velocity or acceleration was measured, it is that of the displacement.",
+        "Amplitude about the offset at the release, m: that of the envelope in Eq. (9), and e0 in Eq. (27).  If "
+        "velocity or acceleration was measured, it is that of the displacement.",
     )
     offset = _quantity("offset", "Equilibrium, in the unit of the sensor; with drift, the one at the release.")
     drift = _quantity("drift", "Rate of the equilibrium, in this unit per s; 0 if it was not fitted.")
@@ -181,19 +184,7 @@ class DecayFit(LeastSquaresResult):
         return (*self.notes, *self.fit.warnings, *limitations(self))
 
     def displacement(self, time: ArrayLike) -> Array:
-        """Return the fitted record, in the unit of its sensor, at times (s) of the record, from the release on.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from ancf_casadi import Measurement
-        >>> from problems import fit_decay
-        >>> time = np.linspace(0.0, 10.0, 1001)
-        >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
-        >>> record = Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise)
-        >>> fit_decay(record).displacement([0.0, 5.0]).round(3)
-        array([ 0.02 , -0.012])
-        """
+        """Return the fitted record, in the unit of its sensor, at times (s) of the record, from the release on."""
         t = array(time, "time").ravel() - self.release_time
         curve = self.model.curve(t, *(cs.MX(self.fit.values[i]) for i in self.indices))
         return np.asarray(cs.evalf(curve)).ravel()
@@ -253,20 +244,7 @@ class DecayFit(LeastSquaresResult):
         }
 
     def report(self) -> str:
-        """Return the result as text, one line per quantity.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from ancf_casadi import Measurement
-        >>> from problems import fit_decay
-        >>> time = np.linspace(0.0, 10.0, 1001)
-        >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
-        >>> record = Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise)
-        >>> print(fit_decay(record).report())
-        linear decay, 1001 samples from 0 s on; 95 % intervals
-          frequency ...
-        """
+        """Return the result as text, one line per quantity."""
         drift = ["drift"] * self.model.drift
         shown = ["frequency", "damping_ratio", *self.model.terms, "amplitude", "offset", *drift]
         lines = [f"{self.title}, {self.samples} samples from {self.release_time:g} s on; 95 % intervals"]

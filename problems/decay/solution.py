@@ -1,4 +1,4 @@
-"""Solution of decay fits: starting values, one least-squares problem for all records, robust rounds, integration.
+"""Solution of decay fits: starting values, one least-squares problem for all records, robust rounds.
 
 The fit starts from the first guess or from the track of amplitude and phase (``start``), whichever leaves the smaller
 residuals, and if it does not converge, from the other one.  With several records, the one with the largest amplitude
@@ -31,7 +31,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import DecayGuess, first_guess
-from ancf_casadi.decay.one_mode import longest_step
 from ancf_casadi.decay.spectrum import is_even
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solver.least_squares import least_squares
@@ -47,24 +46,12 @@ from problems.decay.limitations import NOISE_FREE
 from problems.decay.result import DecayFit
 from problems.decay.start import of_motion, starting_values
 
-INTEGRATION_ERROR = 0.5  # standard errors, if all samples had the same error; estimates shift by a tenth of this
-MOST_INTEGRATIONS = 3  # most fits of an integrated law, until its step settles
-STEP_RATIO = 0.7  # ratio of the required step to the last one, below which the fit is repeated
 LEAST_REDUCED_LENGTH = 2500  # samples to which a longer record is reduced, if the band of the mode needs no more
 REDUCED_PER_PERIOD = 12  # samples that this band needs
-DECAY_ADVICE = "check the time of the release, or fit a law with fewer terms"
-
-Solution = tuple[DecayModel, Fit, list[tuple[int, ...]]]  # with the positions of the unknowns of each record
 
 
 def as_record(time: Measurement | ArrayLike, displacement: ArrayLike | None) -> Measurement:
-    """Return a record unchanged, and times (s) and displacements (m) as a record.
-
-    Raises
-    ------
-    InputError
-        If the displacements are missing, given twice, or not usable.
-    """
+    """Return a record unchanged, and times (s) and displacements (m) as a record."""
     if isinstance(time, Measurement):
         if displacement is not None:
             raise InputError("is part of the record already; leave it out", "displacement")
@@ -77,13 +64,7 @@ def as_record(time: Measurement | ArrayLike, displacement: ArrayLike | None) -> 
 def fit_one(
     record: Measurement, model: DecayModel, *, release_time: float | None = None, robust: bool = False
 ) -> DecayFit:
-    """Fit one free decay; see ``fit_from``.
-
-    Raises
-    ------
-    InputError
-        If the record is not usable, or nothing in it oscillates.
-    """
+    """Fit one free decay; see ``fit_from``."""
     check_instance(record, "records", Measurement)
     guess = first_guess(record, release_time=release_time, offset=model.offset, drift=model.drift)
     return fit_from([guess], [record], model, robust)[0]
@@ -92,27 +73,23 @@ def fit_one(
 def fit_from(
     guesses: Sequence[DecayGuess], records: Sequence[Measurement], model: DecayModel, robust: bool = False
 ) -> tuple[DecayFit, ...]:
-    """Fit several free decays of one mode at once, each from its guess; the model takes their sensor.
-
-    Raises
-    ------
-    FitError
-        If the fit does not converge.
-    """
+    """Fit several free decays of one mode at once, each from its guess; the model takes their sensor."""
     stated, sensor = model, records[0].sensor
     times = [record.time[guess.release :] for record, guess in zip(records, guesses, strict=True)]
-    decays = [_decay(record, guess.release) for record, guess in zip(records, guesses, strict=True)]
+    decays = [
+        Measurement(time - time[0], record.values[-len(time) :], sensor=sensor)
+        for time, record in zip(times, records, strict=True)
+    ]
     moving = [of_motion(guess, sensor.derivatives) for guess in guesses]
     model = replace(model, reference=max(guess.amplitude for guess in moving), sensor=sensor)
     lengths = [len(decay.time) for decay in decays]
     counts = lengths if robust else _counts(decays, [guess.ω for guess in guesses])
     thinned = [_thinned(decay, count, np.zeros_like) for decay, count in zip(decays, counts, strict=True)]
-    solve = _integrate if model.integrated else _match
-    model, fit, columns = solve(model, thinned, moving, robust)
+    fit, columns = _match(model, thinned, moving, robust)
     if counts != lengths:  # again, less the curve, which has slopes at the ends
         curves = [_curve(model, fit, own) for own in columns]
         thinned = [_thinned(*one) for one in zip(decays, counts, curves, strict=True)]
-        model, fit, columns = _match(model, thinned, moving, robust, fit.estimates)
+        fit, columns = _match(model, thinned, moving, robust, fit.estimates)
     parts = [slice(*ends) for ends in pairwise(np.cumsum([0, *counts]).tolist())]
     residuals = [fit.residuals[rows] for rows in parts]
     if counts != lengths:
@@ -125,12 +102,6 @@ def fit_from(
         DecayFit(fit, model, own, rows, time, rest, guess.reason, guess.notes, again=one)
         for time, rest, own, rows, guess, one in zip(times, residuals, columns, parts, guesses, again, strict=True)
     )
-
-
-def _decay(record: Measurement, release: int) -> Measurement:
-    """Return the record from its sample ``release`` on, with times after this sample."""
-    time = record.time[release:]
-    return Measurement(time - time[0], record.values[release:], record.name, record.sensor)
 
 
 def _counts(decays: Sequence[Measurement], ω: Sequence[float]) -> list[int]:
@@ -169,8 +140,8 @@ def _match(
     guesses: Sequence[DecayGuess],
     robust: bool,
     start: Mapping[str, float] | None = None,
-) -> Solution:
-    """Return the model, its fit, and the positions of the unknowns of each record.
+) -> tuple[Fit, list[tuple[int, ...]]]:
+    """Return the fit of a model, and the positions of the unknowns of each record.
 
     Unknowns named in ``start`` begin at the values given there, the others at the guesses.  If it is not given, the
     fit starts from the guesses or from the track of amplitude and phase.
@@ -192,10 +163,9 @@ def _match(
     else:
         starts = [started(unknowns, start)]
     settings: dict[str, Any] = {
-        "gauss_newton": model.integrated,
         "series": [len(t) for t in times],
         "times": np.concatenate(times),
-        "advice": DECAY_ADVICE,
+        "advice": "check the time of the release, or fit a law with fewer terms",
     }
     fit, errors = None, list[FitError]()
     for one in starts:
@@ -211,7 +181,7 @@ def _match(
         if noise <= NOISE_FREE * max(guess.amplitude * guess.ω**model.sensor.derivatives for guess in guesses):
             break
         fit = least_squares(residuals, started(fit.unknowns, fit.estimates), huber=HUBER * noise, **settings)
-    return model, fit, columns
+    return fit, columns
 
 
 def _unknowns(model: DecayModel, guesses: Sequence[DecayGuess]) -> tuple[list[Unknown], list[tuple[int, ...]]]:
@@ -237,39 +207,3 @@ def _tracked(model: DecayModel, decays: Sequence[Measurement], guesses: Sequence
 def _suffixes(guesses: Sequence[DecayGuess]) -> list[str]:
     """Return what distinguishes the names of the unknowns of each record."""
     return [f"_{position}" for position in range(1, len(guesses) + 1)] if len(guesses) > 1 else [""]
-
-
-def _integrate(
-    model: DecayModel,
-    decays: Sequence[Measurement],
-    guesses: Sequence[DecayGuess],
-    robust: bool,
-) -> Solution:
-    """Return the model with its step, the fit, and the positions of the unknowns of each record.
-
-    The fit of the closed form, Eq. (27), gives the starting values and the accuracy that the integration needs.  If the
-    residuals of the integrated law are smaller, they may need a shorter step; the fit is then repeated from its result.
-    """
-    closed = replace(model, law="quadratic")
-    _, fit, columns = _match(closed, decays, guesses, robust)
-    found = [closed.values(fit.values[list(own)]) for own in columns]
-    guesses = [
-        replace(
-            guess,
-            ω=2 * math.pi * values["frequency"],
-            amplitude=values["amplitude"],
-            phase=next(fit.values[k] for k in own if fit.names[k].startswith("phase")),
-        )
-        for guess, own, values in zip(guesses, columns, found, strict=True)
-    ]
-    frequency, ζ, amplitude = (
-        max(values[name] for values in found) for name in ("frequency", "damping_ratio", "amplitude")
-    )
-    for _ in range(MOST_INTEGRATIONS):
-        allowed = INTEGRATION_ERROR * fit.residual_rms / (amplitude * math.sqrt(len(fit.residuals)))
-        step = longest_step(2 * math.pi * frequency, ζ, allowed)
-        if step > STEP_RATIO * model.longest_step:
-            break
-        model = replace(model, longest_step=step)
-        _, fit, columns = _match(model, decays, guesses, robust, fit.estimates)
-    return model, fit, columns

@@ -51,11 +51,7 @@ def starting_values(model: DecayModel, decay: Measurement, guess: DecayGuess) ->
     e0, damping = _damping(found, model, ω)
     if not ω > 0.0:
         return {}
-    values = {"omega": ω, **damping, **bending, "e0": e0, "phase": math.remainder(φ, 2 * math.pi)}
-    ζ = damping.get("zeta", 0.0)
-    values["r0"] = e0 * math.cos(φ)
-    values["v0"] = -e0 * ω * (ζ * math.cos(φ) + math.sqrt(max(0.0, 1 - ζ**2)) * math.sin(φ))
-    return values
+    return {"omega": ω, **damping, **bending, "e0": e0, "phase": math.remainder(φ, 2 * math.pi)}
 
 
 def _phase(found: Track, model: DecayModel) -> tuple[float, dict[str, float], float]:

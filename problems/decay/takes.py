@@ -81,33 +81,26 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
         return tuple(name for name in DECAY_QUANTITIES if name not in (*OF_RECORD, *ratio))
 
     @cached_property
-    def _kept(self) -> list[list[int]]:
-        """Positions of the quantities of each decay, less those that the first one has as well."""
-        return [
-            [i for i, name in enumerate(DECAY_QUANTITIES) if not k or name not in self._shared]
-            for k in range(len(self))
-        ]
+    def _kept(self) -> list[tuple[DecayFit, list[int]]]:
+        """Each decay, and the positions of its quantities, less those that the first one has as well."""
+        every = range(len(DECAY_QUANTITIES))
+        further = [i for i, name in enumerate(DECAY_QUANTITIES) if name not in self._shared]
+        return [(fit, further if k else list(every)) for k, fit in enumerate(self.fits)]
 
     @cached_property
     def quantities(self) -> tuple[tuple[str, ...], tuple[str, ...], Quantities]:
         """Names and units of the quantities, and the function from the unknowns to them."""
-        own = [
-            (k, name) for k, kept in enumerate(self._kept, start=1) for name in np.array(list(DECAY_QUANTITIES))[kept]
-        ]
-        single = DECAY_QUANTITIES if len(self) == 1 else self._shared
-        names = tuple(str(name) if name in single else f"{name}_{k}" for k, name in own)
-        return names, tuple(self.fits[0].model.unit(str(name)) for _, name in own), self._quantities
+        order, single = list(DECAY_QUANTITIES), DECAY_QUANTITIES if len(self) == 1 else self._shared
+        own = [(k, order[i]) for k, (_, kept) in enumerate(self._kept, start=1) for i in kept]
+        names = tuple(name if name in single else f"{name}_{k}" for k, name in own)
+        return names, tuple(self.fits[0].model.unit(name) for _, name in own), self._quantities
 
     def _quantities(self, *x: cs.MX) -> cs.MX:
-        return cs.vertcat(*(fit.quantities[2](*x)[kept] for fit, kept in self._pairs))
-
-    @property
-    def _pairs(self) -> list[tuple[DecayFit, list[int]]]:
-        return list(zip(self.fits, self._kept, strict=True))
+        return cs.vertcat(*(fit.quantities[2](*x)[kept] for fit, kept in self._kept))
 
     def _ends(self, level: float) -> Array:
         """Return the intervals (q, 2) of all quantities within their bounds."""
-        return np.concatenate([fit._ends(level)[kept] for fit, kept in self._pairs])
+        return np.concatenate([fit._ends(level)[kept] for fit, kept in self._kept])
 
     @cached_property
     def agreements(self) -> tuple[Agreement, ...]:

@@ -98,7 +98,7 @@ class ModeCoefficients:
             If the fit has another law than the quadratic one.
         """
         check_instance(fit, "fit", DecayFit)
-        if fit.law not in ("quadratic", "one-mode"):
+        if fit.law != "quadratic":
             raise InputError(f"has the law {fit.law}; fit the decays with law='quadratic'", "fit")
         all_free = replace(fit.fit, active_bounds=np.zeros(len(fit.fit.names), dtype=bool))
         values, covariance = part_estimates(all_free, np.ones(len(fit.fit.residuals), dtype=bool))

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from ancf_casadi import FrictionDamping, InputError, Model, RayleighDamping, State, natural_modes, simulate
 from ancf_casadi.damping import FRICTION_CONSTANT
 from ancf_casadi.damping.quadratic import ASSUMED_SHAPE
-from ancf_casadi.decay.friction import friction_envelope
+from ancf_casadi.decay.closed_forms import friction_envelope
 
 ETA0 = 0.05
 

@@ -9,9 +9,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from ancf_casadi.decay.closed_forms import equivalent_damping_ratio
+from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, friction_decay, friction_envelope
 from ancf_casadi.decay.envelope import damping_curve
-from ancf_casadi.decay.friction import friction_decay, friction_envelope
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 

@@ -7,8 +7,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, quadratic_envelope
-from ancf_casadi.decay.friction import friction_decay, friction_envelope
+from ancf_casadi.decay.closed_forms import (
+    equivalent_damping_ratio,
+    friction_decay,
+    friction_envelope,
+    quadratic_envelope,
+)
 
 ω, E0 = 11.6, 0.076
 TIME = np.arange(0.0, 5.0, 1 / 500)

@@ -6,8 +6,7 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from ancf_casadi.decay.closed_forms import linear_decay
-from ancf_casadi.decay.friction import friction_decay
+from ancf_casadi.decay.closed_forms import friction_decay, linear_decay
 from ancf_casadi.decay.release import end_of_excitation, find_release
 from problems import fit_decay
 

@@ -10,13 +10,13 @@ from scipy.integrate import solve_ivp
 from scipy.special import gammaln
 
 from ancf_casadi.decay.closed_forms import (
+    friction_envelope,
     mean_power,
     power_coefficient,
     power_envelope,
     power_ratio,
     quadratic_envelope,
 )
-from ancf_casadi.decay.friction import friction_envelope
 from ancf_casadi.decay.phase import frequency_change, integral
 
 ω, E0 = 11.6, 0.076

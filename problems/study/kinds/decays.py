@@ -141,7 +141,7 @@ def _numbers(fit: DecayFit) -> dict[str, Any]:
         return known(fit.standard_errors.get(name, math.nan))
 
     unbounded = None
-    if fit.law in ("quadratic", "one-mode"):
+    if fit.law == "quadratic":
         found = ModeCoefficients.from_fit(fit)
         unbounded = {"eta1": found.eta1, "eta2_per_m": found.eta2, "covariance": found.covariance.tolist()}
     return {

@@ -8,7 +8,7 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from ancf_casadi.decay.friction import friction_decay
+from ancf_casadi.decay.closed_forms import friction_decay
 from ancf_casadi.estimation.criteria import Candidate, judge
 from ancf_casadi.exceptions import InputError
 from problems import compare_decay_laws, fit_decay
@@ -181,7 +181,7 @@ def test_the_result_reads_as_text_and_as_json():
     [
         ((), "laws: must be a sequence of laws"),
         ("linear", "laws: must be a sequence of laws, got 'linear'"),
-        (("cubic",), "law: must be one of linear, quadratic, friction, power, one-mode, got 'cubic'"),
+        (("cubic",), "law: must be one of linear, quadratic, friction, power, got 'cubic'"),
     ],
 )
 def test_unusable_laws_are_refused(laws, message):

@@ -184,13 +184,7 @@ class DampingLaw(Displayed, ABC):
 @final
 @dataclass(frozen=True)
 class SumOfLaws(DampingLaw):
-    """Several laws that act together, made by adding laws.
-
-    Parameters
-    ----------
-    laws : tuple of DampingLaw
-        The terms.
-    """
+    """Several laws that act together, made by adding laws."""
 
     laws: tuple[DampingLaw, ...]
 
@@ -253,13 +247,7 @@ def nonzero(*parameters: Parameter) -> tuple[Parameter, ...]:
 
 
 def checked_values(law: DampingLaw, values: Sequence[float] | Array) -> tuple[float, ...]:
-    """Return one finite value per parameter of a law.
-
-    Raises
-    ------
-    InputError
-        If there are more or fewer values, or one is not finite.
-    """
+    """Return one finite value per parameter of a law."""
     found = numbers(values, "values")
     if len(found) != len(law.parameters):
         raise InputError(f"has {len(found)} values for {len(law.parameters)} parameters", "values")
@@ -267,13 +255,7 @@ def checked_values(law: DampingLaw, values: Sequence[float] | Array) -> tuple[fl
 
 
 def check_coefficients(law: DampingLaw, *names: str) -> None:
-    """Check the coefficients of a law, and keep them as floats.
-
-    Raises
-    ------
-    InputError
-        If one is negative or not finite.
-    """
+    """Check the coefficients of a law, and keep them as floats."""
     for name in names:
         value = number(getattr(law, name), name)
         if value < 0.0:
@@ -282,13 +264,7 @@ def check_coefficients(law: DampingLaw, *names: str) -> None:
 
 
 def at_tip_amplitudes(modes: Modes, amplitudes: Sequence[float] | Array) -> tuple[Array, Array, Array]:
-    """Return the tip amplitudes (m,), m, the shapes (4 n + 4, m) that are 1 at the tip, and their modal masses (m,).
-
-    Raises
-    ------
-    InputError
-        If ``modes`` are not Modes, or there is not one finite amplitude per mode.
-    """
+    """Return the tip amplitudes (m,), m, the shapes (4 n + 4, m) that are 1 at the tip, and their modal masses (m,)."""
     check_instance(modes, "modes", Modes)
     found = numbers(amplitudes, "amplitudes")
     if len(found) != modes.count:

@@ -32,20 +32,11 @@ class ElementFunctions:
     """The Functions of one element under a damping law.
 
     The inputs are coordinates e (d), velocities e_t and accelerations e_tt, the properties p of the element, and c.
-
-    Parameters
-    ----------
-    element : Element
-        The element.
-    law : DampingLaw
-        The damping law.
-    make : callable
-        Compiles a Function, or leaves it to the virtual machine.
     """
 
     element: Element
     law: DampingLaw
-    make: Callable[[cs.Function], cs.Function]
+    make: Callable[[cs.Function], cs.Function]  # compiles a Function, or leaves it to the virtual machine
 
     @cached_property
     def balance(self) -> cs.Function:

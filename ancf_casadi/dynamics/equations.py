@@ -40,21 +40,11 @@ def as_it_is(function: cs.Function) -> cs.Function:
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """The equation of motion of a beam under a damping law.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    law : DampingLaw
-        The damping law.
-    make : callable
-        Compiles the Functions of an element, or leaves them to the virtual machine.
-    """
+    """The equation of motion of a beam under a damping law."""
 
     model: Model
     law: DampingLaw
-    make: Callable[[cs.Function], cs.Function] = as_it_is
+    make: Callable[[cs.Function], cs.Function] = as_it_is  # compiles an element's Functions, or not
 
     @property
     def free(self) -> int:
@@ -154,23 +144,14 @@ class Balance:
     The terms that are assembled here, ``local``, ``tangents``, ``resistance`` and ``mass``, depend on all parameters.
     Those of the Functions of the model, ``local_damping``, ``damping``, ``inertia`` and ``conservative``, have the
     lumped properties of the model, like all that is exported.
-
-    Parameters
-    ----------
-    equations : Equations
-        Beam and damping law.
-    gravity, properties, coefficients, projection : MX
-        Acceleration of gravity (2,), properties P (4, n), parameters of the law, and B (4 n + 4, m) along the axis.
-    lumped : dict
-        The lumped properties that the model has, by name (``Model.lumped``).
     """
 
     equations: Equations
-    gravity: cs.MX
-    properties: cs.MX
-    coefficients: cs.MX
-    projection: cs.MX
-    lumped: dict[str, cs.MX]
+    gravity: cs.MX  # acceleration (2,), m/s^2
+    properties: cs.MX  # P (4, n)
+    coefficients: cs.MX  # parameters of the law
+    projection: cs.MX  # B (4 n + 4, m) along the axis of the beam
+    lumped: dict[str, cs.MX]  # the lumped properties that the model has, by name (``Model.lumped``)
 
     @property
     def modal_coefficients(self) -> cs.MX:

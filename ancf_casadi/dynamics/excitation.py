@@ -25,26 +25,14 @@ EXCITATION = 3 * NODE + LOAD_SIZE  # components of the excitation
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """The excitation between two instants, where it is smooth.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    base, load : Piece
-        The pieces of the base motion and of the tip load.
-    begin, end : float
-        First and last instant, s.
-    parameters : array (m,)
-        The parameters b of the base motion.
-    """
+    """The excitation between two instants, where it is smooth."""
 
     model: Model
     base: Piece
     load: Piece
-    begin: float
-    end: float
-    parameters: Array
+    begin: float  # s
+    end: float  # s
+    parameters: Array  # b of the base motion, (m,)
 
     @property
     def largest_step(self) -> float:

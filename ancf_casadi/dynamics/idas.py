@@ -63,13 +63,7 @@ DEFAULTS: Mapping[str, Any] = {
 
 @dataclass(frozen=True, eq=False)
 class SemiExplicit:
-    """The scaled equation of motion with the accelerations as algebraic unknowns.
-
-    Parameters
-    ----------
-    equations : Equations
-        The equation of motion.
-    """
+    """The scaled equation of motion with the accelerations as algebraic unknowns."""
 
     equations: Equations
 
@@ -188,13 +182,6 @@ def integrate_by_idas(
     """Integrate over a smooth piece of the excitation, and yield the solution on each segment.
 
     The arguments are those of ``integrate_by_radau``; the options override ``DEFAULTS``.
-
-    Raises
-    ------
-    InputError
-        If IDAS refuses an option.
-    SimulationError
-        If IDAS fails.
     """
     form, excitation = SemiExplicit(equations), piece.function
     settings = {**DEFAULTS, "abstol": tolerance, **options}

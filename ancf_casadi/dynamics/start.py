@@ -46,36 +46,16 @@ START_TOLERANCE = 1e-6  # deviation of a state from its base, relative to length
 
 @dataclass(frozen=True, eq=False)
 class MotionSetup:
-    """Setup of a motion.
-
-    Parameters
-    ----------
-    equations : Equations
-        The equation of motion.
-    base : BaseMotion
-        Motion of the clamp.
-    load : TipLoad or None
-        Load at the tip.
-    pieces : sequence of Excitation
-        The smooth pieces of both, from the first to the last sample.
-    checked : (array (k,), array (k, 15))
-        Instants throughout the motion, s, and the excitation there.
-    start : State
-        The initial state.
-    sample_rate : float
-        Samples per second, 1/s.
-    times : array (k,)
-        The samples, s.
-    """
+    """Setup of a motion."""
 
     equations: Equations
     base: BaseMotion
     load: TipLoad | None
-    pieces: Sequence[Excitation]
-    checked: tuple[Array, Array]
-    start: State
-    sample_rate: float
-    times: Array
+    pieces: Sequence[Excitation]  # smooth pieces of base and load, from the first to the last sample
+    checked: tuple[Array, Array]  # instants throughout the motion (k,), s, and the excitation there (k, 15)
+    start: State  # the initial state
+    sample_rate: float  # 1/s
+    times: Array  # the samples (k,), s
 
     @cached_property
     def travel(self) -> float:
@@ -144,14 +124,7 @@ def _base_of(model: Model, start: Start | Equilibrium | State) -> BaseMotion:
 
 
 def initial_state(model: Model, excitation: Excitation, start: Start | Equilibrium | State) -> State:
-    """Return the initial state of a motion under the first piece of its excitation.
-
-    Raises
-    ------
-    InputError
-        If the start is unknown, belongs to another model, or is a state that stretches the beam or disagrees with the
-        motion of the clamp; or if the base motion begins away from the clamp of a beam at rest.
-    """
+    """Return the initial state of a motion under the first piece of its excitation."""
     if isinstance(start, State):
         _check_state(model, excitation.at(start.time), start)
         return start

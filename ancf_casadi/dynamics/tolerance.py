@@ -83,14 +83,7 @@ def _rest(model: Model, excitation: Array) -> Array:
 
 
 def checked_excitation(model: Model, pieces: Sequence[Excitation]) -> tuple[Array, Array]:
-    """Return instants throughout a motion, (k,), s, and the excitation there, (k, 15), after a check of its size.
-
-    Raises
-    ------
-    InputError
-        If the base motion is not finite, moves the clamp by more than 1000 lengths of the beam, or is faster than ten
-        times the longitudinal waves in the beam; or if the load bends the beam by more than 1000 lengths.
-    """
+    """Return instants throughout a motion, (k,), s, and the excitation there, (k, 15), after a check of its size."""
     instants = [np.linspace(piece.begin, piece.end, 1001) for piece in pieces]
     values = [piece.function(own[None, :]).full().T for piece, own in zip(pieces, instants, strict=True)]
     times, excitations = np.concatenate(instants), np.vstack(values)

@@ -46,25 +46,13 @@ BASE_SIZE = 9  # displacement (x, y) and rotation of the clamp, their velocities
 
 @dataclass(frozen=True, eq=False)
 class ReducedMotion:
-    """A motion of the reduced beam, its forces without damping, and those that a damping law combines.
-
-    Parameters
-    ----------
-    projection : Projection
-        The constants of the reduced model.
-    q, v : SX or MX
-        Modal coordinates and their velocities, (m,).
-    base : SX or MX
-        Motion of the clamp, (9,).
-    gravity : SX or MX
-        Acceleration of gravity, (2,), m/s^2.
-    """
+    """A motion of the reduced beam, its forces without damping, and those that a damping law combines."""
 
     projection: Projection
-    q: Expression
-    v: Expression
-    base: Expression
-    gravity: Expression
+    q: Expression  # modal coordinates, (m,)
+    v: Expression  # their velocities, (m,)
+    base: Expression  # motion of the clamp, (9,)
+    gravity: Expression  # acceleration, (2,), m/s^2
 
     @cached_property
     def slope(self) -> tuple[Expression, Expression]:
@@ -139,13 +127,7 @@ class ReducedMotion:
         return cs.DM(self.projection.bending_stiffness) @ q
 
     def damping(self, law: DampingLaw, parameters: Expression, model: Model) -> Expression:
-        """Return the force of a damping law of the full model, (m + 2,).
-
-        Raises
-        ------
-        InputError
-            If the law needs a force that the reduced model does not have.
-        """
+        """Return the force of a damping law of the full model, (m + 2,)."""
         properties = cs.SX(cs.DM(model.properties))
         position, velocity = cs.vertcat(self.q, self.base[:2, :]), cs.vertcat(self.v, self.base[3:5, :])
         local = law.local_force(self, position, velocity, properties, parameters)

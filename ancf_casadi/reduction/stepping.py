@@ -220,13 +220,7 @@ def simulate_reduced(
 
 
 def project(reduced: ReducedModel, state: State, base: Array) -> Array:
-    """Return the modal coordinates and velocities nearest to a state, (2 m,), whose clamp has the motion ``base`` (9,).
-
-    Raises
-    ------
-    InputError
-        If the Gauss-Newton iteration finds no shape near the state.
-    """
+    """Return the modal coordinates and velocities (2 m,) nearest to a state whose clamp moves as ``base`` (9,)."""
     m, mass = reduced.count, reduced.model.mass(reduced.model.properties).sparse()
     shape, shape_jacobian = reduced.coordinates, reduced.coordinates.jacobian()
     q, size = np.zeros(m), float(np.sqrt(mass.diagonal().sum())) * reduced.model.beam.length

@@ -125,12 +125,7 @@ def motion(
 class Runs:
     """The runs of a motion, of which the last one is kept.
 
-    Parameters
-    ----------
-    problem : SensitivityProblem
-        The motion.
-    patience : float
-        A run is given up after this many times the steps of the first run, but not before ``FEW_STEPS``.
+    A run is given up after ``patience`` times the steps of the first run, but not before ``FEW_STEPS``.
     """
 
     def __init__(self, problem: SensitivityProblem, patience: float = math.inf) -> None:
@@ -149,13 +144,7 @@ class Runs:
         return kept(_Motion(self, patterns, output), "motion")
 
     def run(self, inputs: Sequence[cs.DM]) -> MotionRun:
-        """Return the run for some inputs; if they equal the last inputs up to rounding, the run that is kept.
-
-        Raises
-        ------
-        AncfError
-            If there is no motion.
-        """
+        """Return the run for some inputs; if they equal the last inputs up to rounding, the run that is kept."""
         values = np.concatenate([part.full().ravel(order="F") for part in inputs])
         # relative difference that a solver may cause by rounding; such inputs are the same
         if self._last is None or not np.allclose(self._last[0], values, rtol=1e-14, atol=0.0):

@@ -44,26 +44,14 @@ def orders_of(sensor: Sensor) -> int:
 
 @dataclass(frozen=True, eq=False)
 class SampledMotion:
-    """Samples of a motion as expressions.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    properties : MX (4, n)
-        Properties of its elements.
-    e, e_t, e_tt : MX (4 n + 4, s)
-        Coordinates, velocities and accelerations at s samples; without rows where no sensor needs them.
-    balance : callable
-        Returns R and the elastic forces at all nodes, (4 n + 4, s), if a sensor reads them.
-    """
+    """Samples of a motion as expressions."""
 
     model: Model
-    properties: cs.MX
-    e: cs.MX
+    properties: cs.MX  # of the elements, (4, n)
+    e: cs.MX  # coordinates at s samples, (4 n + 4, s); so are their derivatives, or without rows if unread
     e_t: cs.MX
     e_tt: cs.MX
-    balance: Callable[[], cs.MX]
+    balance: Callable[[], cs.MX]  # returns R and the elastic forces at all nodes, (4 n + 4, s), if a sensor reads them
 
     @staticmethod
     def of(equations: Equations, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX, parameters: cs.MX) -> SampledMotion:
@@ -74,13 +62,7 @@ class SampledMotion:
         )
 
     def read(self, sensor: Sensor) -> cs.MX:
-        """Return the readings of a sensor, (1, s).
-
-        Raises
-        ------
-        InputError
-            If the sensor is not on the beam.
-        """
+        """Return the readings of a sensor, (1, s)."""
         model = self.model
         s = model.beam.length if sensor.point is None else sensor.point
         match sensor.quantity:

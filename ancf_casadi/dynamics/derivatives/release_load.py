@@ -39,11 +39,6 @@ def held_start(model: Model, jacobians: tuple[cs.Function, cs.Function], load: A
     ``jacobians`` are those of the beam, or of one that differs in its properties P and its lumped properties alone.
     The Jacobian (2 N, 4 n + k + 6) is that of the free coordinates and velocities with respect to P, element by
     element, the lumped properties, and (p, p').
-
-    Raises
-    ------
-    EquilibriumError
-        If there is no equilibrium under the load.
     """
     p, rate = np.split(load, [len(LOAD_NAMES)])
     coordinates = equilibrium_under(model, p).coordinates

@@ -30,56 +30,25 @@ from ancf_casadi.support.interrupts import interrupted
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """A smooth piece of a computed motion.
-
-    Parameters
-    ----------
-    excitation : Excitation
-        Base motion and tip load.
-    acceleration_jacobian : array (N, ...)
-        Derivatives of the first accelerations with respect to q, v, the excitation and the parameters of the equation
-        of motion.
-    steps : list of RadauStep
-        The steps.
-    samples : list of array
-        Indices of the samples in each step.
-    """
+    """A smooth piece of a computed motion."""
 
     excitation: Excitation
-    acceleration_jacobian: Array
+    acceleration_jacobian: Array  # of the first a with respect to q, v, the excitation and the parameters, (N, ...)
     steps: list[RadauStep]
-    samples: list[Index]
+    samples: list[Index]  # indices of the samples in each step
 
 
 @dataclass(frozen=True, eq=False)
 class MotionRun:
-    """A computed motion.
+    """A computed motion, sampled at k instants."""
 
-    Parameters
-    ----------
-    parameters : array
-        The parameters of the equation of motion.
-    times : array (k,)
-        The samples, s, on the clock of the base motion.
-    rest : array
-        Indices of the samples before the motion, at rest.
-    start_jacobian : array (2 N, ...)
-        Derivatives of the first q and v with respect to theta, b, P, m and s.
-    passages : list of Passage
-        Its smooth pieces.
-    samples : array (k, orders, 4 n + 4)
-        The nodal coordinates and their time derivatives at the samples.
-    rates : array, the same shape or (0,)
-        Time derivatives of ``samples``, if there are shifts.
-    """
-
-    parameters: Array
-    times: Array
-    rest: Index
-    start_jacobian: Array
-    passages: list[Passage]
-    samples: Array
-    rates: Array
+    parameters: Array  # of the equation of motion
+    times: Array  # the samples (k,), s, on the clock of the base motion
+    rest: Index  # indices of the samples before the motion, at rest
+    start_jacobian: Array  # of the first q and v with respect to theta, b, P, m and s, (2 N, ...)
+    passages: list[Passage]  # its smooth pieces
+    samples: Array  # nodal coordinates and their time derivatives, (k, orders, 4 n + 4)
+    rates: Array  # time derivatives of ``samples``, if there are shifts; else (0,)
 
     @property
     def steps(self) -> int:

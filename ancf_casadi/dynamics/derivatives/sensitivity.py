@@ -56,57 +56,22 @@ MOST_KEPT_STEPS = 100_000  # these take a minute or two, and 0.4 GB at 20 elemen
 
 @dataclass(frozen=True, eq=False)
 class SensitivityProblem:
-    """A motion that depends on theta, b, P, m, s and d.
+    """A motion that depends on theta, b, P, m, s and d."""
 
-    Parameters
-    ----------
-    equations : Equations
-        The equation of motion, with the nominal parameters.
-    base : BaseMotion
-        Motion of the clamp.
-    start : str, Equilibrium or State
-        The start.
-    times : array (k,)
-        The samples, s, in any order.
-    tolerance : float
-        Tolerance of the steps.
-    largest_step : float
-        Largest step, s.
-    held : bool
-        Whether s, the load at the start and its rate in the order of ``START_LOAD_NAMES``, are parameters.
-    most_steps : int
-        Largest number of steps, which are all kept in memory.
-    load : TipLoad, optional
-        Load at the tip, a given function of time.
-    orders : int
-        Number of time derivatives to sample: 1 for the coordinates alone, 2 with velocities, 3 with accelerations.
-    clocks : array (k,), optional
-        Index of the shift that is added to each sample; none if not given.
-    span : (float, float), optional
-        First and last instant of the motion, s; those of the samples if not given.
-    lumped : bool
-        Whether m, the lumped properties in the order of ``Model.lumped``, are parameters.
-
-    Raises
-    ------
-    InputError
-        If the start is an equilibrium under loads other than those at the tip, or ``lumped`` is set and there are no
-        lumped properties.
-    """
-
-    equations: Equations
+    equations: Equations  # with the nominal parameters
     base: BaseMotion
     start: Start | Equilibrium | State
-    times: Array
-    tolerance: float
-    largest_step: float = math.inf
-    held: bool = False
-    most_steps: int = MOST_KEPT_STEPS
-    load: TipLoad | None = None
-    orders: int = 1
+    times: Array  # the samples (k,), s, in any order
+    tolerance: float  # of the steps
+    largest_step: float = math.inf  # s
+    held: bool = False  # whether s, in the order of ``START_LOAD_NAMES``, is a parameter
+    most_steps: int = MOST_KEPT_STEPS  # which are all kept in memory
+    load: TipLoad | None = None  # a given function of time
+    orders: int = 1  # time derivatives to sample: 1 for e alone, 2 with e_t, 3 with e_tt
+    # index of the shift that is added to each sample, (k,); none if empty
     clocks: Index = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    span: tuple[float, float] | None = None
-    lumped: bool = False
+    span: tuple[float, float] | None = None  # first and last instant of the motion, s; if None, of the samples
+    lumped: bool = False  # whether m, in the order of ``Model.lumped``, is a parameter
 
     def __post_init__(self) -> None:
         """Validate."""
@@ -131,14 +96,7 @@ class SensitivityProblem:
         )
 
     def solve(self, values: Array, most_steps: int | None = None) -> MotionRun:
-        """Compute the motion for the values of theta, b, P, m, s and d.
-
-        Raises
-        ------
-        AncfError
-            If there is no equilibrium to start from, the integrator fails or needs more than ``most_steps``, a shifted
-            sample is after the last instant, or ``noted_interrupts`` has noted a Ctrl-C.
-        """
+        """Compute the motion for the values of theta, b, P, m, s and d, or raise an AncfError if there is none."""
         _, b, properties, lumped, start_load, shifts = self.layout.split(values)
         model, parameters = self._model(properties, lumped), self.equations.parameters.copy()
         for name, part in self._parts(values).items():

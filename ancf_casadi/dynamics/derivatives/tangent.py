@@ -41,11 +41,6 @@ class Tangent:
     """The Functions of a linearised step.
 
     Their inputs are Z (N, 3), the step h, and u = (q, v, excitations stage by stage, parameters).
-
-    Parameters
-    ----------
-    form : Collocation
-        The Functions of the step.
     """
 
     form: Collocation
@@ -96,13 +91,7 @@ class Tangent:
     def steps(
         self, run: MotionRun, passage: Passage, *, backwards: bool = False
     ) -> Iterator[tuple[RadauStep, Index, BandedFactors]]:
-        """Go through the steps of a piece, each with the indices of the samples in it, and with the factors of G.
-
-        Raises
-        ------
-        SimulationError
-            If ``noted_interrupts`` has noted a Ctrl-C.
-        """
+        """Go through the steps of a piece, each with the indices of the samples in it, and with the factors of G."""
         order = -1 if backwards else 1
         d = cs.evalf(self.form.equations.balance(cs.MX(cs.DM(run.parameters))).modal_coefficients).full().ravel()
         for step, samples in zip(passage.steps[::order], passage.samples[::order], strict=True):

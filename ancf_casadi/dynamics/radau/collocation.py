@@ -57,11 +57,6 @@ class Collocation:
     The columns of W = Z T^-T (N, 3) are the real part, and the real and the imaginary part of the complex one.
     ``excitations`` (15, 3) are those at the stages.  ``turns`` lead to the stages from ``reference``, all coordinates
     (4 n + 4,) of the configuration in which the matrices were taken (``corotation``).
-
-    Parameters
-    ----------
-    equations : Equations
-        The equation of motion.
     """
 
     equations: Equations

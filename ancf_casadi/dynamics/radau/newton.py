@@ -58,19 +58,10 @@ class StepArrays:
 
 
 class Newton:
-    """Newton's method for the stage equations of the step being tried.
+    """Newton's method for the stage equations of the step being tried, whose error may be ``tolerance``.
 
     ``iterations`` and ``factorisations`` count the work of the run.  ``contraction`` is the last theta that was
     measured, in an earlier step if the last step took a single iteration.
-
-    Parameters
-    ----------
-    form : Collocation
-        The Functions of a step.
-    arrays : StepArrays
-        The arrays of these Functions.
-    tolerance : float
-        Tolerance of the step.
     """
 
     def __init__(self, form: Collocation, arrays: StepArrays, tolerance: float) -> None:

@@ -32,25 +32,13 @@ LEAST_ERROR, LEAST_TREND = 1e-10, 1e-2  # lower limits of err and err_last
 
 @dataclass(frozen=True)
 class StepControl:
-    """The state on which the next step length depends.
+    """The state on which the next step length depends."""
 
-    Parameters
-    ----------
-    proposal : float
-        Length to try next, s.
-    keep : bool
-        Whether a step of the same length as the last one keeps its matrices.
-    largest_growth : float
-        Largest factor of the length after the next step.
-    length, error : float
-        Length of the last step, s, and its error relative to the tolerance; length 0 before the first step.
-    """
-
-    proposal: float = 1e-5  # s
-    keep: bool = False
-    largest_growth: float = GROWTH[1]
-    length: float = 0.0
-    error: float = 1.0
+    proposal: float = 1e-5  # length to try next, s
+    keep: bool = False  # whether a step of the same length as the last one keeps its matrices
+    largest_growth: float = GROWTH[1]  # largest factor of the length after the next step
+    length: float = 0.0  # of the last step, s; 0 before the first step
+    error: float = 1.0  # of the last step, relative to the tolerance
 
     def trial_length(self, left: float, largest_step: float) -> float:
         """Return the length of the step to try, s, given the time ``left``, so that no tiny last step remains."""

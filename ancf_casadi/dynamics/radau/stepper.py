@@ -55,11 +55,6 @@ def integrate_by_radau(
     """Integrate over a smooth piece of the excitation, and yield the solution on each of its consecutive segments.
 
     The other arguments are those of ``Stepper``.
-
-    Raises
-    ------
-    SimulationError
-        If no step is small enough, or the steps are too many.
     """
     stepper = Stepper(form, parameters, piece, start, tolerance, largest_step)
     size, steps, energies = form.equations.model.size, 0, np.zeros(ENERGY_STATES)
@@ -89,48 +84,24 @@ def integrate_by_radau(
 
 @dataclass(frozen=True, eq=False)
 class RadauStep:
-    """A step that was taken.
+    """A step that was taken."""
 
-    Parameters
-    ----------
-    start, length : float
-        Start and length, s.
-    q, v, a : array (N,)
-        Free coordinates, velocities and accelerations at the start.
-    increments : array (3, N)
-        Increments of the coordinates at the stages.
-    excitations : array (3, 15)
-        The excitation at each stage.
-    """
-
-    start: float
-    length: float
-    q: Array
+    start: float  # s
+    length: float  # s
+    q: Array  # free coordinates at the start, (N,); so are the velocities v and accelerations a
     v: Array
     a: Array
-    increments: Array
-    excitations: Array
+    increments: Array  # of the coordinates at the stages, (3, N)
+    excitations: Array  # at the stages, (3, 15)
 
 
 class Stepper:
     """Integration over a smooth piece of the excitation, one step at a time.
 
-    ``now`` is the end of the last step, s; ``steps`` counts the accepted steps.
-
-    Parameters
-    ----------
-    form : Collocation
-        The Functions of a step.
-    parameters : array
-        The parameters of the equation of motion, in place of the nominal ones of ``form``.
-    piece : Excitation
-        The excitation.
-    start : State
-        The state at its beginning.
-    tolerance : float
-        Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.
-    largest_step : float
-        Largest step, s.
+    ``now`` is the end of the last step, s; ``steps`` counts the accepted steps.  The parameters are those of the
+    equation of motion, in place of the nominal ones of ``form``; ``start`` is the state at the beginning of the piece.
+    The tolerance is the local error of the positions relative to the length of the beam, and of the slopes relative to
+    1/2.
     """
 
     def __init__(
@@ -176,13 +147,7 @@ class Stepper:
         return RadauStep(self.now - h, h, q, v, a, arrays.nodes[1:, NODE:] - q, arrays.excitations.copy())
 
     def reach(self, instant: float) -> None:
-        """Take steps until an instant is passed.
-
-        Raises
-        ------
-        SimulationError
-            If no step is small enough, or the steps are too many.
-        """
+        """Take steps until an instant is passed."""
         before = self.steps
         while self.steps == 0 or self.now < instant - SAME_TIME * self._control.length:
             self.advance()
@@ -206,13 +171,7 @@ class Stepper:
         return np.asarray(self._energies + x * (first + x * (second + x * third)))
 
     def advance(self) -> None:
-        """Take one step, as long as the tolerance and Newton's method allow.
-
-        Raises
-        ------
-        SimulationError
-            If no step is small enough.
-        """
+        """Take one step, as long as the tolerance and Newton's method allow."""
         control, newton, arrays = self._control, self.newton, self._arrays
         while True:
             h = control.trial_length(self._piece.end - self.now, self._largest_step)

@@ -19,31 +19,15 @@ STAGES = 3
 
 @dataclass(frozen=True, eq=False)
 class Tableau:
-    """The coefficients of the method.
+    """The coefficients of the method."""
 
-    Parameters
-    ----------
-    nodes : array (3,)
-        The nodes c.
-    inverse : array (3, 3)
-        A^-1 of the weights A.
-    transform : array (3, 3)
-        The matrix T with T^-1 A^-1 T = [[gamma, 0, 0], [0, mu', -mu''], [0, mu'', mu']].
-    gamma, mu : float, complex
-        The eigenvalues of A^-1.
-    embedded : array (3,)
-        Weights of the increments in the error estimate, in which h f(t) has the weight 1/gamma.
-    integral : array (3, 3)
-        Coefficients of x, x^2 and x^3 in the integral from 0 to x of a function known at the nodes.
-    """
-
-    nodes: Array
-    inverse: Array
-    transform: Array
-    gamma: float
-    mu: complex
-    embedded: Array
-    integral: Array
+    nodes: Array  # c, (3,)
+    inverse: Array  # A^-1 of the weights A, (3, 3)
+    transform: Array  # T with T^-1 A^-1 T = [[gamma, 0, 0], [0, mu', -mu''], [0, mu'', mu']], (3, 3)
+    gamma: float  # real eigenvalue of A^-1
+    mu: complex  # complex eigenvalue of A^-1
+    embedded: Array  # weights of the increments in the error estimate, in which h f(t) has 1/gamma, (3,)
+    integral: Array  # coefficients of x, x^2, x^3 in the integral from 0 to x of a function known at the nodes
 
 
 def tableau() -> Tableau:

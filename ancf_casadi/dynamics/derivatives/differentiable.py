@@ -69,7 +69,7 @@ def motion(
         ``impact``, or an ``Equilibrium``, changes with the properties; a ``State`` does not.
     start_load : bool
         Whether the Function has a further input, ``start``, which replaces the load of the argument ``start``: the tip
-        load that holds the beam until its release, and the rate of this load (``release_load.START_LOAD_NAMES``; N,
+        load that holds the beam until its release, and the rate of this load (``dynamics.start.START_LOAD_NAMES``; N,
         N, N m, and the same per second).
     most_steps : int
         Largest number of steps.  The default is below that of ``simulate``, because all steps are kept in memory, 4 kB
@@ -188,20 +188,8 @@ class Runs:
 class _Motion(cs.Callback):
     """A motion as CasADi evaluates it, or its derivatives: (inputs, output, seeds) -> derivatives.
 
-    With d directions, seeds and derivatives are those of each direction side by side.
-
-    Parameters
-    ----------
-    runs : Runs
-        The runs of the motion.
-    inputs : dict
-        Names and shapes of the inputs of the motion.
-    output : Sparsity
-        Shape of the samples.
-    directions : int
-        Number of directions, 0 for the motion itself.
-    forward : bool
-        Whether derivatives are those along directions of the inputs, or those of weighted sums of the samples.
+    With d directions, seeds and derivatives are those of each direction side by side: ``forward`` along directions of
+    the inputs, else of weighted sums of the samples; without directions, this is the motion itself.
     """
 
     def __init__(
@@ -218,27 +206,21 @@ class _Motion(cs.Callback):
         self.construct("sensitivity" if directions else "integration", {})
 
     def get_n_in(self) -> int:
-        """Return the number of inputs."""
         return len(self._given)
 
     def get_n_out(self) -> int:
-        """Return the number of outputs."""
         return len(self._found)
 
     def get_sparsity_in(self, i: int) -> cs.Sparsity:
-        """Return the shape of an input."""
         return self._given[i]
 
     def get_sparsity_out(self, i: int) -> cs.Sparsity:
-        """Return the shape of an output."""
         return self._found[i]
 
     def get_name_in(self, i: int) -> str:
-        """Return the name of an input."""
         return [*self._inputs][i] if i < len(self._inputs) else f"i{i}"
 
     def get_name_out(self, i: int) -> str:
-        """Return the name of an output."""
         return f"o{i}" if self._count else "coordinates"
 
     def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
@@ -257,19 +239,15 @@ class _Motion(cs.Callback):
             return [cs.DM.nan(shape) for shape in self._found]
 
     def has_forward(self, nfwd: int) -> bool:
-        """Return whether there are derivatives along directions."""
         return not self._count
 
     def get_forward(self, nfwd: int, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
-        """Return the derivatives along some directions."""
         return kept(_Motion(self._runs, self._inputs, self._output, nfwd, forward=True), name)
 
     def has_reverse(self, nadj: int) -> bool:
-        """Return whether there are derivatives of weighted sums."""
         return not self._count
 
     def get_reverse(self, nadj: int, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
-        """Return the derivatives of some weighted sums."""
         return kept(_Motion(self._runs, self._inputs, self._output, nadj, forward=False), name)
 
     def _along(self, run: MotionRun, seeds: Sequence[Array]) -> list[Array]:

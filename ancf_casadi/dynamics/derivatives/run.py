@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ancf_casadi.dynamics.excitation import Excitation
+from ancf_casadi.dynamics.radau.collocation import QUINTIC, RADAU
 from ancf_casadi.dynamics.radau.stepper import RadauStep
-from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU
 from ancf_casadi.dynamics.segments import SAME_TIME
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.model import NODE

@@ -3,20 +3,12 @@
 The parameters are theta of the law, b of the base motion, the properties P of the elements, the lumped properties m
 (mass at the tip, stiffness of the clamp), for a beam released from an unknown load, this load and its rate, s, and the
 shifts d of the clocks by which the motion was sampled.  A start at rest depends on P, m and s through the static
-equilibrium (``release_load``); unless it is an impact, the beam moves with its clamp as one rigid body (``start``), so
+equilibrium; unless it is an impact, the beam moves with its clamp as one rigid body (both in ``dynamics.start``), so
 that its velocities depend on b as well.  The derivatives are those of the Radau steps that were taken, with fixed
 lengths: exact for the computed motion, and as accurate as this motion.  They are chained through the linearised steps
-(``tangent``),
-
-    G dZ + R_u du = 0,    G = dR/dZ,    u = (q, v, excitations, parameters),
-
-forward for few parameters and in reverse for few results (``chain``).  Samples are the quintic polynomials through the
-ends of the steps, and their time derivatives (``run``); the correction that ``simulate`` makes there for the axial
+(``tangent``), forward for few parameters and in reverse for few results.  Samples are the quintic polynomials through
+the ends of the steps, and their time derivatives (``run``); the correction that ``simulate`` makes there for the axial
 forces is below the tolerance.
-
-References
-----------
-E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, Springer (1996), Section IV.8.
 """
 
 from __future__ import annotations
@@ -31,16 +23,22 @@ import numpy as np
 import scipy.sparse.linalg
 
 from ancf_casadi.dynamics.base_motion import BaseMotion
-from ancf_casadi.dynamics.derivatives.chain import forward, reverse
-from ancf_casadi.dynamics.derivatives.release_load import START_LOAD_NAMES, held_start, start_jacobians
 from ancf_casadi.dynamics.derivatives.run import MotionRun, Passage, sampled, samples_of, stop_if_interrupted
-from ancf_casadi.dynamics.derivatives.tangent import Tangent
+from ancf_casadi.dynamics.derivatives.tangent import Tangent, forward, reverse
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.excitation import EXCITATION, Excitation, excitation_pieces
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.stepper import RadauStep, Stepper
 from ancf_casadi.dynamics.segments import SAME_TIME
-from ancf_casadi.dynamics.start import Start, check_clamp, initial_state, rigid_motion
+from ancf_casadi.dynamics.start import (
+    START_LOAD_NAMES,
+    Start,
+    check_clamp,
+    held_start,
+    initial_state,
+    rigid_motion,
+    start_jacobians,
+)
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TipLoad
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError

@@ -4,10 +4,6 @@ Each iteration solves a real and a complex system (``collocation``).  With the n
 the contraction theta = |dW_k|/|dW_k-1|, the iteration ends when theta/(1 - theta) |dW_k| is below ``NEWTON_RATIO``.
 
 CasADi's ``buffer`` binds a Function to arrays, so that a call copies nothing and costs half a microsecond.
-
-References
-----------
-E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, Springer (1996), Section IV.8.
 """
 
 from __future__ import annotations
@@ -17,9 +13,8 @@ import math
 import numpy as np
 
 from ancf_casadi.dynamics.excitation import EXCITATION
-from ancf_casadi.dynamics.radau.collocation import Collocation
+from ancf_casadi.dynamics.radau.collocation import STAGES, Collocation
 from ancf_casadi.dynamics.radau.step_control import NEWTON_ITERATIONS
-from ancf_casadi.dynamics.radau.tableau import STAGES
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import Buffered

@@ -7,10 +7,6 @@ step h is followed by the smaller of
 
 the second of which extrapolates the trend of the error.  If Newton's method converges fast and the new length would
 differ little from the old one, the next step keeps both the length and the matrices.
-
-References
-----------
-E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, Springer (1996), Section IV.8.
 """
 
 from __future__ import annotations

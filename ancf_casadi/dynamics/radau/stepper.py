@@ -29,10 +29,9 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.excitation import EXCITATION, Excitation
-from ancf_casadi.dynamics.radau.collocation import Collocation
+from ancf_casadi.dynamics.radau.collocation import RADAU, STAGES, Collocation
 from ancf_casadi.dynamics.radau.newton import Newton, StepArrays
 from ancf_casadi.dynamics.radau.step_control import StepControl
-from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.dynamics.segments import ENERGY_STATES, SAME_TIME, Segment, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import SimulationError

@@ -8,8 +8,6 @@ the slope tau, |tau| = 1, the clamp has turned the beam and its modes by the ang
 R acts on the pairs (x, y) of the positions and of the slopes, which are rows of B, and the damping force is
 
     Q = R B diag(d) B^T R^T e_t.
-
-The velocities e_t remain those in the laboratory frame: external damping resists motion relative to the still air.
 """
 
 from __future__ import annotations
@@ -31,7 +29,8 @@ from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.modes import Modes
 
 S = TypeVar("S", cs.SX, cs.MX)
-Direction = tuple[float, float] | cs.MX
+V = TypeVar("V", cs.MX, cs.DM)
+Direction = tuple[float, float] | Array | cs.MX
 
 
 @dataclass(frozen=True)
@@ -278,11 +277,12 @@ def _terms(law: DampingLaw) -> tuple[DampingLaw, ...]:
     return tuple(term for part in law.laws for term in _terms(part)) if isinstance(law, SumOfLaws) else (law,)
 
 
-def turned(vectors: cs.MX, start: Direction, end: Direction) -> cs.MX:
+def turned(vectors: V, start: Direction, end: Direction) -> V:
     """Return the columns of ``vectors``, with their pairs (x, y) turned by the angle between two unit vectors.
 
     From a to tau, this multiplies by R; from tau to a, by R^T.
     """
     cosine, sine = start[0] * end[0] + start[1] * end[1], start[0] * end[1] - start[1] * end[0]
-    rotation = cs.blockcat([[cosine, -sine], [sine, cosine]])
-    return cs.reshape(rotation @ cs.reshape(vectors, 2, -1), *vectors.shape)
+    rotation: Any = cs.blockcat([[cosine, -sine], [sine, cosine]])
+    found: V = cs.reshape(rotation @ cs.reshape(vectors, 2, -1), *vectors.shape)
+    return found

@@ -53,7 +53,8 @@ class ElementFunctions:
         e, e_t, _, p, c = self._symbols
         damping = self._damping
         k = self.element.tangent_stiffness(e, p) + cs.jacobian(damping, e)
-        return self._fixed("tangents", [e, e_t, p, c], [k, cs.jacobian(damping, e_t), self.element.mass(p)])
+        outputs = [k, cs.jacobian(damping, e_t), self.element.mass(p)]
+        return self._function("tangents", [e, e_t, p, c], outputs, is_diff_in=[False] * 4)
 
     @cached_property
     def resistance(self) -> cs.Function:
@@ -61,7 +62,7 @@ class ElementFunctions:
         e, e_t, w, p, c = self._symbols
         u = cs.SX.sym("u", e.numel())
         force = cs.jtimes(self._damping, e_t, u) + self.element.inertia_force(w, p)
-        return self._fixed("resistance", [e, e_t, u, w, p, c], [force])
+        return self._function("resistance", [e, e_t, u, w, p, c], [force], is_diff_in=[False] * 6)
 
     @cached_property
     def _symbols(self) -> tuple[cs.SX, cs.SX, cs.SX, cs.SX, cs.SX]:
@@ -79,10 +80,6 @@ class ElementFunctions:
         """Return a Function of columns, one per element of a call."""
         one = cs.Function(name, inputs, [cs.densify(output) for output in outputs], {"cse": True, **options})
         return self.make(side_by_side(one, **options))
-
-    def _fixed(self, name: str, inputs: list[cs.SX], outputs: list[cs.SX]) -> cs.Function:
-        """Return a Function without derivatives."""
-        return self._function(name, inputs, outputs, is_diff_in=[False] * len(inputs))
 
 
 def side_by_side(one: cs.Function, **options: Any) -> cs.Function:

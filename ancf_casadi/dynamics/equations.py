@@ -27,7 +27,6 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import turned
 from ancf_casadi.dynamics.element_forces import ElementFunctions, mapped
-from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.tip_load import tip_force, tip_stiffness
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array, Layout
@@ -128,13 +127,6 @@ class Equations:
         rows, columns = self.model.entries
         slope = (self.model.size - 2, self.model.size - 1)
         return [int(np.flatnonzero((rows == i) & (columns == j))[0]) for j in slope for i in slope]
-
-    @cached_property
-    def turned_projection(self) -> cs.Function:
-        """(excitation) -> rows of R B of the free coordinates, (N, m)."""
-        excitation = cs.MX.sym("excitation", EXCITATION)
-        B = turned(cs.MX(cs.DM(self.projection)), self.model.beam.axis, excitation[2:NODE])
-        return cs.Function("turned_projection", [excitation], [B[self.model.free, :]])
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,9 +17,7 @@ segments.
 Order.  Undamped high modes lie on the imaginary axis, where backward differentiation formulas of order 3 to 5 are
 unstable, so the order is limited to 2.
 
-Energy.  Three powers are integrated with the motion, so that its energy balance can be checked: the power lost to
-damping, the power of the base, which is the force on the clamped node times the velocity of this node, and the power of
-the tip load.
+Energy.  The three powers of ``Balance.forces`` are integrated with the motion, so that its balance can be checked.
 
 References
 ----------

@@ -217,7 +217,7 @@ class SensitivityProblem:
             steps.append(stepper.last_step)
         first, node = steps[0], excitation.at(excitation.begin)
         forces = self._force_jacobian(first.q, first.v, first.a, node, parameters).full()
-        jacobian = -scipy.sparse.linalg.splu(self._form.mass(parameters)).solve(forces)
+        jacobian = -scipy.sparse.linalg.splu(self._form.mass(parameters).sparse()).solve(forces)
         return steps, jacobian, stepper.state
 
     @cached_property

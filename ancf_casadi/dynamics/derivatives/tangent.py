@@ -27,6 +27,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse
 
+from ancf_casadi.damping.law import turned
 from ancf_casadi.dynamics.derivatives.run import (
     MotionRun,
     Passage,
@@ -82,7 +83,8 @@ class Tangent:
         """Return U and V (3 N, 3 m) of the low-rank part U V^T of G, in the order of G, for excitations (3, 15), d."""
         if not modal_coefficients.size:
             return (np.zeros((len(self.order), 0)),) * 2
-        B = [self.form.equations.turned_projection(excitation).full() for excitation in excitations]
+        model, projection = self.form.equations.model, cs.DM(self.form.equations.projection)
+        B = [turned(projection, model.beam.axis, tau).full()[model.free] for tau in excitations[:, 2:NODE]]
         U = scipy.linalg.block_diag(*(one * modal_coefficients for one in B))
         V = np.hstack([np.kron(row[:, None] / h, one) for row, one in zip(RADAU.inverse, B, strict=True)])
         return U[self.inverse_order], V[self.inverse_order]
@@ -125,12 +127,12 @@ class Tangent:
         return self._product(transposed=False)
 
     @cached_property
-    def _reverse(self) -> StepFunction:
-        return self._product(transposed=True)
-
-    @cached_property
     def _bound_matrix(self) -> StepFunction:
         return _bound(self.matrix)
+
+    @cached_property
+    def _reverse(self) -> StepFunction:
+        return self._product(transposed=True)
 
     def _product(self, *, transposed: bool) -> StepFunction:
         """Return the product of R_u, or of its transpose, and a vector."""

@@ -2,5 +2,5 @@
 
 ``collocation`` holds the coefficients of the method and the Functions of a step, ``corotation`` the coordinates that
 turn with the beam, and ``elimination`` the solution of linear systems.  ``stepper`` takes the steps: ``newton`` solves
-the stage equations, and ``step_control`` chooses the step length.  The reference stands in ``collocation``.
+the stage equations and chooses the step length.  The reference stands in ``collocation``.
 """

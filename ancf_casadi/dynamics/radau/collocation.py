@@ -36,7 +36,6 @@ from types import SimpleNamespace
 
 import casadi as cs
 import numpy as np
-import scipy.sparse
 import scipy.sparse.linalg
 
 from ancf_casadi.dynamics.equations import Equations
@@ -125,8 +124,7 @@ class Collocation:
         are the outputs of ``factors``.
         """
         s = self._symbols
-        increments = self._corrected()
-        motion = self._motion(increments)
+        increments, motion = self._corrected()
         residuals, _ = self.equations.balance(s.parameters).forces(*motion)
         turns = self._corotation.turns(s.reference, motion[0])
         r = self._corotation.back(residuals[NODE:, :], turns) @ cs.DM(np.linalg.inv(RADAU.transform)).T
@@ -141,8 +139,7 @@ class Collocation:
         """
         s = self._symbols
         a, still = cs.MX.sym("a", self.equations.free), cs.MX(NODE, 1)
-        increments = self._corrected()
-        e, e_t, e_tt, load = self._motion(increments)
+        increments, (e, e_t, e_tt, load) = self._corrected()
         balance, real, embedded = self.equations.balance(s.parameters), RADAU.gamma / s.h, cs.DM(RADAU.embedded)
         _, powers = balance.forces(e, e_t, e_tt, load)
         deviation = s.v / real + increments @ embedded
@@ -216,14 +213,11 @@ class Collocation:
         motion = [np.concatenate(parts) for parts in ((position, q), (velocity, v), (acceleration, 0 * q))]
         forces, _ = self.balance(*motion, load, parameters)
         free = self.equations.model.free
-        return np.asarray(scipy.sparse.linalg.spsolve(self.mass(parameters), -forces.full().ravel()[free]))
-
-    def mass(self, parameters: Array) -> scipy.sparse.csc_array:
-        """Return the mass matrix of the free coordinates."""
-        return scipy.sparse.csc_array(self._mass(parameters).sparse())
+        return np.asarray(scipy.sparse.linalg.spsolve(self.mass(parameters).sparse(), -forces.full().ravel()[free]))
 
     @cached_property
-    def _mass(self) -> cs.Function:
+    def mass(self) -> cs.Function:
+        """(parameters) -> mass matrix of the free coordinates."""
         parameters, free = self._symbols.parameters, self.equations.model.free
         return cs.Function("mass", [parameters], [self.equations.balance(parameters).mass()[free, free]])
 
@@ -251,16 +245,11 @@ class Collocation:
     def _corotation(self) -> Corotation:
         return self._frames(STAGES)
 
-    def _corrected(self) -> cs.MX:
-        """Return Z minus T dW, turned forth."""
+    def _corrected(self) -> tuple[cs.MX, tuple[cs.MX, cs.MX, cs.MX, cs.MX]]:
+        """Return Z minus T dW, turned forth, and the motion and the load at the stages."""
         s = self._symbols
-        corrected: cs.MX = s.increments - self._corotation.forth(s.corrections @ cs.DM(RADAU.transform).T, s.turns)
-        return corrected
-
-    def _motion(self, increments: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
-        """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (3, 3), at the stages."""
-        s = self._symbols
-        return stage_motion(increments, s.q, s.v, s.h, s.excitations)
+        z = s.increments - self._corotation.forth(s.corrections @ cs.DM(RADAU.transform).T, s.turns)
+        return z, stage_motion(z, s.q, s.v, s.h, s.excitations)
 
     @cached_property
     def _symbols(self) -> SimpleNamespace:

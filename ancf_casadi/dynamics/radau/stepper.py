@@ -5,17 +5,13 @@ decay, and the steps adapt to the other modes.  ``collocation`` states the equat
 
     predicted       by the collocation polynomial of the last one,
     solved          by Newton's method (``newton``), whose matrices are kept as long as it converges fast,
-    accepted        if the error of positions and slopes is within the tolerance (``step_control``), else repeated,
+    accepted        if the error of positions and slopes is within the tolerance, else repeated,
     sampled         at the instants of the result.
 
 The error estimate does not include the velocities.  A sample is taken from the quintic polynomial through positions,
 velocities and accelerations at both ends of the step, corrected by one Newton iteration on the equation of motion,
 because the polynomial may stretch the beam more than the axial forces do.  The powers lost to damping and supplied by
 the base and the tip load are integrated by the quadrature of the stages.
-
-References
-----------
-E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, Springer (1996), Section IV.8.
 """
 
 from __future__ import annotations
@@ -30,8 +26,7 @@ import numpy as np
 
 from ancf_casadi.dynamics.excitation import EXCITATION, Excitation
 from ancf_casadi.dynamics.radau.collocation import RADAU, STAGES, Collocation
-from ancf_casadi.dynamics.radau.newton import Newton, StepArrays
-from ancf_casadi.dynamics.radau.step_control import StepControl
+from ancf_casadi.dynamics.radau.newton import Newton, StepArrays, StepControl
 from ancf_casadi.dynamics.segments import ENERGY_STATES, SAME_TIME, Segment, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import SimulationError

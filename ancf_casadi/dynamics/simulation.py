@@ -33,7 +33,7 @@ from ancf_casadi.dynamics.radau.stepper import integrate_by_radau
 from ancf_casadi.dynamics.segments import ENERGY_STATES, SegmentSolution, divide
 from ancf_casadi.dynamics.start import MotionSetup, Start, set_up
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TipLoad
-from ancf_casadi.dynamics.tolerance import idas_tolerance, radau_tolerance
+from ancf_casadi.dynamics.tolerance import default_tolerance
 from ancf_casadi.dynamics.trajectory import IntegratorUse, State, Trajectory
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import NODE, Model
@@ -155,7 +155,7 @@ def simulate(
         )
         used = ("idas" if options else "radau") if method == "auto" else method
         if tolerance is None:
-            tolerance = (idas_tolerance if used == "idas" else radau_tolerance)(setup.travel)
+            tolerance = default_tolerance(used, setup.travel)
         use = IntegratorUse(float(setup.times[0]), used, tolerance)
         done: list[SegmentSolution] = []
         interrupted, length = False, float(np.ptp(setup.times))

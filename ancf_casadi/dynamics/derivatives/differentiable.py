@@ -25,7 +25,7 @@ from ancf_casadi.dynamics.derivatives.run import MotionRun
 from ancf_casadi.dynamics.derivatives.sensitivity import MOST_KEPT_STEPS, SensitivityProblem
 from ancf_casadi.dynamics.start import Start, set_up
 from ancf_casadi.dynamics.tip_load import TipLoad
-from ancf_casadi.dynamics.tolerance import radau_tolerance
+from ancf_casadi.dynamics.tolerance import default_tolerance
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.mechanics.model import Model
@@ -113,7 +113,7 @@ def motion(
         load=setup.load,
         start=start,
         times=setup.times,
-        tolerance=radau_tolerance(setup.travel) if tolerance is None else physical(tolerance, "tolerance"),
+        tolerance=default_tolerance("radau", setup.travel) if tolerance is None else physical(tolerance, "tolerance"),
         largest_step=positive_or_infinite(largest_step, "largest_step"),
         held=start_load,
         most_steps=round(positive(most_steps, "most_steps")),

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ancf_casadi.dynamics.excitation import Excitation
-from ancf_casadi.dynamics.radau.collocation import QUINTIC, RADAU
+from ancf_casadi.dynamics.radau.collocation import QUINTIC, RADAU, powers
 from ancf_casadi.dynamics.radau.stepper import RadauStep
 from ancf_casadi.dynamics.segments import SAME_TIME
 from ancf_casadi.exceptions import SimulationError
@@ -64,12 +64,9 @@ def stop_if_interrupted() -> None:
 
 def sample_weights(step: RadauStep, times: Array, orders: int) -> Array:
     """Return the weights (s, orders, 6) of q, v and a at both ends of a step in the time derivatives at s instants."""
-    h, power = step.length, np.arange(6)
-    place, factor, parts = (times - step.start) / h, np.ones(6), []
-    for order in range(orders):
-        parts.append(factor * place[:, None] ** np.maximum(power - order, 0) / h**order)
-        factor = factor * (power - order)
-    return np.asarray(np.stack(parts, axis=1) @ QUINTIC.T * np.array([1.0, h, h**2, 1.0, h, h**2]))
+    h = step.length
+    parts = np.array(powers((times - step.start) / h, orders)) / h ** np.arange(orders)[:, None, None]
+    return np.asarray(np.moveaxis(parts, 2, 0) @ QUINTIC.T * np.array([1.0, h, h**2, 1.0, h, h**2]))
 
 
 def clamp_jacobians(excitation: Excitation, times: Array, orders: int) -> Array:

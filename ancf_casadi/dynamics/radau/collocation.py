@@ -33,6 +33,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from types import SimpleNamespace
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -65,35 +66,29 @@ class Tableau:
 def tableau() -> Tableau:
     """Derive the coefficients from the nodes."""
     nodes = np.array(cs.collocation_points(STAGES, "radau"))
-    powers = np.arange(1, STAGES + 1)
-    integral = np.linalg.inv(np.vander(nodes, increasing=True)) / powers[:, None]
-    weights: Array = np.asarray(nodes[:, None] ** powers @ integral, dtype=float)
+    exponents = np.arange(1, STAGES + 1)
+    integral = np.linalg.inv(np.vander(nodes, increasing=True)) / exponents[:, None]
+    weights: Array = np.asarray(nodes[:, None] ** exponents @ integral, dtype=float)
     inverse = np.asarray(np.linalg.inv(weights), dtype=float)
     values, vectors = np.linalg.eig(inverse)
     real, pair = int(np.argmin(np.abs(values.imag))), int(np.argmax(values.imag))
     transform = np.column_stack([vectors[:, real].real, vectors[:, pair].real, -vectors[:, pair].imag])
     block = np.linalg.solve(transform, inverse @ transform)
     gamma, mu = float(block[0, 0]), complex(block[1, 1], block[2, 1])
-    moments = 1 / powers - np.array([1 / gamma, 0.0, 0.0])
-    quadrature = np.linalg.solve(nodes ** (powers - 1)[:, None], moments)
+    moments = 1 / exponents - np.array([1 / gamma, 0.0, 0.0])
+    quadrature = np.linalg.solve(nodes ** (exponents - 1)[:, None], moments)
     embedded = (quadrature - weights[-1]) @ inverse
     return Tableau(nodes, inverse, transform, gamma, mu, embedded, integral)
 
 
-def quintic() -> Array:
-    """Return the coefficients (6, 6) of six polynomials of degree 5, each with one quantity 1 and five quantities 0.
-
-    The quantities are the value and the first and second derivatives at 0, then at 1.
-    """
-    conditions = np.zeros((6, 6))
-    for k in range(6):
-        conditions[:3, k] = [k == 0, k == 1, 2 * (k == 2)]
-        conditions[3:, k] = [1, k, k * (k - 1)]
-    return np.asarray(np.linalg.inv(conditions).T)
+def powers(x: Any, orders: int) -> list[list[Any]]:
+    """Return 1, x, ..., x^5 and their derivatives up to an order, (orders, 6)."""
+    return [[math.perm(k, order) * x ** max(k - order, 0) for k in range(6)] for order in range(orders)]
 
 
 RADAU = tableau()
-QUINTIC = quintic()
+# (6, 6), each row a polynomial of degree 5 with one of its values and first two derivatives at 0, then at 1, equal to 1
+QUINTIC = np.linalg.inv(np.array(powers(0.0, 3) + powers(1.0, 3))).T
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,9 +174,10 @@ class Collocation:
         """
         s, ratio = self._symbols, cs.MX.sym("ratio")
         nodes = cs.MX.sym("nodes", self.equations.model.size, STAGES + 1)
-        known = np.concatenate([[0.0], RADAU.nodes])
-        weights = [cs.vertcat(*_lagrange(known, 1 + c * ratio)[1:]) for c in RADAU.nodes.tolist()]
-        q = self._corotation.continued(cs.horzcat(*weights), nodes, s.excitations[:NODE, :])
+        lagrange = np.linalg.inv(np.vander([0.0, *RADAU.nodes], increasing=True)).T[1:]
+        places = 1 + ratio * cs.DM(RADAU.nodes).T
+        weights = cs.DM(lagrange) @ cs.vertcat(*(places**k for k in range(STAGES + 1)))
+        q = self._corotation.continued(weights, nodes, s.excitations[:NODE, :])
         return _function("prediction", [nodes, ratio, s.excitations, s.q], [q - cs.repmat(s.q, 1, STAGES)])
 
     @cached_property
@@ -194,8 +190,7 @@ class Collocation:
         s, x, excitation = self._symbols, cs.MX.sym("x"), cs.MX.sym("excitation", EXCITATION)
         a, q1, v1, a1 = (cs.MX.sym(name, self.equations.free) for name in ("a", "q1", "v1", "a1"))
         data = cs.horzcat(s.q, s.h * s.v, s.h**2 * a, q1, s.h * v1, s.h**2 * a1)
-        powers = [cs.vertcat(*(math.perm(k, order) * x ** max(k - order, 0) for k in range(6))) for order in range(3)]
-        weights = cs.DM(QUINTIC) @ cs.horzcat(*(part / s.h**order for order, part in enumerate(powers)))
+        weights = cs.DM(QUINTIC) @ cs.horzcat(*(cs.vertcat(*p) / s.h**order for order, p in enumerate(powers(x, 3))))
         *node, load = cs.vertsplit(excitation, NODE)
         e, e_t, e_tt = cs.horzsplit(cs.vertcat(cs.horzcat(*node), data @ weights))
         balance, frames = self.equations.balance(s.parameters), self._frames(1)
@@ -293,12 +288,6 @@ def stage_motion(z: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX, excitations: cs.MX) -> 
     moved = cs.repmat(q, 1, STAGES) + z, velocities, accelerations
     e, e_t, e_tt = (cs.vertcat(node, free) for node, free in zip(nodes, moved, strict=True))
     return e, e_t, e_tt, load
-
-
-def _lagrange(nodes: Array, x: cs.MX) -> list[cs.MX]:
-    """Return the Lagrange polynomials of some nodes at x."""
-    factors = [[(x - other) / (node - other) for other in nodes if other != node] for node in nodes]
-    return [cs.MX(math.prod(one, start=cs.MX(1))) for one in factors]
 
 
 def _function(name: str, inputs: list[cs.MX], outputs: list[cs.MX]) -> cs.Function:

@@ -30,7 +30,7 @@ from ancf_casadi.vibration.modes import Modes
 
 S = TypeVar("S", cs.SX, cs.MX)
 V = TypeVar("V", cs.MX, cs.DM)
-Direction = tuple[float, float] | Array | cs.MX
+Direction = tuple[float, float] | cs.MX
 
 
 @dataclass(frozen=True)

@@ -128,6 +128,13 @@ class Equations:
         slope = (self.model.size - 2, self.model.size - 1)
         return [int(np.flatnonzero((rows == i) & (columns == j))[0]) for j in slope for i in slope]
 
+    @cached_property
+    def turned_projection(self) -> cs.Function:
+        """(slope of the clamp) -> rows of R B of the free coordinates, (N, m)."""
+        tau = cs.MX.sym("tau", 2)
+        B = turned(cs.MX(cs.DM(self.projection)), self.model.beam.axis, tau)
+        return cs.Function("turned_projection", [tau], [B[self.model.free, :]])
+
 
 @dataclass(frozen=True, eq=False)
 class Balance:

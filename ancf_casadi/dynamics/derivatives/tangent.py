@@ -27,7 +27,6 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse
 
-from ancf_casadi.damping.law import turned
 from ancf_casadi.dynamics.derivatives.run import (
     MotionRun,
     Passage,
@@ -83,8 +82,7 @@ class Tangent:
         """Return U and V (3 N, 3 m) of the low-rank part U V^T of G, in the order of G, for excitations (3, 15), d."""
         if not modal_coefficients.size:
             return (np.zeros((len(self.order), 0)),) * 2
-        model, projection = self.form.equations.model, cs.DM(self.form.equations.projection)
-        B = [turned(projection, model.beam.axis, tau).full()[model.free] for tau in excitations[:, 2:NODE]]
+        B = [self.form.equations.turned_projection(tau).full() for tau in excitations[:, 2:NODE]]
         U = scipy.linalg.block_diag(*(one * modal_coefficients for one in B))
         V = np.hstack([np.kron(row[:, None] / h, one) for row, one in zip(RADAU.inverse, B, strict=True)])
         return U[self.inverse_order], V[self.inverse_order]

@@ -174,10 +174,9 @@ class Collocation:
         """
         s, ratio = self._symbols, cs.MX.sym("ratio")
         nodes = cs.MX.sym("nodes", self.equations.model.size, STAGES + 1)
-        lagrange = np.linalg.inv(np.vander([0.0, *RADAU.nodes], increasing=True)).T[1:]
-        places = 1 + ratio * cs.DM(RADAU.nodes).T
-        weights = cs.DM(lagrange) @ cs.vertcat(*(places**k for k in range(STAGES + 1)))
-        q = self._corotation.continued(weights, nodes, s.excitations[:NODE, :])
+        known = np.concatenate([[0.0], RADAU.nodes])
+        weights = [cs.vertcat(*_lagrange(known, 1 + c * ratio)[1:]) for c in RADAU.nodes.tolist()]
+        q = self._corotation.continued(cs.horzcat(*weights), nodes, s.excitations[:NODE, :])
         return _function("prediction", [nodes, ratio, s.excitations, s.q], [q - cs.repmat(s.q, 1, STAGES)])
 
     @cached_property
@@ -288,6 +287,12 @@ def stage_motion(z: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX, excitations: cs.MX) -> 
     moved = cs.repmat(q, 1, STAGES) + z, velocities, accelerations
     e, e_t, e_tt = (cs.vertcat(node, free) for node, free in zip(nodes, moved, strict=True))
     return e, e_t, e_tt, load
+
+
+def _lagrange(nodes: Array, x: cs.MX) -> list[cs.MX]:
+    """Return the Lagrange polynomials of some nodes at x."""
+    factors = [[(x - other) / (node - other) for other in nodes if other != node] for node in nodes]
+    return [cs.MX(math.prod(one, start=cs.MX(1))) for one in factors]
 
 
 def _function(name: str, inputs: list[cs.MX], outputs: list[cs.MX]) -> cs.Function:

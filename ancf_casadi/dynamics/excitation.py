@@ -90,10 +90,11 @@ def excitation_pieces(
             instants.append(instant)
     instants[-1] = end
     values = np.array([own.value for own in base.parameters]) if b is None else b
-    return [
-        Excitation(model, _at((first + last) / 2, moving), _at((first + last) / 2, loading), first, last, values)
-        for first, last in itertools.pairwise(instants)
-    ]
+    found = []
+    for first, last in itertools.pairwise(instants):
+        own = [next(piece for piece, _, end in pieces if (first + last) / 2 <= end) for pieces in (moving, loading)]
+        found.append(Excitation(model, own[0], own[1], first, last, values))
+    return found
 
 
 def clamped_node(model: Model, displacement: cs.MX, t: cs.MX) -> cs.MX:
@@ -108,8 +109,3 @@ def with_rates(x: cs.MX, t: cs.MX) -> cs.MX:
     """Return x, x_t and x_tt, one below the other."""
     x_t = cs.densify(cs.jacobian(x, t))
     return cs.vertcat(x, x_t, cs.densify(cs.jacobian(x_t, t)))
-
-
-def _at(instant: float, pieces: list[tuple[Piece, float, float]]) -> Piece:
-    """Return the piece at an instant."""
-    return next(piece for piece, _, last in pieces if instant <= last)

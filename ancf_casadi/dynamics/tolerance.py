@@ -122,10 +122,7 @@ def check_speed(model: Model, speed: float, at: str, where: str) -> None:
 
 
 def deflection(model: Model, times: Array, loads: Array) -> float:
-    """Return the travel of the tip under a load (k, 3) that begins at once, relative to the length of the beam.
-
-    It is that of small deflections, at rest or after an impulse.
-    """
+    """Return the small deflection of the tip under a load (k, 3) that begins at once, relative to the length."""
     length, frequency = model.beam.length, _first_frequency(model)
     stiffness, _ = _mean_section(model)
     bending = np.hypot(loads[:, 0], loads[:, 1]) * length / 3 + np.abs(loads[:, 2]) / 2

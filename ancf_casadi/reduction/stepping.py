@@ -198,12 +198,11 @@ def simulate_reduced(
         x = project(reduced, state, clamp(piece.begin).full().ravel())
         for starts, h, sampled in _portions(piece.begin, instants[taken:count], piece.end, 1 / per_second):
             with delayed_interrupts():
-                stages = clamp(
-                    (starts[:, None] + h[:, None] * np.linspace(0.0, 1.0, BASE_INSTANTS)).reshape(1, -1)
-                ).full()
+                within = starts[:, None] + h[:, None] * np.linspace(0.0, 1.0, BASE_INSTANTS)
+                stages = clamp(within.reshape(1, -1)).full()
                 if not np.isfinite(stages).all():
-                    where = f"before {piece.end:g} s"
-                    raise InputError(f"its position, velocity or acceleration is not finite {where}", "base")
+                    message = f"its position, velocity or acceleration is not finite before {piece.end:g} s"
+                    raise InputError(message, "base")
                 path = advance(x, stages, h)
             lost = ~np.isfinite(path[1:]).all(axis=1)
             if lost.any():

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import casadi as cs
 
@@ -48,9 +48,9 @@ class SampledMotion:
 
     model: Model
     properties: cs.MX  # of the elements, (4, n)
-    e: cs.MX  # coordinates at s samples, (4 n + 4, s); so are their derivatives, or without rows if unread
-    e_t: cs.MX
-    e_tt: cs.MX
+    e: cs.MX  # coordinates at s samples, (4 n + 4, s)
+    e_t: cs.MX  # velocities there; without rows if no sensor needs them
+    e_tt: cs.MX  # accelerations there; without rows if no sensor needs them
     balance: Callable[[], cs.MX]  # returns R and the elastic forces at all nodes, (4 n + 4, s), if a sensor reads them
 
     @staticmethod
@@ -106,11 +106,7 @@ class SampledMotion:
 
     def _strain(self, s: float, distance: float | None) -> cs.MX:
         """Return the strain on the surface, (1, s)."""
-        model = self.model
-
-        def at(matrix: Array) -> tuple[cs.MX, cs.MX]:
-            return self._rows(matrix, self.e)
-
+        model, at = self.model, partial(self._rows, vectors=self.e)
         thickness = self.properties[1, model.element_at(s)]
         z = thickness / 2 if distance is None else distance
         axial = sum(weight * strain for weight, _, strain in axial_strains_near(model, s, at))

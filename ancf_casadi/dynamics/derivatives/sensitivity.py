@@ -143,12 +143,8 @@ class SensitivityProblem:
         return np.asarray(direct + run.start_jacobian.T @ start)
 
     @cached_property
-    def _form(self) -> Collocation:
-        return Collocation(replace(self.equations, make=partial(compiled, derivatives=True)))
-
-    @cached_property
     def _tangent(self) -> Tangent:
-        return Tangent(self._form)
+        return Tangent(Collocation(replace(self.equations, make=partial(compiled, derivatives=True))))
 
     @cached_property
     def _start_jacobians(self) -> tuple[cs.Function, cs.Function]:
@@ -203,7 +199,7 @@ class SensitivityProblem:
     ) -> tuple[list[RadauStep], Array, State]:
         """Return at most ``most_steps`` over a smooth piece, ``Passage.acceleration_jacobian``, and the last state."""
         largest_step = min(self.largest_step, excitation.largest_step)
-        stepper = Stepper(self._form, parameters, excitation, state, self.tolerance, largest_step)
+        stepper = Stepper(self._tangent.form, parameters, excitation, state, self.tolerance, largest_step)
         steps: list[RadauStep] = []
         while not steps or stepper.now < excitation.end - SAME_TIME * steps[-1].length:
             if len(steps) >= most_steps:
@@ -217,7 +213,7 @@ class SensitivityProblem:
             steps.append(stepper.last_step)
         first, node = steps[0], excitation.at(excitation.begin)
         forces = self._force_jacobian(first.q, first.v, first.a, node, parameters).full()
-        jacobian = -scipy.sparse.linalg.splu(self._form.mass(parameters).sparse()).solve(forces)
+        jacobian = -scipy.sparse.linalg.splu(self._tangent.form.mass(parameters).sparse()).solve(forces)
         return steps, jacobian, stepper.state
 
     @cached_property

@@ -82,9 +82,9 @@ class RadauStep:
 
     start: float  # s
     length: float  # s
-    q: Array  # free coordinates at the start, (N,); so are the velocities v and accelerations a
-    v: Array
-    a: Array
+    q: Array  # free coordinates at the start, (N,)
+    v: Array  # their velocities
+    a: Array  # their accelerations
     increments: Array  # of the coordinates at the stages, (3, N)
     excitations: Array  # at the stages, (3, 15)
 
@@ -149,11 +149,7 @@ class Stepper:
                 raise SimulationError(_failure("took too many steps", self.now, self._control.length), self.now)
 
     def sample(self, instants: Array) -> tuple[Array, ...]:
-        """Return the motion at some instants (k,) of the last step.
-
-        These are coordinates and velocities, (k, 4 n + 4), forces of the base, (k, 4), and the energies since the start
-        of the piece, (k, 3).
-        """
+        """Return e, e_t (k, 4 n + 4), forces of the base (k, 4), energies (k, 3) at instants (k,) of the last step."""
         count = len(instants)
         if count not in self._samplers:
             self._samplers[count] = _sampler(count, self._form, self._arrays, self._piece.function)
@@ -214,11 +210,7 @@ class Stepper:
 def _sampler(
     count: int, form: Collocation, arrays: StepArrays, excitation: cs.Function
 ) -> Callable[[Array, Array], list[Array]]:
-    """Return the function that evaluates k samples of the last step at once.
-
-    It takes their times (k,), s, and their places in the step, 0 to 1, and returns coordinates and velocities,
-    (k, 4 n + 4), and forces of the base, (k, 4).
-    """
+    """Return the function (times (k,), s, places in the last step, 0 to 1) -> e, e_t and forces of the base there."""
     instants, places, excitations = np.zeros(count), np.zeros(count), np.zeros((count, EXCITATION))
     step = [arrays.length, *arrays.start, *arrays.end]
     inputs = [places, *step, excitations, arrays.reference, arrays.parameters, arrays.real]

@@ -38,7 +38,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.dynamics.start import set_up
-from ancf_casadi.dynamics.tolerance import radau_tolerance
+from ancf_casadi.dynamics.tolerance import default_tolerance
 from problems.paper import numbers as paper
 
 METHODS = ("idas", "radau", "auto")
@@ -122,7 +122,7 @@ def exact(case: str, seconds: float) -> np.ndarray:
     """Return the position of the tip (m) at a twentieth of the default tolerance."""
     settings = {"damping": None, "base": None, "load": None, "start": "equilibrium", **CASES[case]()}
     travel = set_up(MODEL, duration=seconds, sample_rate=1000.0, **settings).travel
-    tolerance = radau_tolerance(travel) / 20
+    tolerance = default_tolerance("radau", travel) / 20
     return simulate(MODEL, duration=seconds, method="radau", tolerance=tolerance, **settings).tip
 
 

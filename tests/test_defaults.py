@@ -19,7 +19,7 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics.tolerance import IDAS_PER_TRAVEL, RADAU_LARGEST, RADAU_PER_TRAVEL, expected_travel
+from ancf_casadi.dynamics.tolerance import LARGEST_TOLERANCE, TOLERANCE_PER_TRAVEL, expected_travel
 from ancf_casadi.dynamics.trajectory import State
 
 L = 0.5
@@ -177,16 +177,16 @@ def test_any_call_with_all_defaults_ends_soon_and_balances_its_energy(number):
 def test_the_default_is_radau_and_options_of_idas_ask_for_idas(modes):
     base = HarmonicBase(5e-3, modes.frequencies[0])
     for settings, method, tolerance in (
-        ({}, "radau", RADAU_PER_TRAVEL * 5e-3 / L),
+        ({}, "radau", TOLERANCE_PER_TRAVEL["radau"] * 5e-3 / L),
         ({"tolerance": 3e-7}, "radau", 3e-7),
-        ({"method": "idas"}, "idas", IDAS_PER_TRAVEL * 5e-3 / L),
-        ({"options": {"max_num_steps": 100_000}}, "idas", IDAS_PER_TRAVEL * 5e-3 / L),
+        ({"method": "idas"}, "idas", TOLERANCE_PER_TRAVEL["idas"] * 5e-3 / L),
+        ({"options": {"max_num_steps": 100_000}}, "idas", TOLERANCE_PER_TRAVEL["idas"] * 5e-3 / L),
     ):
         (used,) = simulate(modes.model, base=base, duration=0.2, **settings).integrators
         assert (used.start, used.method) == (0.0, method)
         assert used.tolerance == pytest.approx(tolerance)
     (resting,) = simulate(modes.model, duration=0.02).integrators
-    assert resting.tolerance == RADAU_LARGEST
+    assert resting.tolerance == LARGEST_TOLERANCE["radau"]
 
 
 def test_the_default_passes_over_a_mesh_that_an_impact_sets_ringing(modes):

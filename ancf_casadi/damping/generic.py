@@ -113,9 +113,8 @@ class ModalDamping(DampingLaw):
         if self.modes.model.size != model.size:
             raise InputError("belong to a beam with another number of elements", "modes")
         mass = self.modes.model.mass(self.modes.model.properties).sparse()
-        B = cs.MX(cs.DM(mass @ self.modes.shapes[:, : len(self.ratios)]))
-        axes = self.modes.model.beam.axis, cs.MX(cs.DM(model.beam.axis))
-        return np.asarray(cs.evalf(turned(B, *axes)).full())
+        B = cs.DM(mass @ self.modes.shapes[:, : len(self.ratios)])
+        return np.asarray(turned(B, self.modes.model.beam.axis, model.beam.axis).full())
 
     def modal_coefficients(self, parameters: cs.MX) -> cs.MX:
         """Return 2 zeta omega."""

@@ -8,8 +8,6 @@ the slope tau, |tau| = 1, the clamp has turned the beam and its modes by the ang
 R acts on the pairs (x, y) of the positions and of the slopes, which are rows of B, and the damping force is
 
     Q = R B diag(d) B^T R^T e_t.
-
-The velocities e_t remain those in the laboratory frame: external damping resists motion relative to the still air.
 """
 
 from __future__ import annotations
@@ -31,6 +29,7 @@ from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.modes import Modes
 
 S = TypeVar("S", cs.SX, cs.MX)
+V = TypeVar("V", cs.MX, cs.DM)
 Direction = tuple[float, float] | cs.MX
 
 
@@ -184,13 +183,7 @@ class DampingLaw(Displayed, ABC):
 @final
 @dataclass(frozen=True)
 class SumOfLaws(DampingLaw):
-    """Several laws that act together, made by adding laws.
-
-    Parameters
-    ----------
-    laws : tuple of DampingLaw
-        The terms.
-    """
+    """Several laws that act together, made by adding laws."""
 
     laws: tuple[DampingLaw, ...]
 
@@ -253,13 +246,7 @@ def nonzero(*parameters: Parameter) -> tuple[Parameter, ...]:
 
 
 def checked_values(law: DampingLaw, values: Sequence[float] | Array) -> tuple[float, ...]:
-    """Return one finite value per parameter of a law.
-
-    Raises
-    ------
-    InputError
-        If there are more or fewer values, or one is not finite.
-    """
+    """Return one finite value per parameter of a law."""
     found = numbers(values, "values")
     if len(found) != len(law.parameters):
         raise InputError(f"has {len(found)} values for {len(law.parameters)} parameters", "values")
@@ -267,13 +254,7 @@ def checked_values(law: DampingLaw, values: Sequence[float] | Array) -> tuple[fl
 
 
 def check_coefficients(law: DampingLaw, *names: str) -> None:
-    """Check the coefficients of a law, and keep them as floats.
-
-    Raises
-    ------
-    InputError
-        If one is negative or not finite.
-    """
+    """Check the coefficients of a law, and keep them as floats."""
     for name in names:
         value = number(getattr(law, name), name)
         if value < 0.0:
@@ -282,13 +263,7 @@ def check_coefficients(law: DampingLaw, *names: str) -> None:
 
 
 def at_tip_amplitudes(modes: Modes, amplitudes: Sequence[float] | Array) -> tuple[Array, Array, Array]:
-    """Return the tip amplitudes (m,), m, the shapes (4 n + 4, m) that are 1 at the tip, and their modal masses (m,).
-
-    Raises
-    ------
-    InputError
-        If ``modes`` are not Modes, or there is not one finite amplitude per mode.
-    """
+    """Return the tip amplitudes (m,), m, the shapes (4 n + 4, m) that are 1 at the tip, and their modal masses (m,)."""
     check_instance(modes, "modes", Modes)
     found = numbers(amplitudes, "amplitudes")
     if len(found) != modes.count:
@@ -302,11 +277,12 @@ def _terms(law: DampingLaw) -> tuple[DampingLaw, ...]:
     return tuple(term for part in law.laws for term in _terms(part)) if isinstance(law, SumOfLaws) else (law,)
 
 
-def turned(vectors: cs.MX, start: Direction, end: Direction) -> cs.MX:
+def turned(vectors: V, start: Direction, end: Direction) -> V:
     """Return the columns of ``vectors``, with their pairs (x, y) turned by the angle between two unit vectors.
 
     From a to tau, this multiplies by R; from tau to a, by R^T.
     """
     cosine, sine = start[0] * end[0] + start[1] * end[1], start[0] * end[1] - start[1] * end[0]
-    rotation = cs.blockcat([[cosine, -sine], [sine, cosine]])
-    return cs.reshape(rotation @ cs.reshape(vectors, 2, -1), *vectors.shape)
+    rotation: Any = cs.blockcat([[cosine, -sine], [sine, cosine]])
+    found: V = cs.reshape(rotation @ cs.reshape(vectors, 2, -1), *vectors.shape)
+    return found

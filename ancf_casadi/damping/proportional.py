@@ -13,15 +13,7 @@ from typing import Literal, final, get_args
 
 import numpy as np
 
-from ancf_casadi.damping.law import (
-    DampingLaw,
-    Forces,
-    Parameter,
-    S,
-    check_coefficients,
-    nonzero,
-    weighted_sum,
-)
+from ancf_casadi.damping.law import DampingLaw, Forces, Parameter, S, check_coefficients, nonzero, weighted_sum
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, choice
 from ancf_casadi.vibration.modes import Modes

@@ -36,22 +36,12 @@ STOP_TOLERANCE = 1e-9  # half periods; if ``stop`` is that close behind an insta
 
 @dataclass(frozen=True)
 class Piece:
-    """A smooth piece of a base motion or of a load.
+    """A smooth piece of a base motion or of a load."""
 
-    Parameters
-    ----------
-    end : float
-        End time, s; infinite for the last piece.
-    at : callable
-        Function of the time (s) and the parameters of the motion that returns displacement (m, two components) and
-        rotation (rad), or force (N, two components) and moment (N m).
-    largest_step : float
-        Largest step of an integrator that misses no event in the piece, s.
-    """
-
-    end: float
+    end: float  # end time, s; infinite for the last piece
+    # (time, s, parameters of the motion) -> displacement (m) and rotation (rad), or force (N) and moment (N m), (3,)
     at: Callable[[cs.MX, cs.MX], cs.MX]
-    largest_step: float = math.inf
+    largest_step: float = math.inf  # of an integrator that misses no event in the piece, s
 
 
 class BaseMotion(Displayed, ABC):

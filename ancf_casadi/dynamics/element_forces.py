@@ -32,20 +32,11 @@ class ElementFunctions:
     """The Functions of one element under a damping law.
 
     The inputs are coordinates e (d), velocities e_t and accelerations e_tt, the properties p of the element, and c.
-
-    Parameters
-    ----------
-    element : Element
-        The element.
-    law : DampingLaw
-        The damping law.
-    make : callable
-        Compiles a Function, or leaves it to the virtual machine.
     """
 
     element: Element
     law: DampingLaw
-    make: Callable[[cs.Function], cs.Function]
+    make: Callable[[cs.Function], cs.Function]  # compiles a Function, or leaves it to the virtual machine
 
     @cached_property
     def balance(self) -> cs.Function:
@@ -62,7 +53,8 @@ class ElementFunctions:
         e, e_t, _, p, c = self._symbols
         damping = self._damping
         k = self.element.tangent_stiffness(e, p) + cs.jacobian(damping, e)
-        return self._fixed("tangents", [e, e_t, p, c], [k, cs.jacobian(damping, e_t), self.element.mass(p)])
+        outputs = [k, cs.jacobian(damping, e_t), self.element.mass(p)]
+        return self._function("tangents", [e, e_t, p, c], outputs, is_diff_in=[False] * 4)
 
     @cached_property
     def resistance(self) -> cs.Function:
@@ -70,7 +62,7 @@ class ElementFunctions:
         e, e_t, w, p, c = self._symbols
         u = cs.SX.sym("u", e.numel())
         force = cs.jtimes(self._damping, e_t, u) + self.element.inertia_force(w, p)
-        return self._fixed("resistance", [e, e_t, u, w, p, c], [force])
+        return self._function("resistance", [e, e_t, u, w, p, c], [force], is_diff_in=[False] * 6)
 
     @cached_property
     def _symbols(self) -> tuple[cs.SX, cs.SX, cs.SX, cs.SX, cs.SX]:
@@ -88,10 +80,6 @@ class ElementFunctions:
         """Return a Function of columns, one per element of a call."""
         one = cs.Function(name, inputs, [cs.densify(output) for output in outputs], {"cse": True, **options})
         return self.make(side_by_side(one, **options))
-
-    def _fixed(self, name: str, inputs: list[cs.SX], outputs: list[cs.SX]) -> cs.Function:
-        """Return a Function without derivatives."""
-        return self._function(name, inputs, outputs, is_diff_in=[False] * len(inputs))
 
 
 def side_by_side(one: cs.Function, **options: Any) -> cs.Function:

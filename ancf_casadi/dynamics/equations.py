@@ -27,7 +27,6 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import turned
 from ancf_casadi.dynamics.element_forces import ElementFunctions, mapped
-from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.tip_load import tip_force, tip_stiffness
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array, Layout
@@ -40,21 +39,11 @@ def as_it_is(function: cs.Function) -> cs.Function:
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """The equation of motion of a beam under a damping law.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    law : DampingLaw
-        The damping law.
-    make : callable
-        Compiles the Functions of an element, or leaves them to the virtual machine.
-    """
+    """The equation of motion of a beam under a damping law."""
 
     model: Model
     law: DampingLaw
-    make: Callable[[cs.Function], cs.Function] = as_it_is
+    make: Callable[[cs.Function], cs.Function] = as_it_is  # compiles an element's Functions, or not
 
     @property
     def free(self) -> int:
@@ -141,10 +130,10 @@ class Equations:
 
     @cached_property
     def turned_projection(self) -> cs.Function:
-        """(excitation) -> rows of R B of the free coordinates, (N, m)."""
-        excitation = cs.MX.sym("excitation", EXCITATION)
-        B = turned(cs.MX(cs.DM(self.projection)), self.model.beam.axis, excitation[2:NODE])
-        return cs.Function("turned_projection", [excitation], [B[self.model.free, :]])
+        """(slope of the clamp) -> rows of R B of the free coordinates, (N, m)."""
+        tau = cs.MX.sym("tau", 2)
+        B = turned(cs.MX(cs.DM(self.projection)), self.model.beam.axis, tau)
+        return cs.Function("turned_projection", [tau], [B[self.model.free, :]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,23 +143,14 @@ class Balance:
     The terms that are assembled here, ``local``, ``tangents``, ``resistance`` and ``mass``, depend on all parameters.
     Those of the Functions of the model, ``local_damping``, ``damping``, ``inertia`` and ``conservative``, have the
     lumped properties of the model, like all that is exported.
-
-    Parameters
-    ----------
-    equations : Equations
-        Beam and damping law.
-    gravity, properties, coefficients, projection : MX
-        Acceleration of gravity (2,), properties P (4, n), parameters of the law, and B (4 n + 4, m) along the axis.
-    lumped : dict
-        The lumped properties that the model has, by name (``Model.lumped``).
     """
 
     equations: Equations
-    gravity: cs.MX
-    properties: cs.MX
-    coefficients: cs.MX
-    projection: cs.MX
-    lumped: dict[str, cs.MX]
+    gravity: cs.MX  # acceleration (2,), m/s^2
+    properties: cs.MX  # P (4, n)
+    coefficients: cs.MX  # parameters of the law
+    projection: cs.MX  # B (4 n + 4, m) along the axis of the beam
+    lumped: dict[str, cs.MX]  # the lumped properties that the model has, by name (``Model.lumped``)
 
     @property
     def modal_coefficients(self) -> cs.MX:

@@ -25,26 +25,14 @@ EXCITATION = 3 * NODE + LOAD_SIZE  # components of the excitation
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """The excitation between two instants, where it is smooth.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    base, load : Piece
-        The pieces of the base motion and of the tip load.
-    begin, end : float
-        First and last instant, s.
-    parameters : array (m,)
-        The parameters b of the base motion.
-    """
+    """The excitation between two instants, where it is smooth."""
 
     model: Model
     base: Piece
     load: Piece
-    begin: float
-    end: float
-    parameters: Array
+    begin: float  # s
+    end: float  # s
+    parameters: Array  # b of the base motion, (m,)
 
     @property
     def largest_step(self) -> float:
@@ -102,10 +90,11 @@ def excitation_pieces(
             instants.append(instant)
     instants[-1] = end
     values = np.array([own.value for own in base.parameters]) if b is None else b
-    return [
-        Excitation(model, _at((first + last) / 2, moving), _at((first + last) / 2, loading), first, last, values)
-        for first, last in itertools.pairwise(instants)
-    ]
+    found = []
+    for first, last in itertools.pairwise(instants):
+        own = [next(piece for piece, _, end in pieces if (first + last) / 2 <= end) for pieces in (moving, loading)]
+        found.append(Excitation(model, own[0], own[1], first, last, values))
+    return found
 
 
 def clamped_node(model: Model, displacement: cs.MX, t: cs.MX) -> cs.MX:
@@ -120,8 +109,3 @@ def with_rates(x: cs.MX, t: cs.MX) -> cs.MX:
     """Return x, x_t and x_tt, one below the other."""
     x_t = cs.densify(cs.jacobian(x, t))
     return cs.vertcat(x, x_t, cs.densify(cs.jacobian(x_t, t)))
-
-
-def _at(instant: float, pieces: list[tuple[Piece, float, float]]) -> Piece:
-    """Return the piece at an instant."""
-    return next(piece for piece, _, last in pieces if instant <= last)

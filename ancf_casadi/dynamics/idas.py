@@ -17,9 +17,7 @@ segments.
 Order.  Undamped high modes lie on the imaginary axis, where backward differentiation formulas of order 3 to 5 are
 unstable, so the order is limited to 2.
 
-Energy.  Three powers are integrated with the motion, so that its energy balance can be checked: the power lost to
-damping, the power of the base, which is the force on the clamped node times the velocity of this node, and the power of
-the tip load.
+Energy.  The three powers of ``Balance.forces`` are integrated with the motion, so that its balance can be checked.
 
 References
 ----------
@@ -63,13 +61,7 @@ DEFAULTS: Mapping[str, Any] = {
 
 @dataclass(frozen=True, eq=False)
 class SemiExplicit:
-    """The scaled equation of motion with the accelerations as algebraic unknowns.
-
-    Parameters
-    ----------
-    equations : Equations
-        The equation of motion.
-    """
+    """The scaled equation of motion with the accelerations as algebraic unknowns."""
 
     equations: Equations
 
@@ -188,13 +180,6 @@ def integrate_by_idas(
     """Integrate over a smooth piece of the excitation, and yield the solution on each segment.
 
     The arguments are those of ``integrate_by_radau``; the options override ``DEFAULTS``.
-
-    Raises
-    ------
-    InputError
-        If IDAS refuses an option.
-    SimulationError
-        If IDAS fails.
     """
     form, excitation = SemiExplicit(equations), piece.function
     settings = {**DEFAULTS, "abstol": tolerance, **options}

@@ -22,25 +22,13 @@ SAME_TIME = 1e-9  # instants are the same if they differ by less than this fract
 
 @dataclass(frozen=True)
 class Segment:
-    """A time segment.
+    """A time segment."""
 
-    Parameters
-    ----------
-    start, length : float
-        Start and length, s.
-    points : int
-        Number of instants at equal intervals after the start; the last is the end.
-    samples : int
-        Number of these instants, counted from the first, that are samples of the result.
-    first : bool
-        Whether the start is also a sample of the result, the first one.
-    """
-
-    start: float
-    length: float
-    points: int
-    samples: int
-    first: bool = False
+    start: float  # s
+    length: float  # s
+    points: int  # number of instants at equal intervals after the start; the last is the end
+    samples: int  # number of these instants, counted from the first, that are samples of the result
+    first: bool = False  # whether the start is also a sample of the result, the first one
 
     @property
     def end(self) -> float:
@@ -60,35 +48,16 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class SegmentSolution:
-    """The solution on a segment.
+    """The solution on a segment, at its k samples."""
 
-    Parameters
-    ----------
-    coordinates, velocities : array (k, 4 n + 4)
-        Nodal coordinates and velocities at the samples.
-    forces : array (k, 4)
-        Generalized force of the base on the clamped node at the samples.
-    energies : array (k, 3)
-        Energy lost to damping, work of the base and work of the tip load since the start of the segment, J, at the
-        samples.
-    end : State
-        The state at the end of the segment.
-    end_energies : array (3,)
-        The energies at the end of the segment.
-    segment : Segment
-        The segment.
-    steps : int
-        Steps of the integrator.
-    """
-
-    coordinates: Array
-    velocities: Array
-    forces: Array
-    energies: Array
-    end: State
-    end_energies: Array
+    coordinates: Array  # (k, 4 n + 4)
+    velocities: Array  # (k, 4 n + 4)
+    forces: Array  # generalized force of the base on the clamped node, (k, 4)
+    energies: Array  # lost to damping, work of base and of tip load since the start of the segment, (k, 3), J
+    end: State  # the state at the end of the segment
+    end_energies: Array  # the energies there, (3,), J
     segment: Segment
-    steps: int
+    steps: int  # of the integrator
 
 
 def divide(begin: float, end: float, origin: float, rate: float, size: int) -> Iterator[Segment]:

@@ -1,16 +1,10 @@
 """Simulation of the large motion of a beam.
 
 ``simulate`` checks its arguments, sets up the motion (``start``), integrates it piece by piece of the excitation and
-segment by segment (``segments``), and collects the solution.  The integrators are
-
-    radau    implicit Runge-Kutta collocation of order 5, with long steps
-    idas     backward differentiation formulas with variable steps, order 2
-    auto     Radau, or IDAS if its options are given; the default
-
-In every motion that was measured, under every law, Radau reaches the wanted accuracy at a smaller cost than IDAS
-(``docs/accuracy.md``): it damps the vibrations of the mesh that its steps do not resolve, while IDAS resolves all of
-them, however small.  If there is a C compiler, the forces of an element are compiled, which does not change any digit
-of the result.
+segment by segment (``segments``), and collects the solution.  In every motion that was measured, under every law, Radau
+reaches the wanted accuracy at a smaller cost than IDAS (``docs/accuracy.md``): it damps the vibrations of the mesh that
+its steps do not resolve, while IDAS resolves all of them, however small.  If there is a C compiler, the forces of an
+element are compiled, which does not change any digit of the result.
 
 The power lost to damping is e_t . Q_damp.  It is never negative under the laws of the toolkit, with one exception:
 damping by the tangent stiffness K loses beta e_t^T K e_t, which is negative if K is indefinite in the direction of
@@ -39,7 +33,7 @@ from ancf_casadi.dynamics.radau.stepper import integrate_by_radau
 from ancf_casadi.dynamics.segments import ENERGY_STATES, SegmentSolution, divide
 from ancf_casadi.dynamics.start import MotionSetup, Start, set_up
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TipLoad
-from ancf_casadi.dynamics.tolerance import idas_tolerance, radau_tolerance
+from ancf_casadi.dynamics.tolerance import default_tolerance
 from ancf_casadi.dynamics.trajectory import IntegratorUse, State, Trajectory
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import NODE, Model
@@ -161,7 +155,7 @@ def simulate(
         )
         used = ("idas" if options else "radau") if method == "auto" else method
         if tolerance is None:
-            tolerance = (idas_tolerance if used == "idas" else radau_tolerance)(setup.travel)
+            tolerance = default_tolerance(used, setup.travel)
         use = IntegratorUse(float(setup.times[0]), used, tolerance)
         done: list[SegmentSolution] = []
         interrupted, length = False, float(np.ptp(setup.times))

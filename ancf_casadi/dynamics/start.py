@@ -1,4 +1,4 @@
-"""Setup of a motion: excitation, samples and initial state.
+"""Setup of a motion: excitation, samples and initial state; release from a load at the tip.
 
 ``set_up`` makes the checks and the setup that ``simulate`` and ``motion`` share.
 
@@ -9,6 +9,20 @@ with its clamp as one rigid body.  With the velocity v_0 of the clamp and its an
 
 so that a base motion that begins with a velocity causes no impact on the clamp.  With the start ``impact`` the beam is
 at rest instead, and the clamp strikes it.
+
+Release.  A load p = (Fx, Fy, m) at the tip holds the beam in q(p, x), where the forces R(q, p, x) on the free
+coordinates vanish; x are the properties P of the elements and the lumped properties that the model has.  If the load
+changes slowly, at the rate p', the beam moves through these shapes with the velocity v,
+
+    R(q, p, x) = 0,    h = R_q v + R_p p' = 0,    K = R_q,
+
+and is released with this shape and velocity, which bend the beam without stretching it, unlike a linear mode shape.
+For a hanging beam, Fx and Fx' set the amplitude and phase of the first mode; force and moment set those of the first
+two.  By the implicit function theorem,
+
+    dq = -K^-1 (R_p dp + R_x dx),    dv = -K^-1 (h_q dq + h_p dp + h_x dx + R_p dp'),
+
+in which h_q, h_p and h_x are the derivatives of K, R_p and R_x along the change (v, p') of q and p.
 """
 
 from __future__ import annotations
@@ -22,6 +36,8 @@ from typing import Literal, get_args
 
 import casadi as cs
 import numpy as np
+import scipy.sparse
+import scipy.sparse.linalg
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
@@ -42,40 +58,22 @@ Start = Literal["equilibrium", "straight", "impact"]
 
 MOST_TRAJECTORY_SAMPLES = 2e6  # coordinates and velocities take 2.7 GB at 20 elements
 START_TOLERANCE = 1e-6  # deviation of a state from its base, relative to length, unit slope and largest velocity
+LOAD_NAMES = ("force_x", "force_y", "moment")  # N, N, N m
+START_LOAD_NAMES = (*LOAD_NAMES, *(f"{name}_rate" for name in LOAD_NAMES))
 
 
 @dataclass(frozen=True, eq=False)
 class MotionSetup:
-    """Setup of a motion.
-
-    Parameters
-    ----------
-    equations : Equations
-        The equation of motion.
-    base : BaseMotion
-        Motion of the clamp.
-    load : TipLoad or None
-        Load at the tip.
-    pieces : sequence of Excitation
-        The smooth pieces of both, from the first to the last sample.
-    checked : (array (k,), array (k, 15))
-        Instants throughout the motion, s, and the excitation there.
-    start : State
-        The initial state.
-    sample_rate : float
-        Samples per second, 1/s.
-    times : array (k,)
-        The samples, s.
-    """
+    """Setup of a motion."""
 
     equations: Equations
     base: BaseMotion
     load: TipLoad | None
-    pieces: Sequence[Excitation]
-    checked: tuple[Array, Array]
-    start: State
-    sample_rate: float
-    times: Array
+    pieces: Sequence[Excitation]  # smooth pieces of base and load, from the first to the last sample
+    checked: tuple[Array, Array]  # instants throughout the motion (k,), s, and the excitation there (k, 15)
+    start: State  # the initial state
+    sample_rate: float  # 1/s
+    times: Array  # the samples (k,), s
 
     @cached_property
     def travel(self) -> float:
@@ -144,14 +142,7 @@ def _base_of(model: Model, start: Start | Equilibrium | State) -> BaseMotion:
 
 
 def initial_state(model: Model, excitation: Excitation, start: Start | Equilibrium | State) -> State:
-    """Return the initial state of a motion under the first piece of its excitation.
-
-    Raises
-    ------
-    InputError
-        If the start is unknown, belongs to another model, or is a state that stretches the beam or disagrees with the
-        motion of the clamp; or if the base motion begins away from the clamp of a beam at rest.
-    """
+    """Return the initial state of a motion under the first piece of its excitation."""
     if isinstance(start, State):
         _check_state(model, excitation.at(start.time), start)
         return start
@@ -193,6 +184,41 @@ def rigid_motion(model: Model) -> cs.Function:
     turning = cs.vertcat(-arms[1, :], arms[0, :], -arms[3, :], arms[2, :])
     moved = turn * turning + cs.vertcat(velocity[:2], 0.0, 0.0)
     return cs.Function("rigid_motion", [e, velocity], [cs.vec(moved)])
+
+
+def held_start(model: Model, jacobians: tuple[cs.Function, cs.Function], load: Array) -> tuple[State, Array]:
+    """Return the state in which a beam is released from (p, p') in the order of ``START_LOAD_NAMES``, and its Jacobian.
+
+    ``jacobians`` are those of the beam, or of one that differs in its properties P and its lumped properties alone.
+    The Jacobian (2 N, 4 n + k + 6) is that of the free coordinates and velocities with respect to P, element by
+    element, the lumped properties, and (p, p').
+    """
+    p, rate = np.split(load, [len(LOAD_NAMES)])
+    coordinates = equilibrium_under(model, p).coordinates
+    lumped = [getattr(model.beam, name) for name in jacobians[0].name_in()[3:]]
+    given = coordinates, p, model.properties, *lumped
+    found = stiffness, by_p, by_x = jacobians[0](*given)
+    factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse()))
+    q_p, q_x = -factors.solve(by_p.full()), -factors.solve(by_x.full())
+    velocities = np.concatenate([np.zeros(NODE), q_p @ rate])
+    change = velocities, rate, *(np.zeros_like(x) for x in given[2:])
+    h_q, h_p, h_x = (part.full() for part in jacobians[1](*given, *found, *change))
+    v_p, v_x = -factors.solve(h_q @ q_p + h_p), -factors.solve(h_q @ q_x + h_x)
+    return State(coordinates, velocities), np.block([[q_x, q_p, np.zeros_like(q_p)], [v_x, v_p, q_p]])
+
+
+def start_jacobians(model: Model) -> tuple[cs.Function, cs.Function]:
+    """(e, p, P, each lumped property by its name) -> K, R_p, R_x of the free coordinates; its forward derivative."""
+    e, load, still = cs.MX.sym("e", model.size), cs.MX.sym("load", len(LOAD_NAMES)), cs.MX.zeros(model.size)
+    properties, lumped = cs.MX.sym("P", *model.properties.shape), [cs.MX.sym(name) for name in model.lumped]
+    equations = Equations(model, RayleighDamping())
+    parameters = equations.given(properties=cs.vec(properties), lumped=cs.vertcat(cs.MX(0, 1), *lumped))
+    forces = equations.balance(parameters).local(e, still, still, load)[0][model.free]
+    by_x = cs.horzcat(*(cs.jacobian(forces, x) for x in (properties, *lumped)))
+    outputs = [cs.jacobian(forces, e)[:, model.free], cs.jacobian(forces, load), by_x]
+    names = ["e", "load", "P", *model.lumped], ["K", "R_p", "R_x"]
+    jacobians = cs.Function("start_jacobians", [e, load, properties, *lumped], outputs, *names)
+    return jacobians, jacobians.forward(1)
 
 
 def _check_state(model: Model, excitation: Array, state: State) -> None:

@@ -226,13 +226,7 @@ def tip_stiffness(e: cs.MX, load: cs.MX) -> cs.MX:
 
 
 def equilibrium_under(model: Model, load: Array) -> Equilibrium:
-    """Return the static equilibrium under gravity and a load (3,).
-
-    Raises
-    ------
-    EquilibriumError
-        If there is none.
-    """
+    """Return the static equilibrium under gravity and a load (3,)."""
     force_x, force_y, moment = load.tolist()
     return static_equilibrium(model, tip_force=(force_x, force_y), tip_moment=moment)
 

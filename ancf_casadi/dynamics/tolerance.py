@@ -33,9 +33,9 @@ from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
 
-IDAS_PER_TRAVEL, RADAU_PER_TRAVEL = 6e-8, 2e-5  # tolerance per expected travel A/L
-IDAS_LARGEST, RADAU_LARGEST = 1e-9, 3e-7  # limits for large motion
-IDAS_SMALLEST, RADAU_SMALLEST = 1e-10, 1e-12  # limits set by rounding
+TOLERANCE_PER_TRAVEL = {"idas": 6e-8, "radau": 2e-5}  # per expected travel A/L
+LARGEST_TOLERANCE = {"idas": 1e-9, "radau": 3e-7}  # limits for large motion
+SMALLEST_TOLERANCE = {"idas": 1e-10, "radau": 1e-12}  # limits set by rounding
 NEGLIGIBLE = 1e-6  # A/L below which a cause is taken not to move the beam
 PART_OF_START = 0.1  # of the travel of a start that counts
 LEAST_OF_LARGEST = 0.1  # smallest expected travel, relative to the largest travel
@@ -43,14 +43,11 @@ MOST_LENGTHS = 1000.0  # of travel of the clamp, and of deflection under the loa
 MOST_WAVE_SPEEDS = 10.0  # of velocity; a body that meets another at one wave speed is stretched by its own length
 
 
-def idas_tolerance(travel: float) -> float:
-    """Return the tolerance of IDAS for an expected travel (relative to the length)."""
-    return IDAS_LARGEST if travel < NEGLIGIBLE else min(max(IDAS_PER_TRAVEL * travel, IDAS_SMALLEST), IDAS_LARGEST)
-
-
-def radau_tolerance(travel: float) -> float:
-    """Return the tolerance of Radau for an expected travel (relative to the length)."""
-    return RADAU_LARGEST if travel < NEGLIGIBLE else min(max(RADAU_PER_TRAVEL * travel, RADAU_SMALLEST), RADAU_LARGEST)
+def default_tolerance(method: str, travel: float) -> float:
+    """Return the tolerance of ``idas`` or ``radau`` for an expected travel (relative to the length)."""
+    wanted, smallest = TOLERANCE_PER_TRAVEL[method] * travel, SMALLEST_TOLERANCE[method]
+    largest = LARGEST_TOLERANCE[method]
+    return largest if travel < NEGLIGIBLE else min(max(wanted, smallest), largest)
 
 
 def expected_travel(model: Model, times: Array, excitations: Array, start: State) -> float:
@@ -83,14 +80,7 @@ def _rest(model: Model, excitation: Array) -> Array:
 
 
 def checked_excitation(model: Model, pieces: Sequence[Excitation]) -> tuple[Array, Array]:
-    """Return instants throughout a motion, (k,), s, and the excitation there, (k, 15), after a check of its size.
-
-    Raises
-    ------
-    InputError
-        If the base motion is not finite, moves the clamp by more than 1000 lengths of the beam, or is faster than ten
-        times the longitudinal waves in the beam; or if the load bends the beam by more than 1000 lengths.
-    """
+    """Return instants throughout a motion, (k,), s, and the excitation there, (k, 15), after a check of its size."""
     instants = [np.linspace(piece.begin, piece.end, 1001) for piece in pieces]
     values = [piece.function(own[None, :]).full().T for piece, own in zip(pieces, instants, strict=True)]
     times, excitations = np.concatenate(instants), np.vstack(values)
@@ -132,10 +122,7 @@ def check_speed(model: Model, speed: float, at: str, where: str) -> None:
 
 
 def deflection(model: Model, times: Array, loads: Array) -> float:
-    """Return the travel of the tip under a load (k, 3) that begins at once, relative to the length of the beam.
-
-    It is that of small deflections, at rest or after an impulse.
-    """
+    """Return the small deflection of the tip under a load (k, 3) that begins at once, relative to the length."""
     length, frequency = model.beam.length, _first_frequency(model)
     stiffness, _ = _mean_section(model)
     bending = np.hypot(loads[:, 0], loads[:, 1]) * length / 3 + np.abs(loads[:, 2]) / 2

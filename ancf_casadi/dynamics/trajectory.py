@@ -76,20 +76,10 @@ class State(Displayed):
 
 @dataclass(frozen=True)
 class IntegratorUse(Displayed):
-    """The integrator of a motion.
+    """The integrator of a motion."""
 
-    Parameters
-    ----------
-    start : float
-        Time at which it began, s.
-    method : str
-        ``radau`` or ``idas``.
-    tolerance : float
-        Its tolerance.
-    """
-
-    start: float
-    method: str
+    start: float  # time at which it began, s
+    method: str  # ``radau`` or ``idas``
     tolerance: float
 
 

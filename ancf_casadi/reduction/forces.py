@@ -46,25 +46,13 @@ BASE_SIZE = 9  # displacement (x, y) and rotation of the clamp, their velocities
 
 @dataclass(frozen=True, eq=False)
 class ReducedMotion:
-    """A motion of the reduced beam, its forces without damping, and those that a damping law combines.
-
-    Parameters
-    ----------
-    projection : Projection
-        The constants of the reduced model.
-    q, v : SX or MX
-        Modal coordinates and their velocities, (m,).
-    base : SX or MX
-        Motion of the clamp, (9,).
-    gravity : SX or MX
-        Acceleration of gravity, (2,), m/s^2.
-    """
+    """A motion of the reduced beam, its forces without damping, and those that a damping law combines."""
 
     projection: Projection
-    q: Expression
-    v: Expression
-    base: Expression
-    gravity: Expression
+    q: Expression  # modal coordinates, (m,)
+    v: Expression  # their velocities, (m,)
+    base: Expression  # motion of the clamp, (9,)
+    gravity: Expression  # acceleration, (2,), m/s^2
 
     @cached_property
     def slope(self) -> tuple[Expression, Expression]:
@@ -111,9 +99,11 @@ class ReducedMotion:
 
     @property
     def mass(self) -> Expression:
-        """Mass matrix M(q) of the modal coordinates, (m, m)."""
-        x, y = self._factored_jacobian
-        return x.T @ x + y.T @ y
+        """Mass matrix M(q) of the modal coordinates, (m, m), from R times the derivatives of the slopes."""
+        (x, y), m = self.slope, self.q.numel()
+        rotations, factor = cs.DM(self.projection.slopes.rotations), _mass_factor(self.projection)
+        by_x, by_y = factor @ (cs.repmat(-y, 1, m) * rotations), factor @ (cs.repmat(x, 1, m) * rotations)
+        return by_x.T @ by_x + by_y.T @ by_y
 
     def undamped_forces(self, a: Expression) -> Expression:
         """Return the left side of the equation of motion at q_tt = a, without the damping force, (m + 2,)."""
@@ -139,13 +129,7 @@ class ReducedMotion:
         return cs.DM(self.projection.bending_stiffness) @ q
 
     def damping(self, law: DampingLaw, parameters: Expression, model: Model) -> Expression:
-        """Return the force of a damping law of the full model, (m + 2,).
-
-        Raises
-        ------
-        InputError
-            If the law needs a force that the reduced model does not have.
-        """
+        """Return the force of a damping law of the full model, (m + 2,)."""
         properties = cs.SX(cs.DM(model.properties))
         position, velocity = cs.vertcat(self.q, self.base[:2, :]), cs.vertcat(self.v, self.base[3:5, :])
         local = law.local_force(self, position, velocity, properties, parameters)
@@ -205,14 +189,6 @@ class ReducedMotion:
     def friction_force(self, v: Expression, properties: Expression, smoothing_speed: float) -> Expression:
         """Return the force of int S^T mu v/(|v|^2 + v0^2)^(1/2) dp with the smoothing speed v0."""
         return self._surface_force(lambda square: 1 / cs.sqrt(square + smoothing_speed**2))
-
-    @cached_property
-    def _factored_jacobian(self) -> tuple[Expression, Expression]:
-        """Return R times the derivative of each component of the slopes with respect to q, (k, m)."""
-        x, y = self.slope
-        rotations, factor = cs.DM(self.projection.slopes.rotations), _mass_factor(self.projection)
-        m = self.q.numel()
-        return factor @ (cs.repmat(-y, 1, m) * rotations), factor @ (cs.repmat(x, 1, m) * rotations)
 
     def _low_rank_damping(self, law: DampingLaw, parameters: Expression, model: Model) -> Expression:
         """Return the force of R B diag(d) B^T R^T e_t, where R rotates by phi, (m + 2,)."""

@@ -52,28 +52,13 @@ from ancf_casadi.vibration.modes import Modes
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """Nodal slopes at points of the beam, and the shape that they determine.
+    """Nodal slopes at points of the beam, and the shape that they determine."""
 
-    Parameters
-    ----------
-    angles : array (k,)
-        Angle theta_0 of the slope at rest, rad.
-    lengths : array (k,)
-        Length lambda of the slope, which is constant.
-    rotations : array (k, m)
-        Rotation Theta of the slope per unit modal coordinate, rad/(m kg^1/2).
-    shape : array (2 n + 2, k), or (2 n + 4, k) with an elastic clamp
-        Matrix P from one component of the slopes to the same component of all nodal coordinates, relative to the
-        clamp.
-    rows : array of int (k,)
-        Places of the points among the nodes and midpoints; the base of an elastic clamp comes first.
-    """
-
-    angles: Array
-    lengths: Array
-    rotations: Array
-    shape: Array
-    rows: Index
+    angles: Array  # theta_0 of the slope at rest, (k,), rad
+    lengths: Array  # lambda of the slope, which is constant, (k,)
+    rotations: Array  # Theta of the slope per unit modal coordinate, (k, m), rad/(m kg^1/2)
+    shape: Array  # P, for one component of the coordinates, (2 n + 2, k), or (2 n + 4, k) with an elastic clamp
+    rows: Index  # places among the nodes and midpoints, (k,); the base of an elastic clamp comes first
 
     @property
     def at_rest(self) -> Array:
@@ -88,13 +73,7 @@ class Slopes:
 
 
 def nodal_slopes(modes: Modes) -> Slopes:
-    """Return the slopes at all nodes and midpoints of the mesh.
-
-    Raises
-    ------
-    InputError
-        If one of the modes stretches the beam.
-    """
+    """Return the slopes at all nodes and midpoints of the mesh."""
     model, length = modes.model, modes.model.beam.length
     points = np.linspace(0.0, length, 2 * model.beam.elements + 1)
     interpolation = np.array([model.slope_interpolation(min(float(s), length)) for s in points])
@@ -156,40 +135,18 @@ def _simpson(model: Model) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """The constants of the reduced equation of motion.
+    """The constants of the reduced equation of motion."""
 
-    Parameters
-    ----------
-    slopes : Slopes
-        The slopes that determine the shape.
-    mass_factor : array (k, k)
-        R with R^T R = P^T M P, upper triangular.
-    mass_moment : array (k,)
-        P^T M 1.
-    total_mass : float
-        1^T M 1, kg.
-    tip_mass : float
-        Mass at the tip, which has no drag, kg.
-    bending_stiffness : array (m, m)
-        K_b.
-    rest_force : array (m,)
-        f_0.
-    rest_energy : float
-        Strain energy at rest, J.
-    drag_shape, drag_mass : array (d, k), (d,)
-        Matrix from the slopes to the positions of the drag points, and the mass at each point, kg.
-    """
-
-    slopes: Slopes
-    mass_factor: Array
-    mass_moment: Array
-    total_mass: float
-    tip_mass: float
-    bending_stiffness: Array
-    rest_force: Array
-    rest_energy: float
-    drag_shape: Array
-    drag_mass: Array
+    slopes: Slopes  # those that determine the shape
+    mass_factor: Array  # R with R^T R = P^T M P, upper triangular, (k, k)
+    mass_moment: Array  # P^T M 1, (k,)
+    total_mass: float  # 1^T M 1, kg
+    tip_mass: float  # which has no drag, kg
+    bending_stiffness: Array  # K_b, (m, m)
+    rest_force: Array  # f_0, (m,)
+    rest_energy: float  # strain energy at rest, J
+    drag_shape: Array  # from the slopes to the positions of the drag points, (d, k)
+    drag_mass: Array  # at each of these points, (d,), kg
 
 
 def project_model(modes: Modes, nodal: Slopes, selected: Slopes, drag_points: int) -> Projection:

@@ -195,7 +195,12 @@ def reduce_model(
     if modes.model != model:
         raise InputError("belong to another model", "modes")
     law = RayleighDamping() if damping is None else damping
-    return _assembled(modes, law, _projection(modes, slope_points, drag_points), numbers(markers, "markers"))
+    m, nodal = modes.count, nodal_slopes(modes)
+    most, usual = len(nodal.angles), min(4 * m + 4, MOST_DRAG_POINTS)
+    slope_points = min(2 * m + 2, most) if slope_points is None else whole(slope_points, "slope_points", m + 1, most)
+    drag_points = usual if drag_points is None else whole(drag_points, "drag_points", 1, MOST_DRAG_POINTS)
+    projection = project_model(modes, nodal, select_points(nodal, slope_points), drag_points)
+    return _assembled(modes, law, projection, numbers(markers, "markers"))
 
 
 def rebuilt(first: ReducedModel, model: Model) -> ReducedModel:
@@ -228,27 +233,13 @@ def _assembled(modes: Modes, law: DampingLaw, projection: Projection, markers: S
     )
 
 
-def _projection(modes: Modes, slope_points: int | None, drag_points: int | None) -> Projection:
-    """Return the constants of the reduced model, with the default numbers of points where none are given."""
-    m, nodal = modes.count, nodal_slopes(modes)
-    most = len(nodal.angles)
-    slope_points = min(2 * m + 2, most) if slope_points is None else whole(slope_points, "slope_points", m + 1, most)
-    usual = min(4 * m + 4, MOST_DRAG_POINTS)
-    drag_points = usual if drag_points is None else whole(drag_points, "drag_points", 1, MOST_DRAG_POINTS)
-    return project_model(modes, nodal, select_points(nodal, slope_points), drag_points)
-
-
 def _functions(
     modes: Modes, law: DampingLaw, projection: Projection, parameters: int, markers: Sequence[float]
 ) -> dict[str, cs.Function]:
     """Return the Functions of the reduced model except the time step, by name."""
     model, m = modes.model, modes.count
-    inputs = {
-        "q": cs.SX.sym("q", m),
-        "v": cs.SX.sym("v", m),
-        "base": cs.SX.sym("base", BASE_SIZE),
-        "p": cs.SX.sym("p", parameters),
-    }
+    sizes = {"q": m, "v": m, "base": BASE_SIZE, "p": parameters}
+    inputs = {name: cs.SX.sym(name, size) for name, size in sizes.items()}
     q, v, base, p = inputs.values()
     motion = ReducedMotion(projection, q, v, base, gravity=p[:2])
     e = motion.nodal(*motion.slope, base[:2])
@@ -283,10 +274,7 @@ def _step(rhs: cs.Function, modes: Modes) -> cs.Function:
 
     def flow(x: cs.MX) -> cs.MX:
         """Return E(h/2) x."""
-        return cs.horzcat(
-            cosine * x[:, 0] + sine / omega * x[:, 1],
-            cosine * x[:, 1] - sine * omega * x[:, 0],
-        )
+        return cs.horzcat(cosine * x[:, 0] + sine / omega * x[:, 1], cosine * x[:, 1] - sine * omega * x[:, 0])
 
     def remainder(x: cs.MX, stage: int) -> cs.MX:
         """Return N(x)."""

@@ -198,12 +198,11 @@ def simulate_reduced(
         x = project(reduced, state, clamp(piece.begin).full().ravel())
         for starts, h, sampled in _portions(piece.begin, instants[taken:count], piece.end, 1 / per_second):
             with delayed_interrupts():
-                stages = clamp(
-                    (starts[:, None] + h[:, None] * np.linspace(0.0, 1.0, BASE_INSTANTS)).reshape(1, -1)
-                ).full()
+                within = starts[:, None] + h[:, None] * np.linspace(0.0, 1.0, BASE_INSTANTS)
+                stages = clamp(within.reshape(1, -1)).full()
                 if not np.isfinite(stages).all():
-                    where = f"before {piece.end:g} s"
-                    raise InputError(f"its position, velocity or acceleration is not finite {where}", "base")
+                    message = f"its position, velocity or acceleration is not finite before {piece.end:g} s"
+                    raise InputError(message, "base")
                 path = advance(x, stages, h)
             lost = ~np.isfinite(path[1:]).all(axis=1)
             if lost.any():
@@ -220,13 +219,7 @@ def simulate_reduced(
 
 
 def project(reduced: ReducedModel, state: State, base: Array) -> Array:
-    """Return the modal coordinates and velocities nearest to a state, (2 m,), whose clamp has the motion ``base`` (9,).
-
-    Raises
-    ------
-    InputError
-        If the Gauss-Newton iteration finds no shape near the state.
-    """
+    """Return the modal coordinates and velocities (2 m,) nearest to a state whose clamp moves as ``base`` (9,)."""
     m, mass = reduced.count, reduced.model.mass(reduced.model.properties).sparse()
     shape, shape_jacobian = reduced.coordinates, reduced.coordinates.jacobian()
     q, size = np.zeros(m), float(np.sqrt(mass.diagonal().sum())) * reduced.model.beam.length

@@ -13,7 +13,7 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import SumOfLaws
-from ancf_casadi.dynamics.derivatives.release_load import held_start, start_jacobians
+from ancf_casadi.dynamics.start import held_start, start_jacobians
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.estimation.agreement import Agreement, agreement_of_parts
 from ancf_casadi.estimation.block import Account, Block

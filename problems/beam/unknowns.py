@@ -40,7 +40,7 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw, Parameter
-from ancf_casadi.dynamics.derivatives.release_load import LOAD_NAMES, START_LOAD_NAMES
+from ancf_casadi.dynamics.start import LOAD_NAMES, START_LOAD_NAMES
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model

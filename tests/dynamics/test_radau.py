@@ -20,7 +20,7 @@ from ancf_casadi import (
 )
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.excitation import excitation_pieces
-from ancf_casadi.dynamics.radau import step_control
+from ancf_casadi.dynamics.radau import newton
 from ancf_casadi.dynamics.radau import stepper as radau
 from ancf_casadi.dynamics.radau.collocation import Collocation, first_equal
 from ancf_casadi.dynamics.radau.newton import Newton
@@ -96,7 +96,7 @@ def test_keeping_the_matrices_does_not_change_the_motion(monkeypatch):
     monkeypatch.setattr(Newton, "converge", noting)
     kept = simulate(model, **settings)
     assert np.mean(factorised) < 0.7
-    monkeypatch.setattr(step_control, "STEADY", 0.0)
+    monkeypatch.setattr(newton, "STEADY", 0.0)
     factorised.clear()
     fresh = simulate(model, **settings)
     assert all(factorised)

@@ -1,6 +1,6 @@
 """Exact derivatives of a motion with respect to the parameters of the law, the base motion, the beam and the start.
 
-``tangent`` linearises a Radau step, ``release_load`` the start.  ``run`` holds a computed motion and its
-samples, and ``chain`` goes through its steps, forward and in reverse.  ``sensitivity`` joins these parts for one
-motion, and ``differentiable`` makes a CasADi Function of it, ``motion``.  ``reading`` has what sensors read in it.
+``tangent`` linearises a Radau step and goes through the steps of a motion, forward and in reverse.  ``run`` holds a
+computed motion and its samples.  ``sensitivity`` joins these with the derivatives of the start (``dynamics.start``),
+and ``differentiable`` makes a CasADi Function of it, ``motion``.  ``reading`` has what sensors read in a motion.
 """

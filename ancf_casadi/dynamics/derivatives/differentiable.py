@@ -25,7 +25,7 @@ from ancf_casadi.dynamics.derivatives.run import MotionRun
 from ancf_casadi.dynamics.derivatives.sensitivity import MOST_KEPT_STEPS, SensitivityProblem
 from ancf_casadi.dynamics.start import Start, set_up
 from ancf_casadi.dynamics.tip_load import TipLoad
-from ancf_casadi.dynamics.tolerance import radau_tolerance
+from ancf_casadi.dynamics.tolerance import default_tolerance
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.mechanics.model import Model
@@ -69,7 +69,7 @@ def motion(
         ``impact``, or an ``Equilibrium``, changes with the properties; a ``State`` does not.
     start_load : bool
         Whether the Function has a further input, ``start``, which replaces the load of the argument ``start``: the tip
-        load that holds the beam until its release, and the rate of this load (``release_load.START_LOAD_NAMES``; N,
+        load that holds the beam until its release, and the rate of this load (``dynamics.start.START_LOAD_NAMES``; N,
         N, N m, and the same per second).
     most_steps : int
         Largest number of steps.  The default is below that of ``simulate``, because all steps are kept in memory, 4 kB
@@ -113,7 +113,7 @@ def motion(
         load=setup.load,
         start=start,
         times=setup.times,
-        tolerance=radau_tolerance(setup.travel) if tolerance is None else physical(tolerance, "tolerance"),
+        tolerance=default_tolerance("radau", setup.travel) if tolerance is None else physical(tolerance, "tolerance"),
         largest_step=positive_or_infinite(largest_step, "largest_step"),
         held=start_load,
         most_steps=round(positive(most_steps, "most_steps")),
@@ -125,12 +125,7 @@ def motion(
 class Runs:
     """The runs of a motion, of which the last one is kept.
 
-    Parameters
-    ----------
-    problem : SensitivityProblem
-        The motion.
-    patience : float
-        A run is given up after this many times the steps of the first run, but not before ``FEW_STEPS``.
+    A run is given up after ``patience`` times the steps of the first run, but not before ``FEW_STEPS``.
     """
 
     def __init__(self, problem: SensitivityProblem, patience: float = math.inf) -> None:
@@ -149,13 +144,7 @@ class Runs:
         return kept(_Motion(self, patterns, output), "motion")
 
     def run(self, inputs: Sequence[cs.DM]) -> MotionRun:
-        """Return the run for some inputs; if they equal the last inputs up to rounding, the run that is kept.
-
-        Raises
-        ------
-        AncfError
-            If there is no motion.
-        """
+        """Return the run for some inputs; if they equal the last inputs up to rounding, the run that is kept."""
         values = np.concatenate([part.full().ravel(order="F") for part in inputs])
         # relative difference that a solver may cause by rounding; such inputs are the same
         if self._last is None or not np.allclose(self._last[0], values, rtol=1e-14, atol=0.0):
@@ -199,20 +188,8 @@ class Runs:
 class _Motion(cs.Callback):
     """A motion as CasADi evaluates it, or its derivatives: (inputs, output, seeds) -> derivatives.
 
-    With d directions, seeds and derivatives are those of each direction side by side.
-
-    Parameters
-    ----------
-    runs : Runs
-        The runs of the motion.
-    inputs : dict
-        Names and shapes of the inputs of the motion.
-    output : Sparsity
-        Shape of the samples.
-    directions : int
-        Number of directions, 0 for the motion itself.
-    forward : bool
-        Whether derivatives are those along directions of the inputs, or those of weighted sums of the samples.
+    With d directions, seeds and derivatives are those of each direction side by side: ``forward`` along directions of
+    the inputs, else of weighted sums of the samples; without directions, this is the motion itself.
     """
 
     def __init__(
@@ -229,27 +206,21 @@ class _Motion(cs.Callback):
         self.construct("sensitivity" if directions else "integration", {})
 
     def get_n_in(self) -> int:
-        """Return the number of inputs."""
         return len(self._given)
 
     def get_n_out(self) -> int:
-        """Return the number of outputs."""
         return len(self._found)
 
     def get_sparsity_in(self, i: int) -> cs.Sparsity:
-        """Return the shape of an input."""
         return self._given[i]
 
     def get_sparsity_out(self, i: int) -> cs.Sparsity:
-        """Return the shape of an output."""
         return self._found[i]
 
     def get_name_in(self, i: int) -> str:
-        """Return the name of an input."""
         return [*self._inputs][i] if i < len(self._inputs) else f"i{i}"
 
     def get_name_out(self, i: int) -> str:
-        """Return the name of an output."""
         return f"o{i}" if self._count else "coordinates"
 
     def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
@@ -268,19 +239,15 @@ class _Motion(cs.Callback):
             return [cs.DM.nan(shape) for shape in self._found]
 
     def has_forward(self, nfwd: int) -> bool:
-        """Return whether there are derivatives along directions."""
         return not self._count
 
     def get_forward(self, nfwd: int, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
-        """Return the derivatives along some directions."""
         return kept(_Motion(self._runs, self._inputs, self._output, nfwd, forward=True), name)
 
     def has_reverse(self, nadj: int) -> bool:
-        """Return whether there are derivatives of weighted sums."""
         return not self._count
 
     def get_reverse(self, nadj: int, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
-        """Return the derivatives of some weighted sums."""
         return kept(_Motion(self._runs, self._inputs, self._output, nadj, forward=False), name)
 
     def _along(self, run: MotionRun, seeds: Sequence[Array]) -> list[Array]:

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import casadi as cs
 
@@ -44,26 +44,14 @@ def orders_of(sensor: Sensor) -> int:
 
 @dataclass(frozen=True, eq=False)
 class SampledMotion:
-    """Samples of a motion as expressions.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    properties : MX (4, n)
-        Properties of its elements.
-    e, e_t, e_tt : MX (4 n + 4, s)
-        Coordinates, velocities and accelerations at s samples; without rows where no sensor needs them.
-    balance : callable
-        Returns R and the elastic forces at all nodes, (4 n + 4, s), if a sensor reads them.
-    """
+    """Samples of a motion as expressions."""
 
     model: Model
-    properties: cs.MX
-    e: cs.MX
-    e_t: cs.MX
-    e_tt: cs.MX
-    balance: Callable[[], cs.MX]
+    properties: cs.MX  # of the elements, (4, n)
+    e: cs.MX  # coordinates at s samples, (4 n + 4, s)
+    e_t: cs.MX  # velocities there; without rows if no sensor needs them
+    e_tt: cs.MX  # accelerations there; without rows if no sensor needs them
+    balance: Callable[[], cs.MX]  # returns R and the elastic forces at all nodes, (4 n + 4, s), if a sensor reads them
 
     @staticmethod
     def of(equations: Equations, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX, parameters: cs.MX) -> SampledMotion:
@@ -74,13 +62,7 @@ class SampledMotion:
         )
 
     def read(self, sensor: Sensor) -> cs.MX:
-        """Return the readings of a sensor, (1, s).
-
-        Raises
-        ------
-        InputError
-            If the sensor is not on the beam.
-        """
+        """Return the readings of a sensor, (1, s)."""
         model = self.model
         s = model.beam.length if sensor.point is None else sensor.point
         match sensor.quantity:
@@ -124,11 +106,7 @@ class SampledMotion:
 
     def _strain(self, s: float, distance: float | None) -> cs.MX:
         """Return the strain on the surface, (1, s)."""
-        model = self.model
-
-        def at(matrix: Array) -> tuple[cs.MX, cs.MX]:
-            return self._rows(matrix, self.e)
-
+        model, at = self.model, partial(self._rows, vectors=self.e)
         thickness = self.properties[1, model.element_at(s)]
         z = thickness / 2 if distance is None else distance
         axial = sum(weight * strain for weight, _, strain in axial_strains_near(model, s, at))

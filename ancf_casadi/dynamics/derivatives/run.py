@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ancf_casadi.dynamics.excitation import Excitation
+from ancf_casadi.dynamics.radau.collocation import QUINTIC, RADAU, powers
 from ancf_casadi.dynamics.radau.stepper import RadauStep
-from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU
 from ancf_casadi.dynamics.segments import SAME_TIME
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.model import NODE
@@ -30,56 +30,25 @@ from ancf_casadi.support.interrupts import interrupted
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """A smooth piece of a computed motion.
-
-    Parameters
-    ----------
-    excitation : Excitation
-        Base motion and tip load.
-    acceleration_jacobian : array (N, ...)
-        Derivatives of the first accelerations with respect to q, v, the excitation and the parameters of the equation
-        of motion.
-    steps : list of RadauStep
-        The steps.
-    samples : list of array
-        Indices of the samples in each step.
-    """
+    """A smooth piece of a computed motion."""
 
     excitation: Excitation
-    acceleration_jacobian: Array
+    acceleration_jacobian: Array  # of the first a with respect to q, v, the excitation and the parameters, (N, ...)
     steps: list[RadauStep]
-    samples: list[Index]
+    samples: list[Index]  # indices of the samples in each step
 
 
 @dataclass(frozen=True, eq=False)
 class MotionRun:
-    """A computed motion.
+    """A computed motion, sampled at k instants."""
 
-    Parameters
-    ----------
-    parameters : array
-        The parameters of the equation of motion.
-    times : array (k,)
-        The samples, s, on the clock of the base motion.
-    rest : array
-        Indices of the samples before the motion, at rest.
-    start_jacobian : array (2 N, ...)
-        Derivatives of the first q and v with respect to theta, b, P, m and s.
-    passages : list of Passage
-        Its smooth pieces.
-    samples : array (k, orders, 4 n + 4)
-        The nodal coordinates and their time derivatives at the samples.
-    rates : array, the same shape or (0,)
-        Time derivatives of ``samples``, if there are shifts.
-    """
-
-    parameters: Array
-    times: Array
-    rest: Index
-    start_jacobian: Array
-    passages: list[Passage]
-    samples: Array
-    rates: Array
+    parameters: Array  # of the equation of motion
+    times: Array  # the samples (k,), s, on the clock of the base motion
+    rest: Index  # indices of the samples before the motion, at rest
+    start_jacobian: Array  # of the first q and v with respect to theta, b, P, m and s, (2 N, ...)
+    passages: list[Passage]  # its smooth pieces
+    samples: Array  # nodal coordinates and their time derivatives, (k, orders, 4 n + 4)
+    rates: Array  # time derivatives of ``samples``, if there are shifts; else (0,)
 
     @property
     def steps(self) -> int:
@@ -95,12 +64,9 @@ def stop_if_interrupted() -> None:
 
 def sample_weights(step: RadauStep, times: Array, orders: int) -> Array:
     """Return the weights (s, orders, 6) of q, v and a at both ends of a step in the time derivatives at s instants."""
-    h, power = step.length, np.arange(6)
-    place, factor, parts = (times - step.start) / h, np.ones(6), []
-    for order in range(orders):
-        parts.append(factor * place[:, None] ** np.maximum(power - order, 0) / h**order)
-        factor = factor * (power - order)
-    return np.asarray(np.stack(parts, axis=1) @ QUINTIC.T * np.array([1.0, h, h**2, 1.0, h, h**2]))
+    h = step.length
+    parts = np.array(powers((times - step.start) / h, orders)) / h ** np.arange(orders)[:, None, None]
+    return np.asarray(np.moveaxis(parts, 2, 0) @ QUINTIC.T * np.array([1.0, h, h**2, 1.0, h, h**2]))
 
 
 def clamp_jacobians(excitation: Excitation, times: Array, orders: int) -> Array:

@@ -3,20 +3,12 @@
 The parameters are theta of the law, b of the base motion, the properties P of the elements, the lumped properties m
 (mass at the tip, stiffness of the clamp), for a beam released from an unknown load, this load and its rate, s, and the
 shifts d of the clocks by which the motion was sampled.  A start at rest depends on P, m and s through the static
-equilibrium (``release_load``); unless it is an impact, the beam moves with its clamp as one rigid body (``start``), so
+equilibrium; unless it is an impact, the beam moves with its clamp as one rigid body (both in ``dynamics.start``), so
 that its velocities depend on b as well.  The derivatives are those of the Radau steps that were taken, with fixed
 lengths: exact for the computed motion, and as accurate as this motion.  They are chained through the linearised steps
-(``tangent``),
-
-    G dZ + R_u du = 0,    G = dR/dZ,    u = (q, v, excitations, parameters),
-
-forward for few parameters and in reverse for few results (``chain``).  Samples are the quintic polynomials through the
-ends of the steps, and their time derivatives (``run``); the correction that ``simulate`` makes there for the axial
+(``tangent``), forward for few parameters and in reverse for few results.  Samples are the quintic polynomials through
+the ends of the steps, and their time derivatives (``run``); the correction that ``simulate`` makes there for the axial
 forces is below the tolerance.
-
-References
-----------
-E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, Springer (1996), Section IV.8.
 """
 
 from __future__ import annotations
@@ -31,16 +23,22 @@ import numpy as np
 import scipy.sparse.linalg
 
 from ancf_casadi.dynamics.base_motion import BaseMotion
-from ancf_casadi.dynamics.derivatives.chain import forward, reverse
-from ancf_casadi.dynamics.derivatives.release_load import START_LOAD_NAMES, held_start, start_jacobians
 from ancf_casadi.dynamics.derivatives.run import MotionRun, Passage, sampled, samples_of, stop_if_interrupted
-from ancf_casadi.dynamics.derivatives.tangent import Tangent
+from ancf_casadi.dynamics.derivatives.tangent import Tangent, forward, reverse
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.excitation import EXCITATION, Excitation, excitation_pieces
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.stepper import RadauStep, Stepper
 from ancf_casadi.dynamics.segments import SAME_TIME
-from ancf_casadi.dynamics.start import Start, check_clamp, initial_state, rigid_motion
+from ancf_casadi.dynamics.start import (
+    START_LOAD_NAMES,
+    Start,
+    check_clamp,
+    held_start,
+    initial_state,
+    rigid_motion,
+    start_jacobians,
+)
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TipLoad
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
@@ -56,57 +54,22 @@ MOST_KEPT_STEPS = 100_000  # these take a minute or two, and 0.4 GB at 20 elemen
 
 @dataclass(frozen=True, eq=False)
 class SensitivityProblem:
-    """A motion that depends on theta, b, P, m, s and d.
+    """A motion that depends on theta, b, P, m, s and d."""
 
-    Parameters
-    ----------
-    equations : Equations
-        The equation of motion, with the nominal parameters.
-    base : BaseMotion
-        Motion of the clamp.
-    start : str, Equilibrium or State
-        The start.
-    times : array (k,)
-        The samples, s, in any order.
-    tolerance : float
-        Tolerance of the steps.
-    largest_step : float
-        Largest step, s.
-    held : bool
-        Whether s, the load at the start and its rate in the order of ``START_LOAD_NAMES``, are parameters.
-    most_steps : int
-        Largest number of steps, which are all kept in memory.
-    load : TipLoad, optional
-        Load at the tip, a given function of time.
-    orders : int
-        Number of time derivatives to sample: 1 for the coordinates alone, 2 with velocities, 3 with accelerations.
-    clocks : array (k,), optional
-        Index of the shift that is added to each sample; none if not given.
-    span : (float, float), optional
-        First and last instant of the motion, s; those of the samples if not given.
-    lumped : bool
-        Whether m, the lumped properties in the order of ``Model.lumped``, are parameters.
-
-    Raises
-    ------
-    InputError
-        If the start is an equilibrium under loads other than those at the tip, or ``lumped`` is set and there are no
-        lumped properties.
-    """
-
-    equations: Equations
+    equations: Equations  # with the nominal parameters
     base: BaseMotion
     start: Start | Equilibrium | State
-    times: Array
-    tolerance: float
-    largest_step: float = math.inf
-    held: bool = False
-    most_steps: int = MOST_KEPT_STEPS
-    load: TipLoad | None = None
-    orders: int = 1
+    times: Array  # the samples (k,), s, in any order
+    tolerance: float  # of the steps
+    largest_step: float = math.inf  # s
+    held: bool = False  # whether s, in the order of ``START_LOAD_NAMES``, is a parameter
+    most_steps: int = MOST_KEPT_STEPS  # which are all kept in memory
+    load: TipLoad | None = None  # a given function of time
+    orders: int = 1  # time derivatives to sample: 1 for e alone, 2 with e_t, 3 with e_tt
+    # index of the shift that is added to each sample, (k,); none if empty
     clocks: Index = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    span: tuple[float, float] | None = None
-    lumped: bool = False
+    span: tuple[float, float] | None = None  # first and last instant of the motion, s; if None, of the samples
+    lumped: bool = False  # whether m, in the order of ``Model.lumped``, is a parameter
 
     def __post_init__(self) -> None:
         """Validate."""
@@ -131,14 +94,7 @@ class SensitivityProblem:
         )
 
     def solve(self, values: Array, most_steps: int | None = None) -> MotionRun:
-        """Compute the motion for the values of theta, b, P, m, s and d.
-
-        Raises
-        ------
-        AncfError
-            If there is no equilibrium to start from, the integrator fails or needs more than ``most_steps``, a shifted
-            sample is after the last instant, or ``noted_interrupts`` has noted a Ctrl-C.
-        """
+        """Compute the motion for the values of theta, b, P, m, s and d, or raise an AncfError if there is none."""
         _, b, properties, lumped, start_load, shifts = self.layout.split(values)
         model, parameters = self._model(properties, lumped), self.equations.parameters.copy()
         for name, part in self._parts(values).items():
@@ -187,12 +143,8 @@ class SensitivityProblem:
         return np.asarray(direct + run.start_jacobian.T @ start)
 
     @cached_property
-    def _form(self) -> Collocation:
-        return Collocation(replace(self.equations, make=partial(compiled, derivatives=True)))
-
-    @cached_property
     def _tangent(self) -> Tangent:
-        return Tangent(self._form)
+        return Tangent(Collocation(replace(self.equations, make=partial(compiled, derivatives=True))))
 
     @cached_property
     def _start_jacobians(self) -> tuple[cs.Function, cs.Function]:
@@ -247,7 +199,7 @@ class SensitivityProblem:
     ) -> tuple[list[RadauStep], Array, State]:
         """Return at most ``most_steps`` over a smooth piece, ``Passage.acceleration_jacobian``, and the last state."""
         largest_step = min(self.largest_step, excitation.largest_step)
-        stepper = Stepper(self._form, parameters, excitation, state, self.tolerance, largest_step)
+        stepper = Stepper(self._tangent.form, parameters, excitation, state, self.tolerance, largest_step)
         steps: list[RadauStep] = []
         while not steps or stepper.now < excitation.end - SAME_TIME * steps[-1].length:
             if len(steps) >= most_steps:
@@ -261,7 +213,7 @@ class SensitivityProblem:
             steps.append(stepper.last_step)
         first, node = steps[0], excitation.at(excitation.begin)
         forces = self._force_jacobian(first.q, first.v, first.a, node, parameters).full()
-        jacobian = -scipy.sparse.linalg.splu(self._form.mass(parameters)).solve(forces)
+        jacobian = -scipy.sparse.linalg.splu(self._tangent.form.mass(parameters).sparse()).solve(forces)
         return steps, jacobian, stepper.state
 
     @cached_property

@@ -1,6 +1,6 @@
 """Radau IIA collocation of order 5 for the equation of motion.
 
-``tableau`` holds the coefficients of the method, ``collocation`` the Functions of a step, ``corotation`` the
-coordinates that turn with the beam, and ``elimination`` the solution of linear systems.  ``stepper`` takes the steps:
-``newton`` solves the stage equations, and ``step_control`` chooses the step length.
+``collocation`` holds the coefficients of the method and the Functions of a step, ``corotation`` the coordinates that
+turn with the beam, and ``elimination`` the solution of linear systems.  ``stepper`` takes the steps: ``newton`` solves
+the stage equations and chooses the step length.  The reference stands in ``collocation``.
 """

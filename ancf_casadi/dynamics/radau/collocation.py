@@ -1,4 +1,4 @@
-"""Radau IIA collocation of order 5 for the equation of motion: the Functions of a step.
+"""Radau IIA collocation of order 5 for the equation of motion: its coefficients, and the Functions of a step.
 
 Stages.  With the nodes c and the weights A of the method and a step h, the increments Z_i of the free coordinates at
 the stages t + c_i h determine velocities and accelerations there,
@@ -33,20 +33,62 @@ import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from types import SimpleNamespace
+from typing import Any
 
 import casadi as cs
 import numpy as np
-import scipy.sparse
 import scipy.sparse.linalg
 
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.radau.corotation import Corotation
 from ancf_casadi.dynamics.radau.elimination import Elimination, node_blocks
-from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, STAGES
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
+
+STAGES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Tableau:
+    """The coefficients of the method."""
+
+    nodes: Array  # c, (3,)
+    inverse: Array  # A^-1 of the weights A, (3, 3)
+    transform: Array  # T with T^-1 A^-1 T = [[gamma, 0, 0], [0, mu', -mu''], [0, mu'', mu']], (3, 3)
+    gamma: float  # real eigenvalue of A^-1
+    mu: complex  # complex eigenvalue of A^-1
+    embedded: Array  # weights of the increments in the error estimate, in which h f(t) has 1/gamma, (3,)
+    integral: Array  # coefficients of x, x^2, x^3 in the integral from 0 to x of a function known at the nodes
+
+
+def tableau() -> Tableau:
+    """Derive the coefficients from the nodes."""
+    nodes = np.array(cs.collocation_points(STAGES, "radau"))
+    exponents = np.arange(1, STAGES + 1)
+    integral = np.linalg.inv(np.vander(nodes, increasing=True)) / exponents[:, None]
+    weights: Array = np.asarray(nodes[:, None] ** exponents @ integral, dtype=float)
+    inverse = np.asarray(np.linalg.inv(weights), dtype=float)
+    values, vectors = np.linalg.eig(inverse)
+    real, pair = int(np.argmin(np.abs(values.imag))), int(np.argmax(values.imag))
+    transform = np.column_stack([vectors[:, real].real, vectors[:, pair].real, -vectors[:, pair].imag])
+    block = np.linalg.solve(transform, inverse @ transform)
+    gamma, mu = float(block[0, 0]), complex(block[1, 1], block[2, 1])
+    moments = 1 / exponents - np.array([1 / gamma, 0.0, 0.0])
+    quadrature = np.linalg.solve(nodes ** (exponents - 1)[:, None], moments)
+    embedded = (quadrature - weights[-1]) @ inverse
+    return Tableau(nodes, inverse, transform, gamma, mu, embedded, integral)
+
+
+def powers(x: Any, orders: int) -> list[list[Any]]:
+    """Return 1, x, ..., x^5 and their derivatives up to an order, (orders, 6)."""
+    return [[math.perm(k, order) * x ** max(k - order, 0) for k in range(6)] for order in range(orders)]
+
+
+RADAU = tableau()
+# (6, 6), each row a polynomial of degree 5 with one of its values and first two derivatives at 0, then at 1, equal to 1
+QUINTIC = np.linalg.inv(np.array(powers(0.0, 3) + powers(1.0, 3))).T
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +99,6 @@ class Collocation:
     The columns of W = Z T^-T (N, 3) are the real part, and the real and the imaginary part of the complex one.
     ``excitations`` (15, 3) are those at the stages.  ``turns`` lead to the stages from ``reference``, all coordinates
     (4 n + 4,) of the configuration in which the matrices were taken (``corotation``).
-
-    Parameters
-    ----------
-    equations : Equations
-        The equation of motion.
     """
 
     equations: Equations
@@ -82,8 +119,7 @@ class Collocation:
         are the outputs of ``factors``.
         """
         s = self._symbols
-        increments = self._corrected()
-        motion = self._motion(increments)
+        increments, motion = self._corrected()
         residuals, _ = self.equations.balance(s.parameters).forces(*motion)
         turns = self._corotation.turns(s.reference, motion[0])
         r = self._corotation.back(residuals[NODE:, :], turns) @ cs.DM(np.linalg.inv(RADAU.transform)).T
@@ -98,8 +134,7 @@ class Collocation:
         """
         s = self._symbols
         a, still = cs.MX.sym("a", self.equations.free), cs.MX(NODE, 1)
-        increments = self._corrected()
-        e, e_t, e_tt, load = self._motion(increments)
+        increments, (e, e_t, e_tt, load) = self._corrected()
         balance, real, embedded = self.equations.balance(s.parameters), RADAU.gamma / s.h, cs.DM(RADAU.embedded)
         _, powers = balance.forces(e, e_t, e_tt, load)
         deviation = s.v / real + increments @ embedded
@@ -154,8 +189,7 @@ class Collocation:
         s, x, excitation = self._symbols, cs.MX.sym("x"), cs.MX.sym("excitation", EXCITATION)
         a, q1, v1, a1 = (cs.MX.sym(name, self.equations.free) for name in ("a", "q1", "v1", "a1"))
         data = cs.horzcat(s.q, s.h * s.v, s.h**2 * a, q1, s.h * v1, s.h**2 * a1)
-        powers = [cs.vertcat(*(math.perm(k, order) * x ** max(k - order, 0) for k in range(6))) for order in range(3)]
-        weights = cs.DM(QUINTIC) @ cs.horzcat(*(part / s.h**order for order, part in enumerate(powers)))
+        weights = cs.DM(QUINTIC) @ cs.horzcat(*(cs.vertcat(*p) / s.h**order for order, p in enumerate(powers(x, 3))))
         *node, load = cs.vertsplit(excitation, NODE)
         e, e_t, e_tt = cs.horzsplit(cs.vertcat(cs.horzcat(*node), data @ weights))
         balance, frames = self.equations.balance(s.parameters), self._frames(1)
@@ -173,14 +207,11 @@ class Collocation:
         motion = [np.concatenate(parts) for parts in ((position, q), (velocity, v), (acceleration, 0 * q))]
         forces, _ = self.balance(*motion, load, parameters)
         free = self.equations.model.free
-        return np.asarray(scipy.sparse.linalg.spsolve(self.mass(parameters), -forces.full().ravel()[free]))
-
-    def mass(self, parameters: Array) -> scipy.sparse.csc_array:
-        """Return the mass matrix of the free coordinates."""
-        return scipy.sparse.csc_array(self._mass(parameters).sparse())
+        return np.asarray(scipy.sparse.linalg.spsolve(self.mass(parameters).sparse(), -forces.full().ravel()[free]))
 
     @cached_property
-    def _mass(self) -> cs.Function:
+    def mass(self) -> cs.Function:
+        """(parameters) -> mass matrix of the free coordinates."""
         parameters, free = self._symbols.parameters, self.equations.model.free
         return cs.Function("mass", [parameters], [self.equations.balance(parameters).mass()[free, free]])
 
@@ -208,16 +239,11 @@ class Collocation:
     def _corotation(self) -> Corotation:
         return self._frames(STAGES)
 
-    def _corrected(self) -> cs.MX:
-        """Return Z minus T dW, turned forth."""
+    def _corrected(self) -> tuple[cs.MX, tuple[cs.MX, cs.MX, cs.MX, cs.MX]]:
+        """Return Z minus T dW, turned forth, and the motion and the load at the stages."""
         s = self._symbols
-        corrected: cs.MX = s.increments - self._corotation.forth(s.corrections @ cs.DM(RADAU.transform).T, s.turns)
-        return corrected
-
-    def _motion(self, increments: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
-        """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (3, 3), at the stages."""
-        s = self._symbols
-        return stage_motion(increments, s.q, s.v, s.h, s.excitations)
+        z = s.increments - self._corotation.forth(s.corrections @ cs.DM(RADAU.transform).T, s.turns)
+        return z, stage_motion(z, s.q, s.v, s.h, s.excitations)
 
     @cached_property
     def _symbols(self) -> SimpleNamespace:

@@ -39,20 +39,11 @@ class Corotation:
     """Rotation of vectors from a reference to several configurations of a beam, such as the stages of a step.
 
     Turns are arrays (4 c, links) for c configurations.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    configurations : int
-        Number c of configurations.
-    make : callable
-        Compiles a Function, or leaves it to the virtual machine.
     """
 
     model: Model
-    configurations: int
-    make: Callable[[cs.Function], cs.Function]
+    configurations: int  # their number c
+    make: Callable[[cs.Function], cs.Function]  # compiles a Function, or leaves it to the virtual machine
 
     def turns(self, reference: cs.MX, e: cs.MX) -> cs.MX:
         """Return the turns from a reference (4 n + 4,) to configurations with coordinates e (4 n + 4, c)."""
@@ -149,16 +140,9 @@ def _link(
     back: (residuals summed beyond the link (4 c,), turns) -> contribution to the residuals in the reference (8 c,)
     continued: (coordinates at k + 1 instants (8 (k + 1),), weights (k, c)) -> steps of the coordinates (4 c,)
 
-    Parameters
-    ----------
-    to_pair, to_angles : array (4, 8)
-        The pair of vectors that are turned, and the pair that gives the angles, from the coordinates of the nodes.
-    to_step : array (4, 4)
-        The step from the first node to the second, from the pair that is turned.
-    count : int
-        Number c of configurations.
-    continued : array (4, 4), optional
-        The step from the pair that gives the angles, if it differs.
+    From the coordinates of the nodes, ``to_pair`` (4, 8) gives the pair of vectors that are turned, and ``to_angles``
+    the pair that gives the angles.  The step (4, 4) between the nodes follows from the former by ``to_step``, and from
+    the latter by ``continued`` if that differs.
     """
     pair, angles, step = (cs.sparsify(cs.DM(part)) for part in (to_pair, to_angles, to_step))
     own = step if continued is None else cs.sparsify(cs.DM(continued))

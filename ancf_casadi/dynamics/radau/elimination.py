@@ -38,22 +38,12 @@ Complex = list[cs.SX]  # the real part of a matrix, or its real and imaginary pa
 
 @dataclass(frozen=True, eq=False)
 class Elimination:
-    """Solution of systems with a real or a complex matrix A + s V diag(d) V^T of the free coordinates.
+    """Solution of systems with a real or a complex matrix A + s V diag(d) V^T of the free coordinates."""
 
-    Parameters
-    ----------
-    parts : int
-        1 for a real matrix, 2 for a complex one.
-    free, rank : int
-        N, the number of free coordinates, and m, that of columns of V.
-    make : callable
-        Compiles a Function, or leaves it to the virtual machine.
-    """
-
-    parts: int
-    free: int
-    rank: int
-    make: Callable[[cs.Function], cs.Function]
+    parts: int  # 1 for a real matrix, 2 for a complex one
+    free: int  # number of free coordinates N
+    rank: int  # number of columns of V, m
+    make: Callable[[cs.Function], cs.Function]  # compiles a Function, or leaves it to the virtual machine
 
     @cached_property
     def layout(self) -> Layout:

@@ -5,17 +5,13 @@ decay, and the steps adapt to the other modes.  ``collocation`` states the equat
 
     predicted       by the collocation polynomial of the last one,
     solved          by Newton's method (``newton``), whose matrices are kept as long as it converges fast,
-    accepted        if the error of positions and slopes is within the tolerance (``step_control``), else repeated,
+    accepted        if the error of positions and slopes is within the tolerance, else repeated,
     sampled         at the instants of the result.
 
 The error estimate does not include the velocities.  A sample is taken from the quintic polynomial through positions,
 velocities and accelerations at both ends of the step, corrected by one Newton iteration on the equation of motion,
 because the polynomial may stretch the beam more than the axial forces do.  The powers lost to damping and supplied by
 the base and the tip load are integrated by the quadrature of the stages.
-
-References
-----------
-E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, Springer (1996), Section IV.8.
 """
 
 from __future__ import annotations
@@ -29,10 +25,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.excitation import EXCITATION, Excitation
-from ancf_casadi.dynamics.radau.collocation import Collocation
-from ancf_casadi.dynamics.radau.newton import Newton, StepArrays
-from ancf_casadi.dynamics.radau.step_control import StepControl
-from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
+from ancf_casadi.dynamics.radau.collocation import RADAU, STAGES, Collocation
+from ancf_casadi.dynamics.radau.newton import Newton, StepArrays, StepControl
 from ancf_casadi.dynamics.segments import ENERGY_STATES, SAME_TIME, Segment, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import SimulationError
@@ -55,11 +49,6 @@ def integrate_by_radau(
     """Integrate over a smooth piece of the excitation, and yield the solution on each of its consecutive segments.
 
     The other arguments are those of ``Stepper``.
-
-    Raises
-    ------
-    SimulationError
-        If no step is small enough, or the steps are too many.
     """
     stepper = Stepper(form, parameters, piece, start, tolerance, largest_step)
     size, steps, energies = form.equations.model.size, 0, np.zeros(ENERGY_STATES)
@@ -89,48 +78,24 @@ def integrate_by_radau(
 
 @dataclass(frozen=True, eq=False)
 class RadauStep:
-    """A step that was taken.
+    """A step that was taken."""
 
-    Parameters
-    ----------
-    start, length : float
-        Start and length, s.
-    q, v, a : array (N,)
-        Free coordinates, velocities and accelerations at the start.
-    increments : array (3, N)
-        Increments of the coordinates at the stages.
-    excitations : array (3, 15)
-        The excitation at each stage.
-    """
-
-    start: float
-    length: float
-    q: Array
-    v: Array
-    a: Array
-    increments: Array
-    excitations: Array
+    start: float  # s
+    length: float  # s
+    q: Array  # free coordinates at the start, (N,)
+    v: Array  # their velocities
+    a: Array  # their accelerations
+    increments: Array  # of the coordinates at the stages, (3, N)
+    excitations: Array  # at the stages, (3, 15)
 
 
 class Stepper:
     """Integration over a smooth piece of the excitation, one step at a time.
 
-    ``now`` is the end of the last step, s; ``steps`` counts the accepted steps.
-
-    Parameters
-    ----------
-    form : Collocation
-        The Functions of a step.
-    parameters : array
-        The parameters of the equation of motion, in place of the nominal ones of ``form``.
-    piece : Excitation
-        The excitation.
-    start : State
-        The state at its beginning.
-    tolerance : float
-        Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.
-    largest_step : float
-        Largest step, s.
+    ``now`` is the end of the last step, s; ``steps`` counts the accepted steps.  The parameters are those of the
+    equation of motion, in place of the nominal ones of ``form``; ``start`` is the state at the beginning of the piece.
+    The tolerance is the local error of the positions relative to the length of the beam, and of the slopes relative to
+    1/2.
     """
 
     def __init__(
@@ -176,13 +141,7 @@ class Stepper:
         return RadauStep(self.now - h, h, q, v, a, arrays.nodes[1:, NODE:] - q, arrays.excitations.copy())
 
     def reach(self, instant: float) -> None:
-        """Take steps until an instant is passed.
-
-        Raises
-        ------
-        SimulationError
-            If no step is small enough, or the steps are too many.
-        """
+        """Take steps until an instant is passed."""
         before = self.steps
         while self.steps == 0 or self.now < instant - SAME_TIME * self._control.length:
             self.advance()
@@ -190,11 +149,7 @@ class Stepper:
                 raise SimulationError(_failure("took too many steps", self.now, self._control.length), self.now)
 
     def sample(self, instants: Array) -> tuple[Array, ...]:
-        """Return the motion at some instants (k,) of the last step.
-
-        These are coordinates and velocities, (k, 4 n + 4), forces of the base, (k, 4), and the energies since the start
-        of the piece, (k, 3).
-        """
+        """Return e, e_t (k, 4 n + 4), forces of the base (k, 4), energies (k, 3) at instants (k,) of the last step."""
         count = len(instants)
         if count not in self._samplers:
             self._samplers[count] = _sampler(count, self._form, self._arrays, self._piece.function)
@@ -206,13 +161,7 @@ class Stepper:
         return np.asarray(self._energies + x * (first + x * (second + x * third)))
 
     def advance(self) -> None:
-        """Take one step, as long as the tolerance and Newton's method allow.
-
-        Raises
-        ------
-        SimulationError
-            If no step is small enough.
-        """
+        """Take one step, as long as the tolerance and Newton's method allow."""
         control, newton, arrays = self._control, self.newton, self._arrays
         while True:
             h = control.trial_length(self._piece.end - self.now, self._largest_step)
@@ -261,11 +210,7 @@ class Stepper:
 def _sampler(
     count: int, form: Collocation, arrays: StepArrays, excitation: cs.Function
 ) -> Callable[[Array, Array], list[Array]]:
-    """Return the function that evaluates k samples of the last step at once.
-
-    It takes their times (k,), s, and their places in the step, 0 to 1, and returns coordinates and velocities,
-    (k, 4 n + 4), and forces of the base, (k, 4).
-    """
+    """Return the function (times (k,), s, places in the last step, 0 to 1) -> e, e_t and forces of the base there."""
     instants, places, excitations = np.zeros(count), np.zeros(count), np.zeros((count, EXCITATION))
     step = [arrays.length, *arrays.start, *arrays.end]
     inputs = [places, *step, excitations, arrays.reference, arrays.parameters, arrays.real]

@@ -15,9 +15,10 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.tables import known
 from ancf_casadi.vibration.modes import Modes, natural_modes
-from problems.modal_damping.air import Air, implied_drag_coefficient, viscous_damping_ratios
-from problems.modal_damping.combined_law import CombinedLawFit, ModeCoefficients, fit_combined_law, ratio_curves
+from problems.paper.air import Air, implied_drag_coefficient, viscous_damping_ratios
+from problems.paper.coefficients import CombinedLawFit, ModeCoefficients, fit_combined_law, ratio_curves
 from problems.schema.beam import law_of
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, drawn, line, new_figure
@@ -52,10 +53,23 @@ def finding(part: PaperPart, results: Sequence[Any], found: Found, effort: Effor
         implied_drag_coefficient(one.eta2, beam, air, eta2_error=math.sqrt(one.covariance[1, 1])) for one in measured
     ]
     viscous = viscous_damping_ratios(modes, air)
-    error = float(np.nan_to_num(fit.standard_errors["eta2"]))
-    total = implied_drag_coefficient(fit.eta2, beam, air, eta2_error=error)
+    total = implied_drag_coefficient(fit.eta2, beam, air, eta2_error=float(np.nan_to_num(fit.errors[-1])))
+    *ratio_errors, eta2_error = (known(error) for error in fit.errors)
     data = {
-        "law": {**fit.to_dict(), "drag_coefficient": total[0], "drag_coefficient_stderr": total[1]},
+        "law": {
+            "linear_damping_ratios": list(fit.ratios),
+            "linear_damping_ratio_stderr": ratio_errors,
+            "eta2_per_m": fit.eta2,
+            "eta2_stderr_per_m": eta2_error,
+            "drag_constants": fit.drag_constants.tolist(),
+            "chi_squared": fit.chi_squared,
+            "degrees_of_freedom": fit.degrees_of_freedom,
+            "probability": fit.probability,
+            "explains_all_modes": fit.explains_all_modes,
+            "warnings": list(fit.warnings),
+            "drag_coefficient": total[0],
+            "drag_coefficient_stderr": total[1],
+        },
         "drag": [
             {
                 "mode": n + 1,
@@ -64,7 +78,7 @@ def finding(part: PaperPart, results: Sequence[Any], found: Found, effort: Effor
                 "drag_coefficient_by_eq_25": value,
                 "viscous_damping_ratio": float(viscous[n]),
             }
-            for n, ((value, error), c) in enumerate(zip(drag, fit.drag_constants, strict=True))
+            for n, ((value, error), c) in enumerate(zip(drag, fit.drag_constants.tolist(), strict=True))
         ],
     }
     frequencies = [one.frequency for one in measured]
@@ -77,18 +91,14 @@ def finding(part: PaperPart, results: Sequence[Any], found: Found, effort: Effor
 
 
 def _law(part: PaperPart, fit: CombinedLawFit, total: tuple[float, float]) -> DataTable:
-    errors = list(fit.standard_errors.values())
-    table = fit.table()
     columns = (
         Column("", (*(f"ζ of mode {n + 1}, linear" for n in range(len(fit.ratios))), "η2, all modes",
                     "drag coefficient")),
         Column("unit", (*["%"] * len(fit.ratios), "1/m", "1")),
         Column("value", (*(100 * ratio for ratio in fit.ratios), fit.eta2, total[0]),
-               errors=(*(100 * error for error in errors[:-1]), errors[-1], total[1])),
+               errors=(*(100 * error for error in fit.errors[:-1]), fit.errors[-1], total[1])),
     )  # fmt: skip
-    verdict = table.notes[0]
-    note = f"{verdict[0].upper()}{verdict[1:]}."
-    return part.data_table("Modal plus quadratic damping for all modes", columns, note)
+    return part.data_table("Modal plus quadratic damping for all modes", columns, fit.verdict)
 
 
 def _drag(
@@ -99,7 +109,7 @@ def _drag(
     viscous: Sequence[float],
     given: Beam,
 ) -> DataTable:
-    modes, constants = range(1, len(drag) + 1), fit.drag_constants
+    modes, constants = range(1, len(drag) + 1), fit.drag_constants.tolist()
     linear = [100 * one.eta1 / (4 * math.pi * one.frequency) for one in fit.measured]
     linear_errors = [100 * math.sqrt(one.covariance[0, 0]) / (4 * math.pi * one.frequency) for one in fit.measured]
     columns = [

@@ -38,24 +38,12 @@ MOST_FRF_MODES = 20
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """The functions and the rules of a choice.
+    """The functions and the rules of a choice."""
 
-    Parameters
-    ----------
-    values : array (k, F)
-        Measured values, one column per function.
-    deviations : array (k, F)
-        Their standard deviations: as given by the record, or to begin with.
-    estimated : bool
-        Whether the standard deviations follow from the residuals of each fit.
-    strict : bool
-        Whether modes are dropped that cannot be told from noise by their damping alone.
-    """
-
-    values: ComplexArray
-    deviations: Array
-    estimated: bool
-    strict: bool = True
+    values: ComplexArray  # measured, one column per function, (k, F)
+    deviations: Array  # their standard deviations, as given by the record, or to begin with, (k, F)
+    estimated: bool  # standard deviations follow from the residuals of each fit
+    strict: bool  # modes are dropped that cannot be told from noise by their damping alone
 
     def fit(self, model: ModalSum, f: Array, ζ: Array, deviations: Array | None = None) -> TrialFit | None:
         """Return the fit of some modes, without those that are dropped; None if it fails."""
@@ -123,13 +111,7 @@ class Selection:
 
 
 def select_modes(selection: Selection, model: ModalSum, candidates: Candidates, count: int | None) -> TrialFit:
-    """Return the fit of the modes that the functions show, or of ``count`` modes.
-
-    Raises
-    ------
-    FitError
-        If no mode is found.
-    """
+    """Return the fit of the modes that the functions show, or of ``count`` modes."""
     for powers in RESIDUAL_POWERS:
         more = replace(model, powers=powers)
         if selection.has_room(more, len(candidates.recurring) or (count or 1)):

@@ -279,7 +279,7 @@ class LeastChange(Displayed):
         if self.weight is not None:
             positive(self.weight, "preference: weight")
 
-    def matrix(self, space: DesignSpace, default: float) -> Array:
+    def matrix(self, space: DesignSpace, default: float = math.nan) -> Array:
         """Return the matrix of the quadratic form, (N, N), with the given or else the default weight."""
         weight = default if self.weight is None else self.weight
         patches = [PATCHES if isinstance(unknown, PerElement) else 1.0 for unknown in space.unknowns]

@@ -10,7 +10,7 @@ from ancf_casadi import Measurement, ModalDamping, QuadraticDamping, RayleighDam
 from ancf_casadi.decay.closed_forms import quadratic_decay
 from ancf_casadi.estimation.agreement import Agreement
 from problems import fit_decay
-from problems.paper.coefficients import ModeCoefficients, drag_constants, fit_combined_law, ratio_curves
+from problems.paper.combined_law import ModeCoefficients, drag_constants, fit_combined_law, ratio_curves
 from problems.study.kinds.decays import unbounded_coefficients
 
 RATIOS = np.array([0.006, 0.0025, 0.0026, 0.0022, 0.0027])

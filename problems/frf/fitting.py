@@ -82,10 +82,8 @@ def fit_frf(
     deviations = given_deviations(record)
     scaled = values / np.sqrt(np.median(deviations**2, axis=0))
     candidates = candidate_poles(record.frequencies, scaled) if near is None else poles_near(model, scaled, near)
-    selection = Selection(
-        values, deviations, estimated=record.std is None and record.coherence is None, strict=wanted is None
-    )
-    best = select_modes(selection, model, candidates, wanted)
+    selection = Selection(values, deviations, record.std is None and record.coherence is None, candidates, wanted)
+    best = select_modes(selection, model)
     if near is not None and len(best.frequencies) < len(near):
         raise FitError(f"only {len(best.frequencies)} of the {wanted} modes were found; {FRF_ADVICE}")
     for _ in range(3):  # rounds in which weights and estimates settle

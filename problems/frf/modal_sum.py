@@ -37,7 +37,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -58,63 +58,52 @@ SOLVER_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class ModalSum:
-    """The functions of the coefficients, at given frequencies.
+    """The functions of the coefficients, at given frequencies."""
 
-    Parameters
-    ----------
-    frequencies : array (k,)
-        Frequencies, Hz.
-    derivatives : int
-        The power d.
-    powers : tuple of int
-        The powers p of the residual terms.
-    reference : float
-        Angular frequency, rad/s, that makes the powers dimensionless.
-    """
-
-    frequencies: Array
-    derivatives: int
-    powers: tuple[int, ...]
-    reference: float
+    frequencies: Array  # (k,), Hz
+    derivatives: int  # the power d
+    powers: tuple[int, ...]  # p of the residual terms
+    reference: float  # angular frequency, rad/s, that makes the powers dimensionless
 
     @classmethod
     def of(cls, frequencies: Array, derivatives: int, powers: tuple[int, ...]) -> ModalSum:
         """Return the model for the frequencies of a record."""
         return cls(frequencies, derivatives, powers, 2 * math.pi * float(np.sqrt(frequencies[0] * frequencies[-1])))
 
+    @property
+    def _iω(self) -> ComplexArray:
+        return np.asarray(2j * np.pi * self.frequencies[:, None])
+
     def modal(self, frequencies: Array, ratios: Array) -> ComplexArray:
         """Return the columns of modes, (k, 2 m): those of a and b of each mode."""
-        iω = 2j * np.pi * self.frequencies[:, None]
-        ω_k = 2 * np.pi * frequencies
+        iω, ω_k = self._iω, 2 * np.pi * frequencies
         resonance = iω**self.derivatives / (ω_k**2 + iω**2 + 2 * ratios * ω_k * iω)
         return np.stack([resonance, iω * resonance], axis=2).reshape(len(iω), -1)
 
-    def residual_terms(self) -> ComplexArray:
-        """Return the columns of the residual terms, (k, powers)."""
-        iω = 2j * np.pi * self.frequencies[:, None]
-        return np.asarray(iω**self.derivatives * (iω / self.reference) ** np.array(self.powers))
-
     def columns(self, frequencies: Array, ratios: Array) -> ComplexArray:
         """Return the columns of all coefficients, (k, 2 m + powers)."""
-        return np.hstack([self.modal(frequencies, ratios), self.residual_terms()])
+        residual_terms: ComplexArray = self._iω**self.derivatives * (self._iω / self.reference) ** np.array(self.powers)
+        return np.hstack([self.modal(frequencies, ratios), residual_terms])
 
     def slopes(self, frequencies: Array, ratios: Array, coefficients: Array) -> ComplexArray:
         """Return the derivatives of the functions by frequency and damping ratio of each mode in turn, (F, k, 2 m)."""
-        iω = 2j * np.pi * self.frequencies[:, None]
-        ω_k = 2 * np.pi * frequencies
-        square = ω_k**2 + iω**2 + 2 * ratios * ω_k * iω
-        by_frequency = -(iω**self.derivatives) * 4 * np.pi * (ω_k + ratios * iω) / square**2
-        by_ratio = -(iω**self.derivatives) * 2 * ω_k * iω / square**2
-        a, b = coefficients[0 : 2 * len(frequencies) : 2], coefficients[1 : 2 * len(frequencies) : 2]
-        sizes = a.T[:, None, :] + iω * b.T[:, None, :]
-        return np.stack([sizes * by_frequency, sizes * by_ratio], axis=3).reshape(*sizes.shape[:2], -1)
+        iω, ω_k = self._iω, 2 * np.pi * frequencies
+        common = -2 * iω**self.derivatives / (ω_k**2 + iω**2 + 2 * ratios * ω_k * iω) ** 2
+        a, b = _pairs(coefficients, len(frequencies))
+        sizes = (a.T[:, None, :] + iω * b.T[:, None, :]) * common
+        slopes = np.stack([sizes * 2 * np.pi * (ω_k + ratios * iω), sizes * ω_k * iω], axis=3)
+        return slopes.reshape(*sizes.shape[:2], -1)
 
     def constants(self, frequencies: Array, ratios: Array, coefficients: Array) -> ComplexArray:
         """Return the modal constants C (m, F) from the coefficients (2 m + powers, F)."""
-        a, b = coefficients[0 : 2 * len(frequencies) : 2], coefficients[1 : 2 * len(frequencies) : 2]
+        (a, b), ζ = _pairs(coefficients, len(frequencies)), ratios[:, None]
         ω_k = 2 * np.pi * frequencies[:, None]
-        ζ = ratios[:, None]
         return np.asarray(a - ζ * ω_k * b + 1j * ω_k * np.sqrt(1 - ζ**2) * b)
+
+
+def _pairs(coefficients: Array, modes: int) -> tuple[Array, Array]:
+    """Return a and b of each mode, (m, F) each, from the coefficients."""
+    return coefficients[0 : 2 * modes : 2], coefficients[1 : 2 * modes : 2]
 
 
 def stacked(values: ComplexArray) -> Array:
@@ -124,23 +113,13 @@ def stacked(values: ComplexArray) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class TrialFit:
-    """Some modes, and the fit of all coefficients with them.
-
-    Parameters
-    ----------
-    model : ModalSum
-        The model.
-    values, weights : array (k, F)
-        Measured values and their weights, one column per function.
-    frequencies, ratios : array (m,)
-        Natural frequencies, Hz, and damping ratios.
-    """
+    """Some modes, and the fit of all coefficients with them."""
 
     model: ModalSum
-    values: ComplexArray
-    weights: Array
-    frequencies: Array
-    ratios: Array
+    values: ComplexArray  # measured, one column per function, (k, F)
+    weights: Array  # (k, F)
+    frequencies: Array  # natural frequencies, Hz, (m,)
+    ratios: Array  # damping ratios, (m,)
 
     def moved(self, x: Array) -> TrialFit:
         """Return the fit with other frequencies and damping ratios, in turn (2 m,)."""
@@ -177,13 +156,12 @@ class TrialFit:
     @cached_property
     def fitted(self) -> ComplexArray:
         """Fitted values (k, F)."""
-        return np.asarray(self.model.columns(self.frequencies, self.ratios) @ self.coefficients)
+        return self.at(self.model.frequencies)
 
     def at(self, frequencies: Array) -> ComplexArray:
         """Return the fitted functions (k, F) at other frequencies, Hz."""
-        return np.asarray(
-            replace(self.model, frequencies=frequencies).columns(self.frequencies, self.ratios) @ self.coefficients
-        )
+        model = replace(self.model, frequencies=frequencies)
+        return np.asarray(model.columns(self.frequencies, self.ratios) @ self.coefficients)
 
     @property
     def residuals(self) -> ComplexArray:
@@ -233,30 +211,28 @@ class TrialFit:
 
 def quick_fit(start: TrialFit) -> TrialFit | None:
     """Return the fit of all parameters from the modes of a start; None if the functions do not determine the modes."""
-    bounded, scales = start.bounded, start.scales
-    last: dict[bytes, TrialFit] = {}
+    bounded = start.bounded
 
-    def at(x: Array) -> TrialFit:
-        if x.tobytes() not in last:
-            last.clear()
-            last[x.tobytes()] = start.moved(x)
-        return last[x.tobytes()]
+    @lru_cache(maxsize=1)  # residuals and Jacobian are asked for in turn
+    def at(x: bytes) -> TrialFit:
+        return start.moved(np.frombuffer(x))
 
     def residuals(x: Array) -> Array:
-        return at(x).weighted_residuals
+        return at(x.tobytes()).weighted_residuals
 
     def jacobian(x: Array) -> Array:
-        return at(x).jacobian
+        return at(x.tobytes()).jacobian
 
     upper = np.tile([np.inf, LARGEST_RATIO], len(start.frequencies))
     try:
         found = least_squares(
-            residuals, bounded, jacobian, (0.0, upper), x_scale=scales,
-            ftol=SOLVER_TOLERANCE, xtol=SOLVER_TOLERANCE, gtol=SOLVER_TOLERANCE, max_nfev=50 * len(bounded),
+            residuals, bounded, jacobian, (0.0, upper),
+            x_scale=start.scales, ftol=SOLVER_TOLERANCE, xtol=SOLVER_TOLERANCE, gtol=SOLVER_TOLERANCE,
+            max_nfev=50 * len(bounded),
         )  # fmt: skip
     except (np.linalg.LinAlgError, ValueError):  # residuals that are not finite
         return None
-    fit = at(found.x)
+    fit = at(found.x.tobytes())
     columns = [np.abs(np.diag(triangle)) / np.linalg.norm(triangle, axis=0) for _, triangle in fit.factors]
     # least relative norm of a column beside the others
     return fit if np.min(columns) > 1e-10 and np.linalg.norm(fit.jacobian, axis=0).all() else None

@@ -9,7 +9,6 @@ from __future__ import annotations
 import importlib
 import warnings
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -25,39 +24,24 @@ MODULE, MISSING = "sdypy.EMA", "sdypy-EMA"
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Possible modes.
+    """Possible modes."""
 
-    Parameters
-    ----------
-    frequencies, ratios : array (c,)
-        Natural frequencies, Hz, and damping ratios.
-    recurring : array of int
-        Indices of the modes that recur in the chart, most often first.
-    """
-
-    frequencies: Array
-    ratios: Array
-    recurring: Index
+    frequencies: Array  # natural frequencies, Hz, (c,)
+    ratios: Array  # damping ratios, (c,)
+    recurring: Index  # indices of the modes that recur in the chart, most often first
 
 
 def candidate_poles(frequencies: Array, values: ComplexArray) -> Candidates:
     """Return the poles of all orders in the band, and those among them that recur.
 
-    Parameters
-    ----------
-    frequencies : array (k,)
-        Frequencies, Hz.
-    values : array (k, F)
-        Measured values, scaled to equal noise.
-
-    Raises
-    ------
-    InputError
-        If sdypy-EMA is not installed.
-    FitError
-        If the method finds no pole.
+    The values, (k, F), at the frequencies, Hz, are scaled to equal noise.
     """
-    ema = _library()
+    try:
+        ema = importlib.import_module(MODULE)
+    except ModuleNotFoundError:
+        raise InputError(
+            "is not installed, but finds the poles; pip install sdypy-EMA, or give approximate frequencies", MISSING
+        ) from None
     f, rows = _equally_spaced(frequencies, values.T)
     order = max(2, min(40, len(f) // 3))  # at least three lines per order
     with warnings.catch_warnings():
@@ -94,17 +78,7 @@ def _recurring(frequencies: Array, ratios: Array, orders: Index) -> Index:
 
 
 def poles_near(model: ModalSum, values: ComplexArray, frequencies: Array) -> Candidates:
-    """Return one mode for each given frequency, Hz, with the damping ratio of a grid that explains the values best.
-
-    Parameters
-    ----------
-    model : ModalSum
-        The model.
-    values : array (k, F)
-        Measured values, scaled to equal noise.
-    frequencies : array (m,)
-        Approximate natural frequencies, Hz.
-    """
+    """Return one mode for each given frequency, Hz, with the damping ratio of a grid that explains the values best."""
     measured, ratios = stacked(values), np.full(len(frequencies), RATIO_GRID[len(RATIO_GRID) // 2])
     for k in list(range(len(frequencies))) * 2:  # two sweeps over the modes
         rests = []
@@ -117,22 +91,6 @@ def poles_near(model: ModalSum, values: ComplexArray, frequencies: Array) -> Can
     return Candidates(frequencies, ratios, np.arange(len(frequencies)))
 
 
-def _library() -> Any:
-    """Return the module.
-
-    Raises
-    ------
-    InputError
-        If it is not installed.
-    """
-    try:
-        return importlib.import_module(MODULE)
-    except ModuleNotFoundError:
-        raise InputError(
-            "is not installed, but finds the poles; pip install sdypy-EMA, or give approximate frequencies", MISSING
-        ) from None
-
-
 def _equally_spaced(frequencies: Array, rows: ComplexArray) -> tuple[Array, ComplexArray]:
     """Return equally spaced lines, interpolated if those given are not."""
     even = np.linspace(frequencies[0], frequencies[-1], len(frequencies))
@@ -141,5 +99,5 @@ def _equally_spaced(frequencies: Array, rows: ComplexArray) -> tuple[Array, Comp
         return frequencies, rows
     step = float(np.median(np.diff(frequencies)))
     even = np.linspace(frequencies[0], frequencies[-1], 1 + round((frequencies[-1] - frequencies[0]) / step))
-    even = even[: 20 * len(frequencies)] if len(even) > 20 * len(frequencies) else even
+    even = even[: 20 * len(frequencies)]
     return even, np.array([np.interp(even, frequencies, row) for row in rows])

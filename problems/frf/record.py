@@ -68,18 +68,15 @@ class FrfRecord(Displayed):
         if (np.diff(f) <= 0.0).any() or f[0] <= 0.0:
             raise InputError("must be positive and increase; leave out the line at 0 Hz", "frequencies")
         values = complex_array(self.values, "values")
-        values = values.reshape((1,) * (3 - values.ndim) + values.shape) if values.ndim == 1 else values
-        values = values[:, None, :] if values.ndim == 2 else values
+        values = values[None, None] if values.ndim == 1 else values[:, None] if values.ndim == 2 else values
         if values.ndim != 3 or not values.size or values.shape[2] != len(f):
             raise InputError(
                 f"must have the shape (outputs, inputs, {len(f)}), got {np.shape(self.values)}; the frequencies come "
                 "last",
                 "values",
             )
-        for name, column in zip(
-            "outputs inputs".split(), (values.any(axis=(1, 2)), values.any(axis=(0, 2))), strict=True
-        ):
-            if not column.all():
+        for name, others in (("outputs", (1, 2)), ("inputs", (0, 2))):
+            if not values.any(axis=others).all():
                 raise InputError(f"are all zero in one of the {name}; leave it out", "values")
         object.__setattr__(self, "frequencies", f)
         object.__setattr__(self, "values", values)

@@ -39,13 +39,7 @@ FRF_ADVICE = "give approximate frequencies, ask for fewer modes, or choose a ban
 
 
 def refine(start: TrialFit) -> tuple[TrialFit, Fit]:
-    """Return the modes that fit best, from a start, and the fit of their frequencies and damping ratios, in turn.
-
-    Raises
-    ------
-    FitError
-        If the fit does not converge.
-    """
+    """Return the modes that fit best, from a start, and the fit of their frequencies and damping ratios, in turn."""
     unknowns, numbers = [], zip(start.bounded.tolist(), start.scales.tolist(), strict=True)
     for mode in range(1, len(start.frequencies) + 1):
         unknowns.append(Unknown(f"frequency_{mode}", *next(numbers), lower=0.0, unit="Hz"))
@@ -115,16 +109,9 @@ def _shared(trial: TrialFit, basis: Array) -> Array:
 
 
 def coefficient_covariance(trial: TrialFit, fit: Fit, function: int) -> Array:
-    """Return the covariance of the coefficients of a function (c, c); unknowns at a bound count as known.
+    """Return the covariance of the coefficients of a function, numbered from 0, (c, c), by a corrected fit.
 
-    Parameters
-    ----------
-    trial : TrialFit
-        The modes that were fitted.
-    fit : Fit
-        Their fit with the corrected covariance.
-    function : int
-        Number of the function, from 0.
+    Unknowns at a bound count as known.
     """
     (q, triangle), k = trial.factors[function], len(trial.values)
     own = slice(2 * k * function, 2 * k * (function + 1))

@@ -200,11 +200,9 @@ class FrfFit(LeastSquaresResult):
     def resampled(self, noise: Array) -> Array:
         """Return the estimates (p,) from a fit to the fitted functions plus noise of each residual (m,)."""
         trial = self.refinement
-        real, imaginary = (
-            noise.reshape(trial.values.shape[1], 2, -1).swapaxes(0, 1) * inflation(self.refinement, self.fit) ** 0.5
-        )
-        values = trial.fitted + (real + 1j * imaginary).T / trial.weights
-        found = quick_fit(replace(trial, values=values))
+        real, imaginary = noise.reshape(trial.values.shape[1], 2, -1).swapaxes(0, 1)
+        scaled = inflation(trial, self.fit) ** 0.5 * (real + 1j * imaginary).T / trial.weights
+        found = quick_fit(replace(trial, values=trial.fitted + scaled))
         if found is None:
             raise FitError(f"the functions do not determine the modes; {FRF_ADVICE}")
         return np.column_stack([found.frequencies, found.ratios]).ravel()
@@ -215,37 +213,22 @@ class FrfFit(LeastSquaresResult):
 
     def tables(self) -> tuple[Table, Table]:
         """Return the table of frequencies and damping ratios, and that of modal constants."""
-        rows, constants = [], []
-        intervals = self.intervals()
+        rows, constants, intervals = [], [], self.intervals()
         for k, (f, ζ) in enumerate(zip(self.frequencies.tolist(), self.damping_ratios.tolist(), strict=True), start=1):
-            names = (f"frequency_{k}", f"damping_ratio_{k}")
-            low, high = intervals[names[1]]
-            errors = [known(self.standard_errors[name]) for name in names]
-            percent = [100 * x if np.isfinite(x) else None for x in (low, high)]
-            rows.append((k, f, errors[0], 100 * ζ, None if errors[1] is None else 100 * errors[1], *percent))
-            own = zip(
-                self.record.names(), self.constants[k - 1].ravel(), self.constant_errors[k - 1].ravel(), strict=True
-            )
+            error, ratio_error = (self.standard_errors[f"{name}_{k}"] for name in ("frequency", "damping_ratio"))
+            percent = [known(100 * x) for x in (ratio_error, *intervals[f"damping_ratio_{k}"])]
+            rows.append((k, f, known(error), 100 * ζ, *percent))
+            own = zip(self.record.names(), self.constants[k - 1].flat, self.constant_errors[k - 1].flat, strict=True)
             constants += [(k, name, float(c.real), float(e.real), float(c.imag), float(e.imag)) for name, c, e in own]
-        lines, functions = len(self.record.frequencies), self.record.outputs * self.record.inputs
-        band = f"{self.record.frequencies[0]:.4g} to {self.record.frequencies[-1]:.4g} Hz"
-        columns = ("mode", "frequency_Hz", "stderr_Hz", "damping_%", "stderr_%", "lower_95_%", "upper_95_%")
+        f, functions = self.record.frequencies, self.record.outputs * self.record.inputs
         kind = self.record.kind.replace("-", " ") + (" functions" if functions > 1 else " function")
+        title = f"Modes from {functions} {kind} at {len(f)} frequencies, {f[0]:.4g} to {f[-1]:.4g} Hz"
+        columns = ("mode", "frequency_Hz", "stderr_Hz", "damping_%", "stderr_%", "lower_95_%", "upper_95_%")
         unit = "" if self.record.unit == "1" else ", 1/kg"
+        of_constants = ("mode", "function", "real", "stderr", "imaginary", "stderr")
         return (
-            Table(
-                "modes",
-                f"Modes from {functions} {kind} at {lines} frequencies, {band}",
-                columns,
-                rows,
-                [self.fit.colour()],
-            ),
-            Table(
-                "constants",
-                f"Modal constants{unit}",
-                ("mode", "function", "real", "stderr", "imaginary", "stderr"),
-                constants,
-            ),
+            Table("modes", title, columns, rows, [self.fit.colour()]),
+            Table("constants", f"Modal constants{unit}", of_constants, constants),
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -256,15 +239,11 @@ class FrfFit(LeastSquaresResult):
             for name, suffix in (("frequency", "_hz"), ("damping_ratio", "")):
                 mode[f"{name}_stderr{suffix}"] = known(self.standard_errors[f"{name}_{k}"])
                 mode[f"{name}_interval{suffix}"] = [known(end) for end in intervals[f"{name}_{k}"]]
-            for name, values in (("constants", self.constants), ("constants_stderr", self.constant_errors)):
+            parts = {"constants": self.constants, "constants_stderr": self.constant_errors, "shape": self.shapes}
+            for name, values in parts.items():
                 mode[f"{name}_real"], mode[f"{name}_imaginary"] = (
-                    values[k - 1].real.tolist(),
-                    values[k - 1].imag.tolist(),
+                    part.tolist() for part in (values[k - 1].real, values[k - 1].imag)
                 )
-            mode["shape_real"], mode["shape_imaginary"] = (
-                self.shapes[k - 1].real.tolist(),
-                self.shapes[k - 1].imag.tolist(),
-            )
             modes.append(mode)
         return {
             **super().to_dict(),
@@ -276,13 +255,7 @@ class FrfFit(LeastSquaresResult):
 
 
 def refined(record: FrfRecord, start: TrialFit, notes: tuple[str, ...], again: Callable[[Any], Any]) -> FrfFit:
-    """Return the result of a fit from a start.
-
-    Raises
-    ------
-    FitError
-        If the fit does not converge.
-    """
+    """Return the result of a fit from a start."""
     trial, fit = refine(start)
     return FrfFit(corrected(trial, fit), record, trial, fit, notes, again=again)
 
@@ -293,13 +266,12 @@ def _constant_errors(trial: TrialFit, fit: Fit, function: int) -> ComplexArray:
     The change of the constants by frequency and damping ratio at given coefficients is zero for real modes, and left
     out: it is of the order of the damping ratio.
     """
-    covariance, found = coefficient_covariance(trial, fit, function), []
-    for k, (f, ζ) in enumerate(zip(trial.frequencies, trial.ratios, strict=True)):
-        ω = 2 * np.pi * f
-        own = covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
-        real, imaginary = np.array([1.0, -ζ * ω]), np.array([0.0, ω * np.sqrt(1 - ζ**2)])
-        found.append(complex(np.sqrt(real @ own @ real), np.sqrt(imaginary @ own @ imaginary)))
-    return np.array(found)
+    covariance, size = coefficient_covariance(trial, fit, function), 2 * len(trial.ratios)
+    (aa, ab), (_, bb) = (
+        [np.diag(covariance[i:size:2, j:size:2]) for j in range(2)] for i in range(2)
+    )  # of a and b of each mode
+    ω, ζ = 2 * np.pi * trial.frequencies, trial.ratios
+    return np.asarray(np.sqrt(aa - 2 * ζ * ω * ab + (ζ * ω) ** 2 * bb) + 1j * ω * np.sqrt((1 - ζ**2) * bb))
 
 
 def frf_figure(fits: Mapping[str, FrfFit]) -> Figure:

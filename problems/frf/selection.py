@@ -38,24 +38,13 @@ MOST_FRF_MODES = 20
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """The functions and the rules of a choice.
+    """The functions and the rules of a choice."""
 
-    Parameters
-    ----------
-    values : array (k, F)
-        Measured values, one column per function.
-    deviations : array (k, F)
-        Their standard deviations: as given by the record, or to begin with.
-    estimated : bool
-        Whether the standard deviations follow from the residuals of each fit.
-    strict : bool
-        Whether modes are dropped that cannot be told from noise by their damping alone.
-    """
-
-    values: ComplexArray
-    deviations: Array
-    estimated: bool
-    strict: bool = True
+    values: ComplexArray  # measured, one column per function, (k, F)
+    deviations: Array  # their standard deviations, as given by the record, or to begin with, (k, F)
+    estimated: bool  # standard deviations follow from the residuals of each fit
+    candidates: Candidates
+    count: int | None  # of the modes; if None, as many as are needed, each distinct from noise by its damping alone
 
     def fit(self, model: ModalSum, f: Array, ζ: Array, deviations: Array | None = None) -> TrialFit | None:
         """Return the fit of some modes, without those that are dropped; None if it fails."""
@@ -111,7 +100,7 @@ class Selection:
         """Return which modes of a fit are not dropped."""
         f, ζ, lines = fit.frequencies, fit.ratios, fit.model.frequencies
         kept = (f >= lines[0]) & (f <= lines[-1])
-        if self.strict:
+        if self.count is None:
             place = np.clip(np.searchsorted(lines, f), 1, len(lines) - 1)
             # a mode has a tenth of the distance of two lines as half-power bandwidth, and no heavy damping
             kept &= (2 * ζ * f > 0.1 * (lines[place] - lines[place - 1])) & (ζ < 0.5)
@@ -122,21 +111,13 @@ class Selection:
         return np.asarray(kept & ~np.tril(close, -1).any(axis=1))
 
 
-def select_modes(selection: Selection, model: ModalSum, candidates: Candidates, count: int | None) -> TrialFit:
-    """Return the fit of the modes that the functions show, or of ``count`` modes.
-
-    Raises
-    ------
-    FitError
-        If no mode is found.
-    """
+def select_modes(selection: Selection, model: ModalSum) -> TrialFit:
+    """Return the fit of the modes that the functions show, or of the given number of modes."""
     for powers in RESIDUAL_POWERS:
         more = replace(model, powers=powers)
-        if selection.has_room(more, len(candidates.recurring) or (count or 1)):
+        if selection.has_room(more, len(selection.candidates.recurring) or (selection.count or 1)):
             model = more
-    best = _beginning(selection, model, candidates)
-    best = _reduced(selection, best, count)
-    best = _extended(selection, best, candidates, count)
+    best = _extended(selection, _reduced(selection, _beginning(selection, model)))
     if not len(best.frequencies):
         raise FitError("no mode was found in the band; give approximate frequencies, or a band with a resonance")
     for powers in RESIDUAL_POWERS[: RESIDUAL_POWERS.index(best.model.powers)][::-1]:
@@ -147,8 +128,9 @@ def select_modes(selection: Selection, model: ModalSum, candidates: Candidates, 
     return best
 
 
-def _beginning(selection: Selection, model: ModalSum, candidates: Candidates) -> TrialFit:
+def _beginning(selection: Selection, model: ModalSum) -> TrialFit:
     """Return the fit of the recurring poles, of as many as can be fitted."""
+    candidates = selection.candidates
     chosen = candidates.recurring[:MOST_FRF_MODES]
     while len(chosen):
         fit = selection.fit(model, candidates.frequencies[chosen], candidates.ratios[chosen])
@@ -158,12 +140,12 @@ def _beginning(selection: Selection, model: ModalSum, candidates: Candidates) ->
     return TrialFit(model, selection.values, 1 / selection.deviations, np.empty(0), np.empty(0))
 
 
-def _reduced(selection: Selection, best: TrialFit, count: int | None) -> TrialFit:
-    """Return the fit without the modes that it does not need, or with the ``count`` most important ones."""
-    while len(best.frequencies) > (count or 0):
+def _reduced(selection: Selection, best: TrialFit) -> TrialFit:
+    """Return the fit without the modes that it does not need, or with the most important ones."""
+    while len(best.frequencies) > (selection.count or 0):
         least = int(np.argmin(_importance(best)))
         f, ζ = np.delete(best.frequencies, least), np.delete(best.ratios, least)
-        if count is None and selection.needed(best, best.model, f, ζ):
+        if selection.count is None and selection.needed(best, best.model, f, ζ):
             break
         smaller = selection.fit(best.model, f, ζ, selection.deviations_of(best))
         if smaller is None:
@@ -184,21 +166,21 @@ def _importance(fit: TrialFit) -> Array:
     return found
 
 
-def _extended(selection: Selection, best: TrialFit, candidates: Candidates, count: int | None) -> TrialFit:
-    """Return the fit with the candidates that it needs, or that make up ``count`` modes."""
-    while len(best.frequencies) < (MOST_FRF_MODES if count is None else count):
-        found: TrialFit | None = None
-        for f, ζ in _ranked(best, candidates):
+def _extended(selection: Selection, best: TrialFit) -> TrialFit:
+    """Return the fit with the candidates that it needs, or that make up the number of modes."""
+    while len(best.frequencies) < (selection.count or MOST_FRF_MODES):
+        for f, ζ in _ranked(best, selection.candidates):
             trial = selection.fit(best.model, np.append(best.frequencies, f), np.append(best.ratios, ζ))
             if trial is None or len(trial.frequencies) <= len(best.frequencies):
                 continue
             trial = selection.weighted(trial)
-            if count is not None or selection.needed(trial, best.model, best.frequencies, best.ratios):
-                found = trial
+            if selection.count or selection.needed(trial, best.model, best.frequencies, best.ratios):
                 break
-        if found is None or len(found.frequencies) <= len(best.frequencies):
-            break
-        best = found
+        else:
+            return best
+        if len(trial.frequencies) <= len(best.frequencies):
+            return best
+        best = trial
     return best
 
 

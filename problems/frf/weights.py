@@ -59,15 +59,7 @@ def first_deviations(values: ComplexArray) -> Array:
 
 
 def fitted_deviations(residuals: ComplexArray, amplitude: Array, leverage: Array) -> Array:
-    """Return the standard deviations (k, F) that the residuals of a fit show.
-
-    Parameters
-    ----------
-    residuals, amplitude : array (k, F)
-        Residuals, and absolute values of the fit.
-    leverage : array (k, F)
-        Share of each value that the fit follows.
-    """
+    """Return the standard deviations that residuals, absolute values and leverage of a fit show, all (k, F)."""
     squares = np.abs(residuals) ** 2 / np.maximum(1 - leverage, LEAST_REMAINDER)
     floor = (LEAST_STD * np.median(amplitude, axis=0)) ** 2
     variance = np.column_stack([_variance(*columns) for columns in zip(squares.T, amplitude.T**2, strict=True)])

@@ -46,27 +46,11 @@ PATCHES = 20.0  # c of PerElement: a fraction 1/c of the beam counts as a global
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """The N unknowns m of a beam, the F factors that follow from them, one per global property or element, and bounds.
+    """The N unknowns m of a beam, the F factors that follow, one per global property or element, and their bounds."""
 
-    Parameters
-    ----------
-    beam : Beam
-        The given beam.
-    unknowns : tuple of Global, PerElement, Smooth
-        Properties that may change.
-    bounds : float
-        Largest relative change of a property whose unknown states no bounds.
-
-    Raises
-    ------
-    InputError
-        If there is no unknown, a property has two, the beam has no tip mass or clamp stiffness to change, or bounds or
-        terms are out of range.
-    """
-
-    beam: Beam
+    beam: Beam  # the given one
     unknowns: tuple[PropertyUnknown, ...] = PAPER_UNKNOWNS
-    bounds: float = 0.10
+    bounds: float = 0.10  # largest relative change of a property whose unknown states no bounds
 
     def __post_init__(self) -> None:
         """Validate."""
@@ -78,15 +62,15 @@ class DesignSpace:
         object.__setattr__(self, "unknowns", tuple(self.unknowns))
         for unknown in self.unknowns:
             check_instance(unknown, "unknowns", Global, PerElement, Smooth)
-        given = [unknown.name for unknown in self.unknowns]
-        if not given:
+        if not self.unknowns:
             raise InputError("nothing may change; give at least one property", "unknowns")
+        given = [unknown.name for unknown in self.unknowns]
         for name in given:
             if given.count(name) > 1:
                 raise InputError(f"{name} is given {given.count(name)} times; give it once", "unknowns")
             if name in LUMPED and getattr(self.beam, name) in (0.0, math.inf):
                 raise InputError(f"the beam has no {name} to change; give the beam a first value of it", "unknowns")
-        _ = self.map
+        _ = self.shapes  # which are checked
 
     @cached_property
     def shapes(self) -> list[Array]:
@@ -107,19 +91,22 @@ class DesignSpace:
         """Names of the unknowns: those of their factors, and of smooth properties the degree of the polynomial."""
         return tuple(
             name
-            for unknown, shape in zip(self.unknowns, self.shapes, strict=True)
+            for unknown in self.unknowns
             for name in (
-                [f"{unknown.name}~L{j}" for j in range(shape.shape[1])]
+                [f"{unknown.name}~L{j}" for j in range(unknown.terms)]
                 if isinstance(unknown, Smooth)
-                else _factor_names(unknown, shape)
+                else self._factors_of(unknown)
             )
         )
 
     @cached_property
     def factor_names(self) -> tuple[str, ...]:
         """Names of the factors, those of elements with their number from 1."""
-        pairs = zip(self.unknowns, self.shapes, strict=True)
-        return tuple(name for unknown, shape in pairs for name in _factor_names(unknown, shape))
+        return tuple(name for unknown in self.unknowns for name in self._factors_of(unknown))
+
+    def _factors_of(self, unknown: PropertyUnknown) -> list[str]:
+        elements = range(1, self.beam.elements + 1)
+        return [unknown.name] if isinstance(unknown, Global) else [f"{unknown.name}[{i}]" for i in elements]
 
     @cached_property
     def map(self) -> Array:
@@ -150,8 +137,8 @@ class DesignSpace:
     @cached_property
     def given_values(self) -> Array:
         """Values in the given beam of the properties with a factor, (F,); the mean of those that change as a whole."""
-        own = {unknown: self.given[self._rows_of(unknown.name)] for unknown in self.unknowns}
-        return np.concatenate([[p.mean()] if isinstance(unknown, Global) else p for unknown, p in own.items()])
+        own = ((unknown, self.given[self._rows_of(unknown.name)]) for unknown in self.unknowns)
+        return np.concatenate([[p.mean()] if isinstance(unknown, Global) else p for unknown, p in own])
 
     def by_property(self, values: Array) -> dict[str, Array]:
         """Return values (F, ...) of the factors by the name of their property."""
@@ -207,13 +194,7 @@ class DesignSpace:
         return tuple(np.array(self.factor_names)[active].tolist())
 
     def check_guess(self, guess: Sequence[float] | None) -> Array:
-        """Return the first values of the unknowns as an array; those of the given beam if none are given.
-
-        Raises
-        ------
-        InputError
-            If there are more or fewer values than unknowns, or one is outside its bounds.
-        """
+        """Return the first values of the unknowns, (N,), within bounds; those of the given beam if none are given."""
         if guess is None:
             return self.standard.copy()
         m = np.array(numbers(guess, "guess"))
@@ -239,10 +220,6 @@ class DesignSpace:
             else:
                 parts.append(1 + generator.uniform(least, most, len(shape)))
         return np.concatenate(parts)
-
-
-def _factor_names(unknown: PropertyUnknown, shape: Array) -> list[str]:
-    return [unknown.name] if isinstance(unknown, Global) else [f"{unknown.name}[{i + 1}]" for i in range(len(shape))]
 
 
 @dataclass(frozen=True)
@@ -279,7 +256,7 @@ class LeastChange(Displayed):
         if self.weight is not None:
             positive(self.weight, "preference: weight")
 
-    def matrix(self, space: DesignSpace, default: float) -> Array:
+    def matrix(self, space: DesignSpace, default: float = math.nan) -> Array:
         """Return the matrix of the quadratic form, (N, N), with the given or else the default weight."""
         weight = default if self.weight is None else self.weight
         patches = [PATCHES if isinstance(unknown, PerElement) else 1.0 for unknown in space.unknowns]

@@ -211,29 +211,27 @@ def _solution(matching: Matching, start: Array) -> NlpSolution:
         errors = r[:targets] * cs.DM(relative)
         # test_smallest_worst_error fails with t itself: CasADi 3.8 derives a scalar beside a callback wrongly
         limit = cs.repmat(t, targets, 1)
-        constraints, f, weights = (
-            cs.vertcat(errors - limit, errors + limit),
-            t,
-            LeastChange(TIE_WEIGHT).matrix(space, 0.0),
-        )
+        constraints, f, weights = cs.vertcat(errors - limit, errors + limit), t, LeastChange(TIE_WEIGHT).matrix(space)
         least, most = np.repeat([[-math.inf, 0.0], [0.0, math.inf]], targets, axis=1)
         first, lowest = np.abs(at_start[:targets] * relative).max(keepdims=True), 0.0
     else:
         constraints, f = r - math.sqrt(WEIGHT) * t, cs.dot(t, t) / 2
-        weights, least, most = (
-            matching.preference_matrix * (matching.unit**2 / WEIGHT),
-            np.zeros(count),
-            np.zeros(count),
-        )
+        weights, least = matching.preference_matrix * (matching.unit**2 / WEIGHT), np.zeros(count)
+        most = least
         first, lowest = at_start / math.sqrt(WEIGHT), -math.inf
     change = m - cs.DM(space.standard)
     f += cs.bilin(cs.sparsify(cs.DM(weights)), change, change) / 2
     g = cs.vertcat(constraints, rows @ change)
 
     computed = Differentiable(lambda m: (matching.residuals(m), matching.jacobian(m)), count, size)
-    curvature = _Curvature(matching, count)
+    curvature = Differentiable(  # its own derivatives are never asked for
+        lambda z: (matching.curvature(z[:size], z[size:]).ravel(), np.empty(0)), size**2, size + count
+    )
     σ, y, no_parameter = cs.MX.sym("sigma"), cs.MX.sym("y", g.numel()), cs.MX.sym("p", 0)
-    of_residuals = cs.diagcat(curvature(m, cs.jtimes(g, r, y, True)), cs.DM(t.numel(), t.numel()))
+    of_m = cs.reshape(curvature(cs.vertcat(m, cs.jtimes(g, r, y, True))), size, size)
+    of_residuals = cs.diagcat(of_m, cs.DM(t.numel(), t.numel()))
+    of_lagrangian = cs.triu(σ * cs.hessian(f, x)[0] + of_residuals)
+    hessian = cs.Function("hess_lag", [x, no_parameter, σ, y], [of_lagrangian])
     below, above = space.room(space.standard)
     return solve_nlp(
         {"x": x, "f": f, "g": cs.substitute(g, r, computed(m))},
@@ -242,39 +240,9 @@ def _solution(matching: Matching, start: Array) -> NlpSolution:
         upper=np.concatenate([space.standard + space.of_unknowns(above, math.inf), np.full(t.numel(), math.inf)]),
         constraint_lower=np.concatenate([least, below[~space.single]]),
         constraint_upper=np.concatenate([most, above[~space.single]]),
-        options={
-            **MATCHING_OPTIONS,
-            "hess_lag": cs.Function(
-                "hess_lag", [x, no_parameter, σ, y], [cs.triu(σ * cs.hessian(f, x)[0] + of_residuals)]
-            ),
-        },
+        options={**MATCHING_OPTIONS, "hess_lag": hessian},
         advice="give another guess, more starts or other bounds, or let fewer properties change",
     )
-
-
-class _Curvature(cs.Callback):
-    """The second derivatives of y^T r for CasADi, as a function of m and y."""
-
-    def __init__(self, matching: Matching, count: int) -> None:
-        cs.Callback.__init__(self)
-        self._matching, self._sizes = matching, (matching.space.size, count)
-        self.construct("curvature", {})
-
-    def get_n_in(self) -> int:
-        """Return the number of inputs."""
-        return 2
-
-    def get_sparsity_in(self, i: int) -> cs.Sparsity:
-        """Return the size of an input."""
-        return cs.Sparsity.dense(self._sizes[i], 1)
-
-    def get_sparsity_out(self, i: int) -> cs.Sparsity:
-        """Return the size of the matrix."""
-        return cs.Sparsity.dense(self._sizes[0], self._sizes[0])
-
-    def eval(self, arguments: Sequence[cs.DM]) -> list[cs.DM]:
-        """Return the matrix."""
-        return [cs.DM(self._matching.curvature(*(argument.full().ravel() for argument in arguments)))]
 
 
 def _mac(matching: Matching, state: ModalState) -> Array:

@@ -37,30 +37,16 @@ from problems.matching.unknowns import Global
 
 RANK_TOLERANCE = 1e-6  # times the largest singular value; smaller ones count as zero
 BOUND_ROUNDING = 1e-9  # excess over a bound that may be due to rounding
-PROPERTY_ORDER = (
-    "elastic_modulus",
-    "thickness",
-    "density",
-    "width",
-    "tip_mass",
-    "clamp_stiffness",
-)  # order of the columns in the row reduction of the exponents
+# order of the columns in the row reduction of the exponents
+PROPERTY_ORDER = ("elastic_modulus", "thickness", "density", "width", "tip_mass", "clamp_stiffness")
 
 
 @dataclass(frozen=True, eq=False)
 class Identifiability:
-    """The information in the data about the unknowns, at an optimum.
-
-    Parameters
-    ----------
-    matching : Matching
-        The statement of the matching.
-    values : array (N,)
-        The optimum.
-    """
+    """The information in the data about the unknowns, at an optimum."""
 
     matching: Matching
-    values: Array
+    values: Array  # of the unknowns at the optimum, (N,)
 
     @property
     def space(self) -> DesignSpace:
@@ -75,8 +61,7 @@ class Identifiability:
     @cached_property
     def _svd(self) -> tuple[Array, Array]:
         """Singular values of J, descending, and all rows of V^T."""
-        _, singular_values, rows = np.linalg.svd(self.jacobian)
-        return singular_values, rows
+        return np.linalg.svd(self.jacobian)[1:]
 
     @property
     def rank(self) -> int:
@@ -182,27 +167,18 @@ class Identifiability:
         return np.sqrt(np.diag(self.factor_covariance))
 
     def extremes(self, factor: int, room: float) -> tuple[float, float]:
-        """Return the least and the greatest value of a factor where 2 (L(m) - L_min) <= room, to first order in r.
-
-        Raises
-        ------
-        FitError
-            If a nonlinear program does not converge.
-        """
+        """Return the least and the greatest value of a factor where 2 (L(m) - L_min) <= room, to first order in r."""
         space, (below, above) = self.space, self.room
         information = self._information / room
         size = 1 / np.sqrt(np.maximum(np.diag(information), 1.0))  # of a step that uses all of the room, at most 1
         information *= np.outer(size, size)
         z, rows = cs.MX.sym("z", space.size), cs.DM(space.map * size)
         smooth = np.flatnonzero(~space.single).tolist()
+        g = cs.vertcat(cs.bilin(cs.DM(information), z, z), rows[smooth, :] @ z)
         ends = []
         for sign in (1.0, -1.0):
             found = solve_nlp(
-                {
-                    "x": z,
-                    "f": sign * (rows[factor, :] @ z),
-                    "g": cs.vertcat(cs.bilin(cs.DM(information), z, z), rows[smooth, :] @ z),
-                },
+                {"x": z, "f": sign * (rows[factor, :] @ z), "g": g},
                 np.zeros(space.size),
                 lower=space.of_unknowns(below, -math.inf) / size,
                 upper=space.of_unknowns(above, math.inf) / size,

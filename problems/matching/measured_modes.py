@@ -125,13 +125,7 @@ class MeasuredModes(Displayed):
         return np.array(rows).reshape(-1, model.size)
 
     def mac(self, displacements: Array) -> Array:
-        """Return the modal assurance criterion (MAC) between the measured shapes and computed ones, (m, c).
-
-        Parameters
-        ----------
-        displacements : array (k, c)
-            Transverse displacements of the points in c modes; the MAC of a mode that does not move them is 0.
-        """
+        """Return the MAC of the measured shapes and of c computed ones (k, c), (m, c); 0 if these do not move."""
         known = self.measured
         shapes = np.where(known, np.array(self.shapes), 0.0)
         shapes = shapes / np.abs(shapes).max(axis=1, keepdims=True)  # the scale is arbitrary

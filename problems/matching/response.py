@@ -38,19 +38,7 @@ Objective = Literal["least-squares", "worst-error"]
 
 @dataclass(frozen=True)
 class Matching:
-    """The statement of a matching, with its residuals r(m) and their derivatives.
-
-    Parameters
-    ----------
-    space : DesignSpace
-        The given beam and the unknowns.
-    measured : MeasuredModes
-        The measured modes.
-    preference : Preference
-        Criterion that selects one of the beams that fit.
-    objective : {"least-squares", "worst-error"}
-        Minimise the squared residuals, or the largest relative frequency error.
-    """
+    """The statement of a matching, with its residuals r(m) and their derivatives."""
 
     space: DesignSpace
     measured: MeasuredModes
@@ -88,13 +76,7 @@ class Matching:
 
     @cached_property
     def numbers(self) -> Index:
-        """Numbers, from 0, of the modes of the given beam to which the targets are assigned, (m,).
-
-        Raises
-        ------
-        InputError
-            If no mode has the shape of a target.
-        """
+        """Numbers, from 0, of the modes of the given beam to which the targets are assigned, (m,)."""
         if not self.measured.shapes:
             return np.arange(self.measured.count)
         mac = self.measured.mac(self.observer @ self.standard_modes.shapes)
@@ -129,13 +111,7 @@ class Matching:
         return {}
 
     def state(self, m: Array) -> ModalState:
-        """Return the followed modes of the beam with the unknowns m; those of the last m are kept.
-
-        Raises
-        ------
-        EquilibriumError
-            If there is no stable equilibrium.
-        """
+        """Return the followed modes of the beam with the unknowns m; those of the last m are kept."""
         if m.tobytes() not in self._last:
             self._last.clear()
             self._last[m.tobytes()] = follow(self.standard, self.space.properties(m))

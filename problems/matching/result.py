@@ -16,7 +16,7 @@ from ancf_casadi.estimation.result import FitResult, Interval
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import BEAM_UNITS, LUMPED, Beam
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.tables import Cell, Table
+from ancf_casadi.support.tables import Table
 from ancf_casadi.support.tables import known as finite
 from problems.matching.identifiability import Identifiability
 from problems.matching.measured_modes import MeasuredModes
@@ -264,22 +264,10 @@ class FrequencyMatch(FitResult):
                 f"the targets are matched to modes {', '.join(map(str, self.modes))}, which are not the lowest modes "
                 "of the matched beam; give measured shapes to identify the modes"
             )
-        notes += [*self._mode_warnings(), *self._shape_warnings()]
-        if self.reached < self.starts:
-            failed = f"; {self.failed} did not converge" if self.failed else ""
-            notes.append(f"{self.reached} of {self.starts} starts ended at this optimum, the best found{failed}")
-        return tuple(notes)
-
-    def _mode_warnings(self) -> list[str]:
         before = (self.matching.numbers + 1).tolist()
-        return [
-            f"target {target} is mode {was} of the given beam, and mode {mode} of the matched one"
-            for target, (mode, was) in enumerate(zip(self.modes, before, strict=True), start=1)
-            if mode != was
-        ]
-
-    def _shape_warnings(self) -> list[str]:
-        notes = []
+        for target, (mode, was) in enumerate(zip(self.modes, before, strict=True), start=1):
+            if mode != was:
+                notes.append(f"target {target} is mode {was} of the given beam, and mode {mode} of the matched one")
         for k, row in enumerate([] if self.mac is None else self.mac):
             target, mode, best = k + 1, self.modes[k], int(row.argmax()) + 1
             own = row[mode - 1]
@@ -290,30 +278,30 @@ class FrequencyMatch(FitResult):
                 )
             elif own < 0.9:  # MAC below which two shapes differ visibly
                 notes.append(f"the shape of target {target} differs from mode {mode}: their MAC is only {own:.2f}")
-        return notes
+        if self.reached < self.starts:
+            failed = f"; {self.failed} did not converge" if self.failed else ""
+            notes.append(f"{self.reached} of {self.starts} starts ended at this optimum, the best found{failed}")
+        return tuple(notes)
 
     def tables(self) -> tuple[Table, Table]:
         """Return the table of frequencies, and that of properties with the ranges that the data leave open."""
-        columns = ("mode", "target", "before", "matched", "error_%") + (("MAC",) if self.mac is not None else ())
-        rows: list[tuple[Cell, ...]] = []
-        errors = 100 * self.relative_errors
-        for k, values in enumerate(zip(self.modes, self.targets, self.standard, self.frequencies, strict=True)):
-            own = () if self.mac is None else (float(self.mac[k, self.modes[k] - 1]),)
-            rows.append((*values, float(errors[k]), *own))
+        own = () if self.mac is None else (self.mac[np.arange(len(self.modes)), np.array(self.modes) - 1].tolist(),)
+        errors = (100 * self.relative_errors).tolist()
+        rows = list(zip(self.modes, self.targets, self.standard, self.frequencies, errors, *own, strict=True))
+        columns = ("mode", "target", "before", "matched", "error_%", "MAC")[: 5 + len(own)]
         worst = f"largest relative error {self.max_relative_error:.1e}"
         if self.matching.objective == "worst-error":
             worst += ", the smallest that the bounds allow"
         title = "Properties of the matched beam"
+        if not self.out_of_reach:
+            title += "; lowest and highest value of each that fits equally well"
         return (
             Table("frequencies", "Natural frequencies, Hz", columns, rows, (worst,)),
             Table(
                 "properties",
-                title if self.out_of_reach else f"{title}; lowest and highest value of each that fits equally well",
+                title,
                 ("property", "unit", "value", "change_%", "lowest", "highest", "stderr"),
-                [
-                    (p["name"], p["unit"], p["value"], 100 * p["change"], p["lowest"], p["highest"], p["stderr"])
-                    for p in self._properties
-                ],
+                [(*row[:3], 100 * row[3], *row[4:]) for row in self._properties],
                 (*self._statements, f"at a bound: {', '.join(self.at_bound) or 'nothing'}"),
             ),
         )
@@ -344,7 +332,10 @@ class FrequencyMatch(FitResult):
             "unknowns": dict(zip(self.matching.space.names, self.unknowns.tolist(), strict=True)),
             "rank": self.identifiability.rank,
             "identified": list(self._statements),
-            "properties": self._properties,
+            "properties": [
+                dict(zip(("name", "unit", "value", "change", "lowest", "highest", "stderr"), row, strict=True))
+                for row in self._properties
+            ],
             "starts": {"number": self.starts, "reached": self.reached, "failed": self.failed},
             "iterations": self.iterations,
             "solve_seconds": self.solve_seconds,
@@ -357,30 +348,14 @@ class FrequencyMatch(FitResult):
         return self.identifiability.statements()
 
     @cached_property
-    def _properties(self) -> list[dict[str, Any]]:
-        """Value, standard error and, unless the targets are out of reach, range of each property that may change."""
+    def _properties(self) -> list[tuple[Any, ...]]:
+        """Name, unit, value, change, range and standard error of each property; no range if the fit is out of reach."""
         known = self.identifiability
         ranges = np.full((len(known.factors), 2), math.nan) if self.out_of_reach else known.spread
-        return [
-            {
-                "name": name,
-                "unit": unit,
-                "value": value,
-                "change": factor - 1,
-                "lowest": finite(low),
-                "highest": finite(high),
-                "stderr": finite(error),
-            }
-            for name, value, unit, factor, (low, high), error in zip(
-                self.estimates,
-                self.estimates.values(),
-                self.units.values(),
-                known.factors.tolist(),
-                (ranges * self._given[:, None]).tolist(),
-                self.standard_errors.values(),
-                strict=True,
-            )
-        ]
+        values, errors = self.estimates.values(), map(finite, self.standard_errors.values())
+        low, high = ([finite(end) for end in ends] for ends in (ranges * self._given[:, None]).T)
+        changes = (known.factors - 1).tolist()
+        return list(zip(self._names, self.units.values(), values, changes, low, high, errors, strict=True))
 
 
 def match_figure(matches: Mapping[str, FrequencyMatch]) -> Figure:

@@ -29,13 +29,7 @@ from ancf_casadi.support.tables import Displayed
 
 
 def check_bounds(bounds: float, where: str) -> float:
-    """Return a largest relative change of a property as a float.
-
-    Raises
-    ------
-    InputError
-        If it is not above 0 and at most 1.
-    """
+    """Return a largest relative change of a property as a float; it must be above 0 and at most 1."""
     with contextlib.suppress(InputError):
         if positive(bounds, where) <= 1.0:
             return float(bounds)

@@ -1,23 +1,51 @@
-"""Modal plus quadratic damping as one law for all modes, and the air drag behind it.
+"""Modal plus quadratic damping as one law for all modes at all amplitudes.
 
-eta1 and eta2 of each mode come from the part with decays under the quadratic law.
+The quadratic law has one linear coefficient for all modes, so that it matches a single mode only; modal damping does
+not depend on the amplitude.  Their sum has a linear ratio zeta_n per mode and one drag coefficient eta2 for the beam.
+Mode n then decays by Eq. (26) with
+
+    eta1_n = 2 omega_n zeta_n,    eta2_n = c_n eta2,
+
+where c_n = 1183/876 int mu |phi_n|^3 dp / phi_n^T M phi_n for a tip displacement of 1 (``QuadraticDamping``): 0.998,
+0.874, 0.853, 0.841, 0.834 for a uniform beam.  From N fitted pairs y = (eta1_n, eta2_n) with covariances V_n, the N + 1
+unknowns x follow by generalised least squares,
+
+    minimise Q = sum (y_n - A_n x)' V_n^-1 (y_n - A_n x)    subject to    x >= 0,
+
+with the covariance (sum A_n' V_n^-1 A_n)^-1 of the unknowns that are not at a bound.  If one eta2 explains all modes, Q
+follows the chi-squared distribution with 2 N less the number of free unknowns as degrees of freedom.  If its
+probability is below ``REJECTED``, one eta2 does not explain them; the errors are then multiplied by
+(Q/degrees of freedom)^1/2, and a warning says so.  The pairs come from the part with decays under the quadratic law,
+separate records whose noise is independent.
+
+References
+----------
+"Comparison of external damping models in a large deformation problem", Sections 4.2 and 4.3.
+A. C. Aitken, On least squares and linear combination of observations, Proceedings of the Royal Society of Edinburgh 55
+(1935), 42-48.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy  # its packages are imported on first use
+from scipy.linalg import solve_triangular
+from scipy.special import chdtrc
 
-from ancf_casadi.damping import DampingLaw
+from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.figures import COMPUTED, MEASURED
+from ancf_casadi.support.tables import known
 from ancf_casadi.vibration.modes import Modes, natural_modes
-from problems.modal_damping.air import Air, implied_drag_coefficient, viscous_damping_ratios
-from problems.modal_damping.combined_law import CombinedLawFit, ModeCoefficients, fit_combined_law, ratio_curves
+from problems.paper.air import Air, implied_drag_coefficient, viscous_damping_ratios
 from problems.schema.beam import law_of
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, drawn, line, new_figure
@@ -29,6 +57,121 @@ if TYPE_CHECKING:
     from problems.paper.reproduce import PaperPart
 
 NAME = "modal + quadratic"
+REJECTED = 0.01  # probability of Q below which one eta2 does not explain all modes
+
+
+@dataclass(frozen=True, eq=False)
+class ModeCoefficients:
+    """Linear and quadratic coefficient of one mode in Eq. (26), estimated without bounds."""
+
+    frequency: float  # natural frequency, Hz
+    eta1: float  # 1/s
+    eta2: float  # 1/m
+    covariance: Array  # of eta1 and eta2, (2, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class CombinedLawFit:
+    """Modal and quadratic damping fitted to the coefficients of several modes."""
+
+    modes: Modes
+    measured: tuple[ModeCoefficients, ...]  # of each mode, starting with the first
+    drag_constants: Array  # c_n, (N,)
+    ratios: tuple[float, ...]  # linear damping ratio of each mode
+    eta2: float  # of the beam, 1/m
+    errors: tuple[float, ...]  # standard errors of the ratios and of eta2, (N + 1,); nan at the bound 0
+    chi_squared: float  # Q
+    degrees_of_freedom: int
+
+    @property
+    def law(self) -> DampingLaw:
+        """The law, modal plus quadratic."""
+        frequencies = [one.frequency for one in self.measured]
+        return ModalDamping(self.modes, self.ratios, frequencies=frequencies) + QuadraticDamping(eta2=self.eta2)
+
+    @property
+    def probability(self) -> float:
+        """Probability of a Q as large or larger if one eta2 explains all modes."""
+        return float(chdtrc(self.degrees_of_freedom, self.chi_squared))
+
+    @property
+    def explains_all_modes(self) -> bool:
+        """True if one eta2 explains the coefficients of all modes."""
+        return self.probability >= REJECTED
+
+    @property
+    def verdict(self) -> str:
+        """Sentence that says whether one eta2 explains all modes."""
+        return (
+            f"One eta2 {'explains' if self.explains_all_modes else 'does not explain'} all modes: chi-squared "
+            f"{self.chi_squared:.3g}, {self.degrees_of_freedom} degrees of freedom, p = {self.probability:.2g}."
+        )
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Unknowns at a bound, and a drag coefficient that differs from mode to mode."""
+        names = (*(f"ratio{n + 1}" for n in range(len(self.ratios))), "eta2")
+        notes = [
+            f"{name} is at its bound 0; the other standard errors take it as known"
+            for name, error in zip(names, self.errors, strict=True)
+            if math.isnan(error)
+        ]
+        if not self.explains_all_modes:
+            implied = ", ".join(f"{value:.3g} +- {error:.2g}" for value, error in zip(*self._implied(), strict=True))
+            notes.append(
+                f"one eta2 does not explain all modes (chi-squared {self.chi_squared:.3g} with "
+                f"{self.degrees_of_freedom} degrees of freedom): the modes alone give {implied} 1/m; "
+                "the standard errors are enlarged accordingly"
+            )
+        return tuple(notes)
+
+    def figure(self) -> Figure:
+        """Draw eta2 of each mode alone with 95 % intervals, and the common value with its interval as a band."""
+        (figure, (axes,)), (own, errors) = new_figure(3.2), self._implied()
+        numbers, half = np.arange(1, len(own) + 1), 1.96 * np.nan_to_num(self.errors[-1])
+        axes.axhspan(self.eta2 - half, self.eta2 + half, color=COMPUTED, alpha=0.25, lw=0)
+        axes.axhline(self.eta2, color=COMPUTED, lw=1.2, label="one value for all modes, 95 % band")
+        axes.errorbar(numbers, own, 1.96 * errors, fmt="o", ms=4, lw=1, color=MEASURED, label="each mode alone, 95 %")
+        axes.set(xlabel="mode", ylabel="η2 of the beam, 1/m", xticks=numbers)
+        axes.legend()
+        return figure
+
+    def _implied(self) -> tuple[Array, Array]:
+        """Return eta2 of the beam by each mode alone and its standard error, (N,), 1/m."""
+        own = np.array([(one.eta2, math.sqrt(one.covariance[1, 1])) for one in self.measured]).T / self.drag_constants
+        return own[0], own[1]
+
+
+def fit_combined_law(measured: Sequence[ModeCoefficients], modes: Modes) -> CombinedLawFit:
+    """Fit modal plus quadratic damping to the coefficients of two or more modes, starting with the first."""
+    count, constants = len(measured), drag_constants(modes)[: len(measured)]
+    rows, values = np.zeros((2 * count, count + 1)), np.zeros(2 * count)
+    for n, one in enumerate(measured):
+        own, root = slice(2 * n, 2 * n + 2), np.linalg.cholesky(one.covariance)
+        design = np.zeros((2, count + 1))
+        design[0, n], design[1, -1] = 4 * math.pi * one.frequency, constants[n]
+        rows[own] = solve_triangular(root, design, lower=True)
+        values[own] = solve_triangular(root, [one.eta1, one.eta2], lower=True)
+    size = np.linalg.norm(rows, axis=0)
+    found, distance = scipy.optimize.nnls(rows / size, values)
+    free, errors = found > 0.0, np.full(count + 1, math.nan)
+    surplus, Q = 2 * count - int(np.count_nonzero(free)), float(distance) ** 2
+    enlarged = 1.0 if chdtrc(surplus, Q) >= REJECTED else math.sqrt(Q / surplus)
+    errors[free] = enlarged * np.linalg.norm(np.linalg.pinv(rows[:, free] / size[free]), axis=1) / size[free]
+    *ratios, eta2 = (found / size).tolist()
+    return CombinedLawFit(modes, tuple(measured), constants, tuple(ratios), eta2, tuple(errors.tolist()), Q, surplus)
+
+
+def drag_constants(modes: Modes) -> Array:
+    """Return the constant c_n of each mode, (m,): its quadratic coefficient relative to that of the beam."""
+    return QuadraticDamping(eta2=1.0).damping_ratios(modes, np.ones(modes.count)) * 3 * math.pi / 4
+
+
+def ratio_curves(law: DampingLaw | None, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
+    """Return the equivalent damping ratio of each mode at each tip amplitude (m) under a law, (amplitudes, modes)."""
+    if law is None:
+        return np.zeros((len(amplitudes), modes.count))
+    return np.array([law.damping_ratios(modes, np.full(modes.count, amplitude)) for amplitude in amplitudes])
 
 
 def finding(part: PaperPart, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
@@ -52,10 +195,23 @@ def finding(part: PaperPart, results: Sequence[Any], found: Found, effort: Effor
         implied_drag_coefficient(one.eta2, beam, air, eta2_error=math.sqrt(one.covariance[1, 1])) for one in measured
     ]
     viscous = viscous_damping_ratios(modes, air)
-    error = float(np.nan_to_num(fit.standard_errors["eta2"]))
-    total = implied_drag_coefficient(fit.eta2, beam, air, eta2_error=error)
+    total = implied_drag_coefficient(fit.eta2, beam, air, eta2_error=float(np.nan_to_num(fit.errors[-1])))
+    *ratio_errors, eta2_error = (known(error) for error in fit.errors)
     data = {
-        "law": {**fit.to_dict(), "drag_coefficient": total[0], "drag_coefficient_stderr": total[1]},
+        "law": {
+            "linear_damping_ratios": list(fit.ratios),
+            "linear_damping_ratio_stderr": ratio_errors,
+            "eta2_per_m": fit.eta2,
+            "eta2_stderr_per_m": eta2_error,
+            "drag_constants": fit.drag_constants.tolist(),
+            "chi_squared": fit.chi_squared,
+            "degrees_of_freedom": fit.degrees_of_freedom,
+            "probability": fit.probability,
+            "explains_all_modes": fit.explains_all_modes,
+            "warnings": list(fit.warnings),
+            "drag_coefficient": total[0],
+            "drag_coefficient_stderr": total[1],
+        },
         "drag": [
             {
                 "mode": n + 1,
@@ -64,7 +220,7 @@ def finding(part: PaperPart, results: Sequence[Any], found: Found, effort: Effor
                 "drag_coefficient_by_eq_25": value,
                 "viscous_damping_ratio": float(viscous[n]),
             }
-            for n, ((value, error), c) in enumerate(zip(drag, fit.drag_constants, strict=True))
+            for n, ((value, error), c) in enumerate(zip(drag, fit.drag_constants.tolist(), strict=True))
         ],
     }
     frequencies = [one.frequency for one in measured]
@@ -77,18 +233,14 @@ def finding(part: PaperPart, results: Sequence[Any], found: Found, effort: Effor
 
 
 def _law(part: PaperPart, fit: CombinedLawFit, total: tuple[float, float]) -> DataTable:
-    errors = list(fit.standard_errors.values())
-    table = fit.table()
     columns = (
         Column("", (*(f"ζ of mode {n + 1}, linear" for n in range(len(fit.ratios))), "η2, all modes",
                     "drag coefficient")),
         Column("unit", (*["%"] * len(fit.ratios), "1/m", "1")),
         Column("value", (*(100 * ratio for ratio in fit.ratios), fit.eta2, total[0]),
-               errors=(*(100 * error for error in errors[:-1]), errors[-1], total[1])),
+               errors=(*(100 * error for error in fit.errors[:-1]), fit.errors[-1], total[1])),
     )  # fmt: skip
-    verdict = table.notes[0]
-    note = f"{verdict[0].upper()}{verdict[1:]}."
-    return part.data_table("Modal plus quadratic damping for all modes", columns, note)
+    return part.data_table("Modal plus quadratic damping for all modes", columns, fit.verdict)
 
 
 def _drag(
@@ -99,7 +251,7 @@ def _drag(
     viscous: Sequence[float],
     given: Beam,
 ) -> DataTable:
-    modes, constants = range(1, len(drag) + 1), fit.drag_constants
+    modes, constants = range(1, len(drag) + 1), fit.drag_constants.tolist()
     linear = [100 * one.eta1 / (4 * math.pi * one.frequency) for one in fit.measured]
     linear_errors = [100 * math.sqrt(one.covariance[0, 0]) / (4 * math.pi * one.frequency) for one in fit.measured]
     columns = [

@@ -14,7 +14,7 @@ import numpy as np
 
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.tables import known
-from problems.modal_damping.effects import (
+from problems.paper.effects import (
     HORIZON,
     LEAST_AMPLITUDE,
     Characteristics,
@@ -102,7 +102,7 @@ def _decay_numbers(law: LawChoice, decay: SimulatedDecay, times: Sequence[float]
         "frequency_hz": decay.frequency,
         "eta1": decay.law.eta1,
         "eta2_per_m": decay.law.eta2,
-        "start_amplitude_m": decay.start_amplitude,
+        "start_amplitude_m": float(decay.tip[0]),
         "mode_2_at_the_start": decay.other_modes,
         "time_to_a_tenth_s": known(decay.envelope.time_to(0.1)),
         "time_to_a_tenth_by_formula_s": known(decay.formula.time_to(0.1)),

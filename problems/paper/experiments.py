@@ -18,7 +18,7 @@ from ancf_casadi.dynamics.simulation import Method
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.modes import Modes, natural_modes
-from problems.modal_damping.combined_law import ratio_curves
+from problems.paper.combined_law import ratio_curves
 from problems.schema.beam import law_of
 from problems.study.data_table import Column
 from problems.study.drawing import drawn, new_figure, plain_log_ticks, series

@@ -17,6 +17,7 @@ from msgspec import Meta, Struct
 from msgspec.structs import asdict
 
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
+from ancf_casadi.estimation.agreement import part_estimates
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
@@ -26,7 +27,6 @@ from ancf_casadi.support.tables import known
 from problems.decay.fitting import fit_decay
 from problems.decay.laws import Law
 from problems.decay.result import DecayFit
-from problems.modal_damping.combined_law import ModeCoefficients
 from problems.schema.motion import read_measured
 from problems.schema.table import UNLISTED, Positive, read
 from problems.study.data_table import Column, DataTable
@@ -136,14 +136,25 @@ def fit_plain(decay: Decay, law: str, offset: bool) -> FittedDecay:
     )
 
 
+def unbounded_coefficients(fit: DecayFit) -> tuple[float, float, Array]:
+    """Return eta1 (1/s) and eta2 (1/m) of a quadratic decay without the bounds of its fit, and their covariance (2, 2).
+
+    A fit whose eta2 is at its bound 0 would understate the errors; one Gauss-Newton step without bounds gives the pair.
+    """
+    all_free = replace(fit.fit, active_bounds=np.zeros(len(fit.fit.names), dtype=bool))
+    values, covariance = part_estimates(all_free, np.ones(len(fit.fit.residuals), dtype=bool))
+    pair = list(fit.indices[1:3])  # after the frequency
+    return float(values[pair[0]]), float(values[pair[1]]), covariance[np.ix_(pair, pair)]
+
+
 def _numbers(fit: DecayFit) -> dict[str, Any]:
     def error(name: str) -> float | None:
         return known(fit.standard_errors.get(name, math.nan))
 
     unbounded = None
     if fit.law == "quadratic":
-        found = ModeCoefficients.from_fit(fit)
-        unbounded = {"eta1": found.eta1, "eta2_per_m": found.eta2, "covariance": found.covariance.tolist()}
+        eta1, eta2, covariance = unbounded_coefficients(fit)
+        unbounded = {"eta1": eta1, "eta2_per_m": eta2, "covariance": covariance.tolist()}
     return {
         "law": fit.law,
         "frequency_hz": fit.frequency,

@@ -39,18 +39,16 @@ from ancf_casadi.damping import QuadraticDamping
 from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, quadratic_envelope
 from ancf_casadi.decay.envelope import damping_curve
 from ancf_casadi.dynamics.simulation import simulate
-from ancf_casadi.exceptions import EquilibriumError, InputError
+from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import physical, positive
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
 EFFECTS_TOLERANCE, LEAST_STEPS = 1e-5, 24  # tolerance of the integrator, and its least number of steps per period
-LARGEST_START = 0.6  # tip displacement relative to the length, beyond which the load hardly moves the tip across
 HORIZON = 5.0  # s, after which the paper finds the vibration under eta1 to have disappeared
 EQUAL_RATES = 0.1  # relative difference of decay rates
 SETTLED_AMPLITUDE = 0.02  # of the amplitude at the start
@@ -59,16 +57,10 @@ LEAST_AMPLITUDE = 1e-5  # m, least amplitude that the simulation resolves on a b
 
 @dataclass(frozen=True, eq=False)
 class Envelope:
-    """Amplitude of a decay over time.
+    """Amplitude of a decay over time."""
 
-    Parameters
-    ----------
-    time, amplitude : ndarray
-        Times (k,), s, and amplitudes (k,), m, all positive.
-    """
-
-    time: Array
-    amplitude: Array
+    time: Array  # (k,), s
+    amplitude: Array  # (k,), m, positive
 
     def at(self, time: float) -> float:
         """Return the amplitude at a time (s), m; nan after the end.  Between samples the decay is exponential."""
@@ -87,57 +79,26 @@ class Envelope:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedDecay:
-    """A simulated free decay beside Eq. (27).
-
-    Parameters
-    ----------
-    law : QuadraticDamping
-        The damping law.
-    frequency : float
-        First natural frequency f, Hz.
-    time, tip : ndarray
-        Times (k,), s, and displacement of the tip across the beam (k,), m.
-    formula_tip : ndarray
-        The displacement by the formula at the same times (k,), m.
-    envelope, formula : Envelope
-        Amplitude on the beam and by the formula.
-    other_modes : float
-        Tip displacement of mode 2 at the start, relative to that of mode 1.
-    steps : int
-        Steps of the integrator.
-    """
+    """A simulated free decay beside Eq. (27)."""
 
     law: QuadraticDamping
-    frequency: float
-    time: Array
-    tip: Array
-    formula_tip: Array
-    envelope: Envelope
-    formula: Envelope
-    other_modes: float
-    steps: int
-
-    @property
-    def start_amplitude(self) -> float:
-        """Displacement of the tip at the start, m."""
-        return float(self.tip[0])
+    frequency: float  # first natural frequency f, Hz
+    time: Array  # (k,), s
+    tip: Array  # displacement of the tip across the beam, (k,), m
+    formula_tip: Array  # the same by the formula
+    envelope: Envelope  # amplitude on the beam
+    formula: Envelope  # amplitude by the formula
+    other_modes: float  # tip displacement of mode 2 at the start, relative to that of mode 1
+    steps: int  # of the integrator
 
 
 @dataclass(frozen=True, eq=False)
 class RatiosOverTime:
-    """Damping ratio along a decay.
+    """Damping ratio along a decay."""
 
-    Parameters
-    ----------
-    time, ratio : ndarray
-        Times (k,), s, and damping ratio (k,) in windows of the simulated motion.
-    formula : ndarray
-        Equivalent damping ratio (k,) at the amplitude of Eq. (27) at the same times.
-    """
-
-    time: Array
-    ratio: Array
-    formula: Array
+    time: Array  # (k,), s
+    ratio: Array  # (k,), in windows of the simulated motion
+    formula: Array  # (k,), equivalent damping ratio at the amplitude of Eq. (27)
 
 
 def simulate_decay(
@@ -150,29 +111,9 @@ def simulate_decay(
 ) -> SimulatedDecay:
     """Simulate the free decay of a beam in its first mode, and compute it by Eq. (27).
 
-    Parameters
-    ----------
-    beam : Beam
-        The beam; its gravity is left out, and its elastic modulus scaled.
-    law : QuadraticDamping
-        The damping law.
-    frequency : float
-        First natural frequency, Hz.
-    amplitude : float
-        Displacement of the tip across the beam at the start, m.
-    duration : float
-        Time that the envelopes cover, s; the motion lasts one period longer.
-    steps_per_period : int
-        Least number of integrator steps per period.
-
-    Raises
-    ------
-    InputError
-        If a number is not positive, or the amplitude is more than 0.6 of the length.
-    EquilibriumError, SimulationError
-        If the start is not found or the integration fails.
+    Gravity is left out, and the elastic modulus scaled to the first natural frequency, Hz.  The tip starts at an
+    amplitude, m, across the beam; the motion lasts one period longer than the duration, s, of the envelopes.
     """
-    frequency, duration = physical(frequency, "frequency"), positive(duration, "duration")
     modes = natural_modes(Model(tuned(beam, frequency)), count=2)
     start = displaced(modes, amplitude)
     run = simulate(
@@ -186,10 +127,8 @@ def simulate_decay(
     )
     tip, ω = run.tip @ _across(modes), 2 * math.pi * frequency
     first, second = (abs(float(modes.modal_coordinate(start.coordinates, mode))) for mode in range(2))
-    slowing = float(equivalent_damping_ratio(cs.DM(law.eta1), cs.DM(law.eta2), cs.DM(ω), cs.DM(amplitude)))
-    φ = -math.atan(slowing)
-    coefficients = cs.DM(ω), cs.DM(law.eta1), cs.DM(law.eta2), cs.DM(amplitude)
-    amplitudes = quadratic_envelope(cs.DM(run.time), *coefficients).full().ravel()
+    φ = -math.atan(float(equivalent_damping_ratio(*map(cs.DM, (law.eta1, law.eta2, ω, amplitude)))))
+    amplitudes = quadratic_envelope(cs.DM(run.time), *map(cs.DM, (ω, law.eta1, law.eta2, amplitude))).full().ravel()
     return SimulatedDecay(
         law=law,
         frequency=frequency,
@@ -211,20 +150,8 @@ def tuned(beam: Beam, frequency: float) -> Beam:
 
 
 def displaced(modes: Modes, amplitude: float) -> Equilibrium:
-    """Return the weightless beam at rest under loads like the inertia of mode 1, its tip displaced across (m).
-
-    Raises
-    ------
-    InputError
-        If the amplitude is not positive, or more than 0.6 of the length.
-    EquilibriumError
-        If no equilibrium is found.
-    """
-    model, amplitude = modes.model, positive(amplitude, "amplitude")
-    if amplitude > LARGEST_START * model.beam.length:
-        raise InputError(
-            f"{amplitude:g} m is more than {LARGEST_START:g} of the length of the beam; start with less", "amplitude"
-        )
+    """Return the weightless beam at rest under loads like the inertia of mode 1, its tip displaced across (m)."""
+    model = modes.model
     nodes = model.mass(model.properties).sparse() @ modes.shapes[:, 0] / modes.tip_amplitudes()[0]
     forces = nodes.reshape(-1, NODE)[1:, :2] * modes.angular_frequencies[0] ** 2  # per tip displacement
     points = np.linspace(0.0, model.beam.length, model.beam.elements + 1)[1:]
@@ -236,12 +163,10 @@ def displaced(modes: Modes, amplitude: float) -> Equilibrium:
         ]
         return static_equilibrium(model, loads=loads)
 
-    def missing(factor: float) -> float:
-        return float(bent(factor).tip @ _across(modes)) - amplitude
-
     found = scipy.optimize.root_scalar(
-        missing, method="secant", x0=amplitude, x1=1.02 * amplitude, xtol=1e-7 * amplitude
-    )
+        lambda factor: float(bent(factor).tip @ _across(modes)) - amplitude,
+        method="secant", x0=amplitude, x1=1.02 * amplitude, xtol=1e-7 * amplitude,
+    )  # fmt: skip
     if not found.converged:
         raise EquilibriumError(f"no load was found that displaces the tip by {amplitude:g} m; start with less")
     return bent(float(found.root))
@@ -258,13 +183,7 @@ def peaks(time: Array, displacement: Array) -> Envelope:
 
 
 def ratios_over_time(decay: SimulatedDecay) -> RatiosOverTime:
-    """Return the damping ratio along a decay, in windows of the simulated motion and by the formula.
-
-    Raises
-    ------
-    InputError
-        If the decay has less than one window.
-    """
+    """Return the damping ratio along a decay, in windows of the simulated motion and by the formula."""
     curve = damping_curve(Measurement(decay.time, decay.tip), release_time=float(decay.time[0]))
     amplitude = np.array([decay.formula.at(one) for one in curve.time.tolist()])
     η1, η2, ω = (cs.DM(value) for value in (decay.law.eta1, decay.law.eta2, 2 * math.pi * decay.frequency))
@@ -295,62 +214,30 @@ def _across(modes: Modes) -> Array:
 
 @dataclass(frozen=True)
 class Characteristics:
-    """A row of Table 6.
+    """A row of Table 6."""
 
-    Parameters
-    ----------
-    gross_motion : str
-        Rapid decay, slow decay, or undecided if neither law is faster at every frequency.
-    frequency : str
-        Independent or dependent.
-    residual_motion : str
-        Controllable or uncontrollable.
-    rates : tuple of float
-        Mean decay rate over the first 5 s at each frequency, 1/s.
-    left : tuple of float
-        Part of the amplitude that is left after 5 s at each frequency.
-    """
-
-    gross_motion: str
-    frequency: str
-    residual_motion: str
-    rates: tuple[float, ...]
-    left: tuple[float, ...]
+    gross_motion: str  # rapid decay, slow decay, or undecided if neither law is faster at every frequency
+    frequency: str  # independent or dependent
+    residual_motion: str  # controllable or uncontrollable
+    rates: tuple[float, ...]  # mean decay rate until t at each frequency, 1/s
+    left: tuple[float, ...]  # part of the amplitude that is left at t at each frequency
 
 
 def characteristics(
     first: Sequence[Envelope], second: Sequence[Envelope], horizon: float = HORIZON
-) -> tuple[Characteristics, Characteristics]:
-    """Return the rows of Table 6 for two laws.
-
-    Parameters
-    ----------
-    first, second : sequence of Envelope
-        Decays under either law, at the same frequencies.
-    horizon : float
-        Time t at which the decays are compared, s.
-
-    Raises
-    ------
-    InputError
-        If the numbers of decays differ, there are fewer than two frequencies, or a decay ends before t.
-    """
-    if len(first) != len(second) or len(first) < 2:
-        raise InputError(f"needs two or more frequencies under both laws, got {len(first)} and {len(second)}", "decays")
+) -> tuple[Characteristics, ...]:
+    """Return the rows of Table 6 for two laws, from decays at the same frequencies that last until t, s."""
     left = [tuple(one.at(horizon) / float(one.amplitude[0]) for one in decays) for decays in (first, second)]
-    if any(math.isnan(part) for parts in left for part in parts):
-        raise InputError(f"a decay ends before {horizon:g} s", "decays")
     rates = [tuple(-math.log(part) / horizon for part in parts) for parts in left]
-    signs = {math.copysign(1.0, a - b) for a, b in zip(*rates, strict=True)}
-    faster = signs.pop() if len(signs) == 1 else 0.0
-    return _words(rates[0], left[0], faster), _words(rates[1], left[1], -faster)
-
-
-def _words(rates: tuple[float, ...], left: tuple[float, ...], faster: float) -> Characteristics:
-    return Characteristics(
-        gross_motion={1.0: "rapid decay", -1.0: "slow decay"}.get(faster, "undecided"),
-        frequency="independent" if max(rates) < (1 + EQUAL_RATES) * min(rates) else "dependent",
-        residual_motion="controllable" if max(left) < SETTLED_AMPLITUDE else "uncontrollable",
-        rates=rates,
-        left=left,
+    faster = {a >= b for a, b in zip(*rates, strict=True)}  # first law, at each frequency
+    motions = {(True,): ("rapid decay", "slow decay"), (False,): ("slow decay", "rapid decay")}
+    return tuple(
+        Characteristics(
+            gross_motion=gross,
+            frequency="independent" if max(own) < (1 + EQUAL_RATES) * min(own) else "dependent",
+            residual_motion="controllable" if max(parts) < SETTLED_AMPLITUDE else "uncontrollable",
+            rates=own,
+            left=parts,
+        )
+        for gross, own, parts in zip(motions.get(tuple(faster), ["undecided"] * 2), rates, left, strict=True)
     )

@@ -41,21 +41,8 @@ LEAST_EXPONENT = 1e-3  # exponent below which an unknown is not in a combination
 def check_determined(residuals: Callable[..., cs.MX], unknowns: Sequence[Unknown], negligible: float) -> None:
     """Refuse unknowns of which the residuals determine combinations only, at the guess and at a point beside it.
 
-    A guess may be special: without motion nothing depends on the damping.
-
-    Parameters
-    ----------
-    residuals : callable
-        As in ``least_squares``.
-    unknowns : sequence of Unknown
-        The unknowns with their guesses.
-    negligible : float
-        Norm of a change of the residuals that counts as none.
-
-    Raises
-    ------
-    FitError
-        If there is such a combination; the message names what is determined, and the remedy.
+    A guess may be special: without motion nothing depends on the damping.  A change of the residuals counts as none if
+    its norm is ``negligible``.
     """
     y = Coordinates.of(unknowns)
     evaluate = residual_function(residuals, y)

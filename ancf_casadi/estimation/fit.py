@@ -46,63 +46,25 @@ class Fit:
     """Estimated unknowns and their uncertainty; ``fit["name"]`` is the value of an unknown.
 
     The arrays are in the coordinates of the solver: the unknowns, or the reciprocals of those that are reciprocal.
-
-    Parameters
-    ----------
-    unknowns : tuple of Unknown
-        The n unknowns, free or not.
-    values : ndarray
-        Estimates (n,).
-    covariance : ndarray
-        Covariance (n, n); nan for unknowns at a bound.
-    active_bounds : ndarray of bool
-        Unknowns at a bound (n,).
-    residuals : ndarray
-        Residuals (m,).
-    series : tuple of int
-        Lengths of the series of residuals, which follow one another; each series is in the order of time.  Empty if the
-        residuals have no order.
-    times : ndarray or None
-        Times of the residuals (m,), s; None if those of a series are equally spaced.
-    noise : Noise
-        Covariance of the noise in the residuals.
-    jacobian : ndarray
-        Jacobian of the residuals (m, n).
-    condition : float
-        Condition number of the Jacobian of the free unknowns, its columns scaled to unit length.
-    huber : float
-        Residual d beyond which the loss grows linearly; infinite for least squares.
-    systematic : float
-        Root mean square e of a systematic error of the residuals, for which the standard errors allow.
-    status : str
-        Return status of IPOPT.
-    iterations : int
-        Iterations of IPOPT, and Gauss-Newton steps.
-    solve_seconds : float
-        Solution time of IPOPT, s.
-    model : casadi.Function
-        Coordinates in units of their scales -> residuals, and their Jacobian by these.
-    settings : mapping
-        Settings of ``least_squares``, for a fit to other data.
     """
 
-    unknowns: tuple[Unknown, ...]
-    values: Array
-    covariance: Array
-    active_bounds: Mask
-    residuals: Array
-    series: tuple[int, ...]
-    times: Array | None
-    noise: Noise
-    jacobian: Array
-    condition: float
-    huber: float
-    systematic: float
-    status: str
-    iterations: int
-    solve_seconds: float
-    model: cs.Function
-    settings: Mapping[str, Any]
+    unknowns: tuple[Unknown, ...]  # n, free or not
+    values: Array  # estimates (n,)
+    covariance: Array  # (n, n); nan for unknowns at a bound
+    active_bounds: Mask  # unknowns at a bound (n,)
+    residuals: Array  # (m,)
+    series: tuple[int, ...]  # lengths of the series of residuals, each in the order of time; empty if without order
+    times: Array | None  # times of the residuals (m,), s; None if those of a series are equally spaced
+    noise: Noise  # covariance of the noise in the residuals
+    jacobian: Array  # of the residuals (m, n)
+    condition: float  # of the Jacobian of the free unknowns, its columns scaled to unit length
+    huber: float  # residual d beyond which the loss grows linearly; infinite for least squares
+    systematic: float  # root mean square e of a systematic error of the residuals, for which the standard errors allow
+    status: str  # return status of IPOPT
+    iterations: int  # iterations of IPOPT, and Gauss-Newton steps
+    solve_seconds: float  # solution time of IPOPT, s
+    model: cs.Function  # coordinates in units of their scales -> residuals, and their Jacobian by these
+    settings: Mapping[str, Any]  # settings of ``least_squares``, for a fit to other data
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -214,11 +176,6 @@ class Fit:
         """Return the intervals (n, 2) of the unknowns for a confidence level, to first order.
 
         The interval of a reciprocal unknown has no upper end if the reciprocal may be at its lower bound.
-
-        Raises
-        ------
-        InputError
-            If the level is not between 0 and 1.
         """
         ends = first_order_ends(self, self.values, np.eye(len(self.names)), level)
         ends = np.clip(ends, self.lower[:, None], self.upper[:, None])
@@ -302,10 +259,11 @@ class Fit:
 
     def lines(self) -> list[str]:
         """Return residuals, bounds and the status of the solver as text."""
+        ρ = self.autocorrelation
+        correlated = f"successive residuals correlate at {ρ:.2f}, " if math.isfinite(ρ) else ""
         return [
-            f"{len(self.residuals)} residuals, root mean square {self.residual_rms:.3g}; successive residuals "
-            f"correlate at {self.autocorrelation:.2f}, effective number of independent "
-            f"residuals {self.effective_samples:.0f}; {self.colour()}",
+            f"{len(self.residuals)} residuals, root mean square {self.residual_rms:.3g}; {correlated}effective number "
+            f"of independent residuals {self.effective_samples:.0f}; {self.colour()}",
             f"{self.rank} of {len(self.names)} unknowns free of bounds, condition number {self.condition:.3g}",
             f"{self.status} after {self.iterations} iterations",
         ]

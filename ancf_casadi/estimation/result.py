@@ -52,13 +52,7 @@ class FitResult(Reported):
 
     @abstractmethod
     def intervals(self, level: float = CONFIDENCE_LEVEL) -> dict[str, Interval]:
-        """Return the interval of each estimated quantity by name for a confidence level, to first order.
-
-        Raises
-        ------
-        InputError
-            If the level is not between 0 and 1.
-        """
+        """Return the interval of each estimated quantity by name for a confidence level, to first order."""
 
     @property
     @abstractmethod
@@ -99,15 +93,7 @@ class FitResult(Reported):
 
     @abstractmethod
     def profile(self, name: str, level: float = CONFIDENCE_LEVEL) -> Interval:
-        """Return the interval of an estimate by profile likelihood.
-
-        Raises
-        ------
-        InputError
-            If there is no such estimate, the level is not between 0 and 1, or there is no scatter.
-        FitError
-            If a nonlinear program for an end does not converge.
-        """
+        """Return the interval of an estimate by profile likelihood."""
 
     @abstractmethod
     def predict(self, record: Any) -> Any:
@@ -159,13 +145,7 @@ class FitResult(Reported):
         }
 
     def check_name(self, name: str) -> None:
-        """Check the name of an estimate.
-
-        Raises
-        ------
-        InputError
-            If there is no such estimate.
-        """
+        """Check the name of an estimate."""
         if name not in self.estimates:
             raise InputError(f"is not estimated by this fit; it has {', '.join(self.estimates)}", name)
 
@@ -187,17 +167,9 @@ class FitResult(Reported):
 
 @dataclass(frozen=True, eq=False)
 class LeastSquaresResult(FitResult):
-    """The result of a fit by least squares.
+    """The result of a fit by least squares."""
 
-    Parameters
-    ----------
-    fit : Fit
-        The unknowns of the solver, with their uncertainty.
-    again : callable
-        Takes other records; returns the result of the same fit to them.
-    """
-
-    fit: Fit
+    fit: Fit  # the unknowns of the solver, with their uncertainty
     again: Callable[[Any], Any] = field(kw_only=True)
 
     @property

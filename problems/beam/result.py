@@ -112,13 +112,7 @@ class BeamFit(LeastSquaresResult):
         return np.array([self.estimates[name] / value for name, value in self.first.items()])
 
     def _started(self, model: Model) -> Model:
-        """Return a model with the first stiffness of the clamp, if that is unknown and the clamp of the model rigid.
-
-        Raises
-        ------
-        InputError
-            If an unknown property has another value than the fit began with.
-        """
+        """Return a model with the first stiffness of the clamp, if that is unknown and the clamp of the model rigid."""
         if CLAMP_STIFFNESS in self.first and not math.isfinite(model.beam.clamp_stiffness):
             model = Model(model.beam.with_(clamp_stiffness=self.first[CLAMP_STIFFNESS]), model.measures)
         for name, first in self.first.items():

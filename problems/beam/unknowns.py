@@ -35,7 +35,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -45,11 +44,10 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import array, check_keys, choices, positive, shown
+from ancf_casadi.support.inputs import check_keys, choices, positive
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.beam.curves.record import ResponseRecord
-from problems.beam.motions.record import Channel, MotionRecord
-from problems.beam.properties import property_unknown
+from problems.beam.motions.record import Channel, MotionRecord, two_numbers
 
 LOAD_SCALE = 0.1  # scale of a load, relative to one that bends a beam by about its length
 FREQUENCY_RANGE = 0.10  # distance of the bounds of a frequency from its guess, relative
@@ -86,21 +84,10 @@ def loads(record: MotionRecord) -> list[tuple[str, float]]:
 
 
 def of_law(law: DampingLaw | None, fixed: Sequence[str]) -> list[Unknown]:
-    """Return the parameters of a law that are not fixed.
-
-    Raises
-    ------
-    InputError
-        If a name is not one of them.
-    """
+    """Return the parameters of a law that are not fixed."""
     parameters = law.parameters if law else ()
     choices(fixed, [parameter.name for parameter in parameters], "fixed")
     return [_of_parameter(own.name, own) for own in parameters if own.name not in fixed]
-
-
-def of_properties(first: Mapping[str, float], models: Sequence[Model]) -> list[Unknown]:
-    """Return the properties with their first values."""
-    return [property_unknown(name, value, models) for name, value in first.items()]
 
 
 def of_curves(wanted: Sequence[str], frequencies: Array, records: Sequence[ResponseRecord]) -> list[Unknown]:
@@ -113,13 +100,7 @@ def of_curves(wanted: Sequence[str], frequencies: Array, records: Sequence[Respo
 
 
 def of_motions(wanted: Sequence[str], model: Model, records: Sequence[MotionRecord]) -> list[Unknown]:
-    """Return the unknowns of motions: amplitudes of their bases, loads at the start, sensors.
-
-    Raises
-    ------
-    InputError
-        If a record whose load is to be estimated does not start from an equilibrium.
-    """
+    """Return the unknowns of motions: amplitudes of their bases, loads at the start, sensors."""
     found = []
     for k, record in enumerate(records, start=1):
         if BASE_AMPLITUDE in wanted:
@@ -135,13 +116,7 @@ def mode_of(record: ResponseRecord, frequencies: Array) -> int:
 
 
 def restricted(unknowns: Sequence[Unknown], bounds: Bounds, priors: Bounds) -> list[Unknown]:
-    """Return the unknowns with the bounds and the priors that the user gave.
-
-    Raises
-    ------
-    InputError
-        If one is for another name, not a pair, or contradicts the guess.
-    """
+    """Return the unknowns with the bounds and the priors that the user gave."""
     names = {unknown.name for unknown in unknowns}
     check_keys(dict(bounds), set(), names, "bounds")
     check_keys(dict(priors), set(), names, "priors")
@@ -151,11 +126,11 @@ def restricted(unknowns: Sequence[Unknown], bounds: Bounds, priors: Bounds) -> l
 def _restricted(unknown: Unknown, bounds: Bounds, priors: Bounds) -> Unknown:
     name = unknown.name
     if name in priors:
-        mean, std = _pair(priors[name], f"priors: {name}")
+        mean, std = two_numbers(priors[name], f"priors: {name}", "(mean, standard deviation)")
         unknown = replace(unknown, prior=(mean, positive(std, f"priors: {name}")))
     if name not in bounds:
         return unknown
-    lower, upper = _pair(bounds[name], f"bounds: {name}")
+    lower, upper = two_numbers(bounds[name], f"bounds: {name}")
     if not lower <= unknown.guess <= upper:
         raise InputError(f"the first value {unknown.guess:g} is not within [{lower:g}, {upper:g}]", f"bounds: {name}")
     if unknown.reciprocal:
@@ -239,13 +214,6 @@ def _origin_guess(channel: Channel, model: Model) -> float:
     point = model.beam.length if channel.sensor.point is None else channel.sensor.point
     straight = np.array(channel.sensor.unit_direction) @ model.interpolation(point) @ model.straight
     return float(channel.measurement.values.mean() - straight)
-
-
-def _pair(given: Any, where: str) -> tuple[float, float]:
-    values = array(given, where, finite=False)
-    if values.shape != (2,):
-        raise InputError(f"must be a pair of numbers, got {shown(given)}", where)
-    return float(values[0]), float(values[1])
 
 
 def _load_scales(model: Model) -> dict[str, float]:

@@ -333,23 +333,18 @@ def labels_of(records: Sequence[MotionRecord]) -> list[str]:
 
 
 def pair(bounds: Any, where: str) -> Bounds:
-    """Return bounds (lower, upper), two finite numbers in order.
-
-    Raises
-    ------
-    InputError
-        If they are anything else.
-    """
-    lower, upper = _two(bounds, where)
+    """Return bounds (lower, upper), two finite numbers in order."""
+    lower, upper = two_numbers(bounds, where, finite=True)
     if not lower < upper:
         raise InputError(f"the lower bound {lower:g} is not below the upper {upper:g}", where)
     return lower, upper
 
 
-def _two(bounds: Any, where: str) -> tuple[float, float]:
-    values: Array = array(bounds, where)
+def two_numbers(given: Any, where: str, names: str = "(lower, upper)", *, finite: bool = False) -> tuple[float, float]:
+    """Return two numbers that the user gave as a pair."""
+    values: Array = array(given, where, finite=finite)
     if values.shape != (2,):
-        raise InputError(f"must be a pair (lower, upper), got {shown(bounds)}", where)
+        raise InputError(f"must be a pair {names}, got {shown(given)}", where)
     return float(values[0]), float(values[1])
 
 

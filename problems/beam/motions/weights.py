@@ -66,13 +66,7 @@ MODEL_STD = 2e-5  # systematic error of a record, relative to its travel
 
 
 def first_weights(records: Sequence[MotionRecord], *, robust: bool = False) -> SeriesWeights:
-    """Return the weights of records, from the third differences of the samples where the noise is not given.
-
-    Raises
-    ------
-    InputError
-        If the noise of a channel that has too few samples, or is constant, is not given.
-    """
+    """Return the weights of records, from the third differences of the samples where the noise is not given."""
     channels = [channel for record in records for channel in record.own_channels]
     groups = _groups(records)
     for group in groups:

@@ -41,13 +41,7 @@ STATIC_QUANTITIES = ("position", "displacement", "slope", "strain", "force", "mo
 
 
 def modal_response(model: Model, numbers: Index, owners: Owners) -> Respond:
-    """Return the function from factors to the natural frequencies (Hz) of modes, numbered from 0, and their Jacobian.
-
-    Raises
-    ------
-    EquilibriumError
-        If the beam has no stable equilibrium.
-    """
+    """Return the function from factors to the natural frequencies (Hz) of modes, from 0, and their Jacobian."""
     standard = followed_modes(natural_modes(model, count=int(numbers.max()) + 1), numbers)
 
     def respond(factors: Array) -> tuple[Array, Array]:
@@ -66,23 +60,7 @@ def static_response(
 ) -> Respond:
     """Return the function from factors to the readings of k sensors case by case, (c k,), and their Jacobian.
 
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    cases : sequence of sequences of PointLoad
-        The loads of each of c cases.
-    sensors : sequence of Sensor
-        The sensors.
-    tared : bool
-        Whether all sensors, not only those of displacement, read zero without the loads.
-    owners : Owners
-        The properties that each factor multiplies.
-
-    Raises
-    ------
-    EquilibriumError
-        If the beam has no equilibrium.
+    With ``tared`` all sensors, not only those of displacement, read zero without the loads.
     """
     equilibria = [static_equilibrium(model, loads=loads) for loads in ((), *cases)]
     read = readings(model, sensors)
@@ -132,11 +110,6 @@ def readings(model: Model, sensors: Sequence[Sensor]) -> cs.Function:
 
     f are the generalized forces on the clamped coordinates, (4,); the properties those of the beam, (4 n + 2,), in the
     order of ``structure_properties``.
-
-    Raises
-    ------
-    InputError
-        If a sensor reads nothing at rest, has its direction in the frame of the body, or is not on the beam.
     """
     e, f, properties = (
         cs.MX.sym("e", model.size),

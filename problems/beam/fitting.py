@@ -48,7 +48,6 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, flag, instances, is_sequence, positive, shown, whole
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.vibration.modes import natural_modes
@@ -179,7 +178,8 @@ def fit_beam(
     first = first_values(list(models.values()), [name for name in wanted if is_property(name)])
     for one in models.values():
         Owners.of(one.beam, tuple(first))  # check
-    frequencies = _frequencies(model) if curves else np.zeros(0)
+    count = min(12, model.size - model.free.start)  # modes among which those of the response curves are sought
+    frequencies = natural_modes(model, count=count).frequencies if curves else np.zeros(0)
     listed = [
         *of_law(damping, fixed),
         *(property_unknown(name, value, list(models.values())) for name, value in first.items()),
@@ -319,11 +319,6 @@ def _configured(records: Sequence[Any], model: Model, models: Mapping[int, Model
     for number, record in enumerate(records, start=1):
         groups.setdefault(id(record.model or model), []).append((number, record))
     return [(models[key], numbered) for key, numbered in groups.items()]
-
-
-def _frequencies(model: Model) -> Array:
-    # modes among which those of the response curves are sought
-    return natural_modes(model, count=min(12, model.size - model.free.start)).frequencies
 
 
 def _starts(unknowns: Sequence[Unknown], *, only_values: bool) -> list[dict[str, float]]:

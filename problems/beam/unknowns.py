@@ -1,28 +1,20 @@
 """The unknowns of a fit of a beam: guesses, scales, bounds and priors of the names that a user gives.
 
 The parameters of the law are unknown unless they are fixed, and so are those that the records leave open within bounds:
-releases, offsets, zeros, the view of a camera.  Of the other unknowns, a user names
-
-    properties of the beam                               one name each (``properties``)
-    natural_frequencies                                  a factor for each mode that the response curves are about
-    excitation, excitations                              one factor on the levels of all response curves, or of each
-    base_amplitude                                       the amplitude of the base motion of each motion
-    start_force_x, start_force_y, start_moment           the load that holds the beam at the start of each motion;
-                                                         with ``_rate`` its rate of change
-
-The names of unknowns in the result, with records, sensors and modes counted from 1, are
+releases, offsets, zeros, the view of a camera.  The user names the others (``fit_beam``).  The names in the result,
+with records, sensors and modes counted from 1, are
 
     alpha, beta, eta1, eta2, ratio1, ...         parameters of the law; in a sum, a second eta1 is called ``eta1_2``
     elastic_modulus, thickness[3:5], tip_mass    properties of the beam (``properties``)
-    frequency_1, ...                             factor on the natural frequency of a mode
+    frequency_1, ...                             factor on the natural frequency of a mode of the response curves
     excitation, or excitation_1, ...             factor on the levels of all response curves, or of each
     base_amplitude_1, ...                        amplitude of the base motion of each motion
     start_force_x_1, start_force_x_rate_1, ...   tip load that holds the beam at the start of each motion, and its rate
     release_1, camera_scale_1, ...               start of the motion, and view of the camera, of each motion
     offset_1_2, zero_1_2                         time offset and zero of the second channel of the first motion
 
-If none is named, a fit of response curves alone has the natural frequencies, and one of response curves together with
-other records the elastic modulus: without one of them, no model is near enough to a resonance.
+If none is named, a fit of response curves has the natural frequencies, or with other records the elastic modulus:
+without one of them, no model is near enough to a resonance.
 
 The scale of an unknown of a sensor is half the distance of its bounds, that of any other its guess.  The scale of a
 force is a tenth of E I/L^2, of a moment a tenth of E I/L, and of a rate this times the angular frequency of the first

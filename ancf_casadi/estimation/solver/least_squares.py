@@ -104,11 +104,15 @@ def least_squares(
     if weak.any():
         which = ", ".join(np.array(names)[free][weak])
         raise FitError(f"the data do not determine {which}; {advice or 'fix one, or add data'}")
-    scatter = estimated_noise(influence(r, huber)[0], jacobian[:, free] @ root, series, times).at_least(stated)
+    basis, (psi, w) = jacobian[:, free] @ root, influence(r, huber)
+    scatter = estimated_noise(psi, basis, series, times).at_least(stated)
+    spread = scatter.form(basis) / w**2 + len(r) * systematic**2 * np.eye(len(root))
+    covariance = np.full((len(names), len(names)), math.nan)
+    covariance[np.ix_(free, free)] = root @ spread @ root.T
     return Fit(
         unknowns=tuple(unknowns),
         values=values,
-        covariance=_covariance(root, free, scatter.form(jacobian[:, free] @ root), r, huber, systematic),
+        covariance=covariance,
         active_bounds=active,
         residuals=r,
         series=tuple(series),
@@ -176,18 +180,6 @@ def _inverse_root(jacobian: Array) -> tuple[Array, float, Mask]:
         return np.empty((0, 0)), math.inf, np.abs(directions[-1]) > 0.1
     root = (directions.T / singular) / length[:, None]
     return root, float(singular[0] / singular[-1]), np.zeros(n, dtype=bool)
-
-
-def _covariance(root: Array, free: Mask, scatter: Array, residuals: Array, huber: float, systematic: float) -> Array:
-    """Return the covariance C (n, n) of the free unknowns (``fit``); nan for the others.
-
-    ``scatter`` is the covariance H' J' R J H of the influences psi in the directions of the columns of J H.
-    """
-    _, w = influence(residuals, huber)
-    allowance = len(residuals) * systematic**2 * np.eye(len(root))
-    covariance = np.full((len(free), len(free)), math.nan)
-    covariance[np.ix_(free, free)] = root @ (scatter / w**2 + allowance) @ root.T
-    return covariance
 
 
 def refitted(fit: Fit, noise: Array) -> Array:

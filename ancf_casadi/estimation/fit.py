@@ -36,7 +36,7 @@ from ancf_casadi.estimation.solver.loss import dispersion, influence, row_weight
 from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, Noise, autocorrelation, concentration
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown
 from ancf_casadi.support.arrays import Array, Mask
-from ancf_casadi.support.tables import known
+from ancf_casadi.support.tables import finite
 
 CORRELATED = 0.95  # correlation of two unknowns beyond which there is a warning
 
@@ -270,36 +270,33 @@ class Fit:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""
-        values, errors = self.estimates.values(), self.standard_errors.values()
-        columns = (self.unknowns, values, errors, self.white_errors.tolist(), self.intervals().tolist())
-        return {
-            "unknowns": [
-                {
-                    "name": own.name,
-                    "unit": own.unit,
-                    "value": value,
-                    "standard_error": known(error),
-                    "standard_error_white": known(white),
-                    "interval_95": [known(low), known(high)],
-                    "bounds": [known(own.lower), known(own.upper)],
-                    "at_bound": own.name in self.at_bound,
-                }
-                for own, value, error, white, (low, high) in zip(*columns, strict=True)
-            ],
-            "covariance": [[known(value) for value in row] for row in self.covariance.tolist()],
-            "correlations": [[known(value) for value in row] for row in self.correlations.tolist()],
+        columns = {
+            "name": self.names,
+            "unit": self.units,
+            "value": self.estimates.values(),
+            "standard_error": self.standard_errors.values(),
+            "standard_error_white": self.white_errors.tolist(),
+            "interval_95": self.intervals().tolist(),
+            "bounds": [(own.lower, own.upper) for own in self.unknowns],
+            "at_bound": self.active_bounds.tolist(),
+        }
+        data = {
+            "unknowns": [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)],
+            "covariance": self.covariance.tolist(),
+            "correlations": self.correlations.tolist(),
             "rank": self.rank,
-            "condition": known(self.condition),
+            "condition": self.condition,
             "residuals": len(self.residuals),
             "residual_rms": self.residual_rms,
-            "autocorrelation": known(self.autocorrelation),
+            "autocorrelation": self.autocorrelation,
             "effective_samples": self.effective_samples,
             "white_noise": self.noise.white,
             "status": self.status,
             "iterations": self.iterations,
             "solve_seconds": self.solve_seconds,
-            "warnings": list(self.warnings),
+            "warnings": self.warnings,
         }
+        return finite(data)
 
     def colour(self) -> str:
         """Return the colour of the noise, and the ratio of the standard errors to those for white noise, as text."""

@@ -23,7 +23,7 @@ from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, Quantities, profi
 from ancf_casadi.estimation.solver.least_squares import refitted
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.tables import Reported, Table, known
+from ancf_casadi.support.tables import Reported, Table, finite, known
 
 Interval = tuple[float, float]
 
@@ -124,25 +124,18 @@ class FitResult(Reported):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""
-        return {
+        columns = ("name", "value", "unit", "standard_error", "interval_95")
+        data = {
             "kind": self.kind,
-            "estimates": [
-                {
-                    "name": name,
-                    "value": known(value),
-                    "unit": unit,
-                    "standard_error": known(error),
-                    "interval_95": [known(low), known(high)],
-                }
-                for name, value, unit, error, (low, high) in self._rows()
-            ],
-            "covariance": [[known(value) for value in row] for row in self.covariance.tolist()],
-            "degrees_of_freedom": known(self.degrees_of_freedom),
+            "estimates": [dict(zip(columns, row, strict=True)) for row in self._rows()],
+            "covariance": self.covariance.tolist(),
+            "degrees_of_freedom": self.degrees_of_freedom,
             "report": self.report(),
-            "at_bound": list(self.at_bound),
+            "at_bound": self.at_bound,
             "agreements": [one.to_dict() for one in self.agreements],
-            "warnings": list(self.warnings),
+            "warnings": self.warnings,
         }
+        return finite(data)
 
     def check_name(self, name: str) -> None:
         """Check the name of an estimate."""

@@ -40,6 +40,8 @@ from ancf_casadi.support.inputs import check_keys, choices, positive
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.record import Channel, MotionRecord, two_numbers
+from problems.beam.properties import value_of
+from problems.beam.values.response import place
 
 LOAD_SCALE = 0.1  # scale of a load, relative to one that bends a beam by about its length
 FREQUENCY_RANGE = 0.10  # distance of the bounds of a frequency from its guess, relative
@@ -203,15 +205,14 @@ def _between(name: str, limits: tuple[float, float], unit: str) -> Unknown:
 
 def _origin_guess(channel: Channel, model: Model) -> float:
     """Return the zero of a displacement whose mean is that of the straight beam, m."""
-    point = model.beam.length if channel.sensor.point is None else channel.sensor.point
-    straight = np.array(channel.sensor.unit_direction) @ model.interpolation(point) @ model.straight
+    interpolation = model.interpolation(place(model, channel.sensor))
+    straight = np.array(channel.sensor.unit_direction) @ interpolation @ model.straight
     return float(channel.measurement.values.mean() - straight)
 
 
 def _load_scales(model: Model) -> dict[str, float]:
-    width, thickness, density, modulus = model.properties
-    stiffness = float(np.mean(modulus * width * thickness**3 / 12))
-    length, mass = model.beam.length, float(np.mean(density * width * thickness))
+    stiffness, mass = (value_of(model.beam, name) for name in ("bending_stiffness", "mass_per_length"))
+    length = model.beam.length
     sizes = LOAD_SCALE * stiffness / length**2 * np.array([1.0, 1.0, length])
     # angular frequency of a cantilever over (E I/(mu L^4))^1/2
     rate = 3.516 * math.sqrt(stiffness / (mass * length**4))

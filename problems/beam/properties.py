@@ -136,10 +136,13 @@ def with_clamp(models: Sequence[Model]) -> list[Model]:
     elastic = [one.beam.clamp_stiffness for one in models if math.isfinite(one.beam.clamp_stiffness)]
     # first clamp stiffness if the clamp is rigid, in units of E I/L
     first = elastic[0] if elastic else 10.0 * _clamp_unit(models)
-    return [
-        one if math.isfinite(one.beam.clamp_stiffness) else Model(one.beam.with_(clamp_stiffness=first), one.measures)
-        for one in models
-    ]
+    return [clamped(one, first) for one in models]
+
+
+def clamped(model: Model, first: float) -> Model:
+    """Return a model with a stiffness of its clamp if that is rigid."""
+    rigid = math.isinf(model.beam.clamp_stiffness)
+    return Model(model.beam.with_(clamp_stiffness=first), model.measures) if rigid else model
 
 
 def first_values(models: Sequence[Model], names: Sequence[str]) -> dict[str, float]:

@@ -85,8 +85,13 @@ def of_law(law: DampingLaw | None, fixed: Sequence[str]) -> list[Unknown]:
 
 
 def of_curves(wanted: Sequence[str], frequencies: Array, records: Sequence[ResponseRecord]) -> list[Unknown]:
-    """Return the factors on natural frequencies (Hz) and on the levels of response curves."""
-    found = _frequencies(frequencies, records) if NATURAL_FREQUENCIES in wanted else []
+    """Return the factors on the natural frequencies (Hz) of the modes of response curves, and on their levels."""
+    found, modes = [], [mode_of(record, frequencies) for record in records]
+    for mode in sorted(set(modes)) if NATURAL_FREQUENCIES in wanted else ():
+        own = [record for record, one in zip(records, modes, strict=True) if one == mode]
+        guess = _peak(min(own, key=lambda record: float(record.amplitudes.max()))) / float(frequencies[mode])
+        limits = (1.0 - FREQUENCY_RANGE) * guess, (1.0 + FREQUENCY_RANGE) * guess
+        found.append(Unknown(frequency_name(mode), guess, 1e-3, *limits))  # scale of a frequency, relative
     names = [COMMON] if COMMON in wanted else []
     names += [f"excitation_{k}" for k in range(1, len(records) + 1)] if EACH in wanted else []
     limits = 1.0 - EXCITATION_RANGE, 1.0 + EXCITATION_RANGE
@@ -137,18 +142,6 @@ def _of_parameter(name: str, parameter: Parameter) -> Unknown:
     unit = "" if parameter.unit == "1" else parameter.unit
     guess, scale = parameter.value, abs(parameter.value) or 1.0
     return Unknown(name, guess, scale, lower=parameter.lower, upper=parameter.upper, unit=unit)
-
-
-def _frequencies(frequencies: Array, records: Sequence[ResponseRecord]) -> list[Unknown]:
-    """Return the factors on the natural frequencies of the modes that the records are about."""
-    found = []
-    modes = [mode_of(record, frequencies) for record in records]
-    for mode in sorted(set(modes)):
-        own = [record for record, one in zip(records, modes, strict=True) if one == mode]
-        guess = _peak(min(own, key=lambda record: float(record.amplitudes.max()))) / float(frequencies[mode])
-        limits = (1.0 - FREQUENCY_RANGE) * guess, (1.0 + FREQUENCY_RANGE) * guess
-        found.append(Unknown(frequency_name(mode), guess, 1e-3, *limits))  # scale of a frequency, relative
-    return found
 
 
 def _peak(record: ResponseRecord) -> float:

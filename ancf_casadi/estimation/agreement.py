@@ -52,20 +52,12 @@ DISAGREE = 0.01  # probability of Q below which estimates do not agree
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """Several estimates of one quantity.
-
-    Parameters
-    ----------
-    name, unit : str
-        The quantity.
-    values, errors : ndarray
-        Estimates (K,) and their standard errors (K,), all positive; K is 2 or more.
-    """
+    """Several estimates of one quantity."""
 
     name: str
     unit: str
-    values: Array
-    errors: Array
+    values: Array  # estimates (K,), K at least 2
+    errors: Array  # their standard errors (K,), all positive
 
     @cached_property
     def scatter(self) -> float:
@@ -103,13 +95,7 @@ class Agreement:
         return self.ends(CONFIDENCE_LEVEL)
 
     def ends(self, level: float) -> tuple[float, float]:
-        """Return the interval of the mean for a confidence level.
-
-        Raises
-        ------
-        InputError
-            If the level is not between 0 and 1.
-        """
+        """Return the interval of the mean for a confidence level."""
         t = quantile(level, len(self.values) - 1 if self.scatter else math.inf)
         return self.mean - t * self.error, self.mean + t * self.error
 
@@ -158,16 +144,9 @@ class Agreement:
 
 
 def agreement_of_parts(fit: Fit, masks: Sequence[Mask]) -> tuple[Agreement, ...]:
-    """Return the agreement of parts of the residuals of a fit on each unknown that two or more of them determine.
+    """Return the agreement of parts of a fit, by masks of their residuals, on each unknown that two or more determine.
 
     The noise of a part counts as no less than that of the fit: a few values may be near their curve by chance.
-
-    Parameters
-    ----------
-    fit : Fit
-        The fit.
-    masks : sequence of ndarray of bool
-        Rows of each part (m,).
     """
     if len(masks) < 2:
         return ()

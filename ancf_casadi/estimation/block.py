@@ -42,27 +42,13 @@ class Evaluation(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A block after a fit.
-
-    Parameters
-    ----------
-    fit : Fit
-        The estimates.
-    rows : slice
-        Residuals of the block among all.
-    scale : float
-        Factor G of the residuals in the fit.
-    shifts : ndarray
-        Shifts (n,) of the estimates by the error of the discretisation, in standard errors; nan if unknown.
-    evaluation : Evaluation
-        The block as it was fitted.
-    """
+    """A block after a fit."""
 
     fit: Fit
-    rows: slice
-    scale: float
-    shifts: Array
-    evaluation: Any
+    rows: slice  # residuals of the block among all
+    scale: float  # factor G of the residuals in the fit
+    shifts: Array  # shifts (n,) of the estimates by the error of the discretisation, in standard errors; nan if unknown
+    evaluation: Any  # Evaluation of the block as it was fitted
 
     @property
     def values(self) -> dict[str, float]:
@@ -82,46 +68,22 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Account:
-    """Lines, warnings and data of one block for the result.
+    """Lines, warnings and data of one block for the result."""
 
-    Parameters
-    ----------
-    lines : sequence of str
-        Lines of the report.
-    warnings : sequence of str
-        Limitations, one sentence each.
-    data : dict
-        Plain data for JSON.
-    """
-
-    lines: Sequence[str] = ()
-    warnings: Sequence[str] = ()
-    data: dict[str, Any] = field(default_factory=dict)
+    lines: Sequence[str] = ()  # of the report
+    warnings: Sequence[str] = ()  # limitations, one sentence each
+    data: dict[str, Any] = field(default_factory=dict)  # for JSON
 
 
 @dataclass(frozen=True, eq=False)
 class SeriesWeights:
-    """Standard deviations of the series of residuals of a block, which groups of series share.
-
-    Parameters
-    ----------
-    lengths : array of int (c,)
-        Lengths of the series.
-    deviations : array (c,)
-        Standard deviation of each series, in its unit.
-    floors : array (c,)
-        Least standard deviation of each series that residuals may give.
-    groups : tuple of tuple of int
-        Series that share a standard deviation.
-    known : tuple of bool
-        Whether the user gave the standard deviation of a group.
-    """
+    """Standard deviations of the series of residuals of a block, which groups of series share."""
 
     lengths: Index
-    deviations: Array
-    floors: Array
-    groups: tuple[tuple[int, ...], ...]
-    known: tuple[bool, ...]
+    deviations: Array  # standard deviation of each series, in its unit
+    floors: Array  # least standard deviation of each series that residuals may give
+    groups: tuple[tuple[int, ...], ...]  # series that share a standard deviation
+    known: tuple[bool, ...]  # whether the user gave the standard deviation of a group
 
     @property
     def scale(self) -> float:
@@ -229,13 +191,7 @@ class Block(ABC):
         """Return measured and computed values."""
 
     def predicted(self, fit: Fit, kind: str) -> RecordPrediction:
-        """Return the values of the block, whose records were not fitted, at the estimates of a fit of some kind.
-
-        Raises
-        ------
-        FitError
-            If they cannot be computed.
-        """
+        """Return the values of the block, whose records were not fitted, at the estimates of a fit of some kind."""
         evaluation = self.evaluation()
         evaluate = residual_function(
             lambda *x: evaluation.residuals(dict(zip(fit.names, x, strict=True))), fit.coordinates

@@ -108,7 +108,7 @@ class LawComparison(Displayed, Generic[F]):
                 one.fit.residual_rms,
                 known(aicc - min(verdict.aicc)),
                 bic - min(verdict.bic),
-                one.fit.autocorrelation,
+                known(one.fit.autocorrelation),
             )
             for label, one, candidate, aicc, bic in laws
         ]

@@ -51,36 +51,16 @@ EQUAL_CRITERION = 1e-6  # difference of a criterion below which two models are e
 
 @dataclass(frozen=True)
 class Candidate:
-    """A fitted model.
-
-    Parameters
-    ----------
-    name : str
-        Name of the model.
-    samples : int
-        Number m of residuals.
-    effective_samples : float
-        Effective number n of independent residuals.
-    residual_rms : float
-        Root mean square of the residuals.
-    rank : int
-        Number of free unknowns, and of those at a bound that count.
-    autocorrelation : float
-        Correlation of successive residuals.
-    vagueness : float
-        Largest uncertainty of a damping term relative to the total damping (``vagueness``).
-    prior : float
-        Prior probability relative to that of other models.
-    """
+    """A fitted model."""
 
     name: str
-    samples: int
-    effective_samples: float
+    samples: int  # m residuals
+    effective_samples: float  # n independent residuals that carry as much information
     residual_rms: float
-    rank: int
-    autocorrelation: float
-    vagueness: float = 0.0
-    prior: float = 1.0
+    rank: int  # number of free unknowns, and of those at a bound that count
+    autocorrelation: float  # correlation of successive residuals; nan if unknown
+    vagueness: float = 0.0  # largest uncertainty of a damping term relative to the total damping (``vagueness``)
+    prior: float = 1.0  # prior probability relative to that of other models
 
     @classmethod
     def of(
@@ -117,28 +97,14 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Result of the comparison of candidates.
+    """Result of the comparison of candidates."""
 
-    Parameters
-    ----------
-    aicc, bic : tuple of float
-        Information criteria of each candidate.
-    best : int
-        Position of the candidate with the lowest BIC.
-    settled : bool
-        Whether the record settles the choice: no rival is close, no other law may have a large term, and AICc agrees.
-    effective_samples : float
-        Effective number n of independent residuals in the criteria.
-    warnings : tuple of str
-        Reasons to doubt the result.
-    """
-
-    aicc: tuple[float, ...]
+    aicc: tuple[float, ...]  # of each candidate
     bic: tuple[float, ...]
-    best: int
-    settled: bool
-    effective_samples: float
-    warnings: tuple[str, ...]
+    best: int  # position of the candidate with the lowest BIC
+    settled: bool  # no rival is close, no other law may have a large term, and AICc agrees
+    effective_samples: float  # effective number n of independent residuals in the criteria
+    warnings: tuple[str, ...]  # reasons to doubt the result
 
 
 def judge(candidates: Sequence[Candidate]) -> Verdict:

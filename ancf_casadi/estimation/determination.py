@@ -41,21 +41,8 @@ LEAST_EXPONENT = 1e-3  # exponent below which an unknown is not in a combination
 def check_determined(residuals: Callable[..., cs.MX], unknowns: Sequence[Unknown], negligible: float) -> None:
     """Refuse unknowns of which the residuals determine combinations only, at the guess and at a point beside it.
 
-    A guess may be special: without motion nothing depends on the damping.
-
-    Parameters
-    ----------
-    residuals : callable
-        As in ``least_squares``.
-    unknowns : sequence of Unknown
-        The unknowns with their guesses.
-    negligible : float
-        Norm of a change of the residuals that counts as none.
-
-    Raises
-    ------
-    FitError
-        If there is such a combination; the message names what is determined, and the remedy.
+    A guess may be special: without motion nothing depends on the damping.  A change of the residuals counts as none if
+    its norm is ``negligible``.
     """
     y = Coordinates.of(unknowns)
     evaluate = residual_function(residuals, y)
@@ -91,12 +78,8 @@ def certainty(fit: Fit, names: Sequence[str]) -> list[tuple[str, float]]:
 
 def product(names: Sequence[str], exponents: Array) -> str:
     """Return a product of powers as text."""
-    powers = {
-        name: f"{value:.3g}"
-        for name, value in zip(names, exponents.tolist(), strict=True)
-        if abs(value) > LEAST_EXPONENT
-    }
-    return " ".join(name if power == "1" else f"{name}^{power}" for name, power in powers.items())
+    powers = [(name, f"{n:.3g}") for name, n in zip(names, exponents, strict=True) if abs(n) > LEAST_EXPONENT]
+    return " ".join(name if power == "1" else f"{name}^{power}" for name, power in powers)
 
 
 def undetermined(columns: Array, negligible: float) -> Array:
@@ -104,7 +87,9 @@ def undetermined(columns: Array, negligible: float) -> Array:
     if not np.isfinite(columns).all() or not columns.any():
         return np.zeros((0, columns.shape[1]))  # the fit reports this
     _, singular, directions = np.linalg.svd(np.linalg.qr(columns, mode="r"))
-    return _reduced(directions[singular < negligible])
+    rows = directions[singular < negligible]
+    rows = row_reduced(rows, np.argsort(-np.abs(rows).max(axis=0, initial=0.0), kind="stable").tolist())
+    return np.array([row / row[np.abs(row).argmax()] for row in rows]).reshape(rows.shape)
 
 
 def row_reduced(rows: Array, columns: Iterable[int]) -> Array:
@@ -122,15 +107,6 @@ def row_reduced(rows: Array, columns: Iterable[int]) -> Array:
         rows[others] -= np.outer(rows[others, column], rows[first])
         first += 1
     return rows
-
-
-def _reduced(rows: Array) -> Array:
-    """Return rows with the same span, each with few entries, and the largest 1."""
-    if not len(rows):
-        return rows
-    rows = row_reduced(rows, np.argsort(-np.abs(rows).max(axis=0), kind="stable").tolist())
-    largest = np.abs(rows).argmax(axis=1)
-    return np.asarray(rows / rows[np.arange(len(rows)), largest][:, None])
 
 
 def _sentence(names: Sequence[str], exponents: Array) -> str:

@@ -53,16 +53,9 @@ def criteria_figure(names: Sequence[str], aicc: Sequence[float], bic: Sequence[f
 
 @literal_text
 def scatter_figure(labels: Sequence[str], samples: Array, estimates: Array, errors: Sequence[float]) -> Figure:
-    """Draw a histogram of each column of samples, and the normal distribution of the estimate.
+    """Draw a histogram of each column of samples (runs, p), and the normal distributions of the estimates (p,).
 
-    Parameters
-    ----------
-    labels : sequence of str
-        Names of the p quantities, with units.
-    samples : ndarray
-        Values (runs, p).
-    estimates, errors
-        Means and standard deviations (p,) of the normal distributions; none is drawn where the latter is nan.
+    None is drawn where the standard error is nan.
     """
     figure = Figure(figsize=(3 * len(labels), 2.8), layout="constrained")
     plots = figure.subplots(1, len(labels), squeeze=False).ravel()
@@ -96,13 +89,7 @@ def agreement_figure(quantities: Sequence[tuple[str, Agreement]]) -> Figure:
 
 @literal_text
 def saved_figure(fits: Mapping[str, Any]) -> Figure:
-    """Draw the estimates of one or several fits with their 95 % intervals, one plot for each name.
-
-    Parameters
-    ----------
-    fits : mapping of str to result of a fit
-        The fits by their labels.
-    """
+    """Draw the estimates of one or several fits with their 95 % intervals, one plot for each name."""
     units = {name: unit for fit in fits.values() for name, unit in fit.units.items()}
     rows = max(1, -(-len(units) // PLOTS_PER_ROW))
     figure = Figure(figsize=(2.6 * min(PLOTS_PER_ROW, max(1, len(units))), 2.6 * rows), layout="constrained")
@@ -130,11 +117,6 @@ def channels_figure(results: Mapping[str, Any]) -> Figure:
     """Draw measured (dots) and computed values, amplitudes of complex ones, and their differences below.
 
     Channels of one result that share a diagram, unit and axis are drawn over one another.
-
-    Parameters
-    ----------
-    results : mapping of str to RecordPrediction, or to the result of a fit with ``channels``
-        The results by their labels.
     """
     diagrams: dict[tuple[str, ...], list[PredictedChannel]] = {}
     for label, result in results.items():

@@ -36,7 +36,7 @@ from ancf_casadi.estimation.solver.loss import dispersion, influence, row_weight
 from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, Noise, autocorrelation, concentration
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown
 from ancf_casadi.support.arrays import Array, Mask
-from ancf_casadi.support.tables import known
+from ancf_casadi.support.tables import finite
 
 CORRELATED = 0.95  # correlation of two unknowns beyond which there is a warning
 
@@ -46,63 +46,25 @@ class Fit:
     """Estimated unknowns and their uncertainty; ``fit["name"]`` is the value of an unknown.
 
     The arrays are in the coordinates of the solver: the unknowns, or the reciprocals of those that are reciprocal.
-
-    Parameters
-    ----------
-    unknowns : tuple of Unknown
-        The n unknowns, free or not.
-    values : ndarray
-        Estimates (n,).
-    covariance : ndarray
-        Covariance (n, n); nan for unknowns at a bound.
-    active_bounds : ndarray of bool
-        Unknowns at a bound (n,).
-    residuals : ndarray
-        Residuals (m,).
-    series : tuple of int
-        Lengths of the series of residuals, which follow one another; each series is in the order of time.  Empty if the
-        residuals have no order.
-    times : ndarray or None
-        Times of the residuals (m,), s; None if those of a series are equally spaced.
-    noise : Noise
-        Covariance of the noise in the residuals.
-    jacobian : ndarray
-        Jacobian of the residuals (m, n).
-    condition : float
-        Condition number of the Jacobian of the free unknowns, its columns scaled to unit length.
-    huber : float
-        Residual d beyond which the loss grows linearly; infinite for least squares.
-    systematic : float
-        Root mean square e of a systematic error of the residuals, for which the standard errors allow.
-    status : str
-        Return status of IPOPT.
-    iterations : int
-        Iterations of IPOPT, and Gauss-Newton steps.
-    solve_seconds : float
-        Solution time of IPOPT, s.
-    model : casadi.Function
-        Coordinates in units of their scales -> residuals, and their Jacobian by these.
-    settings : mapping
-        Settings of ``least_squares``, for a fit to other data.
     """
 
-    unknowns: tuple[Unknown, ...]
-    values: Array
-    covariance: Array
-    active_bounds: Mask
-    residuals: Array
-    series: tuple[int, ...]
-    times: Array | None
-    noise: Noise
-    jacobian: Array
-    condition: float
-    huber: float
-    systematic: float
-    status: str
-    iterations: int
-    solve_seconds: float
-    model: cs.Function
-    settings: Mapping[str, Any]
+    unknowns: tuple[Unknown, ...]  # n, free or not
+    values: Array  # estimates (n,)
+    covariance: Array  # (n, n); nan for unknowns at a bound
+    active_bounds: Mask  # unknowns at a bound (n,)
+    residuals: Array  # (m,)
+    series: tuple[int, ...]  # lengths of the series of residuals, each in the order of time; empty if without order
+    times: Array | None  # times of the residuals (m,), s; None if those of a series are equally spaced
+    noise: Noise  # covariance of the noise in the residuals
+    jacobian: Array  # of the residuals (m, n)
+    condition: float  # of the Jacobian of the free unknowns, its columns scaled to unit length
+    huber: float  # residual d beyond which the loss grows linearly; infinite for least squares
+    systematic: float  # root mean square e of a systematic error of the residuals, for which the standard errors allow
+    status: str  # return status of IPOPT
+    iterations: int  # iterations of IPOPT, and Gauss-Newton steps
+    solve_seconds: float  # solution time of IPOPT, s
+    model: cs.Function  # coordinates in units of their scales -> residuals, and their Jacobian by these
+    settings: Mapping[str, Any]  # settings of ``least_squares``, for a fit to other data
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -214,11 +176,6 @@ class Fit:
         """Return the intervals (n, 2) of the unknowns for a confidence level, to first order.
 
         The interval of a reciprocal unknown has no upper end if the reciprocal may be at its lower bound.
-
-        Raises
-        ------
-        InputError
-            If the level is not between 0 and 1.
         """
         ends = first_order_ends(self, self.values, np.eye(len(self.names)), level)
         ends = np.clip(ends, self.lower[:, None], self.upper[:, None])
@@ -302,46 +259,44 @@ class Fit:
 
     def lines(self) -> list[str]:
         """Return residuals, bounds and the status of the solver as text."""
+        ρ = self.autocorrelation
+        correlated = f"successive residuals correlate at {ρ:.2f}, " if math.isfinite(ρ) else ""
         return [
-            f"{len(self.residuals)} residuals, root mean square {self.residual_rms:.3g}; successive residuals "
-            f"correlate at {self.autocorrelation:.2f}, effective number of independent "
-            f"residuals {self.effective_samples:.0f}; {self.colour()}",
+            f"{len(self.residuals)} residuals, root mean square {self.residual_rms:.3g}; {correlated}effective number "
+            f"of independent residuals {self.effective_samples:.0f}; {self.colour()}",
             f"{self.rank} of {len(self.names)} unknowns free of bounds, condition number {self.condition:.3g}",
             f"{self.status} after {self.iterations} iterations",
         ]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""
-        values, errors = self.estimates.values(), self.standard_errors.values()
-        columns = (self.unknowns, values, errors, self.white_errors.tolist(), self.intervals().tolist())
-        return {
-            "unknowns": [
-                {
-                    "name": own.name,
-                    "unit": own.unit,
-                    "value": value,
-                    "standard_error": known(error),
-                    "standard_error_white": known(white),
-                    "interval_95": [known(low), known(high)],
-                    "bounds": [known(own.lower), known(own.upper)],
-                    "at_bound": own.name in self.at_bound,
-                }
-                for own, value, error, white, (low, high) in zip(*columns, strict=True)
-            ],
-            "covariance": [[known(value) for value in row] for row in self.covariance.tolist()],
-            "correlations": [[known(value) for value in row] for row in self.correlations.tolist()],
+        columns = {
+            "name": self.names,
+            "unit": self.units,
+            "value": self.estimates.values(),
+            "standard_error": self.standard_errors.values(),
+            "standard_error_white": self.white_errors.tolist(),
+            "interval_95": self.intervals().tolist(),
+            "bounds": [(own.lower, own.upper) for own in self.unknowns],
+            "at_bound": self.active_bounds.tolist(),
+        }
+        data = {
+            "unknowns": [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)],
+            "covariance": self.covariance.tolist(),
+            "correlations": self.correlations.tolist(),
             "rank": self.rank,
-            "condition": known(self.condition),
+            "condition": self.condition,
             "residuals": len(self.residuals),
             "residual_rms": self.residual_rms,
-            "autocorrelation": known(self.autocorrelation),
+            "autocorrelation": self.autocorrelation,
             "effective_samples": self.effective_samples,
             "white_noise": self.noise.white,
             "status": self.status,
             "iterations": self.iterations,
             "solve_seconds": self.solve_seconds,
-            "warnings": list(self.warnings),
+            "warnings": self.warnings,
         }
+        return finite(data)
 
     def colour(self) -> str:
         """Return the colour of the noise, and the ratio of the standard errors to those for white noise, as text."""

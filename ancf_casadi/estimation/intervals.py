@@ -98,25 +98,9 @@ def first_order_ends(fit: Fit, values: Array, jacobian: Array, level: float) -> 
 def profile_interval(
     fit: Fit, quantity: str | Quantities, level: float = CONFIDENCE_LEVEL, *, inflation: float = 1.0
 ) -> tuple[float, float]:
-    """Return the interval of an unknown, or of a function of the unknowns, by profile likelihood.
+    """Return the interval of an unknown, by name, or of a function of the unknowns, by profile likelihood.
 
-    Parameters
-    ----------
-    fit : Fit
-        Estimates with their model.
-    quantity : str or callable
-        Name of an unknown; or a function of the unknowns, MX scalars in their order, that returns an MX scalar.
-    level : float
-        Confidence level.
-    inflation : float
-        Factor of the variance phi, beyond that of the noise in the residuals.
-
-    Raises
-    ------
-    InputError
-        If there is no such unknown, the level is not between 0 and 1, or there is no scatter.
-    FitError
-        If IPOPT does not converge.
+    ``inflation`` is a factor of the variance phi, beyond that of the noise in the residuals.
     """
     if isinstance(quantity, str) and quantity not in fit.names:
         raise InputError(f"is not an unknown of the fit; the unknowns are {', '.join(fit.names)}", quantity)

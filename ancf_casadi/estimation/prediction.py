@@ -22,42 +22,19 @@ LARGEST_PREDICTION_ERROR = 3.0  # rms error over noise and standard error above 
 
 @dataclass(frozen=True, eq=False)
 class PredictedChannel:
-    """Measured and predicted values of one kind.
+    """Measured and predicted values of one kind."""
 
-    Parameters
-    ----------
-    name, unit : str
-        What was measured.
-    measured, predicted : ndarray
-        Values (m,), real or complex.
-    errors : ndarray
-        Standard errors (m,) of the predicted values due to the uncertainty of the estimates; nan if unknown.
-    places : ndarray
-        Times, frequencies or numbers (m,) of the values.
-    axis : str
-        Meaning of the places, with their unit.
-    noise : float or ndarray
-        Standard deviation of the measured values, one or (m,); nan if unknown.
-    size : float or ndarray, optional
-        Size of the measured values, one or (m,), to which ``relative_error`` refers; their root mean square if not
-        given.
-    labels : tuple of str
-        Name of each value, if they are single ones, which the table lists; none in a series.
-    diagram : str
-        Title of the diagram that channels share in a figure; each has its own if not given.
-    """
-
-    name: str
+    name: str  # what was measured
     unit: str
-    measured: Array | ComplexArray
+    measured: Array | ComplexArray  # values (m,), real or complex
     predicted: Array | ComplexArray
-    errors: Array
-    places: Array
-    axis: str
-    noise: float | Array = math.nan
-    size: float | Array | None = None
-    labels: tuple[str, ...] = ()
-    diagram: str = ""
+    errors: Array  # standard errors (m,) of the predicted values due to those of the estimates; nan if unknown
+    places: Array  # times, frequencies or numbers (m,) of the values
+    axis: str  # meaning of the places, with their unit
+    noise: float | Array = math.nan  # standard deviation of the measured values, one or (m,); nan if unknown
+    size: float | Array | None = None  # to which ``relative_error`` refers, one or (m,); rms of the values if None
+    labels: tuple[str, ...] = ()  # name of each value, if they are single ones, which the table lists; none in a series
+    diagram: str = ""  # title of the diagram that channels share in a figure; each has its own if empty
 
     @property
     def residuals(self) -> Array | ComplexArray:

@@ -142,10 +142,7 @@ class MonteCarlo(Displayed):
     def table(self) -> Table:
         """Return estimate and standard error of each quantity, and mean, deviation and interval over the runs."""
         columns = ("quantity", "estimate", "unit", "standard_error", "mean", "deviation", "lower_95", "upper_95")
-        rows = [
-            (name, estimate, unit, known(error), mean, deviation, *interval)
-            for name, unit, estimate, error, mean, deviation, interval in self._rows()
-        ]
+        rows = [(*row, *interval) for *row, interval in self._rows()]
         drawn = f"blocks of {self.block} residuals" if self.block > 1 else "single residuals"
         notes = [
             f"{self.runs} runs, {len(self.failures)} failed; "
@@ -167,32 +164,21 @@ class MonteCarlo(Displayed):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""
+        columns = ("name", "estimate", "unit", "standard_error", "mean", "deviation", "interval_95")
         return {
             "method": self.method,
             "block": self.block,
             "runs": self.runs,
             "failures": list(self.failures),
-            "quantities": [
-                {
-                    "name": name,
-                    "unit": unit,
-                    "estimate": estimate,
-                    "standard_error": known(error),
-                    "mean": mean,
-                    "deviation": deviation,
-                    "interval_95": interval,
-                }
-                for name, unit, estimate, error, mean, deviation, interval in self._rows()
-            ],
+            "quantities": [dict(zip(columns, row, strict=True)) for row in self._rows()],
             "samples": self.samples.tolist(),
         }
 
-    def _rows(self) -> list[tuple[str, str, float, float, float, float, list[float]]]:
-        """Return name, unit, estimate, standard error, mean, deviation and interval of each quantity."""
-        columns = (self.means, self.stds, self.intervals())
-        numbers = (column.tolist() for column in columns)
-        errors = self.standard_errors.values()
-        return list(zip(self.names, self.units, self.estimates.tolist(), errors, *numbers, strict=True))
+    def _rows(self) -> list[tuple[Any, ...]]:
+        """Return name, estimate, unit, standard error (None if unknown), mean, deviation and interval of each."""
+        errors = map(known, self.standard_errors.values())
+        numbers = (column.tolist() for column in (self.means, self.stds, self.intervals()))
+        return list(zip(self.names, self.estimates.tolist(), self.units, errors, *numbers, strict=True))
 
 
 def monte_carlo(

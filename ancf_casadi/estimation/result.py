@@ -23,7 +23,7 @@ from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, Quantities, profi
 from ancf_casadi.estimation.solver.least_squares import refitted
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.tables import Reported, Table, known
+from ancf_casadi.support.tables import Reported, Table, finite, known
 
 Interval = tuple[float, float]
 
@@ -52,13 +52,7 @@ class FitResult(Reported):
 
     @abstractmethod
     def intervals(self, level: float = CONFIDENCE_LEVEL) -> dict[str, Interval]:
-        """Return the interval of each estimated quantity by name for a confidence level, to first order.
-
-        Raises
-        ------
-        InputError
-            If the level is not between 0 and 1.
-        """
+        """Return the interval of each estimated quantity by name for a confidence level, to first order."""
 
     @property
     @abstractmethod
@@ -99,15 +93,7 @@ class FitResult(Reported):
 
     @abstractmethod
     def profile(self, name: str, level: float = CONFIDENCE_LEVEL) -> Interval:
-        """Return the interval of an estimate by profile likelihood.
-
-        Raises
-        ------
-        InputError
-            If there is no such estimate, the level is not between 0 and 1, or there is no scatter.
-        FitError
-            If a nonlinear program for an end does not converge.
-        """
+        """Return the interval of an estimate by profile likelihood."""
 
     @abstractmethod
     def predict(self, record: Any) -> Any:
@@ -138,34 +124,21 @@ class FitResult(Reported):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""
-        return {
+        columns = ("name", "value", "unit", "standard_error", "interval_95")
+        data = {
             "kind": self.kind,
-            "estimates": [
-                {
-                    "name": name,
-                    "value": known(value),
-                    "unit": unit,
-                    "standard_error": known(error),
-                    "interval_95": [known(low), known(high)],
-                }
-                for name, value, unit, error, (low, high) in self._rows()
-            ],
-            "covariance": [[known(value) for value in row] for row in self.covariance.tolist()],
-            "degrees_of_freedom": known(self.degrees_of_freedom),
+            "estimates": [dict(zip(columns, row, strict=True)) for row in self._rows()],
+            "covariance": self.covariance.tolist(),
+            "degrees_of_freedom": self.degrees_of_freedom,
             "report": self.report(),
-            "at_bound": list(self.at_bound),
+            "at_bound": self.at_bound,
             "agreements": [one.to_dict() for one in self.agreements],
-            "warnings": list(self.warnings),
+            "warnings": self.warnings,
         }
+        return finite(data)
 
     def check_name(self, name: str) -> None:
-        """Check the name of an estimate.
-
-        Raises
-        ------
-        InputError
-            If there is no such estimate.
-        """
+        """Check the name of an estimate."""
         if name not in self.estimates:
             raise InputError(f"is not estimated by this fit; it has {', '.join(self.estimates)}", name)
 
@@ -187,17 +160,9 @@ class FitResult(Reported):
 
 @dataclass(frozen=True, eq=False)
 class LeastSquaresResult(FitResult):
-    """The result of a fit by least squares.
+    """The result of a fit by least squares."""
 
-    Parameters
-    ----------
-    fit : Fit
-        The unknowns of the solver, with their uncertainty.
-    again : callable
-        Takes other records; returns the result of the same fit to them.
-    """
-
-    fit: Fit
+    fit: Fit  # the unknowns of the solver, with their uncertainty
     again: Callable[[Any], Any] = field(kw_only=True)
 
     @property

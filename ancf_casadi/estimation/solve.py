@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -37,7 +37,7 @@ from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL
 from ancf_casadi.estimation.solver.least_squares import least_squares, residual_function
 from ancf_casadi.estimation.solver.loss import HUBER
-from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, started
+from ancf_casadi.estimation.solver.unknown import Unknown, started
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, Mask
 
@@ -59,21 +59,11 @@ LEAST_SQUARES_OPTIONS: Mapping[str, Any] = {
 
 @dataclass(frozen=True, eq=False)
 class FitProblem:
-    """Blocks and unknowns of a fit.
-
-    Parameters
-    ----------
-    blocks : tuple of Block
-        The measurements.
-    unknowns : tuple of Unknown
-        The unknowns with their guesses.
-    robust : bool
-        Whether to use the pseudo-Huber loss.
-    """
+    """Blocks and unknowns of a fit."""
 
     blocks: tuple[Block, ...]
-    unknowns: tuple[Unknown, ...]
-    robust: bool = False
+    unknowns: tuple[Unknown, ...]  # with their guesses
+    robust: bool = False  # use the pseudo-Huber loss
 
     @property
     def series(self) -> list[int]:
@@ -109,26 +99,20 @@ class FitProblem:
         """Return the root mean square of all residuals from that of each block."""
         return math.sqrt(float(np.dot(self._sizes, np.square(sizes))) / sum(self._sizes))
 
-    def residuals(self, evaluations: Sequence[Evaluation], given: Mapping[str, cs.MX]) -> cs.MX:
-        """Return all residuals for unknowns by name."""
-        parts = [one.residuals(given) for one in evaluations]
-        parts += [(given[u.name] - u.prior[0]) / u.prior[1] for u in self._priors if u.prior]
-        return self.scale * cs.vertcat(*parts)
-
-    def fitted(self, evaluations: Sequence[Evaluation], *, first: bool) -> Fit:
-        """Return the estimates for the weights of the blocks; ``first`` checks that the data determine them.
-
-        Raises
-        ------
-        FitError
-            If the fit does not converge, or the data determine combinations of the unknowns only.
-        """
-        names = [unknown.name for unknown in self.unknowns]
+    def residuals(self, evaluations: Sequence[Evaluation]) -> Callable[..., cs.MX]:
+        """Return the function from the unknowns, in their order, to all residuals."""
 
         def residuals(*values: cs.MX) -> cs.MX:
-            return self.residuals(evaluations, dict(zip(names, values, strict=True)))
+            given = dict(zip((unknown.name for unknown in self.unknowns), values, strict=True))
+            parts = [one.residuals(given) for one in evaluations]
+            parts += [(given[u.name] - u.prior[0]) / u.prior[1] for u in self._priors if u.prior]
+            return self.scale * cs.vertcat(*parts)
 
-        scale, count = self.scale, sum(self._sizes)
+        return residuals
+
+    def fitted(self, evaluations: Sequence[Evaluation], *, first: bool) -> Fit:
+        """Return the estimates for the weights of the blocks; ``first`` checks that the data determine them."""
+        residuals, scale, count = self.residuals(evaluations), self.scale, sum(self._sizes)
         if first:
             negligible = scale * math.hypot(*(block.negligible for block in self.blocks))
             check_determined(residuals, self.unknowns, negligible)
@@ -149,14 +133,6 @@ class FitProblem:
             advice=FIT_ADVICE,
         )
 
-    def at_last(self, evaluations: Sequence[Evaluation], fit: Fit) -> Fit:
-        """Return a fit with the Functions of other evaluations, such as those of another process."""
-
-        def residuals(*values: cs.MX) -> cs.MX:
-            return self.residuals(evaluations, dict(zip(fit.names, values, strict=True)))
-
-        return replace(fit, model=residual_function(residuals, Coordinates.of(fit.unknowns)))
-
     @property
     def _sizes(self) -> list[int]:
         return [sum(block.series) for block in self.blocks]
@@ -168,27 +144,13 @@ class FitProblem:
 
 @dataclass(frozen=True, eq=False)
 class FitSolution:
-    """The solution of a problem.
+    """The solution of a problem."""
 
-    Parameters
-    ----------
-    problem : FitProblem
-        The problem, with the weights and the discretisation of the fit.
-    fit : Fit
-        The estimates.
-    shifts : ndarray
-        Shifts (b, n) of the estimates by the error of each block's discretisation, in standard errors; nan if unknown.
-    others : tuple of Fit
-        Other optima that fit as well within the 95 % level.
-    evaluations : tuple of Evaluation
-        The blocks as they were fitted.
-    """
-
-    problem: FitProblem
+    problem: FitProblem  # with the weights and the discretisation of the fit
     fit: Fit
-    shifts: Array
-    others: tuple[Fit, ...]
-    evaluations: tuple[Evaluation, ...]
+    shifts: Array  # (b, n) of the estimates by the error of each block, in standard errors; nan if unknown
+    others: tuple[Fit, ...]  # other optima that fit as well within the 95 % level
+    evaluations: tuple[Evaluation, ...]  # of the blocks, as they were fitted
 
     @property
     def parts(self) -> list[tuple[Block, Fitted]]:
@@ -199,36 +161,20 @@ class FitSolution:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without the Functions, which the receiving process derives again."""
-        plain = replace(self.fit, model=cs.Function())
-        return _restored, (
-            self.problem,
-            plain,
-            self.shifts,
-            tuple(replace(o, model=cs.Function()) for o in self.others),
-        )
+        fit, *others = (replace(one, model=cs.Function()) for one in (self.fit, *self.others))
+        return _restored, (self.problem, fit, self.shifts, others)
 
 
-def _restored(problem: FitProblem, fit: Fit, shifts: Array, others: tuple[Fit, ...]) -> FitSolution:
+def _restored(problem: FitProblem, fit: Fit, shifts: Array, others: Sequence[Fit]) -> FitSolution:
     evaluations = tuple(block.evaluation() for block in problem.blocks)
-    fits = [problem.at_last(evaluations, one) for one in (fit, *others)]
-    return FitSolution(problem, fits[0], shifts, tuple(fits[1:]), evaluations)
+    fit, *rest = (
+        replace(one, model=residual_function(problem.residuals(evaluations), one.coordinates)) for one in (fit, *others)
+    )
+    return FitSolution(problem, fit, shifts, tuple(rest), evaluations)
 
 
 def solve(problem: FitProblem, starts: Sequence[Mapping[str, float]] = ({},)) -> FitSolution:
-    """Estimate the unknowns of a problem.
-
-    Parameters
-    ----------
-    problem : FitProblem
-        Blocks and unknowns.
-    starts : sequence of mapping
-        Starting values of some unknowns, by name, instead of their guesses; the best optimum counts.
-
-    Raises
-    ------
-    FitError
-        If the fit does not converge, or the data determine combinations of the unknowns only.
-    """
+    """Estimate the unknowns of a problem; of several starts, guesses by name, the best optimum counts."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # IPOPT steps back from a trial that cannot be computed
         evaluations = tuple(block.evaluation() for block in problem.blocks)
@@ -286,10 +232,7 @@ def _reweighted(
     better = [block.reweighted(part, robust=problem.robust) for block, part in zip(problem.blocks, parts, strict=True)]
     if not any(better):
         return problem, fit, tuple(others), evaluations
-    blocks = tuple(new or old for new, old in zip(better, problem.blocks, strict=True))
-    problem = replace(problem, blocks=blocks, unknowns=tuple(started(problem.unknowns, fit.estimates)))
-    evaluations = _continued(blocks, evaluations)
-    return problem, problem.fitted(evaluations, first=False), (), evaluations
+    return _fitted_again(problem, better, fit, evaluations)
 
 
 def _refined(
@@ -312,10 +255,7 @@ def _refined(
         ]
         if not any(finer):
             break
-        blocks = tuple(new or old for new, old in zip(finer, problem.blocks, strict=True))
-        problem = replace(problem, blocks=blocks, unknowns=tuple(started(problem.unknowns, fit.estimates)))
-        evaluations = _continued(blocks, evaluations)
-        fit, others = problem.fitted(evaluations, first=False), ()
+        problem, fit, others, evaluations = _fitted_again(problem, finer, fit, evaluations)
     return FitSolution(problem, fit, shifts, others, evaluations)
 
 
@@ -325,6 +265,11 @@ def meaningful(shifts: Array, fit: Fit, least: float) -> Array:
     return np.where(sizes * fit.errors <= least * np.abs(fit.values), 0.0, sizes)
 
 
-def _continued(blocks: Sequence[Block], evaluations: Sequence[Evaluation]) -> tuple[Evaluation, ...]:
-    """Return the evaluations of blocks that have become better or finer."""
-    return tuple(block.evaluation(before) for block, before in zip(blocks, evaluations, strict=True))
+def _fitted_again(
+    problem: FitProblem, changed: Sequence[Block | None], fit: Fit, evaluations: Sequence[Evaluation]
+) -> tuple[FitProblem, Fit, tuple[Fit, ...], tuple[Evaluation, ...]]:
+    """Return the problem with blocks that have become better or finer, and its estimates, from those of a fit."""
+    blocks = tuple(new or old for new, old in zip(changed, problem.blocks, strict=True))
+    problem = replace(problem, blocks=blocks, unknowns=tuple(started(problem.unknowns, fit.estimates)))
+    evaluations = tuple(block.evaluation(before) for block, before in zip(blocks, evaluations, strict=True))
+    return problem, problem.fitted(evaluations, first=False), (), evaluations

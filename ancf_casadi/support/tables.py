@@ -13,7 +13,7 @@ import math
 import reprlib
 import textwrap
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from html import escape
 from importlib import import_module
@@ -226,6 +226,11 @@ def known(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
+def finite(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return plain data for JSON, dicts and lists nested, with None for numbers that are not finite."""
+    return {key: _finite(value) for key, value in data.items()}
+
+
 def to_json(value: Any) -> str:
     """Return plain data, lists and dicts nested, as JSON text; numbers that are not finite become null."""
     return json.dumps(_finite(value), indent=2, allow_nan=False) + "\n"
@@ -251,7 +256,7 @@ def _shown(cell: Cell) -> str:
 
 def _finite(value: Any) -> Any:
     if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
+        return finite(value)
     if isinstance(value, list | tuple):
         return [_finite(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -48,7 +48,6 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, flag, instances, is_sequence, positive, shown, whole
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.vibration.modes import natural_modes
@@ -57,7 +56,7 @@ from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.block import motion_block
 from problems.beam.motions.marker_record import MarkerRecord, motion_record
 from problems.beam.motions.record import MotionRecord
-from problems.beam.properties import CLAMP_STIFFNESS, Owners, first_values, is_property, with_clamp
+from problems.beam.properties import CLAMP_STIFFNESS, Owners, first_values, is_property, property_unknown, with_clamp
 from problems.beam.result import BeamFit, law_name
 from problems.beam.unknowns import (
     BASE_AMPLITUDE,
@@ -69,7 +68,6 @@ from problems.beam.unknowns import (
     of_curves,
     of_law,
     of_motions,
-    of_properties,
     restricted,
 )
 from problems.beam.values.block import ValueBlock
@@ -180,10 +178,11 @@ def fit_beam(
     first = first_values(list(models.values()), [name for name in wanted if is_property(name)])
     for one in models.values():
         Owners.of(one.beam, tuple(first))  # check
-    frequencies = _frequencies(model) if curves else np.zeros(0)
+    count = min(12, model.size - model.free.start)  # modes among which those of the response curves are sought
+    frequencies = natural_modes(model, count=count).frequencies if curves else np.zeros(0)
     listed = [
         *of_law(damping, fixed),
-        *of_properties(first, list(models.values())),
+        *(property_unknown(name, value, list(models.values())) for name, value in first.items()),
         *of_curves(wanted, frequencies, curves),
         *of_motions(wanted, model, motions),
     ]
@@ -202,10 +201,8 @@ def fit_beam(
         blocks.append(curve_block(one, numbered, law, names, first, modes=count, harmonics=number))
     blocks += [ValueBlock(record.with_model(models[id(record.model)]), first) for record in values]
     solution = solve(FitProblem(tuple(blocks), own, robust), _starts(own, only_values=not motions and not curves))
-    again = partial(_again, model, damping, {
-        "unknowns": unknowns, "fixed": fixed, "bounds": bounds, "priors": priors, "robust": robust,
-        "tolerance": tolerance, "modes": modes, "harmonics": harmonics,
-    })  # fmt: skip
+    again = partial(fit_beam, model, damping=damping, unknowns=unknowns, fixed=fixed, bounds=bounds, priors=priors,
+                    robust=robust, tolerance=tolerance, modes=modes, harmonics=harmonics)  # fmt: skip
     return BeamFit(solution.fit, given=models[id(model)], guess=law, first=first, solution=solution, again=again)
 
 
@@ -258,10 +255,6 @@ def compare_laws(
     fits: list[Any] = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="laws")
     terms = tuple(tuple(own.name for own in law.parameters) for law in laws)
     return LawComparison(tuple(law_name(law) for law in laws), tuple(fits), terms)
-
-
-def _again(model: Model, damping: DampingLaw | None, settings: Mapping[str, Any], records: Any) -> BeamFit:
-    return fit_beam(model, records, damping, **settings)
 
 
 def _sorted(
@@ -326,11 +319,6 @@ def _configured(records: Sequence[Any], model: Model, models: Mapping[int, Model
     for number, record in enumerate(records, start=1):
         groups.setdefault(id(record.model or model), []).append((number, record))
     return [(models[key], numbered) for key, numbered in groups.items()]
-
-
-def _frequencies(model: Model) -> Array:
-    # modes among which those of the response curves are sought
-    return natural_modes(model, count=min(12, model.size - model.free.start)).frequencies
 
 
 def _starts(unknowns: Sequence[Unknown], *, only_values: bool) -> list[dict[str, float]]:

@@ -61,13 +61,7 @@ def unit_of(name: str) -> str:
 
 
 def elements_of(name: str, beam: Beam) -> slice:
-    """Return the elements that a name means: all, or those in brackets.
-
-    Raises
-    ------
-    InputError
-        If the beam has no such elements.
-    """
+    """Return the elements that a name means: all, or those in brackets."""
     found = GROUP.fullmatch(name)
     if not found:
         return slice(0, beam.elements)
@@ -89,28 +83,14 @@ def value_of(beam: Beam, name: str) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Owners:
-    """The factors that multiply the properties of a beam.
+    """The factors that multiply the properties of a beam."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        The p unknown properties.
-    index : array of int (4 n + 2,)
-        Factor of each property, in the order of ``structure_properties``; -1 for none.
-    """
-
-    names: tuple[str, ...]
-    index: Index
+    count: int  # p factors
+    index: Index  # (4 n + 2,): factor of each property, in the order of ``structure_properties``; -1 for none
 
     @classmethod
     def of(cls, beam: Beam, names: Sequence[str]) -> Owners:
-        """Return the factors of unknown properties on those of a beam.
-
-        Raises
-        ------
-        InputError
-            If two unknowns change the same property.
-        """
+        """Return the factors of unknown properties on those of a beam."""
         n = beam.elements
         index = np.full(len(PROPERTIES) * n + len(LUMPED), -1)
         for k, name in enumerate(names):
@@ -128,12 +108,7 @@ class Owners:
             rivals = sorted(set(map(kind_of, names)) & set(PROPERTY_POWERS[name]) - {DRIVEN_BY[name]})
             if rivals:
                 raise InputError(f"{name} contains {', '.join(rivals)}; estimate one or the other", "unknowns")
-        return cls(tuple(names), index)
-
-    @property
-    def count(self) -> int:
-        """Number p of factors."""
-        return len(self.names)
+        return cls(len(names), index)
 
     def applied(self, properties: Array, factors: Array) -> tuple[Array, Array]:
         """Return properties, possibly followed by others, times the factors, and their Jacobian by the factors."""
@@ -161,20 +136,17 @@ def with_clamp(models: Sequence[Model]) -> list[Model]:
     elastic = [one.beam.clamp_stiffness for one in models if math.isfinite(one.beam.clamp_stiffness)]
     # first clamp stiffness if the clamp is rigid, in units of E I/L
     first = elastic[0] if elastic else 10.0 * _clamp_unit(models)
-    return [
-        one if math.isfinite(one.beam.clamp_stiffness) else Model(one.beam.with_(clamp_stiffness=first), one.measures)
-        for one in models
-    ]
+    return [clamped(one, first) for one in models]
+
+
+def clamped(model: Model, first: float) -> Model:
+    """Return a model with a stiffness of its clamp if that is rigid."""
+    rigid = math.isinf(model.beam.clamp_stiffness)
+    return Model(model.beam.with_(clamp_stiffness=first), model.measures) if rigid else model
 
 
 def first_values(models: Sequence[Model], names: Sequence[str]) -> dict[str, float]:
-    """Return the first value of each unknown property, SI units; check that all models are of the same beam.
-
-    Raises
-    ------
-    InputError
-        If the models differ in a property, or no beam has a tip mass to estimate.
-    """
+    """Return the first value of each unknown property, SI units; check that all models are of the same beam."""
     first = {}
     for name in dict.fromkeys((*PROPERTIES, *names)):
         values = [value_of(one.beam, name) for one in models]

@@ -37,6 +37,7 @@ from problems.beam.properties import (
     PROPERTY_UNITS,
     SAME_PROPERTY,
     Owners,
+    clamped,
     kind_of,
     unit_of,
     value_of,
@@ -112,15 +113,9 @@ class BeamFit(LeastSquaresResult):
         return np.array([self.estimates[name] / value for name, value in self.first.items()])
 
     def _started(self, model: Model) -> Model:
-        """Return a model with the first stiffness of the clamp, if that is unknown and the clamp of the model rigid.
-
-        Raises
-        ------
-        InputError
-            If an unknown property has another value than the fit began with.
-        """
-        if CLAMP_STIFFNESS in self.first and not math.isfinite(model.beam.clamp_stiffness):
-            model = Model(model.beam.with_(clamp_stiffness=self.first[CLAMP_STIFFNESS]), model.measures)
+        """Return a model with the first stiffness of the clamp, if that is unknown and the clamp of the model rigid."""
+        if CLAMP_STIFFNESS in self.first:
+            model = clamped(model, self.first[CLAMP_STIFFNESS])
         for name, first in self.first.items():
             own = value_of(model.beam, name)
             if own and abs(own - first) > SAME_PROPERTY * first:

@@ -1,28 +1,20 @@
 """The unknowns of a fit of a beam: guesses, scales, bounds and priors of the names that a user gives.
 
 The parameters of the law are unknown unless they are fixed, and so are those that the records leave open within bounds:
-releases, offsets, zeros, the view of a camera.  Of the other unknowns, a user names
-
-    properties of the beam                               one name each (``properties``)
-    natural_frequencies                                  a factor for each mode that the response curves are about
-    excitation, excitations                              one factor on the levels of all response curves, or of each
-    base_amplitude                                       the amplitude of the base motion of each motion
-    start_force_x, start_force_y, start_moment           the load that holds the beam at the start of each motion;
-                                                         with ``_rate`` its rate of change
-
-The names of unknowns in the result, with records, sensors and modes counted from 1, are
+releases, offsets, zeros, the view of a camera.  The user names the others (``fit_beam``).  The names in the result,
+with records, sensors and modes counted from 1, are
 
     alpha, beta, eta1, eta2, ratio1, ...         parameters of the law; in a sum, a second eta1 is called ``eta1_2``
     elastic_modulus, thickness[3:5], tip_mass    properties of the beam (``properties``)
-    frequency_1, ...                             factor on the natural frequency of a mode
+    frequency_1, ...                             factor on the natural frequency of a mode of the response curves
     excitation, or excitation_1, ...             factor on the levels of all response curves, or of each
     base_amplitude_1, ...                        amplitude of the base motion of each motion
     start_force_x_1, start_force_x_rate_1, ...   tip load that holds the beam at the start of each motion, and its rate
     release_1, camera_scale_1, ...               start of the motion, and view of the camera, of each motion
     offset_1_2, zero_1_2                         time offset and zero of the second channel of the first motion
 
-If none is named, a fit of response curves alone has the natural frequencies, and one of response curves together with
-other records the elastic modulus: without one of them, no model is near enough to a resonance.
+If none is named, a fit of response curves has the natural frequencies, or with other records the elastic modulus:
+without one of them, no model is near enough to a resonance.
 
 The scale of an unknown of a sensor is half the distance of its bounds, that of any other its guess.  The scale of a
 force is a tenth of E I/L^2, of a moment a tenth of E I/L, and of a rate this times the angular frequency of the first
@@ -35,7 +27,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -45,11 +36,12 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import array, check_keys, choices, positive, shown
+from ancf_casadi.support.inputs import check_keys, choices, positive
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.beam.curves.record import ResponseRecord
-from problems.beam.motions.record import Channel, MotionRecord
-from problems.beam.properties import property_unknown
+from problems.beam.motions.record import Channel, MotionRecord, two_numbers
+from problems.beam.properties import value_of
+from problems.beam.values.response import place
 
 LOAD_SCALE = 0.1  # scale of a load, relative to one that bends a beam by about its length
 FREQUENCY_RANGE = 0.10  # distance of the bounds of a frequency from its guess, relative
@@ -86,26 +78,20 @@ def loads(record: MotionRecord) -> list[tuple[str, float]]:
 
 
 def of_law(law: DampingLaw | None, fixed: Sequence[str]) -> list[Unknown]:
-    """Return the parameters of a law that are not fixed.
-
-    Raises
-    ------
-    InputError
-        If a name is not one of them.
-    """
+    """Return the parameters of a law that are not fixed."""
     parameters = law.parameters if law else ()
     choices(fixed, [parameter.name for parameter in parameters], "fixed")
     return [_of_parameter(own.name, own) for own in parameters if own.name not in fixed]
 
 
-def of_properties(first: Mapping[str, float], models: Sequence[Model]) -> list[Unknown]:
-    """Return the properties with their first values."""
-    return [property_unknown(name, value, models) for name, value in first.items()]
-
-
 def of_curves(wanted: Sequence[str], frequencies: Array, records: Sequence[ResponseRecord]) -> list[Unknown]:
-    """Return the factors on natural frequencies (Hz) and on the levels of response curves."""
-    found = _frequencies(frequencies, records) if NATURAL_FREQUENCIES in wanted else []
+    """Return the factors on the natural frequencies (Hz) of the modes of response curves, and on their levels."""
+    found, modes = [], [mode_of(record, frequencies) for record in records]
+    for mode in sorted(set(modes)) if NATURAL_FREQUENCIES in wanted else ():
+        own = [record for record, one in zip(records, modes, strict=True) if one == mode]
+        guess = _peak(min(own, key=lambda record: float(record.amplitudes.max()))) / float(frequencies[mode])
+        limits = (1.0 - FREQUENCY_RANGE) * guess, (1.0 + FREQUENCY_RANGE) * guess
+        found.append(Unknown(frequency_name(mode), guess, 1e-3, *limits))  # scale of a frequency, relative
     names = [COMMON] if COMMON in wanted else []
     names += [f"excitation_{k}" for k in range(1, len(records) + 1)] if EACH in wanted else []
     limits = 1.0 - EXCITATION_RANGE, 1.0 + EXCITATION_RANGE
@@ -113,13 +99,7 @@ def of_curves(wanted: Sequence[str], frequencies: Array, records: Sequence[Respo
 
 
 def of_motions(wanted: Sequence[str], model: Model, records: Sequence[MotionRecord]) -> list[Unknown]:
-    """Return the unknowns of motions: amplitudes of their bases, loads at the start, sensors.
-
-    Raises
-    ------
-    InputError
-        If a record whose load is to be estimated does not start from an equilibrium.
-    """
+    """Return the unknowns of motions: amplitudes of their bases, loads at the start, sensors."""
     found = []
     for k, record in enumerate(records, start=1):
         if BASE_AMPLITUDE in wanted:
@@ -135,13 +115,7 @@ def mode_of(record: ResponseRecord, frequencies: Array) -> int:
 
 
 def restricted(unknowns: Sequence[Unknown], bounds: Bounds, priors: Bounds) -> list[Unknown]:
-    """Return the unknowns with the bounds and the priors that the user gave.
-
-    Raises
-    ------
-    InputError
-        If one is for another name, not a pair, or contradicts the guess.
-    """
+    """Return the unknowns with the bounds and the priors that the user gave."""
     names = {unknown.name for unknown in unknowns}
     check_keys(dict(bounds), set(), names, "bounds")
     check_keys(dict(priors), set(), names, "priors")
@@ -151,11 +125,11 @@ def restricted(unknowns: Sequence[Unknown], bounds: Bounds, priors: Bounds) -> l
 def _restricted(unknown: Unknown, bounds: Bounds, priors: Bounds) -> Unknown:
     name = unknown.name
     if name in priors:
-        mean, std = _pair(priors[name], f"priors: {name}")
+        mean, std = two_numbers(priors[name], f"priors: {name}", "(mean, standard deviation)")
         unknown = replace(unknown, prior=(mean, positive(std, f"priors: {name}")))
     if name not in bounds:
         return unknown
-    lower, upper = _pair(bounds[name], f"bounds: {name}")
+    lower, upper = two_numbers(bounds[name], f"bounds: {name}")
     if not lower <= unknown.guess <= upper:
         raise InputError(f"the first value {unknown.guess:g} is not within [{lower:g}, {upper:g}]", f"bounds: {name}")
     if unknown.reciprocal:
@@ -168,18 +142,6 @@ def _of_parameter(name: str, parameter: Parameter) -> Unknown:
     unit = "" if parameter.unit == "1" else parameter.unit
     guess, scale = parameter.value, abs(parameter.value) or 1.0
     return Unknown(name, guess, scale, lower=parameter.lower, upper=parameter.upper, unit=unit)
-
-
-def _frequencies(frequencies: Array, records: Sequence[ResponseRecord]) -> list[Unknown]:
-    """Return the factors on the natural frequencies of the modes that the records are about."""
-    found = []
-    modes = [mode_of(record, frequencies) for record in records]
-    for mode in sorted(set(modes)):
-        own = [record for record, one in zip(records, modes, strict=True) if one == mode]
-        guess = _peak(min(own, key=lambda record: float(record.amplitudes.max()))) / float(frequencies[mode])
-        limits = (1.0 - FREQUENCY_RANGE) * guess, (1.0 + FREQUENCY_RANGE) * guess
-        found.append(Unknown(frequency_name(mode), guess, 1e-3, *limits))  # scale of a frequency, relative
-    return found
 
 
 def _peak(record: ResponseRecord) -> float:
@@ -236,22 +198,14 @@ def _between(name: str, limits: tuple[float, float], unit: str) -> Unknown:
 
 def _origin_guess(channel: Channel, model: Model) -> float:
     """Return the zero of a displacement whose mean is that of the straight beam, m."""
-    point = model.beam.length if channel.sensor.point is None else channel.sensor.point
-    straight = np.array(channel.sensor.unit_direction) @ model.interpolation(point) @ model.straight
+    interpolation = model.interpolation(place(model, channel.sensor))
+    straight = np.array(channel.sensor.unit_direction) @ interpolation @ model.straight
     return float(channel.measurement.values.mean() - straight)
 
 
-def _pair(given: Any, where: str) -> tuple[float, float]:
-    values = array(given, where, finite=False)
-    if values.shape != (2,):
-        raise InputError(f"must be a pair of numbers, got {shown(given)}", where)
-    return float(values[0]), float(values[1])
-
-
 def _load_scales(model: Model) -> dict[str, float]:
-    width, thickness, density, modulus = model.properties
-    stiffness = float(np.mean(modulus * width * thickness**3 / 12))
-    length, mass = model.beam.length, float(np.mean(density * width * thickness))
+    stiffness, mass = (value_of(model.beam, name) for name in ("bending_stiffness", "mass_per_length"))
+    length = model.beam.length
     sizes = LOAD_SCALE * stiffness / length**2 * np.array([1.0, 1.0, length])
     # angular frequency of a cantilever over (E I/(mu L^4))^1/2
     rate = 3.516 * math.sqrt(stiffness / (mass * length**4))

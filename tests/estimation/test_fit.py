@@ -180,6 +180,15 @@ def test_the_result_reads_as_text_and_as_json():
     assert fit.warnings[0].startswith("a is at its bound -0.5")
 
 
+def test_the_text_says_nothing_of_a_correlation_that_is_unknown():
+    single = least_squares(lambda a: cs.vertcat(a - 1, a - 2), [Unknown("a", 0.0)], series=[1, 1])
+    assert math.isnan(single.autocorrelation) and single.to_dict()["autocorrelation"] is None
+    assert single.lines()[0].startswith(
+        "2 residuals, root mean square 0.5; effective number of independent residuals 2"
+    )
+    assert "successive residuals correlate at" in straight().lines()[0]
+
+
 def test_as_many_residuals_as_unknowns_give_no_interval():
     fit = least_squares(lambda a, b: cs.vertcat(a - 1, a * b - 6), [Unknown("a", 2.0), Unknown("b", 2.0)])
     assert np.isnan(fit.intervals()).all()

@@ -41,57 +41,24 @@ AT_BOUND = 1e-6  # distance, in scales, that an interior-point method leaves bet
 
 
 def least_squares(
-    residuals: Callable[..., cs.MX],
+    residuals: Callable[..., cs.MX],  # the unknowns as MX scalars, in their order -> MX vector
     unknowns: Sequence[Unknown],
     *,
-    huber: float = math.inf,
-    gauss_newton: bool = False,
-    forward: bool = False,
-    series: Sequence[int] = (),
-    times: Array | None = None,
-    noise: float = 0.0,
-    systematic: float = 0.0,
-    stated: float = 0.0,
-    options: Mapping[str, Any] | None = None,
-    advice: str = "",
+    huber: float = math.inf,  # residual beyond which the loss grows linearly
+    gauss_newton: bool = False,  # approximate the Hessian by J' J: second derivatives of an integration are expensive
+    forward: bool = False,  # compute the gradient from J too, if ``residuals`` keeps J, as a motion does
+    series: Sequence[int] = (),  # lengths of the series of residuals, each in the order of time; white noise without
+    times: Array | None = None,  # of the residuals, s; if None, those of a series are equally spaced
+    noise: float = 0.0,  # expected standard deviation of the residuals
+    systematic: float = 0.0,  # root mean square of a systematic error, for which the standard errors allow (``loss``)
+    stated: float = 0.0,  # standard deviation that the user states; the estimated one counts as no less
+    options: Mapping[str, Any] | None = None,  # of ``nlpsol`` and IPOPT; they override those set here
+    advice: str = "",  # for the error message if there is no solution
 ) -> Fit:
     """Estimate unknowns within their bounds by least squares or, with ``huber``, by the pseudo-Huber loss.
 
-    Parameters
-    ----------
-    residuals : callable
-        Takes the unknowns as MX scalars, in their order; returns the residuals as an MX vector.
-    unknowns : sequence of Unknown
-        Quantities to estimate.
-    huber : float
-        Residual beyond which the loss grows linearly; infinite for least squares.
-    gauss_newton : bool
-        Whether to approximate the Hessian by J' J, because second derivatives are expensive, as in an integration.
-    forward : bool
-        Whether to compute the gradient from J too, if ``residuals`` keeps J, as the motion of the nonlinear beam does.
-    series : sequence of int
-        Lengths of the series of residuals, each in the order of time.  If not given, the residuals have no order and
-        count as white noise.
-    times : ndarray, optional
-        Times of the residuals, s; if not given, those of a series are equally spaced.
-    noise : float
-        Expected standard deviation of the residuals.  With ``gauss_newton``, IPOPT stops when it expects the residuals
-        to change by less than a tenth of this, and Gauss-Newton steps do the rest.
-    systematic : float
-        Root mean square of a systematic error of the residuals, for which the standard errors allow (``loss``).
-    stated : float
-        Standard deviation of the residuals that the user states; the estimated one counts as no less.
-    options : mapping, optional
-        Options of ``nlpsol`` and IPOPT (``"ipopt.max_iter"``); they override those set here.
-    advice : str
-        Advice for the error message if there is no solution; by default in terms of this function's arguments.
-
-    Raises
-    ------
-    InputError
-        If ``huber`` is not positive, two unknowns share a name, or there are fewer residuals than unknowns.
-    FitError
-        If IPOPT does not converge, or the residuals do not determine the unknowns.
+    With ``gauss_newton``, IPOPT stops when it expects the residuals to change by less than a tenth of ``noise``, and
+    Gauss-Newton steps do the rest.
     """
     if not huber > 0.0:
         raise InputError(f"must be positive, got {huber:g}", "huber")
@@ -137,11 +104,15 @@ def least_squares(
     if weak.any():
         which = ", ".join(np.array(names)[free][weak])
         raise FitError(f"the data do not determine {which}; {advice or 'fix one, or add data'}")
-    scatter = estimated_noise(influence(r, huber)[0], jacobian[:, free] @ root, series, times).at_least(stated)
+    basis, (psi, w) = jacobian[:, free] @ root, influence(r, huber)
+    scatter = estimated_noise(psi, basis, series, times).at_least(stated)
+    spread = scatter.form(basis) / w**2 + len(r) * systematic**2 * np.eye(len(root))
+    covariance = np.full((len(names), len(names)), math.nan)
+    covariance[np.ix_(free, free)] = root @ spread @ root.T
     return Fit(
         unknowns=tuple(unknowns),
         values=values,
-        covariance=_covariance(root, free, scatter.form(jacobian[:, free] @ root), r, huber, systematic),
+        covariance=covariance,
         active_bounds=active,
         residuals=r,
         series=tuple(series),
@@ -211,26 +182,8 @@ def _inverse_root(jacobian: Array) -> tuple[Array, float, Mask]:
     return root, float(singular[0] / singular[-1]), np.zeros(n, dtype=bool)
 
 
-def _covariance(root: Array, free: Mask, scatter: Array, residuals: Array, huber: float, systematic: float) -> Array:
-    """Return the covariance C (n, n) of the free unknowns (``fit``); nan for the others.
-
-    ``scatter`` is the covariance H' J' R J H of the influences psi in the directions of the columns of J H.
-    """
-    _, w = influence(residuals, huber)
-    allowance = len(residuals) * systematic**2 * np.eye(len(root))
-    covariance = np.full((len(free), len(free)), math.nan)
-    covariance[np.ix_(free, free)] = root @ (scatter / w**2 + allowance) @ root.T
-    return covariance
-
-
 def refitted(fit: Fit, noise: Array) -> Array:
-    """Return the unknowns (n,) from a fit to the fitted curve plus noise of each residual (m,), from the estimates.
-
-    Raises
-    ------
-    FitError
-        If the fit does not converge.
-    """
+    """Return the unknowns (n,) from a fit to the fitted curve plus noise of each residual (m,), from the estimates."""
     change, y = cs.DM(fit.residuals + noise), fit.coordinates
 
     def residuals(*x: cs.MX) -> cs.MX:

@@ -44,33 +44,15 @@ IPOPT_ADVICE = {
 
 @dataclass(frozen=True, eq=False)
 class NlpSolution:
-    """Solution of a nonlinear program.
+    """Solution of a nonlinear program."""
 
-    Parameters
-    ----------
-    x : ndarray
-        Variables at the minimum.
-    objective : float
-        Minimum.
-    iterations : int
-        Iterations of IPOPT.
-    solve_seconds : float
-        Solution time, without the time to build the problem, s.
-    status : str
-        Return status of IPOPT.
-    bound_multipliers : ndarray
-        Multipliers of the bounds of ``x``, positive at an upper bound.
-    constraint_multipliers : ndarray
-        Multipliers of the constraints, positive at an upper bound.
-    """
-
-    x: Array
-    objective: float
-    iterations: int
-    solve_seconds: float
-    status: str
-    bound_multipliers: Array
-    constraint_multipliers: Array
+    x: Array  # variables at the minimum
+    objective: float  # at the minimum
+    iterations: int  # of IPOPT
+    solve_seconds: float  # without the time to build the problem
+    status: str  # return status of IPOPT
+    bound_multipliers: Array  # of the bounds of ``x``, positive at an upper bound
+    constraint_multipliers: Array  # positive at an upper bound
 
 
 def solve_nlp(
@@ -84,27 +66,10 @@ def solve_nlp(
     options: Mapping[str, Any] | None = None,
     advice: str = "",
 ) -> NlpSolution:
-    """Solve a nonlinear program with IPOPT, silently.
+    """Minimise ``f`` over ``x`` under the constraints ``g`` of ``nlp``, if there are any, with IPOPT, silently.
 
-    Parameters
-    ----------
-    nlp : mapping
-        Variables ``x``, objective ``f`` and, if there are any, constraints ``g``.
-    start : ndarray
-        Starting point.
-    lower, upper : ndarray or float
-        Bounds of ``x``.
-    constraint_lower, constraint_upper : ndarray or float
-        Bounds of ``g``; equality constraints by default.
-    options : mapping, optional
-        Options of ``nlpsol`` and IPOPT, for example ``hess_lag`` or ``"ipopt.max_iter"``.
-    advice : str
-        Advice for the error message if IPOPT does not converge; by default in terms of this function's arguments.
-
-    Raises
-    ------
-    FitError
-        If IPOPT does not converge, or CasADi refuses the problem.
+    The constraints are equations by default.  ``options`` are those of ``nlpsol``, for example ``hess_lag``, and of
+    IPOPT; ``advice`` replaces that of the error message if IPOPT does not converge.
     """
     bounds = {"lbx": lower, "ubx": upper}
     if "g" in nlp:

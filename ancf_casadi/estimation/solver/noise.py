@@ -71,22 +71,11 @@ FEWEST_RESIDUALS = 8  # residuals, below which the noise counts as white
 
 @dataclass(frozen=True, eq=False)
 class SeriesSpectrum:
-    """Spectrum of the noise in one series of residuals.
+    """Spectrum of the noise in one series of residuals."""
 
-    Parameters
-    ----------
-    rows : slice
-        Its residuals among all.
-    slots : ndarray of int
-        Positions of its samples in an even grid of times.
-    power : ndarray
-        Power S at the frequencies of a Fourier transform (k,), times the weight of the frequency: 1 at both ends of the
-        spectrum, 2 between them.
-    """
-
-    rows: slice
-    slots: Index
-    power: Array
+    rows: slice  # among all residuals
+    slots: Index  # positions of the samples in an even grid of times
+    power: Array  # power S (k,) times the weight of the frequency: 1 at both ends of the spectrum, 2 between them
 
     @property
     def length(self) -> int:
@@ -102,30 +91,14 @@ class SeriesSpectrum:
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Covariance R of the noise in residuals.
+    """Covariance R of the noise in residuals."""
 
-    Parameters
-    ----------
-    variance : float
-        Variance s^2, as of white noise; nan for zero degrees of freedom.
-    freedom : float
-        Degrees of freedom of the estimated power, for Student's distribution.
-    spectra : tuple of SeriesSpectrum
-        Spectrum of each series; none if the noise is white.
-    passing : ndarray or None
-        Part of the covariance of q'r due to disturbances that die away (n, n), if it is significant.
-    basis : ndarray or None
-        Orthonormal basis q of the columns of the Jacobian (m, n), if ``passing`` is given.
-    growth : float
-        Mean variance in the directions of the fitted curve, relative to s^2.
-    """
-
-    variance: float
-    freedom: float
-    spectra: tuple[SeriesSpectrum, ...] = ()
-    passing: Array | None = None
-    basis: Array | None = None
-    growth: float = 1.0
+    variance: float  # variance s^2, as of white noise; nan for zero degrees of freedom
+    freedom: float  # degrees of freedom of the estimated power, for Student's distribution
+    spectra: tuple[SeriesSpectrum, ...] = ()  # spectrum of each series; none if the noise is white
+    passing: Array | None = None  # significant part of the covariance of q'r (n, n) due to disturbances that die away
+    basis: Array | None = None  # orthonormal basis q of the columns of the Jacobian (m, n), if ``passing`` is given
+    growth: float = 1.0  # mean variance in the directions of the fitted curve, relative to s^2
 
     @property
     def white(self) -> bool:
@@ -156,19 +129,10 @@ class Noise:
 
 
 def estimated_noise(residuals: Array, basis: Array, series: Sequence[int], times: Array | None) -> Noise:
-    """Return the noise of a fit.
+    """Return the noise of a fit with n free unknowns from its residuals (m,), the psi of a robust one.
 
-    Parameters
-    ----------
-    residuals : ndarray
-        Residuals (m,); for a robust fit, the derivatives psi of their losses.
-    basis : ndarray
-        Orthonormal basis (m, n) of the columns of the Jacobian of the residuals by the n free unknowns.
-    series : sequence of int
-        Lengths of the series, which follow one another; each in the order of time.  Without series, the residuals have
-        no order, and count as white noise.
-    times : ndarray or None
-        Times of the residuals (m,); equally spaced if not given.
+    The orthonormal ``basis`` (m, n) spans the columns of the Jacobian.  Without series, the residuals have no order and
+    count as white noise; without times (m,), those of a series are equally spaced.
     """
     m, n = basis.shape
     if m == n:
@@ -254,15 +218,10 @@ def _passing(
 
 
 def autocorrelation(residuals: Array, series: Sequence[int] = (), times: Array | None = None) -> Array:
-    """Return the autocorrelation rho_0 = 1, rho_1, ... of residuals; nan if all of them are zero.
+    """Return the autocorrelation rho_0 = 1, rho_1, ... of residuals, one series if none is given; nan if all are zero.
 
     With the residuals r of several series, rho_k = sum r_i r_(i+k) / sum r_i^2, both sums over all series, and products
     within a series only.
-
-    Parameters
-    ----------
-    residuals, series, times
-        As in ``estimated_noise``; one series if none is given.
     """
     grids = _grids(tuple(series) or (len(residuals),), times)
     products = np.zeros(1 + max(int(places[-1]) for _, places in grids))

@@ -38,16 +38,7 @@ def residuals_and_jacobian(evaluate: cs.Function, z: Array) -> tuple[Array, Arra
 def gauss_newton_functions(evaluate: cs.Function, huber: float, weight: float, forward: bool) -> dict[str, cs.Function]:
     """Return the options of ``nlpsol`` for a Hessian J' D J, with D the diagonal of psi/r, and a gradient J' psi.
 
-    Parameters
-    ----------
-    evaluate : Function
-        Unknowns in units of their scales -> residuals and Jacobian.
-    huber : float
-        Residual beyond which the loss grows linearly.
-    weight : float
-        Divisor of the loss in the objective.
-    forward : bool
-        Whether to compute the gradient from the Jacobian too.
+    ``weight`` divides the loss in the objective; ``forward`` computes the gradient from J too.
     """
     z, p, factor = cs.MX.sym("z", evaluate.size1_in(0)), cs.MX.sym("p", 0, 1), cs.MX.sym("factor")
     r, jacobian = evaluate(z)
@@ -67,17 +58,6 @@ def polish(
     """Return the unknowns after Gauss-Newton steps, the number of steps, and whether the last one was small enough.
 
     A step that increases the loss by more than its noise is halved.
-
-    Parameters
-    ----------
-    evaluate : Function
-        Unknowns in units of their scales -> residuals and Jacobian.
-    z, lower, upper : ndarray
-        Starting values and bounds (n,).
-    huber : float
-        Residual beyond which the loss grows linearly.
-    systematic : float
-        Root mean square of a systematic error of the residuals.
     """
     r, jacobian = residuals_and_jacobian(evaluate, z)
     size = before = math.inf

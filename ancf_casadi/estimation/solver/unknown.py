@@ -16,41 +16,16 @@ from ancf_casadi.support.inputs import positive
 
 @dataclass(frozen=True)
 class Unknown:
-    """A quantity to be estimated.
+    """A quantity to be estimated."""
 
-    Parameters
-    ----------
-    name : str
-        Name in the result.
-    guess : float
-        Starting value.
-    scale : float
-        Typical size of a change of the unknown; the solver works in units of it.
-    lower, upper : float
-        Bounds.
-    unit : str
-        SI unit, for reports.
-    reciprocal : bool
-        Whether the solver works with scale/x instead of x/scale: for a positive unknown such as a stiffness, in whose
-        reciprocal the data are nearly linear.
-    prior : (float, float), optional
-        Mean and standard deviation that are known without the data.
-
-    Raises
-    ------
-    InputError
-        If the scale is not positive, the bounds are not in order, the guess is not finite and between them, or the
-        lower bound of a reciprocal unknown is not positive.
-    """
-
-    name: str
+    name: str  # in the result
     guess: float
-    scale: float = 1.0
+    scale: float = 1.0  # typical size of a change; the solver works in units of it
     lower: float = -math.inf
     upper: float = math.inf
-    unit: str = ""
-    reciprocal: bool = False
-    prior: tuple[float, float] | None = None
+    unit: str = ""  # SI, for reports
+    reciprocal: bool = False  # solve for 1/x, in which the data are nearly linear, as in that of a stiffness
+    prior: tuple[float, float] | None = None  # mean and standard deviation that are known without the data
 
     def __post_init__(self) -> None:
         """Validate."""
@@ -65,21 +40,13 @@ class Unknown:
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """The coordinates y of the solver: y = x of an unknown x, or y = 1/x if it is reciprocal.
+    """The coordinates y of the solver: y = x of an unknown x, or y = 1/x if it is reciprocal."""
 
-    Parameters
-    ----------
-    scale, guess, lower, upper : ndarray
-        Scales, starting values and bounds (n,).
-    reciprocal : ndarray of bool
-        Unknowns that are reciprocal (n,).
-    """
-
-    scale: Array
+    scale: Array  # (n,)
     guess: Array
     lower: Array
     upper: Array
-    reciprocal: Mask
+    reciprocal: Mask  # (n,)
 
     @classmethod
     def of(cls, unknowns: Sequence[Unknown]) -> Coordinates:

@@ -45,36 +45,16 @@ from problems.beam.motions.weights import (
 
 @dataclass(frozen=True, eq=False)
 class MotionBlock(Block):
-    """Measured motions of a beam in one configuration.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    numbered : tuple of (int, MotionRecord)
-        The measurements, with their numbers, from 1, in the names of the unknowns that are their own.
-    damping : DampingLaw
-        The law.
-    first : mapping
-        First values of the unknown properties by name, SI units.
-    load : tuple of str
-        Unknown components of the tip load at the start.
-    tolerance : float
-        Tolerance of the integration.
-    weights : SeriesWeights
-        The weights of the channels.
-    adaptive : bool
-        Whether the tolerance may become smaller.
-    """
+    """Measured motions of a beam in one configuration."""
 
     model: Model
-    numbered: tuple[tuple[int, MotionRecord], ...]
+    numbered: tuple[tuple[int, MotionRecord], ...]  # from 1, as in the names of unknowns that are their own
     damping: DampingLaw
-    first: Mapping[str, float]
-    load: tuple[str, ...]
-    tolerance: float
-    weights: SeriesWeights
-    adaptive: bool = True
+    first: Mapping[str, float]  # first values of the unknown properties by name, SI units
+    load: tuple[str, ...]  # unknown components of the tip load at the start
+    tolerance: float  # of the integration
+    weights: SeriesWeights  # of the channels
+    adaptive: bool = True  # the tolerance may become smaller
 
     @property
     def records(self) -> Sequence[MotionRecord]:

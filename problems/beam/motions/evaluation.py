@@ -33,24 +33,12 @@ MOST_STEP_RATIO = 20.0  # most steps of a run, relative to the first run
 
 @dataclass(frozen=True, eq=False)
 class MotionEvaluation:
-    """Motions as differentiable Functions.
-
-    Parameters
-    ----------
-    block : MotionBlock
-        The block.
-    equations : Equations
-        The equation of motion.
-    runs : list of Runs
-        The last run of each record.
-    motions : list of Function
-        The motion of each record.
-    """
+    """Motions as differentiable Functions."""
 
     block: MotionBlock
     equations: Equations
-    runs: list[Runs]
-    motions: list[cs.Function]
+    runs: list[Runs]  # the last run of each record
+    motions: list[cs.Function]  # the motion of each record
 
     @classmethod
     def of(cls, block: MotionBlock) -> MotionEvaluation:

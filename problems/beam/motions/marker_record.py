@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -73,8 +72,6 @@ class MarkerRecord(Displayed):
         """Validate, and keep arrays."""
         if self.points is not None:
             object.__setattr__(self, "points", numbers(self.points, "points"))
-        check_instance(self.base, "base", BaseMotion, NoneType)
-        check_instance(self.start, "start", str, Equilibrium, State)
         time, positions = array(self.time, "time"), array(self.positions, "positions", finite=False)
         if time.ndim != 1 or time.size < FEWEST_SAMPLES:
             raise InputError(f"needs at least {FEWEST_SAMPLES} samples", "time")
@@ -110,13 +107,7 @@ class MarkerRecord(Displayed):
 
 
 def motion_record(record: Any) -> MotionRecord:
-    """Return a record of any kind as a motion record; a Measurement is released from rest on a fixed base at time 0.
-
-    Raises
-    ------
-    InputError
-        If it is of another kind.
-    """
+    """Return a record of any kind as a motion record; a Measurement is released from rest on a fixed base at time 0."""
     check_instance(record, "records", MotionRecord, MarkerRecord, Measurement)
     if isinstance(record, Measurement):
         return MotionRecord([record])

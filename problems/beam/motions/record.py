@@ -220,8 +220,6 @@ class MotionRecord(Displayed):
             raise InputError("must be a sequence of Channel or Measurement; put it in a list", "channels")
         for one in self.channels:
             check_instance(one, "channels", Channel, Measurement)
-        channels = tuple(one if isinstance(one, Channel) else Channel(one) for one in self.channels)
-        object.__setattr__(self, "channels", channels)
         check_instance(self.base, "base", BaseMotion, NoneType)
         check_instance(self.start, "start", str, Equilibrium, State)
         check_instance(self.camera, "camera", Camera, NoneType)
@@ -232,10 +230,10 @@ class MotionRecord(Displayed):
             else number(self.release_time, "release_time")
         )
         object.__setattr__(self, "release_time", release)
-        object.__setattr__(self, "channels", tuple(self._without_jumps(one) for one in channels))
-        self._check_samples()
-        self._check_load()
-        if self.camera and not any(one.sensor.quantity == "position" for one in channels):
+        channels = (one if isinstance(one, Channel) else Channel(one) for one in self.channels)
+        object.__setattr__(self, "channels", tuple(map(self._without_jumps, channels)))
+        self._check_times()
+        if self.camera and not any(one.sensor.quantity == "position" for one in self.own_channels):
             raise InputError("there are no positions for it; give the channels of the camera as positions", "camera")
 
     @property
@@ -290,7 +288,7 @@ class MotionRecord(Displayed):
             )
         return replace(channel, measurement=Measurement(one.time[clear], one.values[clear], one.name, one.sensor))
 
-    def _check_samples(self) -> None:
+    def _check_times(self) -> None:
         count = sum(one.measurement.time.size for one in self.own_channels)
         if count < FEWEST_SAMPLES:
             raise InputError(f"needs at least {FEWEST_SAMPLES} samples, got {count}", "channels")
@@ -305,11 +303,7 @@ class MotionRecord(Displayed):
                 "a State has no rest before it, but a sample is, or may be, before the release; cut the record there",
                 "start",
             )
-
-    def _check_load(self) -> None:
-        if self.load is None:
-            return
-        if self.load.begin >= self.end:
+        if self.load is not None and self.load.begin >= self.end:
             raise InputError(
                 f"begins at {self.load.begin:g} s, after the end of the motion at {self.end:g} s; its times are "
                 "those of the motion",
@@ -333,23 +327,18 @@ def labels_of(records: Sequence[MotionRecord]) -> list[str]:
 
 
 def pair(bounds: Any, where: str) -> Bounds:
-    """Return bounds (lower, upper), two finite numbers in order.
-
-    Raises
-    ------
-    InputError
-        If they are anything else.
-    """
-    lower, upper = _two(bounds, where)
+    """Return bounds (lower, upper), two finite numbers in order."""
+    lower, upper = two_numbers(bounds, where, finite=True)
     if not lower < upper:
         raise InputError(f"the lower bound {lower:g} is not below the upper {upper:g}", where)
     return lower, upper
 
 
-def _two(bounds: Any, where: str) -> tuple[float, float]:
-    values: Array = array(bounds, where)
+def two_numbers(given: Any, where: str, names: str = "(lower, upper)", *, finite: bool = False) -> tuple[float, float]:
+    """Return two numbers that the user gave as a pair."""
+    values: Array = array(given, where, finite=finite)
     if values.shape != (2,):
-        raise InputError(f"must be a pair (lower, upper), got {shown(bounds)}", where)
+        raise InputError(f"must be a pair {names}, got {shown(given)}", where)
     return float(values[0]), float(values[1])
 
 

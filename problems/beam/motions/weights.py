@@ -15,17 +15,13 @@ own.
 
 No standard deviation is below ``MODEL_STD`` times the travel of the channel, the root mean square about its mean.
 
-The tolerance of the integration follows from the noise and the effect of the integration error.  To first order, an
-error c of the computed readings, one number for each of the m residuals, shifts the estimates by
-
-    d = -(J' J)^-1 J' c                                  (``Fit.shifts``),
-
-and none by more than |c|/s standard errors, where s^2 is the variance of the residuals.  No shift may exceed
-``LARGEST_SHIFT``, a tenth.  One integration at the estimates, at a tolerance smaller by the factor ``CHECK_RATIO``,
-checks this: its error is smaller by about the same factor, so that c is the difference of the residuals.  It costs one
-run without derivatives; a fit takes about ten with derivatives.  If a shift is too large, the fit is repeated from its
-estimates.  The error is about proportional to the tolerance, so that the tolerance decreases in proportion to the
-shift.
+The tolerance of the integration follows from the noise and the effect of the integration error.  An error c of the
+computed readings, one number for each of the m residuals, shifts no estimate by more than |c|/s standard errors
+(``Fit.shifts``), where s^2 is the variance of the residuals, and by no more than ``LARGEST_SHIFT`` if the tolerance is
+fine enough.  One integration at the estimates, at a tolerance smaller by the factor ``CHECK_RATIO``, checks this: its
+error is smaller by about the same factor, so that c is the difference of the residuals.  It costs one run without
+derivatives; a fit takes about ten with derivatives.  If a shift is too large, the tolerance, to which the error is
+about proportional, decreases in proportion to the shift (``ancf_casadi.estimation.solve``).
 
 The first tolerance follows from the record.  The part of c in the direction of a parameter has a root mean square of
 about ``ERROR_GAIN`` times the tolerance and the size of the readings: the length L of the beam for positions (measured
@@ -66,13 +62,7 @@ MODEL_STD = 2e-5  # systematic error of a record, relative to its travel
 
 
 def first_weights(records: Sequence[MotionRecord], *, robust: bool = False) -> SeriesWeights:
-    """Return the weights of records, from the third differences of the samples where the noise is not given.
-
-    Raises
-    ------
-    InputError
-        If the noise of a channel that has too few samples, or is constant, is not given.
-    """
+    """Return the weights of records, from the third differences of the samples where the noise is not given."""
     channels = [channel for record in records for channel in record.own_channels]
     groups = _groups(records)
     for group in groups:

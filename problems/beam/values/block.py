@@ -22,18 +22,10 @@ ACCURACY = 1e-6  # relative accuracy of computed values; in standard deviations 
 
 @dataclass(frozen=True, eq=False)
 class ValueBlock(Block):
-    """Measured values of a beam at rest or in small vibration; it is its own evaluation.
+    """Measured values of a beam at rest or in small vibration; it is its own evaluation."""
 
-    Parameters
-    ----------
-    record : PropertyRecord
-        The measurements, with the beam in the configuration of the test.
-    first : mapping
-        First values of the unknown properties by name, SI units.
-    """
-
-    record: PropertyRecord
-    first: Mapping[str, float]
+    record: PropertyRecord  # with the beam in the configuration of the test
+    first: Mapping[str, float]  # first values of the unknown properties by name, SI units
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the block without its Function, which the receiving process derives again."""

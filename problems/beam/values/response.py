@@ -41,13 +41,7 @@ STATIC_QUANTITIES = ("position", "displacement", "slope", "strain", "force", "mo
 
 
 def modal_response(model: Model, numbers: Index, owners: Owners) -> Respond:
-    """Return the function from factors to the natural frequencies (Hz) of modes, numbered from 0, and their Jacobian.
-
-    Raises
-    ------
-    EquilibriumError
-        If the beam has no stable equilibrium.
-    """
+    """Return the function from factors to the natural frequencies (Hz) of modes, from 0, and their Jacobian."""
     standard = followed_modes(natural_modes(model, count=int(numbers.max()) + 1), numbers)
 
     def respond(factors: Array) -> tuple[Array, Array]:
@@ -66,23 +60,7 @@ def static_response(
 ) -> Respond:
     """Return the function from factors to the readings of k sensors case by case, (c k,), and their Jacobian.
 
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    cases : sequence of sequences of PointLoad
-        The loads of each of c cases.
-    sensors : sequence of Sensor
-        The sensors.
-    tared : bool
-        Whether all sensors, not only those of displacement, read zero without the loads.
-    owners : Owners
-        The properties that each factor multiplies.
-
-    Raises
-    ------
-    EquilibriumError
-        If the beam has no equilibrium.
+    With ``tared`` all sensors, not only those of displacement, read zero without the loads.
     """
     equilibria = [static_equilibrium(model, loads=loads) for loads in ((), *cases)]
     read = readings(model, sensors)
@@ -132,21 +110,19 @@ def readings(model: Model, sensors: Sequence[Sensor]) -> cs.Function:
 
     f are the generalized forces on the clamped coordinates, (4,); the properties those of the beam, (4 n + 2,), in the
     order of ``structure_properties``.
-
-    Raises
-    ------
-    InputError
-        If a sensor reads nothing at rest, has its direction in the frame of the body, or is not on the beam.
     """
-    e, f, properties = (
-        cs.MX.sym("e", model.size),
-        cs.MX.sym("f", NODE),
-        cs.MX.sym("p", structure_properties(model).size),
-    )
+    for sensor in sensors:
+        if sensor.quantity not in STATIC_QUANTITIES:
+            known = ", ".join(STATIC_QUANTITIES)
+            raise InputError(f"{sensor.quantity} has no reading at rest; use one of {known}", "sensors")
+        if sensor.frame != "inertial":
+            raise InputError("the direction must be in the laboratory (frame='inertial') at rest", "sensors")
+    sizes = {"e": model.size, "f": NODE, "p": structure_properties(model).size}
+    e, f, properties = (cs.MX.sym(name, size) for name, size in sizes.items())
     rows = cs.reshape(properties[: model.properties.size], model.beam.elements, -1).T
     forces, still = cs.vertcat(f, cs.MX(model.size - NODE, 1)), cs.MX.zeros(model.size)
     motion = SampledMotion(model, rows, e, still, still, lambda: forces)
-    y = cs.vertcat(*(_reading(motion, sensor) for sensor in sensors))
+    y = cs.vertcat(*(motion.read(sensor) for sensor in sensors))
     jacobians = [cs.densify(cs.jacobian(y, x)) for x in (e, f, properties)]
     return cs.Function("readings", [e, f, properties], [cs.densify(y), *jacobians])
 
@@ -154,13 +130,3 @@ def readings(model: Model, sensors: Sequence[Sensor]) -> cs.Function:
 def place(model: Model, sensor: Sensor) -> float:
     """Return the arc length of a sensor, m."""
     return model.beam.length if sensor.point is None else sensor.point
-
-
-def _reading(motion: SampledMotion, sensor: Sensor) -> cs.MX:
-    if sensor.quantity not in STATIC_QUANTITIES:
-        raise InputError(
-            f"{sensor.quantity} has no reading at rest; use one of {', '.join(STATIC_QUANTITIES)}", "sensors"
-        )
-    if sensor.frame != "inertial":
-        raise InputError("the direction must be in the laboratory (frame='inertial') at rest", "sensors")
-    return motion.read(sensor)

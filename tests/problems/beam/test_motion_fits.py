@@ -388,7 +388,7 @@ def test_a_record_that_makes_no_sense_is_refused(changes, message):
         ({"fixed": ("eta1", "eta2")}, "unknowns: nothing is to be estimated"),
         ({"bounds": {"beta": (0.0, 1.0)}}, "bounds: unknown key 'beta'; known are "),
         ({"bounds": {"eta1": (1.0, 2.0)}}, "bounds: eta1: the first value 0.6 is not within"),
-        ({"bounds": {"eta1": 0.1}}, r"bounds: eta1: must be a pair of numbers, got 0\.1"),
+        ({"bounds": {"eta1": 0.1}}, r"bounds: eta1: must be a pair \(lower, upper\), got 0\.1"),
         ({"bounds": {"eta1": ("a", 1.0)}}, "bounds: eta1: must be numbers"),
         ({"robust": 1e-3}, "robust: must be True or False, got 0.001"),
     ],

@@ -61,13 +61,6 @@ def export(
         Number of modes of the reduced model; the full model is written if not given.
     identifications : sequence of Identification
         Identifications to write after those of the source.
-
-    Raises
-    ------
-    InputError
-        If the format cannot hold the identifications, markers or reduced model, or the export fails.
-    EquilibriumError
-        If the beam has no stable equilibrium, and the format needs one.
     """
     if identifications and form not in ("json", "fmu"):
         raise InputError(f"cannot be kept in {form}; choose json or fmu", "--identification")
@@ -94,13 +87,7 @@ def export(
 
 
 def read_identifications(results: Sequence[str], records: Sequence[str]) -> list[Identification]:
-    """Read the output of commands with ``--json``; if records are given, hash the record behind each output.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read or is not such an output, or the numbers of results and records differ.
-    """
+    """Read the output of commands with ``--json``; if records are given, hash the record behind each output."""
     if records and len(records) != len(results):
         raise InputError(f"there are {len(records)} for {len(results)} --identification; give one for each", "--data")
     pairs = zip(results, [[record] for record in records] or [[] for _ in results], strict=True)

@@ -23,21 +23,11 @@ PICTURES = (".png", ".svg", ".pdf")
 
 @dataclass(frozen=True)
 class Output:
-    """Result of a command.
+    """Result of a command."""
 
-    Parameters
-    ----------
-    text : str
-        Text to print, even if a file cannot be written.
-    files : sequence of callable
-        Functions that write the files, in their order.
-    closing : str
-        Text to print below once all files are written.
-    """
-
-    text: str
-    files: Sequence[Callable[[], object]] = ()
-    closing: str = ""
+    text: str  # to print, even if a file cannot be written
+    files: Sequence[Callable[[], object]] = ()  # write the files, in their order
+    closing: str = ""  # to print below once all files are written
 
 
 def positive_count(text: str) -> int:
@@ -106,13 +96,7 @@ def figure_writer(path: Path, draw: Callable[[], Figure]) -> Callable[[], None]:
 
 
 def new_files(inputs: Sequence[str], *outputs: Path | None) -> tuple[Path | None, ...]:
-    """Check the output files: each must be writable, different from the others and from every input.
-
-    Raises
-    ------
-    InputError
-        If one is not.
-    """
+    """Check the output files: each must be writable, different from the others and from every input."""
     taken = {os.path.realpath(path): "is an input, which would be lost; choose another name" for path in inputs}
     for path in outputs:
         if path is None:

@@ -45,13 +45,7 @@ DAMPING_LAWS: dict[str, Callable[..., DampingLaw]] = {
 
 
 def read_beam(given: str | StudyFile) -> Document:
-    """Read the beam of a TOML file, or a JSON document (a name that ends in ``.json``) with a beam and its damping.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or a key or value cannot be used.
-    """
+    """Read the beam of a TOML file, or a JSON document (a name that ends in ``.json``) with a beam and its damping."""
     if isinstance(given, str) and is_document(given):
         return read_document(given)
     file = StudyFile.of(given)
@@ -65,13 +59,7 @@ def read_beam(given: str | StudyFile) -> Document:
 
 
 def read_damped(given: str | StudyFile) -> Document:
-    """Read a beam and its damping; the damping of a document holds unless the file has its own.
-
-    Raises
-    ------
-    InputError
-        As ``read_beam``.
-    """
+    """Read a beam and its damping; the damping of a document holds unless the file has its own."""
     if isinstance(given, str) and is_document(given):
         return read_document(given)
     file = StudyFile.of(given)
@@ -81,24 +69,12 @@ def read_damped(given: str | StudyFile) -> Document:
 
 
 def read_terms(file: StudyFile, model: Model) -> list[DampingLaw]:
-    """Return the laws of the tables [[damping]], in their order.
-
-    Raises
-    ------
-    InputError
-        If a law is unknown, or a key or value cannot be used.
-    """
+    """Return the laws of the tables [[damping]], in their order."""
     return [_term(table, model, file.where("damping")) for table in file.several("damping")]
 
 
 def law_of(terms: Sequence[Any], model: Model, where: str) -> DampingLaw | None:
-    """Return the sum of terms given as tables [[damping]]; None if there are none.
-
-    Raises
-    ------
-    InputError
-        If a law is unknown, or a key or value cannot be used.
-    """
+    """Return the sum of terms given as tables [[damping]]; None if there are none."""
     return total([_term(table, model, where) for table in terms])
 
 

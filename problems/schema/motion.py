@@ -46,13 +46,7 @@ COMPONENTS: dict[str, Quantity] = {"force_x": "force", "force_y": "force", "mome
 
 
 def read_base(file: StudyFile, table: Any, where: str) -> BaseMotion:
-    """Return the motion of the clamp, of one of four kinds that the keys of its table tell apart.
-
-    Raises
-    ------
-    InputError
-        If the keys belong to no kind of motion, a value cannot be used, or a file cannot be read.
-    """
+    """Return the motion of the clamp, of one of four kinds that the keys of its table tell apart."""
     keys = set(table) if isinstance(table, dict) else set()
     if "file" in keys:
         time, parts = _columns(file, table, AXES, where)
@@ -66,13 +60,7 @@ def read_base(file: StudyFile, table: Any, where: str) -> BaseMotion:
 
 
 def read_load(file: StudyFile, table: Any, where: str) -> TipLoad:
-    """Return the force and the moment at the tip over time, of one of three kinds that the keys tell apart.
-
-    Raises
-    ------
-    InputError
-        If the keys belong to no kind of load, a value cannot be used, or a file cannot be read.
-    """
+    """Return the force and the moment at the tip over time, of one of three kinds that the keys tell apart."""
     keys = set(table) if isinstance(table, dict) else set()
     if "file" in keys:
         time, parts = _columns(file, table, COMPONENTS, where)
@@ -82,26 +70,12 @@ def read_load(file: StudyFile, table: Any, where: str) -> TipLoad:
 
 
 def read_release(model: Model, table: Any, where: str) -> Equilibrium:
-    """Return the equilibrium under the load at the tip that holds the beam until it is released.
-
-    Raises
-    ------
-    InputError
-        If a key or value cannot be used.
-    EquilibriumError
-        If there is no equilibrium under this load.
-    """
+    """Return the equilibrium under the load at the tip that holds the beam until it is released."""
     return made(table, static_equilibrium, where, {"tip_force", "tip_moment"}, model=model)
 
 
 def read_measured(file: StudyFile, given: Mapping[str, Any], where: str) -> Recording:
-    """Read the file that a table names, with its keys ``READING``.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
-    """
+    """Read the file that a table names, with its keys ``READING``."""
     path = file.beside(given["file"], f"{where}: file")
     with located(where):
         return read_recording(path, progress=True, **{key: given.get(key) for key in READING})

@@ -89,42 +89,18 @@ FIT = {"unknowns", "fixed", "bounds", "priors", "robust", "tolerance"}  # of ``f
 
 @dataclass(frozen=True)
 class Measurements:
-    """Measurements of a beam, and what to estimate from them.
+    """Measurements of a beam, and what to estimate from them."""
 
-    Parameters
-    ----------
-    model : Model
-        The beam, with guesses of its properties.
-    damping : DampingLaw or None
-        The law, with guesses of its parameters.
-    laws : tuple of DampingLaw
-        The laws to compare.
-    records : tuple of MotionRecord, FrequencyRecord, StaticRecord and ResponseRecord
-        The measurements.
-    predictions : tuple of MotionRecord
-        Records to predict.
-    settings : mapping
-        Other arguments of ``fit_beam``.
-    """
-
-    model: Model
-    damping: DampingLaw | None
-    laws: tuple[DampingLaw, ...]
+    model: Model  # with guesses of its properties
+    damping: DampingLaw | None  # with guesses of its parameters
+    laws: tuple[DampingLaw, ...]  # to compare
     records: tuple[MotionRecord | FrequencyRecord | StaticRecord | ResponseRecord, ...]
-    predictions: tuple[MotionRecord, ...]
-    settings: Mapping[str, Any]
+    predictions: tuple[MotionRecord, ...]  # to predict, not to fit
+    settings: Mapping[str, Any]  # other arguments of ``fit_beam``
 
 
 def read_measurements(given: str | StudyFile) -> Measurements:
-    """Read a beam, its damping, measurements, and the unknowns of a fit to them.
-
-    Raises
-    ------
-    InputError
-        If a table is missing, a key or value cannot be used, or a file cannot be read.
-    EquilibriumError
-        If there is no equilibrium under the load of a release.
-    """
+    """Read a beam, its damping, measurements, and the unknowns of a fit to them."""
     file = StudyFile.of(given)
     source = read_damped(file)
     fit, where = file.tables.get("fit", {}), file.where("fit")

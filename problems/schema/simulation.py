@@ -31,39 +31,17 @@ COLUMN_NAMES = ("time", "tip", "base")  # names of columns that are always there
 
 @dataclass(frozen=True)
 class Simulation:
-    """The arguments of ``simulate`` from a file.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    damping : DampingLaw or None
-        The law, or the sum of several.
-    base : BaseMotion or None
-        Motion of the clamp.
-    settings : mapping
-        Other arguments of ``simulate``.
-    markers : mapping of str to float
-        Arc lengths of the points to output by name, m.
-    """
+    """The arguments of ``simulate`` from a file."""
 
     model: Model
     damping: DampingLaw | None
     base: BaseMotion | None
-    settings: Mapping[str, Any]
-    markers: Mapping[str, float]
+    settings: Mapping[str, Any]  # other arguments of ``simulate``
+    markers: Mapping[str, float]  # arc length of each point to output, m
 
 
 def read_simulation(given: str | StudyFile) -> Simulation:
-    """Read a beam, its damping, the motion of its base and the settings of the simulation.
-
-    Raises
-    ------
-    InputError
-        If a table is missing, a key or value cannot be used, a file cannot be read, or a marker is not on the beam.
-    EquilibriumError
-        If there is no equilibrium under the load of [release].
-    """
+    """Read a beam, its damping, the motion of its base and the settings of the simulation."""
     file = StudyFile.of(given)
     source, where = read_damped(file), file.where("simulation")
     table = file.needed("simulation")
@@ -95,13 +73,7 @@ def _check_size(settings: Mapping[str, Any], model: Model, where: str) -> None:
 
 
 def read_markers(file: StudyFile, model: Model) -> dict[str, float]:
-    """Return the points of the table [markers]: arc length by name, m.
-
-    Raises
-    ------
-    InputError
-        If a name or an arc length cannot be used.
-    """
+    """Return the points of the table [markers]: arc length by name, m."""
     table, where = file.tables.get("markers", {}), file.where("markers")
     if not isinstance(table, dict):
         raise InputError(f"must be a table, got {shown(table)}", where)

@@ -38,13 +38,7 @@ class StudyTable(Struct, frozen=True):
 
 
 def read_study(path: str | Path, kinds: Sequence[type[Part]]) -> Study:
-    """Read a study whose parts are of these kinds.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or a table, key or value cannot be used.
-    """
+    """Read a study whose parts are of these kinds."""
     file = StudyFile.of(str(path), required=set())
     about = read(file.tables.get("study", {}), StudyTable, file.where("study"))
     suggested = [{"kind": kind} for name in SUGGESTED_KEYS if name in file.tables for kind in SUGGESTED_KEYS[name]]
@@ -63,13 +57,7 @@ def read_study(path: str | Path, kinds: Sequence[type[Part]]) -> Study:
 
 
 def _laws(file: StudyFile) -> tuple[LawChoice, ...]:
-    """Return the laws of the tables [[laws]].
-
-    Raises
-    ------
-    InputError
-        If a key or value cannot be used, or two laws have one name.
-    """
+    """Return the laws of the tables [[laws]]."""
     where = file.where("laws")
     found: dict[str, LawChoice] = {}
     for table in file.several("laws"):

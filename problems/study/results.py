@@ -30,24 +30,12 @@ JSON_TYPES = {dict: "object", list: "array", str: "string", bool: "boolean", int
 
 @dataclass(frozen=True)
 class Shown:
-    """A part as the document shows it.
-
-    Parameters
-    ----------
-    part : Part
-        The part.
-    finding : Finding
-        Its results.
-    tables : tuple of (str, DataTable)
-        Its tables with their labels.
-    figures : tuple of (str, Drawing)
-        Its figures with their labels.
-    """
+    """A part as the document shows it."""
 
     part: Part
     finding: Finding
-    tables: tuple[tuple[str, DataTable], ...]
-    figures: tuple[tuple[str, Drawing], ...]
+    tables: tuple[tuple[str, DataTable], ...]  # its tables with their labels
+    figures: tuple[tuple[str, Drawing], ...]  # its figures with their labels
 
 
 def labelled(study: Study, findings: Mapping[str, Finding]) -> tuple[Shown, ...]:

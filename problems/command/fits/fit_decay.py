@@ -189,13 +189,7 @@ def _curve(file: str, record: Measurement, release_time: float) -> str:
 
 
 def _numbered(path: Path | None, count: int) -> list[Path | None]:
-    """Return one name per record; with several records, the names are numbered.
-
-    Raises
-    ------
-    InputError
-        If the name is not that of a file.
-    """
+    """Return one name per record; with several records, the names are numbered."""
     if path is None or count == 1:
         return [path] * count
     check_file(path)

@@ -121,12 +121,18 @@ def _amplitude_left(envelope: Envelope, time: float) -> float | str:
     return 1e3 * amplitude
 
 
-def _times(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]]) -> DataTable:
-    columns = (
+def _law_columns(rows: Sequence[tuple[LawChoice, SimulatedDecay]]) -> list[Column]:
+    return [
         Column("law", tuple(law.title for law, _ in rows)),
         Column("frequency", tuple(decay.frequency for _, decay in rows), "Hz"),
         Column("η1", tuple(decay.law.eta1 for _, decay in rows), "1/s"),
         Column("η2", tuple(decay.law.eta2 for _, decay in rows), "1/m"),
+    ]
+
+
+def _times(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]]) -> DataTable:
+    columns = (
+        *_law_columns(rows),
         Column("time to 10 %, beam", tuple(decay.envelope.time_to(0.1) for _, decay in rows), "s"),
         Column("by Eq. (27)", tuple(decay.formula.time_to(0.1) for _, decay in rows), "s"),
     )
@@ -140,10 +146,7 @@ def _times(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]]) ->
 
 
 def _left(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]], times: Sequence[float]) -> DataTable:
-    columns = [
-        Column("law", tuple(law.title for law, _ in rows)),
-        Column("frequency", tuple(decay.frequency for _, decay in rows), "Hz"),
-    ]
+    columns = _law_columns(rows)[:2]
     for time in times:
         beam = tuple(_amplitude_left(decay.envelope, time) for _, decay in rows)
         formula = tuple(_amplitude_left(decay.formula, time) for _, decay in rows)
@@ -280,10 +283,7 @@ def ratio_change(part: PaperPart, results: Sequence[SimulatedDecay], found: Foun
 
 def _laws(part: PaperPart, decays: Sequence[SimulatedDecay], crossings: Sequence[tuple[float, float]]) -> DataTable:
     columns = (
-        Column("law", tuple(law.title for law in part.laws)),
-        Column("frequency", tuple(part.frequency for _ in part.laws), "Hz"),
-        Column("η1", tuple(decay.law.eta1 for decay in decays), "1/s"),
-        Column("η2", tuple(decay.law.eta2 for decay in decays), "1/m"),
+        *_law_columns(list(zip(part.laws, decays, strict=True))),
         Column("crosses the first, beam", (None, *(beam for beam, _ in crossings)), "s"),
         Column("by Eq. (27)", (None, *(formula for _, formula in crossings)), "s"),
     )

@@ -14,8 +14,9 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, Self, final
+from typing import Any, Self, final
 
+from ancf_casadi.support.inputs import choice
 from problems.paper import combined_law, decays, drawings, experiments, resonances
 from problems.paper.numbers import PAPER_FILE
 from problems.schema.table import Positive
@@ -54,10 +55,7 @@ class PaperPart(Part):
     kind, heading = "paper", ""
     naming = ("beam", "decays", "transients")
 
-    script: Literal[
-        "amplitudes", "shapes", "integrators", "resonances", "eta_effects", "ratio_change", "combined_law", "element",
-        "uniform_load", "omitted",
-    ]  # fmt: skip
+    script: str
     beam: str = ""
     decays: str = ""
     transients: str = ""
@@ -69,7 +67,8 @@ class PaperPart(Part):
     inputs: dict[str, Any] = field(default_factory=dict)  # of this script alone
 
     def checked(self, source: Source, where: str) -> Self:
-        """Return the part with the laws of its runs."""
+        """Return the part with the laws of its runs, once its script is known."""
+        choice(self.script, tuple(SCRIPTS), f"{where}: script")
         return replace(self, runs=with_laws(self.runs, self.laws))
 
     @property

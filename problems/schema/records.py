@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from inspect import signature
 from typing import Any
 
@@ -31,7 +30,7 @@ from problems.beam.motions.record import Camera, Channel, MotionRecord
 from problems.beam.values.records import FrequencyRecord, StaticRecord
 from problems.schema.beam import DAMPED_HELP, read_damped, read_terms, total
 from problems.schema.file import StudyFile
-from problems.schema.motion import MOTION_KEYS, READING, read_base, read_load, read_measured, read_release
+from problems.schema.motion import MOTION_KEYS, READING, read_measured, read_motion
 from problems.schema.table import made
 
 RECORD_KEYS = """\
@@ -235,19 +234,10 @@ def _record(file: StudyFile, given: Any, model: Model, where: str) -> MotionReco
         channels.append(_channel(recordings[key], own, place))
     if {"release", "start"} <= given.keys():
         raise InputError("is given by the release; leave it out", f"{where}: start")
-    settings = {key: given[key] for key in ("start", "release_time") if key in given}
+    settings = {key: given[key] for key in {"release_time"} & given.keys()}
     if "camera" in given:
         settings["camera"] = made(given["camera"], Camera, f"{where}: camera")
-    readers: dict[str, Callable[[Any, str], Any]] = {
-        "base": partial(read_base, file),
-        "load": partial(read_load, file),
-        "release": partial(read_release, own_model),
-    }
-    for name, reader in readers.items():  # of the record, or of the file
-        table, place = (given[name], f"{where}: {name}") if name in given else (file.tables.get(name), file.where(name))
-        argument = "start" if name == "release" else name
-        if table is not None and argument not in settings:
-            settings[argument] = reader(table, place)
+    settings |= read_motion(file, given, own_model, where)
     with located(where):
         return MotionRecord(channels, model=None if own_model is model else own_model, **settings)
 

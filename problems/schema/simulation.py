@@ -14,7 +14,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import check_keys, located, physical, shown
 from problems.schema.beam import DAMPED_HELP, read_damped
 from problems.schema.file import StudyFile
-from problems.schema.motion import MOTION_KEYS, read_base, read_load, read_release
+from problems.schema.motion import MOTION_KEYS, read_motion
 
 SIMULATION_KEYS = """\
   [simulation]  duration (s), sample_rate (1/s), tolerance,
@@ -46,17 +46,12 @@ def read_simulation(given: str | StudyFile) -> Simulation:
     source, where = read_damped(file), file.where("simulation")
     table = file.needed("simulation")
     check_keys(table, {"duration"}, SETTINGS, where)
-    settings = dict(table)
-    _check_size(settings, source.model, where)
-    if "load" in file.tables:
-        settings["load"] = read_load(file, file.tables["load"], file.where("load"))
-    base = read_base(file, file.tables["base"], file.where("base")) if "base" in file.tables else None
-    markers = read_markers(file, source.model)
-    if "release" in file.tables:
-        if "start" in settings:
-            raise InputError("is given by the table [release]; leave it out", f"{where}: start")
-        settings["start"] = read_release(source.model, file.tables["release"], file.where("release"))
-    return Simulation(source.model, source.damping, base, settings, markers)
+    _check_size(table, source.model, where)
+    if "start" in table and "release" in file.tables:
+        raise InputError("is given by the table [release]; leave it out", f"{where}: start")
+    settings = table | read_motion(file, table, source.model, where)
+    base = settings.pop("base", None)
+    return Simulation(source.model, source.damping, base, settings, read_markers(file, source.model))
 
 
 def _check_size(settings: Mapping[str, Any], model: Model, where: str) -> None:

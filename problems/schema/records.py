@@ -28,7 +28,7 @@ from ancf_casadi.support.inputs import array, check_keys, is_sequence, located, 
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.record import Camera, Channel, MotionRecord
 from problems.beam.values.records import FrequencyRecord, StaticRecord
-from problems.schema.beam import DAMPED_HELP, read_damped, read_terms, total
+from problems.schema.beam import DAMPED_HELP, read_damped, term_of, total
 from problems.schema.file import StudyFile
 from problems.schema.motion import MOTION_KEYS, READING, read_measured, read_motion
 from problems.schema.table import made
@@ -109,8 +109,9 @@ def read_measurements(given: str | StudyFile) -> Measurements:
         raise InputError("the table is missing; its parameters are the unknowns", file.where("damping"))
     if not any(file.several(name) for name in NUMBERS):
         file.needed("records", f"it names the file to fit; or add {', '.join(f'[[{name}]]' for name in NUMBERS)}")
+    terms = [term_of(table, source.model, file.where("damping")) for table in file.several("damping")]
     with located(where):
-        laws = _laws(fit.get("laws"), read_terms(file, source.model), law)
+        laws = _laws(fit.get("laws"), terms, law)
     records, predictions = (
         [_record(file, table, source.model, file.where(name)) for table in file.several(name)]
         for name in ("records", "predictions")

@@ -242,9 +242,9 @@ class Match(Part, MatchTable):
         data = matched.data
         target = np.array(data["target_hz"])
         columns = {"before": data["standard_hz"], "matched": data["matched_hz"]}
-        for key, name in (("standard", "standard"), ("optimum", "optimum")):
+        for key in ("standard", "optimum"):
             if key in self.printed:
-                columns[f"{self.printed_by}, {name}"] = list(self.printed[key])
+                columns[f"{self.printed_by}, {key}"] = list(self.printed[key])
 
         def draw() -> Figure:
             figure, (axes,) = new_figure(3.2)

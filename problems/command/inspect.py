@@ -162,16 +162,11 @@ def _plan(recording: Recording, options: argparse.Namespace, problem: str) -> Fi
 
 def _times(recording: Recording) -> list[tuple[str, Sampling]]:
     """Return the sampling of each distinct time axis, with the numbers of its channels."""
-    groups: list[tuple[list[int], Array]] = []
+    groups: dict[bytes, tuple[Array, list[int]]] = {}
     for channel in recording.channels:
-        if channel.time is None:
-            continue
-        same = next((numbers for numbers, time in groups if np.array_equal(time, channel.time)), None)
-        if same is None:
-            groups.append(([channel.number], channel.time))
-        else:
-            same.append(channel.number)
-    return [(_ranges(numbers), sampling(time)) for numbers, time in groups]
+        if channel.time is not None:
+            groups.setdefault(channel.time.tobytes(), (channel.time, []))[1].append(channel.number)
+    return [(_ranges(numbers), sampling(time)) for time, numbers in groups.values()]
 
 
 def _ranges(numbers: Sequence[int]) -> str:

@@ -91,27 +91,20 @@ def results(
     """Return the numbers of a study as plain data; ``versions`` are those of the programs."""
     parts = [
         {
-            "name": part.name,
-            "kind": part.kind,
-            "title": part.title,
+            "name": one.part.name,
+            "kind": one.part.kind,
+            "title": one.part.title,
             "tables": [label for label, _ in one.tables],
             "figures": [label for label, _ in one.figures],
             "warnings": list(one.finding.warnings),
         }
-        for part, one in zip(study.parts, shown, strict=True)
+        for one in shown
     ]
-    about = {
-        "title": study.title,
-        "source": study.source.strip(),
-        "seed": study.seed,
-        "quick": quick,
-        "parts": parts,
-    }
-    numbers = {one.part.name: one.finding.data for one in shown}
+    source = study.source.strip()
     return {
-        "study": about,
+        "study": {"title": study.title, "source": source, "seed": study.seed, "quick": quick, "parts": parts},
         "versions": dict(versions),
-        **numbers,
+        **{one.part.name: one.finding.data for one in shown},
         "timing": {step.name: step.seconds for step in steps},
     }
 

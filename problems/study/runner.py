@@ -80,7 +80,6 @@ def run_parts(
             if not done:
                 queue.finish_one()
     queue.store.discard_all_but(set(queue.tasks))
-    del findings[""]
     times = [
         PartTime(
             part.name,
@@ -102,9 +101,8 @@ def _steps(part: Part, findings: Found, effort: Effort) -> _Steps:
     tasks = part.tasks(found, effort)
     results = yield list(tasks)
     cost = 0.2 * (1 + len(tasks))  # s, to draw a figure; most parts have one for each task
-    drawing = Task(_finding, (part.kind, part, results, found, effort), cost)
     finding: Finding
-    (finding,) = yield [drawing]
+    (finding,) = yield [Task(_finding, (part.kind, part, results, found, effort), cost)]
     return finding
 
 

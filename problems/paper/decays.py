@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 CURVE_MARKERS = 12  # markers of a drawn curve
 
 
-def _tasks(part: PaperPart, frequencies: Sequence[float], found: Found, effort: Effort) -> tuple[Task, ...]:
-    """Return the simulated decays, law by law and frequency by frequency."""
+def tasks(part: PaperPart, found: Found, effort: Effort) -> tuple[Task, ...]:
+    """Return the simulated decays, law by law: at the frequency of the part, then at the others of ``eta_effects``."""
     beam, duration = part.beam_in(found), effort.window * part.duration
     laws = [law_of(choice.of(found), Model(beam), choice.name) for choice in part.laws]
     return tuple(
@@ -50,13 +50,8 @@ def _tasks(part: PaperPart, frequencies: Sequence[float], found: Found, effort: 
             0.3 + 0.006 * frequency * duration,  # computing time of a decay, and of each of its periods
         )
         for law in laws
-        for frequency in frequencies
+        for frequency in (part.frequency, *part.inputs.get("frequencies", ()))
     )
-
-
-def effect_tasks(part: PaperPart, found: Found, effort: Effort) -> tuple[Task, ...]:
-    """Return the decays, law by law: at the frequency of the detailed figure, then at the others."""
-    return _tasks(part, (part.frequency, *part.inputs["frequencies"]), found, effort)
 
 
 def eta_effects(part: PaperPart, results: Sequence[SimulatedDecay], found: Found, effort: Effort) -> Finding:
@@ -242,11 +237,6 @@ def _frequencies(law: LawChoice, decays: Sequence[SimulatedDecay], end: float) -
     envelopes.legend(loc="lower left")
     figure.align_ylabels()
     return figure
-
-
-def change_tasks(part: PaperPart, found: Found, effort: Effort) -> tuple[Task, ...]:
-    """Return the decays, law by law."""
-    return _tasks(part, (part.frequency,), found, effort)
 
 
 def ratio_change(part: PaperPart, results: Sequence[SimulatedDecay], found: Found, effort: Effort) -> Finding:

@@ -29,21 +29,17 @@ Tasks = Callable[["PaperPart", Found, Effort], tuple[Task, ...]]
 Result = Callable[["PaperPart", Sequence[Any], Found, Effort], Finding]
 
 
-def _no_tasks(part: PaperPart, found: Found, effort: Effort) -> tuple[Task, ...]:
-    return ()
-
-
 SCRIPTS: dict[str, tuple[Tasks, Result]] = {
     "amplitudes": (experiments.tasks, experiments.amplitudes),
     "shapes": (experiments.tasks, experiments.shapes),
     "integrators": (partial(experiments.tasks, methods=experiments.METHODS), experiments.integrators),
     "resonances": (resonances.tasks, resonances.finding),
-    "eta_effects": (decays.effect_tasks, decays.eta_effects),
-    "ratio_change": (decays.change_tasks, decays.ratio_change),
-    "combined_law": (_no_tasks, combined_law.finding),
-    "element": (_no_tasks, drawings.element),
-    "uniform_load": (_no_tasks, drawings.uniform_load),
-    "omitted": (_no_tasks, drawings.omitted),
+    "eta_effects": (decays.tasks, decays.eta_effects),
+    "ratio_change": (decays.tasks, decays.ratio_change),
+    "combined_law": (Part.tasks, combined_law.finding),
+    "element": (Part.tasks, drawings.element),
+    "uniform_load": (Part.tasks, drawings.uniform_load),
+    "omitted": (Part.tasks, drawings.omitted),
 }
 
 

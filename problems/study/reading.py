@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -97,11 +98,10 @@ def _check_needs(parts: Mapping[str, Part], where: str) -> None:
         for needed in part.needs:
             if needed and needed not in parts:
                 raise InputError(f"needs the part {needed!r}, which does not exist", f"{where}: {name}")
-    left = dict(parts)
-    while ready := [name for name, part in left.items() if not any(needed in left for needed in part.needs)]:
-        left = {name: part for name, part in left.items() if name not in ready}
-    if left:
-        raise InputError(f"the parts {', '.join(left)} need each other", where)
+    try:
+        TopologicalSorter({name: part.needs for name, part in parts.items()}).prepare()
+    except CycleError as error:
+        raise InputError(f"the parts {', '.join(sorted(set(error.args[1])))} need each other", where) from None
 
 
 def _check_labels(parts: Mapping[str, Part], where: str) -> None:

@@ -62,7 +62,7 @@ def inputs(rng: random.Random, files: dict[str, dict[str, bytes]]) -> tuple[str,
     """Draw an input, write it to the current folder, and return its kind and the arguments of a command."""
     (kind,) = rng.choices(list(SHARES), list(SHARES.values()))
     if kind == "study":
-        text = STUDY.format(name="study.toml")
+        text = STUDY
         for long, quick in SHORT.items():
             text = text.replace(long, quick)
         Path("study.toml").write_text(mutated_study(text, rng))

@@ -23,22 +23,21 @@ from ancf_casadi.support.tables import wrapped
 from ancf_casadi.version import __version__
 from problems.command.output import shortened
 
-COMMANDS = {  # module in problems.command, and what the command does
-    "inspect": ("inspect", "show the channels of a file of measurements, and what a fit would use"),
-    "init": ("init", "write a commented TOML file that runs as it is, to start from"),
-    "fit-decay": ("fits.fit_decay", "estimate frequency and damping of one mode from measured decays"),
-    "fit-modes": ("fits.fit_modes", "estimate frequency and damping of several modes from one measured decay"),
-    "fit": ("fits.fit", "estimate a damping law, and properties of the beam, from any mix of measurements"),
-    "compare-laws": ("fits.compare_laws",
-                     "fit several damping laws to a decay, or to the motion of a beam, and select one"),
-    "modes": ("modes", "compute natural frequencies and mode shapes of a beam about its equilibrium"),
-    "match": ("match", "find the nearest beam with the measured frequencies"),
-    "simulate": ("simulate", "simulate the large motion of a beam"),
-    "response": ("response", "follow the steady vibration of a beam over frequency"),
-    "export": ("export", "write a beam and its damping for other programs"),
-    "study": ("study", "run a study and write its document: an HTML report"),
-    "reproduce": ("study", "run the study of the paper: every table and figure"),
-}  # fmt: skip
+COMMANDS = {  # each in a module of its name in problems.command; reproduce is in that of study
+    "inspect": "show the channels of a file of measurements, and what a fit would use",
+    "init": "write a commented TOML file that runs as it is, to start from",
+    "fit-decay": "estimate frequency and damping of one mode from measured decays",
+    "fit-modes": "estimate frequency and damping of several modes from one measured decay",
+    "fit": "estimate a damping law, and properties of the beam, from any mix of measurements",
+    "compare-laws": "fit several damping laws to a decay, or to the motion of a beam, and select one",
+    "modes": "compute natural frequencies and mode shapes of a beam about its equilibrium",
+    "match": "find the nearest beam with the measured frequencies",
+    "simulate": "simulate the large motion of a beam",
+    "response": "follow the steady vibration of a beam over frequency",
+    "export": "write a beam and its damping for other programs",
+    "study": "run a study and write its document: an HTML report",
+    "reproduce": "run the study of the paper: every table and figure",
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -70,9 +69,9 @@ class _Subcommand(_Parser):
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Add the options of the subcommand, and parse."""
-        name = self.get_default("title")
-        module = import_module(f"problems.command.{COMMANDS[name][0]}")
-        getattr(module, f"add_{name.replace('-', '_')}")(self)
+        name = self.get_default("title").replace("-", "_")
+        module = import_module(f"problems.command.{'study' if name == 'reproduce' else name}")
+        getattr(module, f"add_{name}")(self)
         return super().parse_known_args(args, namespace)
 
 
@@ -84,7 +83,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND", parser_class=_Subcommand)
-    for name, (_, about) in COMMANDS.items():
+    for name, about in COMMANDS.items():
         added = commands.add_parser(
             name,
             help=about,

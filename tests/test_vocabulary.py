@@ -119,9 +119,11 @@ def keys(kind: types.Type) -> Iterator[str]:
 
 def names_in_commands() -> Iterator[tuple[str, str]]:
     """Yield each option and argument of the subcommands, and its place."""
-    for command, (module, _) in COMMANDS.items():
+    for command in COMMANDS:
         parser = argparse.ArgumentParser()
-        getattr(import_module(f"problems.command.{module}"), f"add_{command.replace('-', '_')}")(parser)
+        name = command.replace("-", "_")
+        module = import_module(f"problems.command.{'study' if name == 'reproduce' else name}")
+        getattr(module, f"add_{name}")(parser)
         for action in parser._actions:
             for option in action.option_strings or [action.dest]:
                 if not re.fullmatch("-[a-z]", option):

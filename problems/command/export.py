@@ -1,16 +1,41 @@
-"""``ancf-casadi export``: a beam and its damping for other programs."""
+"""``ancf-casadi export``: a beam and its damping for other programs.
+
+JSON and the FMU keep the identifications behind the beam; C and CasADi Functions hold the equation of motion only.
+"""
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
+from ancf_casadi import ReducedModel, reduce_model
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.export import (
+    BeamFunctions,
+    Document,
+    Identification,
+    Provenance,
+    beam_functions,
+    save_functions,
+    write_c,
+    write_document,
+    write_fmu,
+)
+from ancf_casadi.export.strict_json import read_json
 from ancf_casadi.support.files import check_folder
 from ancf_casadi.support.inputs import located
-from problems.command.exporting import FORMATS, export, read_identifications
 from problems.command.output import Output, comma_numbers, json_text, new_files, positive_count
 from problems.schema.beam import DAMPED_HELP, read_damped
+
+FORMATS = {
+    "json": "json: a document that can be read again",
+    "casadi": "casadi: a file of Functions",
+    "c": "c: a folder with C99 files",
+    "fmu": "fmu: FMI 3.0, model exchange",
+}
 
 
 def add_export(parser: argparse.ArgumentParser) -> None:
@@ -55,11 +80,53 @@ def _run(options: argparse.Namespace) -> Output:
     with located("--markers"):
         for marker in options.markers:
             source.model.element_at(marker)
-    found = read_identifications(options.identification, options.data)
-    written = export(
-        source, options.format, options.out, markers=options.markers, modes=options.reduced, identifications=found
-    )
-    files = [{"path": str(path), "bytes": path.stat().st_size} for path in written]
+    files = [{"path": str(path), "bytes": path.stat().st_size} for path in _export(source, options)]
     if options.json:
         return Output(json_text({"format": options.format, "files": files, "seconds": time.perf_counter() - began}))
     return Output("\n".join(f"{file['path']}  {file['bytes']} bytes" for file in files))
+
+
+def _export(source: Document, options: argparse.Namespace) -> Sequence[Path]:
+    """Write a beam and its damping, and return the files."""
+    form, out, markers, modes = options.format, options.out, options.markers, options.reduced
+    identifications = _identifications(options.identification, options.data)
+    if identifications and form not in ("json", "fmu"):
+        raise InputError(f"cannot be kept in {form}; choose json or fmu", "--identification")
+    if markers and form == "json":
+        raise InputError("a JSON document has no outputs; choose another format", "--markers")
+    if modes is not None and form == "json":
+        raise InputError("a JSON document holds the full beam; choose another format", "--reduced")
+    document = replace(
+        source,
+        identifications=[*source.identifications, *identifications],
+        provenance=Provenance.of_this(note=source.provenance.note),
+    )
+    if form == "json":
+        write_document(out, document)
+        return (out,)
+    functions: BeamFunctions | ReducedModel
+    if modes is None:
+        functions = beam_functions(document.model, document.damping, markers=markers)
+    else:
+        with located("--reduced"):
+            functions = reduce_model(document.model, damping=document.damping, markers=markers, modes=modes)
+    if form == "c":
+        return write_c(functions, out)
+    if form == "fmu":
+        write_fmu(functions, out, document=document, progress=True)
+    else:
+        save_functions(functions, out)
+    return (out,)
+
+
+def _identifications(results: Sequence[str], records: Sequence[str]) -> list[Identification]:
+    """Read the output of commands with ``--json``; if records are given, hash the record behind each output."""
+    if records and len(records) != len(results):
+        raise InputError(f"there are {len(records)} for {len(results)} --identification; give one for each", "--data")
+    pairs = zip(results, [[record] for record in records] or [[] for _ in results], strict=True)
+    found = []
+    for path, data in pairs:
+        result = read_json(path)
+        with located(path):
+            found.append(Identification.of(result, data=data))
+    return found

@@ -7,7 +7,7 @@ import math
 import shlex
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,8 +23,8 @@ from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.records.time_axis import is_counter, is_time
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import physical
-from ancf_casadi.support.tables import Table
-from problems.command.output import Output, add_plot, figure_writer, json_text, new_files
+from ancf_casadi.support.tables import Table, known
+from problems.command.output import Output, add_plot, figure_writers, json_text, new_files
 from problems.command.record_options import add_record_options
 
 if TYPE_CHECKING:
@@ -52,15 +52,15 @@ class ChannelSummary:
 
 @dataclass(frozen=True)
 class FitPlan:
-    """The record that a fit would use, or the reason why there is none."""
+    """The record that a fit would use, or the problem for which there is none."""
 
-    column: str
-    quantity: str
-    samples: int
-    release: float
-    reason: str
-    periods: float
-    problem: str
+    column: str = ""
+    quantity: str = ""
+    samples: int = 0
+    release: float = math.nan
+    reason: str = ""
+    periods: float = math.nan
+    problem: str = ""
 
 
 def add_inspect(parser: argparse.ArgumentParser) -> None:
@@ -88,29 +88,29 @@ def _run(options: argparse.Namespace) -> Output:
         problem = str(error)
     summaries = [_summary(channel) for channel in recording.channels]
     plan = _plan(recording, options, problem)
-    files = []
-    if options.plot is not None:
-        files.append(figure_writer(options.plot, lambda: _figure(recording, plan)))
-    if options.json:
-        return Output(json_text(_data(options.file, recording, summaries, plan)), files)
-    return Output(_text(options, recording, summaries, plan), files)
+    files = figure_writers(options.plot, lambda: _figure(recording, plan))
+    if not options.json:
+        return Output(_text(options, recording, summaries, plan), files)
+    data = {
+        "file": options.file,
+        "times": [{"columns": numbers, **asdict(found)} for numbers, found in _times(recording)],
+        "channels": [asdict(summary) for summary in summaries],
+        "notes": list(recording.notes),
+        "fit": asdict(plan),
+    }
+    return Output(json_text(data), files)
 
 
 def _summary(channel: RecordedChannel) -> ChannelSummary:
     present = ~np.isnan(channel.values)
     values = channel.values[present]
     usable = bool(len(values)) and not channel.fault
+    even = _even(channel) if usable else None
     return ChannelSummary(
         channel.number, channel.name, channel.symbol, channel.unit.quantity if channel.unit else "", len(values),
         int(len(present) - len(values)), float(values.min()) if usable else math.nan,
-        float(values.max()) if usable else math.nan, _strongest(channel) if usable else math.nan, channel.fault,
+        float(values.max()) if usable else math.nan, _peak(*even) if even else math.nan, channel.fault,
     )  # fmt: skip
-
-
-def _strongest(channel: RecordedChannel) -> float:
-    """Return the frequency of the highest peak of the spectrum, Hz; nan if there is none."""
-    even = _even(channel)
-    return math.nan if even is None else _peak(*even)
 
 
 def _peak(time: Array, values: Array) -> float:
@@ -149,34 +149,24 @@ def _plan(recording: Recording, options: argparse.Namespace, problem: str) -> Fi
         sensor = None if options.sensor is None else Sensor(options.sensor)
         record = Measurement.from_recording(recording, options.column, unit=options.unit, sensor=sensor)
     except InputError as error:
-        return FitPlan("", "", 0, math.nan, "", math.nan, str(error))
-    even = _even(channel)
-    release, reason = float(record.time[0]), "the first sample"
-    if even is not None:
+        return FitPlan(problem=str(error))
+    release, reason, periods = float(record.time[0]), "the first sample", math.nan
+    if even := _even(channel):
         found = find_release(*even)
-        release, reason = float(even[0][found.index]), found.reason
-    left = record.time >= release
-    periods = math.nan
-    if even is not None:
         time, values = even[0][found.index :], even[1][found.index :]
+        release, reason = float(time[0]), found.reason
         periods = _peak(time, values) * float(time[-1] - release)
-    return FitPlan(
-        f"{channel.number} '{channel.name}'", record.sensor.quantity, int(left.sum()), release, reason, periods, ""
-    )
+    samples = int((record.time >= release).sum())
+    return FitPlan(f"{channel.number} '{channel.name}'", record.sensor.quantity, samples, release, reason, periods)
 
 
 def _times(recording: Recording) -> list[tuple[str, Sampling]]:
     """Return the sampling of each distinct time axis, with the numbers of its channels."""
-    groups: list[tuple[list[int], Array]] = []
+    groups: dict[bytes, tuple[Array, list[int]]] = {}
     for channel in recording.channels:
-        if channel.time is None:
-            continue
-        same = next((numbers for numbers, time in groups if np.array_equal(time, channel.time)), None)
-        if same is None:
-            groups.append(([channel.number], channel.time))
-        else:
-            same.append(channel.number)
-    return [(_ranges(numbers), sampling(time)) for numbers, time in groups]
+        if channel.time is not None:
+            groups.setdefault(channel.time.tobytes(), (channel.time, []))[1].append(channel.number)
+    return [(_ranges(numbers), sampling(time)) for time, numbers in groups.values()]
 
 
 def _ranges(numbers: Sequence[int]) -> str:
@@ -186,40 +176,24 @@ def _ranges(numbers: Sequence[int]) -> str:
     return f"{shown}, ..." if len(numbers) > 8 else shown
 
 
-def _text(
-    options: argparse.Namespace,
-    recording: Recording,
-    summaries: Sequence[ChannelSummary],
-    plan: FitPlan,
-) -> str:
-    lines = []
+def _text(options: argparse.Namespace, recording: Recording, summaries: Sequence[ChannelSummary], plan: FitPlan) -> str:
     times = _times(recording)
-    for numbers, found in times:
-        whose = f" of columns {numbers}" if len(times) > 1 else ""
-        lines += [f"times{whose}: {_sampled(found)}"]
+    lines = [
+        f"times{f' of columns {numbers}' if len(times) > 1 else ''}: {_sampled(found)}" for numbers, found in times
+    ]
     rows = [
         (
-            summary.number, summary.name, _unit(summary), summary.samples, summary.gaps or None,
-            _cell(summary.lowest), _cell(summary.highest), _cell(summary.frequency),
+            one.number, one.name, one.unit if one.quantity or not one.unit else f"{one.unit} (?)", one.samples,
+            one.gaps or None, known(one.lowest), known(one.highest), known(one.frequency),
         )
-        for summary in summaries[:MOST_CHANNELS_SHOWN]
+        for one in summaries[:MOST_CHANNELS_SHOWN]
     ]  # fmt: skip
-    notes = [
-        f"column {summary.number}: {summary.fault}" for summary in summaries[:MOST_CHANNELS_SHOWN] if summary.fault
-    ]
+    notes = [f"column {one.number}: {one.fault}" for one in summaries[:MOST_CHANNELS_SHOWN] if one.fault]
     if len(summaries) > MOST_CHANNELS_SHOWN:
         notes.append(f"{len(summaries) - MOST_CHANNELS_SHOWN} more columns are not shown; --json lists them all")
     heads = ("column", "name", "unit", "samples", "gaps", "lowest", "highest", "strongest frequency, Hz")
     table = Table("channels", recording.name, heads, rows, [*notes, *recording.notes])
     return "\n".join([table.text(), *([""] if lines else []), *lines, "", *_advice(options, recording, plan)])
-
-
-def _unit(summary: ChannelSummary) -> str:
-    return summary.unit if summary.quantity or not summary.unit else f"{summary.unit} (?)"
-
-
-def _cell(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _sampled(found: Sampling) -> str:
@@ -260,16 +234,6 @@ def _command(name: str, options: argparse.Namespace, column: str | int | None) -
         if value is not None:
             words += [option, f"{value:g}" if isinstance(value, float) else str(value)]
     return shlex.join(words)
-
-
-def _data(path: str, recording: Recording, summaries: Sequence[ChannelSummary], plan: FitPlan) -> dict[str, Any]:
-    return {
-        "file": path,
-        "times": [{"columns": numbers, **asdict(found)} for numbers, found in _times(recording)],
-        "channels": [asdict(summary) for summary in summaries],
-        "notes": list(recording.notes),
-        "fit": asdict(plan),
-    }
 
 
 def _figure(recording: Recording, plan: FitPlan) -> Figure:

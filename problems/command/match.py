@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 from ancf_casadi.export import Document, Identification, write_document
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import located
-from problems.command.output import Output, add_plot, figure_writer, json_text, new_files
+from problems.command.output import Output, add_plot, figure_writers, json_text, new_files
 from problems.matching.frequency_matching import match_frequencies
 from problems.schema.match import MATCH_HELP, read_match
 
@@ -29,10 +28,8 @@ def _run(options: argparse.Namespace) -> Output:
     out, plot = new_files([options.file], options.out, options.plot)
     with located(f"{options.file}: [match]"):
         match = match_frequencies(beam, **request)
-    files: list[Callable[[], None]] = []
+    files = figure_writers(plot, match.figure)
     if out is not None:
         document = Document(Model(match.beam), identifications=[Identification.of(match)])
-        files.append(partial(write_document, out, document))
-    if plot is not None:
-        files.append(figure_writer(plot, match.figure))
+        files = [partial(write_document, out, document), *files]
     return Output(json_text(match.to_dict()) if options.json else match.report(), files)

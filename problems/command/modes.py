@@ -12,8 +12,8 @@ from ancf_casadi.vibration.modes import STATIONS, Modes, natural_modes
 from problems.command.output import (
     Output,
     add_plot,
-    figure_writer,
-    file_writer,
+    figure_writers,
+    file_writers,
     json_text,
     new_files,
     positive_count,
@@ -37,11 +37,7 @@ def _run(options: argparse.Namespace) -> Output:
     model = read_beam(options.file).model
     out, plot = new_files([options.file], options.out, options.plot)
     modes = natural_modes(model, count=options.modes)
-    files = []
-    if out is not None:
-        files.append(file_writer(out, lambda: _shapes(modes).csv()))
-    if plot is not None:
-        files.append(figure_writer(plot, modes.figure))
+    files = [*file_writers(out, lambda: _shapes(modes).csv()), *figure_writers(plot, modes.figure)]
     return Output(json_text(modes.to_dict()) if options.json else modes.report(), files)
 
 

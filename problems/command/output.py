@@ -23,21 +23,11 @@ PICTURES = (".png", ".svg", ".pdf")
 
 @dataclass(frozen=True)
 class Output:
-    """Result of a command.
+    """Result of a command."""
 
-    Parameters
-    ----------
-    text : str
-        Text to print, even if a file cannot be written.
-    files : sequence of callable
-        Functions that write the files, in their order.
-    closing : str
-        Text to print below once all files are written.
-    """
-
-    text: str
-    files: Sequence[Callable[[], object]] = ()
-    closing: str = ""
+    text: str  # to print, even if a file cannot be written
+    files: Sequence[Callable[[], object]] = ()  # write the files, in their order
+    closing: str = ""  # to print below once all files are written
 
 
 def positive_count(text: str) -> int:
@@ -89,30 +79,24 @@ def json_text(value: Any) -> str:
     return to_json(value).rstrip()
 
 
-def file_writer(path: Path, content: Callable[[], str | bytes]) -> Callable[[], None]:
-    """Return a function that makes the content of a file and writes it."""
-    return lambda: write_file(path, content())
+def file_writers(path: Path | None, content: Callable[[], str | bytes]) -> list[Callable[[], object]]:
+    """Return a function that makes the content of a file and writes it; none without a path."""
+    return [] if path is None else [lambda: write_file(path, content())]
 
 
-def figure_writer(path: Path, draw: Callable[[], Figure]) -> Callable[[], None]:
-    """Return a function that draws a figure and writes it in the format that the suffix of its name says."""
+def figure_writers(path: Path | None, draw: Callable[[], Figure]) -> list[Callable[[], object]]:
+    """Return a function that draws a figure and writes it in the format of its suffix; none without a path."""
 
-    def write() -> None:
+    def content(suffix: str) -> bytes:
         from ancf_casadi.plot import rendered  # matplotlib is slow to import
 
-        write_file(path, rendered(draw(), path.suffix))
+        return rendered(draw(), suffix)
 
-    return write
+    return [] if path is None else file_writers(path, lambda: content(path.suffix))
 
 
 def new_files(inputs: Sequence[str], *outputs: Path | None) -> tuple[Path | None, ...]:
-    """Check the output files: each must be writable, different from the others and from every input.
-
-    Raises
-    ------
-    InputError
-        If one is not.
-    """
+    """Check the output files: each must be writable, different from the others and from every input."""
     taken = {os.path.realpath(path): "is an input, which would be lost; choose another name" for path in inputs}
     for path in outputs:
         if path is None:

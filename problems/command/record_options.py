@@ -44,13 +44,7 @@ def add_part_options(parser: argparse.ArgumentParser) -> None:
 
 
 def read_record(path: str, options: argparse.Namespace) -> Measurement:
-    """Read a file with the options of the command, and cut out the part to use.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read with these options, or too little of it is left.
-    """
+    """Read a file with the options of the command, and cut out the part to use."""
     record = Measurement.from_file(
         path,
         options.column,
@@ -71,13 +65,7 @@ def column(text: str) -> str | int:
 
 
 def releases(options: argparse.Namespace, count: int) -> list[float | None]:
-    """Return the release time of each of ``count`` files, None where it is to be detected.
-
-    Raises
-    ------
-    InputError
-        If the number of times is neither one nor that of the files.
-    """
+    """Return the release time of each of ``count`` files, None where it is to be detected."""
     given: tuple[float, ...] | None = options.release_time
     if given is None:
         return [None] * count
@@ -87,13 +75,7 @@ def releases(options: argparse.Namespace, count: int) -> list[float | None]:
 
 
 def check_no_record_options(options: argparse.Namespace, instead: str) -> None:
-    """Refuse the options of a record where there is none.
-
-    Raises
-    ------
-    InputError
-        Naming the first option that is given, and what to do instead.
-    """
+    """Refuse the options of a record where there is none, and say what to do ``instead``."""
     for name in ("column", "time", "unit", "time_unit", "sample_rate", "sensor", "begin", "end", "release_time"):
         if getattr(options, name) is not None:
             raise InputError(f"belongs to the file of a record; {instead}", f"--{name.replace('_', '-')}")

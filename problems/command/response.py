@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ancf_casadi.support.tables import Table
-from problems.command.output import Output, add_plot, figure_writer, file_writer, json_text, new_files
+from problems.command.output import Output, add_plot, figure_writers, file_writers, json_text, new_files
 from problems.schema.response import RESPONSE_HELP, ResponseTask, read_response
 from problems.study.data_table import Column, DataTable
 from problems.study.kinds.response import Curve, curve_numbers, level_numbers, level_titles, summary_columns
@@ -32,11 +32,10 @@ def _run(options: argparse.Namespace) -> Output:
     found = [task.curve(level) for level in task.levels]
     curves = [curve_numbers(task, curve) for curve in found]
     titles = level_titles(task.levels, task.unit)
-    files = []
-    if out is not None:
-        files.append(file_writer(out, lambda: _points(task, curves).csv()))
-    if plot is not None:
-        files.append(figure_writer(plot, lambda: found[0].figure(*found[1:], labels=titles)))
+    files = [
+        *file_writers(out, lambda: _points(task, curves).csv()),
+        *figure_writers(plot, lambda: found[0].figure(*found[1:], labels=titles)),
+    ]
     if options.json:
         levels = level_numbers(task.levels, task.unit, curves)
         return Output(json_text({"modes": task.modes or None, "driven": task.driven, "levels": levels}), files)

@@ -12,7 +12,7 @@ from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.dynamics.trajectory import Trajectory
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.tables import Table
-from problems.command.output import Output, add_plot, figure_writer, file_writer, json_text, new_files
+from problems.command.output import Output, add_plot, figure_writers, file_writers, json_text, new_files
 from problems.schema.simulation import SIMULATION_HELP, read_simulation
 
 
@@ -36,11 +36,7 @@ def _run(options: argparse.Namespace) -> Output:
         run = simulate(study.model, damping=study.damping, base=study.base, progress=True, **study.settings)
     if run.interrupted:
         raise KeyboardInterrupt
-    files = []
-    if out is not None:
-        files.append(file_writer(out, lambda: _motion(run, study.markers).csv()))
-    if plot is not None:
-        files.append(figure_writer(plot, run.figure))
+    files = [*file_writers(out, lambda: _motion(run, study.markers).csv()), *figure_writers(plot, run.figure)]
     if not options.json:
         return Output(run.report(), files)
     data = run.to_dict()

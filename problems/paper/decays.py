@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 CURVE_MARKERS = 12  # markers of a drawn curve
 
 
-def _tasks(part: PaperPart, frequencies: Sequence[float], found: Found, effort: Effort) -> tuple[Task, ...]:
-    """Return the simulated decays, law by law and frequency by frequency."""
+def tasks(part: PaperPart, found: Found, effort: Effort) -> tuple[Task, ...]:
+    """Return the simulated decays, law by law: at the frequency of the part, then at the others of ``eta_effects``."""
     beam, duration = part.beam_in(found), effort.window * part.duration
     laws = [law_of(choice.of(found), Model(beam), choice.name) for choice in part.laws]
     return tuple(
@@ -50,13 +50,8 @@ def _tasks(part: PaperPart, frequencies: Sequence[float], found: Found, effort: 
             0.3 + 0.006 * frequency * duration,  # computing time of a decay, and of each of its periods
         )
         for law in laws
-        for frequency in frequencies
+        for frequency in (part.frequency, *part.inputs.get("frequencies", ()))
     )
-
-
-def effect_tasks(part: PaperPart, found: Found, effort: Effort) -> tuple[Task, ...]:
-    """Return the decays, law by law: at the frequency of the detailed figure, then at the others."""
-    return _tasks(part, (part.frequency, *part.inputs["frequencies"]), found, effort)
 
 
 def eta_effects(part: PaperPart, results: Sequence[SimulatedDecay], found: Found, effort: Effort) -> Finding:
@@ -121,12 +116,18 @@ def _amplitude_left(envelope: Envelope, time: float) -> float | str:
     return 1e3 * amplitude
 
 
-def _times(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]]) -> DataTable:
-    columns = (
+def _law_columns(rows: Sequence[tuple[LawChoice, SimulatedDecay]]) -> list[Column]:
+    return [
         Column("law", tuple(law.title for law, _ in rows)),
         Column("frequency", tuple(decay.frequency for _, decay in rows), "Hz"),
         Column("η1", tuple(decay.law.eta1 for _, decay in rows), "1/s"),
         Column("η2", tuple(decay.law.eta2 for _, decay in rows), "1/m"),
+    ]
+
+
+def _times(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]]) -> DataTable:
+    columns = (
+        *_law_columns(rows),
         Column("time to 10 %, beam", tuple(decay.envelope.time_to(0.1) for _, decay in rows), "s"),
         Column("by Eq. (27)", tuple(decay.formula.time_to(0.1) for _, decay in rows), "s"),
     )
@@ -140,10 +141,7 @@ def _times(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]]) ->
 
 
 def _left(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]], times: Sequence[float]) -> DataTable:
-    columns = [
-        Column("law", tuple(law.title for law, _ in rows)),
-        Column("frequency", tuple(decay.frequency for _, decay in rows), "Hz"),
-    ]
+    columns = _law_columns(rows)[:2]
     for time in times:
         beam = tuple(_amplitude_left(decay.envelope, time) for _, decay in rows)
         formula = tuple(_amplitude_left(decay.formula, time) for _, decay in rows)
@@ -241,11 +239,6 @@ def _frequencies(law: LawChoice, decays: Sequence[SimulatedDecay], end: float) -
     return figure
 
 
-def change_tasks(part: PaperPart, found: Found, effort: Effort) -> tuple[Task, ...]:
-    """Return the decays, law by law."""
-    return _tasks(part, (part.frequency,), found, effort)
-
-
 def ratio_change(part: PaperPart, results: Sequence[SimulatedDecay], found: Found, effort: Effort) -> Finding:
     """Return the damping ratios over time as a table and a figure."""
     ratios = [ratios_over_time(decay) for decay in results]
@@ -280,10 +273,7 @@ def ratio_change(part: PaperPart, results: Sequence[SimulatedDecay], found: Foun
 
 def _laws(part: PaperPart, decays: Sequence[SimulatedDecay], crossings: Sequence[tuple[float, float]]) -> DataTable:
     columns = (
-        Column("law", tuple(law.title for law in part.laws)),
-        Column("frequency", tuple(part.frequency for _ in part.laws), "Hz"),
-        Column("η1", tuple(decay.law.eta1 for decay in decays), "1/s"),
-        Column("η2", tuple(decay.law.eta2 for decay in decays), "1/m"),
+        *_law_columns(list(zip(part.laws, decays, strict=True))),
         Column("crosses the first, beam", (None, *(beam for beam, _ in crossings)), "s"),
         Column("by Eq. (27)", (None, *(formula for _, formula in crossings)), "s"),
     )

@@ -99,11 +99,6 @@ def deflections(beam: Beam) -> tuple[Array, Array, Array]:
     """Return places along a beam without gravity, its deflection there under a uniform load, and its mode 1.
 
     The places are relative to the length, the deflections to that of the tip.
-
-    Raises
-    ------
-    EquilibriumError
-        If no equilibrium is found.
     """
     x, y = beam.axis
     across = np.array([-y, x])

@@ -14,8 +14,9 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, Self, final
+from typing import Any, Self, final
 
+from ancf_casadi.support.inputs import choice
 from problems.paper import combined_law, decays, drawings, experiments, resonances
 from problems.paper.numbers import PAPER_FILE
 from problems.schema.table import Positive
@@ -28,21 +29,17 @@ Tasks = Callable[["PaperPart", Found, Effort], tuple[Task, ...]]
 Result = Callable[["PaperPart", Sequence[Any], Found, Effort], Finding]
 
 
-def _no_tasks(part: PaperPart, found: Found, effort: Effort) -> tuple[Task, ...]:
-    return ()
-
-
 SCRIPTS: dict[str, tuple[Tasks, Result]] = {
     "amplitudes": (experiments.tasks, experiments.amplitudes),
     "shapes": (experiments.tasks, experiments.shapes),
     "integrators": (partial(experiments.tasks, methods=experiments.METHODS), experiments.integrators),
     "resonances": (resonances.tasks, resonances.finding),
-    "eta_effects": (decays.effect_tasks, decays.eta_effects),
-    "ratio_change": (decays.change_tasks, decays.ratio_change),
-    "combined_law": (_no_tasks, combined_law.finding),
-    "element": (_no_tasks, drawings.element),
-    "uniform_load": (_no_tasks, drawings.uniform_load),
-    "omitted": (_no_tasks, drawings.omitted),
+    "eta_effects": (decays.tasks, decays.eta_effects),
+    "ratio_change": (decays.tasks, decays.ratio_change),
+    "combined_law": (Part.tasks, combined_law.finding),
+    "element": (Part.tasks, drawings.element),
+    "uniform_load": (Part.tasks, drawings.uniform_load),
+    "omitted": (Part.tasks, drawings.omitted),
 }
 
 
@@ -54,10 +51,7 @@ class PaperPart(Part):
     kind, heading = "paper", ""
     naming = ("beam", "decays", "transients")
 
-    script: Literal[
-        "amplitudes", "shapes", "integrators", "resonances", "eta_effects", "ratio_change", "combined_law", "element",
-        "uniform_load", "omitted",
-    ]  # fmt: skip
+    script: str
     beam: str = ""
     decays: str = ""
     transients: str = ""
@@ -69,7 +63,8 @@ class PaperPart(Part):
     inputs: dict[str, Any] = field(default_factory=dict)  # of this script alone
 
     def checked(self, source: Source, where: str) -> Self:
-        """Return the part with the laws of its runs."""
+        """Return the part with the laws of its runs, once its script is known."""
+        choice(self.script, tuple(SCRIPTS), f"{where}: script")
         return replace(self, runs=with_laws(self.runs, self.laws))
 
     @property

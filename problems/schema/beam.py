@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import reduce
 from typing import Any
 
 from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping, RayleighDamping
@@ -45,13 +47,7 @@ DAMPING_LAWS: dict[str, Callable[..., DampingLaw]] = {
 
 
 def read_beam(given: str | StudyFile) -> Document:
-    """Read the beam of a TOML file, or a JSON document (a name that ends in ``.json``) with a beam and its damping.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or a key or value cannot be used.
-    """
+    """Read the beam of a TOML file, or a JSON document (a name that ends in ``.json``) with a beam and its damping."""
     if isinstance(given, str) and is_document(given):
         return read_document(given)
     file = StudyFile.of(given)
@@ -65,52 +61,28 @@ def read_beam(given: str | StudyFile) -> Document:
 
 
 def read_damped(given: str | StudyFile) -> Document:
-    """Read a beam and its damping; the damping of a document holds unless the file has its own.
-
-    Raises
-    ------
-    InputError
-        As ``read_beam``.
-    """
+    """Read a beam and its damping; the damping of a document holds unless the file has its own."""
     if isinstance(given, str) and is_document(given):
         return read_document(given)
     file = StudyFile.of(given)
     source = read_beam(file)
-    own = "damping" in file.tables
-    return replace(source, damping=total(read_terms(file, source.model))) if own else source
-
-
-def read_terms(file: StudyFile, model: Model) -> list[DampingLaw]:
-    """Return the laws of the tables [[damping]], in their order.
-
-    Raises
-    ------
-    InputError
-        If a law is unknown, or a key or value cannot be used.
-    """
-    return [_term(table, model, file.where("damping")) for table in file.several("damping")]
+    if "damping" not in file.tables:
+        return source
+    return replace(source, damping=law_of(file.several("damping"), source.model, file.where("damping")))
 
 
 def law_of(terms: Sequence[Any], model: Model, where: str) -> DampingLaw | None:
-    """Return the sum of terms given as tables [[damping]]; None if there are none.
-
-    Raises
-    ------
-    InputError
-        If a law is unknown, or a key or value cannot be used.
-    """
-    return total([_term(table, model, where) for table in terms])
+    """Return the sum of terms given as tables [[damping]]; None if there are none."""
+    return total([term_of(table, model, where) for table in terms])
 
 
 def total(terms: Sequence[DampingLaw]) -> DampingLaw | None:
     """Return the sum of laws; None if there are none."""
-    law: DampingLaw | None = None
-    for term in terms:
-        law = term if law is None else law + term
-    return law
+    return reduce(operator.add, terms) if terms else None
 
 
-def _term(table: Any, model: Model, where: str) -> DampingLaw:
+def term_of(table: Any, model: Model, where: str) -> DampingLaw:
+    """Return the law of one table [[damping]]."""
     kind = table.get("law") if isinstance(table, dict) else None
     if not isinstance(kind, str) or kind not in DAMPING_LAWS:
         raise InputError(f"law must be one of {', '.join(DAMPING_LAWS)}, got {shown(kind)}", where)

@@ -21,31 +21,15 @@ NAMING = ("file", "document")  # keys whose value is the name of a file
 
 @dataclass(frozen=True)
 class StudyFile:
-    """The tables of a TOML file.
-
-    Parameters
-    ----------
-    path : str
-        Name of the file.
-    tables : mapping
-        Content of the file.
-    digests : tuple of (str, str)
-        Name and hash of each file that the tables name, of a file with ``only`` some of its tables.
-    """
+    """The tables of a TOML file."""
 
     path: str
     tables: Mapping[str, Any]
-    digests: tuple[tuple[str, str], ...] = ()
+    digests: tuple[tuple[str, str], ...] = ()  # of ``only`` some tables: name and hash of each file that they name
 
     @classmethod
     def of(cls, given: str | StudyFile, required: Set[str] = frozenset({"beam"})) -> StudyFile:
-        """Read a TOML file by its name, with the tables that must be there; a file that was read stays as it is.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be read, is a JSON document, or lacks a table or has an unknown one.
-        """
+        """Read a TOML file by its name, with the tables that must be there; a file that was read stays as it is."""
         if isinstance(given, StudyFile):
             return given
         if is_document(given):
@@ -63,25 +47,13 @@ class StudyFile:
         return f"{self.path}: [{name}]"
 
     def needed(self, name: str, why: str = "--help lists its keys") -> Any:
-        """Return a table that the command needs.
-
-        Raises
-        ------
-        InputError
-            If it is missing.
-        """
+        """Return a table that the command needs."""
         if name not in self.tables:
             raise InputError(f"the table is missing; {why}", self.where(name))
         return self.tables[name]
 
     def several(self, name: str) -> list[Any]:
-        """Return the tables of one name, [name] or several [[name]]; none if there is no such table.
-
-        Raises
-        ------
-        InputError
-            If the value is neither a table nor a list.
-        """
+        """Return the tables of one name, [name] or several [[name]]; none if there is no such table."""
         given = self.tables.get(name, [])
         if isinstance(given, dict):
             return [given]
@@ -90,13 +62,7 @@ class StudyFile:
         return given
 
     def beside(self, name: Any, where: str) -> Path:
-        """Return the path of a file that a table names, relative to the folder of this file.
-
-        Raises
-        ------
-        InputError
-            If the name is not a text.
-        """
+        """Return the path of a file that a table names, relative to the folder of this file."""
         if not isinstance(name, str):
             raise InputError(f"must be the name of a file, got {shown(name)}", where)
         return Path(self.path).parent / name

@@ -50,13 +50,7 @@ MODE_KEYS = ("frequency_std", "points", "shapes", "shape_std")  # keys that belo
 
 
 def read_match(given: str | StudyFile) -> tuple[Beam, dict[str, Any]]:
-    """Read a beam and the arguments of ``match_frequencies`` after it.
-
-    Raises
-    ------
-    InputError
-        If a table is missing, a key or value cannot be used, or a match does not support the strain measures.
-    """
+    """Read a beam and the arguments of ``match_frequencies`` after it."""
     file = StudyFile.of(given)
     model, where = read_beam(file).model, file.where("match")
     if model.measures != StrainMeasures():
@@ -74,13 +68,7 @@ def read_match(given: str | StudyFile) -> tuple[Beam, dict[str, Any]]:
 
 
 def request_of(table: MatchTable) -> dict[str, Any]:
-    """Return the arguments of ``match_frequencies`` after the beam from the keys of a table [match].
-
-    Raises
-    ------
-    InputError
-        If the targets are missing, or a value cannot be used.
-    """
+    """Return the arguments of ``match_frequencies`` after the beam from the keys of a table [match]."""
     request = table.request
     if "targets" not in request:
         raise InputError("the key 'targets' is missing")

@@ -17,7 +17,7 @@ from ancf_casadi.records.recording import Recording, read_recording
 from ancf_casadi.records.sensor import Quantity, Sensor
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_keys, located
-from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
+from ancf_casadi.vibration.equilibrium import static_equilibrium
 from problems.schema.file import StudyFile
 from problems.schema.table import made
 
@@ -45,14 +45,26 @@ AXES: dict[str, Quantity] = {"x": "position", "y": "position", "rotation": "slop
 COMPONENTS: dict[str, Quantity] = {"force_x": "force", "force_y": "force", "moment": "moment"}
 
 
-def read_base(file: StudyFile, table: Any, where: str) -> BaseMotion:
-    """Return the motion of the clamp, of one of four kinds that the keys of its table tell apart.
+def read_motion(file: StudyFile, given: Mapping[str, Any], model: Model, where: str) -> dict[str, Any]:
+    """Return the arguments ``base``, ``load`` and ``start`` of a motion, as far as there are tables.
 
-    Raises
-    ------
-    InputError
-        If the keys belong to no kind of motion, a value cannot be used, or a file cannot be read.
+    They come from the tables within ``given``, whose place is ``where``, or else from those of the file.  A given start
+    holds instead of a release.
     """
+    found: dict[str, Any] = {"start": given["start"]} if "start" in given else {}
+    for name in ("base", "load", "release"):
+        table, place = (given[name], f"{where}: {name}") if name in given else (file.tables.get(name), file.where(name))
+        if table is None:
+            continue
+        if name != "release":
+            found[name] = (_base if name == "base" else _load)(file, table, place)
+        elif "start" not in given:  # the equilibrium under the load at the tip that holds the beam
+            found["start"] = made(table, static_equilibrium, place, {"tip_force", "tip_moment"}, model=model)
+    return found
+
+
+def _base(file: StudyFile, table: Any, where: str) -> BaseMotion:
+    """Return the motion of the clamp, of one of four kinds that the keys of its table tell apart."""
     keys = set(table) if isinstance(table, dict) else set()
     if "file" in keys:
         time, parts = _columns(file, table, AXES, where)
@@ -65,14 +77,8 @@ def read_base(file: StudyFile, table: Any, where: str) -> BaseMotion:
     return made(table, HarmonicBase, where)
 
 
-def read_load(file: StudyFile, table: Any, where: str) -> TipLoad:
-    """Return the force and the moment at the tip over time, of one of three kinds that the keys tell apart.
-
-    Raises
-    ------
-    InputError
-        If the keys belong to no kind of load, a value cannot be used, or a file cannot be read.
-    """
+def _load(file: StudyFile, table: Any, where: str) -> TipLoad:
+    """Return the force and the moment at the tip over time, of one of three kinds that the keys tell apart."""
     keys = set(table) if isinstance(table, dict) else set()
     if "file" in keys:
         time, parts = _columns(file, table, COMPONENTS, where)
@@ -81,27 +87,8 @@ def read_load(file: StudyFile, table: Any, where: str) -> TipLoad:
     return made(table, SampledLoad if "time" in keys else HarmonicLoad, where)
 
 
-def read_release(model: Model, table: Any, where: str) -> Equilibrium:
-    """Return the equilibrium under the load at the tip that holds the beam until it is released.
-
-    Raises
-    ------
-    InputError
-        If a key or value cannot be used.
-    EquilibriumError
-        If there is no equilibrium under this load.
-    """
-    return made(table, static_equilibrium, where, {"tip_force", "tip_moment"}, model=model)
-
-
 def read_measured(file: StudyFile, given: Mapping[str, Any], where: str) -> Recording:
-    """Read the file that a table names, with its keys ``READING``.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
-    """
+    """Read the file that a table names, with its keys ``READING``."""
     path = file.beside(given["file"], f"{where}: file")
     with located(where):
         return read_recording(path, progress=True, **{key: given.get(key) for key in READING})

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from inspect import signature
 from typing import Any
 
@@ -29,9 +28,9 @@ from ancf_casadi.support.inputs import array, check_keys, is_sequence, located, 
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.record import Camera, Channel, MotionRecord
 from problems.beam.values.records import FrequencyRecord, StaticRecord
-from problems.schema.beam import DAMPED_HELP, read_damped, read_terms, total
+from problems.schema.beam import DAMPED_HELP, read_damped, term_of, total
 from problems.schema.file import StudyFile
-from problems.schema.motion import MOTION_KEYS, READING, read_base, read_load, read_measured, read_release
+from problems.schema.motion import MOTION_KEYS, READING, read_measured, read_motion
 from problems.schema.table import made
 
 RECORD_KEYS = """\
@@ -89,42 +88,18 @@ FIT = {"unknowns", "fixed", "bounds", "priors", "robust", "tolerance"}  # of ``f
 
 @dataclass(frozen=True)
 class Measurements:
-    """Measurements of a beam, and what to estimate from them.
+    """Measurements of a beam, and what to estimate from them."""
 
-    Parameters
-    ----------
-    model : Model
-        The beam, with guesses of its properties.
-    damping : DampingLaw or None
-        The law, with guesses of its parameters.
-    laws : tuple of DampingLaw
-        The laws to compare.
-    records : tuple of MotionRecord, FrequencyRecord, StaticRecord and ResponseRecord
-        The measurements.
-    predictions : tuple of MotionRecord
-        Records to predict.
-    settings : mapping
-        Other arguments of ``fit_beam``.
-    """
-
-    model: Model
-    damping: DampingLaw | None
-    laws: tuple[DampingLaw, ...]
+    model: Model  # with guesses of its properties
+    damping: DampingLaw | None  # with guesses of its parameters
+    laws: tuple[DampingLaw, ...]  # to compare
     records: tuple[MotionRecord | FrequencyRecord | StaticRecord | ResponseRecord, ...]
-    predictions: tuple[MotionRecord, ...]
-    settings: Mapping[str, Any]
+    predictions: tuple[MotionRecord, ...]  # to predict, not to fit
+    settings: Mapping[str, Any]  # other arguments of ``fit_beam``
 
 
 def read_measurements(given: str | StudyFile) -> Measurements:
-    """Read a beam, its damping, measurements, and the unknowns of a fit to them.
-
-    Raises
-    ------
-    InputError
-        If a table is missing, a key or value cannot be used, or a file cannot be read.
-    EquilibriumError
-        If there is no equilibrium under the load of a release.
-    """
+    """Read a beam, its damping, measurements, and the unknowns of a fit to them."""
     file = StudyFile.of(given)
     source = read_damped(file)
     fit, where = file.tables.get("fit", {}), file.where("fit")
@@ -134,8 +109,9 @@ def read_measurements(given: str | StudyFile) -> Measurements:
         raise InputError("the table is missing; its parameters are the unknowns", file.where("damping"))
     if not any(file.several(name) for name in NUMBERS):
         file.needed("records", f"it names the file to fit; or add {', '.join(f'[[{name}]]' for name in NUMBERS)}")
+    terms = [term_of(table, source.model, file.where("damping")) for table in file.several("damping")]
     with located(where):
-        laws = _laws(fit.get("laws"), read_terms(file, source.model), law)
+        laws = _laws(fit.get("laws"), terms, law)
     records, predictions = (
         [_record(file, table, source.model, file.where(name)) for table in file.several(name)]
         for name in ("records", "predictions")
@@ -259,19 +235,10 @@ def _record(file: StudyFile, given: Any, model: Model, where: str) -> MotionReco
         channels.append(_channel(recordings[key], own, place))
     if {"release", "start"} <= given.keys():
         raise InputError("is given by the release; leave it out", f"{where}: start")
-    settings = {key: given[key] for key in ("start", "release_time") if key in given}
+    settings = {key: given[key] for key in {"release_time"} & given.keys()}
     if "camera" in given:
         settings["camera"] = made(given["camera"], Camera, f"{where}: camera")
-    readers: dict[str, Callable[[Any, str], Any]] = {
-        "base": partial(read_base, file),
-        "load": partial(read_load, file),
-        "release": partial(read_release, own_model),
-    }
-    for name, reader in readers.items():  # of the record, or of the file
-        table, place = (given[name], f"{where}: {name}") if name in given else (file.tables.get(name), file.where(name))
-        argument = "start" if name == "release" else name
-        if table is not None and argument not in settings:
-            settings[argument] = reader(table, place)
+    settings |= read_motion(file, given, own_model, where)
     with located(where):
         return MotionRecord(channels, model=None if own_model is model else own_model, **settings)
 

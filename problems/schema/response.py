@@ -52,54 +52,22 @@ RESPONSE_HELP = DAMPED_HELP + told("[response]", "steady vibration: {}", Respons
 
 @dataclass(frozen=True, eq=False)
 class ResponseTask:
-    """The arguments of ``frequency_response`` from a file, one curve per level of the excitation.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    damping : DampingLaw or None
-        The law, or the sum of several.
-    frequencies : (float, float)
-        Frequencies at which the curves begin, and towards which they go, Hz.
-    levels : tuple of float
-        Amplitudes of the excitation: of the base, m, or of the force at the tip, N.
-    driven : {"base", "tip"}
-        Place of the excitation.
-    direction : (float, float)
-        Its direction, a unit vector.
-    modes : int
-        Number of modes of the reduced model; 0 for the full beam.
-    points : int
-        Least number of points of a curve.
-    tolerance : float
-        Largest estimated error of each motion, relative to its size.
-    markers : mapping of str to float
-        Arc lengths of the points to output by name, m.
-    """
+    """The arguments of ``frequency_response`` from a file, one curve per level of the excitation."""
 
     model: Model
     damping: DampingLaw | None
-    frequencies: tuple[float, float]
-    levels: tuple[float, ...]
-    driven: str
-    direction: tuple[float, float]
-    modes: int
-    points: int
-    tolerance: float
-    markers: Mapping[str, float]
+    frequencies: tuple[float, float]  # at which the curves begin, and towards which they go, Hz
+    levels: tuple[float, ...]  # amplitudes of the excitation: of the base, m, or of the force at the tip, N
+    driven: str  # place of the excitation, "base" or "tip"
+    direction: tuple[float, float]  # of the excitation, a unit vector
+    modes: int  # of the reduced model; 0 for the full beam
+    points: int  # least number on a curve
+    tolerance: float  # largest estimated error of each motion, relative to its size
+    markers: Mapping[str, float]  # arc length of each point to output, m
 
     @cached_property
     def body(self) -> Model | ReducedModel:
-        """The full beam, or its reduced model with the damping law.
-
-        Raises
-        ------
-        InputError
-            If the reduced model does not have a force of the law.
-        EquilibriumError
-            If there is no stable equilibrium under gravity.
-        """
+        """The full beam, or its reduced model with the damping law."""
         return reduce_model(self.model, modes=self.modes, damping=self.damping) if self.modes else self.model
 
     @property
@@ -115,13 +83,7 @@ class ResponseTask:
         return {"load": HarmonicLoad((level * x, level * y), start)}
 
     def curve(self, level: float) -> ResponseCurve:
-        """Return the response curve of a level.
-
-        Raises
-        ------
-        InputError, EquilibriumError, NumericsError, ContinuationError
-            As ``frequency_response``.
-        """
+        """Return the response curve of a level."""
         return frequency_response(
             self.body,
             self.frequencies,
@@ -133,13 +95,7 @@ class ResponseTask:
 
 
 def read_response(given: str | StudyFile) -> ResponseTask:
-    """Read a beam, its damping, and its harmonic excitation over a range of frequencies.
-
-    Raises
-    ------
-    InputError
-        If a table is missing, a key or value cannot be used, or a marker is not on the beam.
-    """
+    """Read a beam, its damping, and its harmonic excitation over a range of frequencies."""
     file = StudyFile.of(given)
     source, where = read_damped(file), file.where("response")
     table = read(file.needed("response"), ResponseTable, where)

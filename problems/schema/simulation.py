@@ -14,7 +14,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import check_keys, located, physical, shown
 from problems.schema.beam import DAMPED_HELP, read_damped
 from problems.schema.file import StudyFile
-from problems.schema.motion import MOTION_KEYS, read_base, read_load, read_release
+from problems.schema.motion import MOTION_KEYS, read_motion
 
 SIMULATION_KEYS = """\
   [simulation]  duration (s), sample_rate (1/s), tolerance,
@@ -31,54 +31,27 @@ COLUMN_NAMES = ("time", "tip", "base")  # names of columns that are always there
 
 @dataclass(frozen=True)
 class Simulation:
-    """The arguments of ``simulate`` from a file.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    damping : DampingLaw or None
-        The law, or the sum of several.
-    base : BaseMotion or None
-        Motion of the clamp.
-    settings : mapping
-        Other arguments of ``simulate``.
-    markers : mapping of str to float
-        Arc lengths of the points to output by name, m.
-    """
+    """The arguments of ``simulate`` from a file."""
 
     model: Model
     damping: DampingLaw | None
     base: BaseMotion | None
-    settings: Mapping[str, Any]
-    markers: Mapping[str, float]
+    settings: Mapping[str, Any]  # other arguments of ``simulate``
+    markers: Mapping[str, float]  # arc length of each point to output, m
 
 
 def read_simulation(given: str | StudyFile) -> Simulation:
-    """Read a beam, its damping, the motion of its base and the settings of the simulation.
-
-    Raises
-    ------
-    InputError
-        If a table is missing, a key or value cannot be used, a file cannot be read, or a marker is not on the beam.
-    EquilibriumError
-        If there is no equilibrium under the load of [release].
-    """
+    """Read a beam, its damping, the motion of its base and the settings of the simulation."""
     file = StudyFile.of(given)
     source, where = read_damped(file), file.where("simulation")
     table = file.needed("simulation")
     check_keys(table, {"duration"}, SETTINGS, where)
-    settings = dict(table)
-    _check_size(settings, source.model, where)
-    if "load" in file.tables:
-        settings["load"] = read_load(file, file.tables["load"], file.where("load"))
-    base = read_base(file, file.tables["base"], file.where("base")) if "base" in file.tables else None
-    markers = read_markers(file, source.model)
-    if "release" in file.tables:
-        if "start" in settings:
-            raise InputError("is given by the table [release]; leave it out", f"{where}: start")
-        settings["start"] = read_release(source.model, file.tables["release"], file.where("release"))
-    return Simulation(source.model, source.damping, base, settings, markers)
+    _check_size(table, source.model, where)
+    if "start" in table and "release" in file.tables:
+        raise InputError("is given by the table [release]; leave it out", f"{where}: start")
+    settings = table | read_motion(file, table, source.model, where)
+    base = settings.pop("base", None)
+    return Simulation(source.model, source.damping, base, settings, read_markers(file, source.model))
 
 
 def _check_size(settings: Mapping[str, Any], model: Model, where: str) -> None:
@@ -95,13 +68,7 @@ def _check_size(settings: Mapping[str, Any], model: Model, where: str) -> None:
 
 
 def read_markers(file: StudyFile, model: Model) -> dict[str, float]:
-    """Return the points of the table [markers]: arc length by name, m.
-
-    Raises
-    ------
-    InputError
-        If a name or an arc length cannot be used.
-    """
+    """Return the points of the table [markers]: arc length by name, m."""
     table, where = file.tables.get("markers", {}), file.where("markers")
     if not isinstance(table, dict):
         raise InputError(f"must be a table, got {shown(table)}", where)

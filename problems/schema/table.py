@@ -35,23 +35,8 @@ UNLISTED = Meta(extra={"hidden": True})  # of a field that no table gives
 def made(table: Any, maker: Callable[..., Made], where: str, keys: Set[str] | None = None, **given: Any) -> Made:
     """Return what a function or a class, which checks its arguments, makes of a table.
 
-    Parameters
-    ----------
-    table : dict
-        Arguments by key.
-    maker : callable
-        Function or class; its parameters are the keys of the table, and those without a default are required.
-    where : str
-        Place of the table, for messages.
-    keys : set of str, optional
-        Parameters that a table may give; all of them but those in ``given`` if not given.
-    **given
-        Other arguments.
-
-    Raises
-    ------
-    InputError
-        If it is no table, its keys are not those, or a value cannot be used.
+    Its parameters are the keys of the table, or only ``keys`` of them; those without a default are required, and those
+    in ``given`` are no keys.  Messages call the place of the table ``where``.
     """
     parameters = inspect.signature(maker).parameters.values()
     known = [one for one in parameters if one.name not in given and (keys is None or one.name in keys)]
@@ -62,23 +47,10 @@ def made(table: Any, maker: Callable[..., Made], where: str, keys: Set[str] | No
 
 
 def read(value: Any, kind: type[Made], where: str, hooks: Hooks = MappingProxyType({})) -> Made:
-    """Return a value of a TOML file as a declared type.
+    """Return a value, as ``tomllib`` returns it, as a declared type; messages call its place ``where``.
 
-    Parameters
-    ----------
-    value
-        Value as ``tomllib`` returns it.
-    kind : type
-        A class whose fields are the keys of a table, with ranges and descriptions by ``msgspec.Meta``; or another type.
-    where : str
-        Place of the value, for messages.
-    hooks : mapping, optional
-        Functions of value and place that make the instances of some classes, such as the law of a name.
-
-    Raises
-    ------
-    InputError
-        If keys are missing or unknown, or a value does not have the type or is out of range.
+    The fields of a class are the keys of a table, with ranges and descriptions by ``msgspec.Meta``.  The hooks make the
+    instances of some classes of a value and its place, such as the law of a name.
     """
     found: Made = _read(value, types.type_info(kind), where, hooks)
     return found

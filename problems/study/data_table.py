@@ -15,49 +15,23 @@ from ancf_casadi.support.tables import Cell, Table
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table.
+    """A column of a table."""
 
-    Parameters
-    ----------
-    head : str
-        Quantity.
-    values : tuple
-        One cell per row.
-    unit : str
-        Unit of the numbers; none if empty.
-    errors : tuple of float, optional
-        Standard error of each value.
-    printed : tuple of float, optional
-        Value that the source prints in each row.
-    """
-
-    head: str
-    values: tuple[Cell, ...]
-    unit: str = ""
-    errors: tuple[float | None, ...] | None = None
-    printed: tuple[float | None, ...] | None = None
+    head: str  # quantity
+    values: tuple[Cell, ...]  # one cell per row
+    unit: str = ""  # unit of the numbers; none if empty
+    errors: tuple[float | None, ...] | None = None  # standard error of each value
+    printed: tuple[float | None, ...] | None = None  # value that the source prints in each row
 
 
 @dataclass(frozen=True)
 class DataTable:
-    """A table of a study.
-
-    Parameters
-    ----------
-    title : str
-        Title.
-    columns : tuple of Column
-        The columns.
-    notes : tuple of str
-        Remarks below the table.
-    source : str
-        Origin of the printed numbers.
-    """
+    """A table of a study."""
 
     title: str
     columns: tuple[Column, ...]
-    notes: tuple[str, ...] = ()
-    source: str = "printed"
+    notes: tuple[str, ...] = ()  # remarks below the table
+    source: str = "printed"  # origin of the printed numbers
 
     def heads(self) -> list[str]:
         """Return the heads of the columns as a document shows them, with units."""

@@ -45,17 +45,7 @@ _wanted: ContextVar[tuple[str, ...]] = ContextVar("wanted", default=("svg", "png
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure of a document.
-
-    Parameters
-    ----------
-    caption : str
-        Caption, which says what is drawn.
-    svg : str
-        Content of its SVG file; empty if it is not drawn.
-    png : bytes
-        Content of its PNG file; empty if it is not drawn.
-    """
+    """A figure of a document."""
 
     caption: str
     svg: str

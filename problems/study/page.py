@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from html import escape
 from importlib.resources import files
 from typing import Any
 
@@ -29,7 +30,7 @@ def page(study: Study, shown: Sequence[Shown], steps: Sequence[PartTime], **abou
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {"paragraphs": _paragraphs, "anchor": file_name, "unbroken": _unbroken}
-    environment.globals |= {"svg": _svg, "numeric": _numeric, "zip": zip}
+    environment.globals |= {"svg": inline_svg, "numeric": _numeric, "zip": zip}
     source = files("problems.study").joinpath("page.html.jinja").read_text(encoding="utf-8")
     values: dict[str, Any] = {
         "study": study, "parts": shown, "steps": steps, "about": about,
@@ -49,17 +50,13 @@ def _unbroken(text: str) -> str:
     return text.replace(" ", NO_BREAK).replace(f"{NO_BREAK}±", " ±")
 
 
-def _svg(label: str, svg: str, caption: str) -> Markup:
-    return Markup(inline_svg(svg, file_name(label), caption))
-
-
 def _numeric(table: DataTable) -> list[bool]:
     """Return for each shown column whether it holds numbers, which are aligned to the right."""
     return [all(not cell or cell == "–" or LEADING_NUMBER.match(cell) for cell in column)
             for column in zip(*table.cells(), strict=True)]  # fmt: skip
 
 
-def inline_svg(svg: str, name: str, caption: str) -> str:
+def inline_svg(svg: str, name: str, caption: str) -> Markup:
     """Return an SVG file as an element of an HTML page: names get a prefix, as they must differ between figures.
 
     The caption describes the figure to readers who do not see it.
@@ -72,9 +69,5 @@ def inline_svg(svg: str, name: str, caption: str) -> str:
     element = INK.sub(r"\1currentColor", element)
     width, height = re.search(r'width="([\d.]+)pt" height="([\d.]+)pt"', element).groups()  # type: ignore[union-attr]
     element = re.sub(r'width="[\d.]+pt" height="[\d.]+pt"', "", element, count=1)
-    opening = f'<svg role="img" aria-label="{_attribute(caption)}" style="aspect-ratio: {width} / {height}"'
-    return element.replace("<svg", opening, 1)
-
-
-def _attribute(text: str) -> str:
-    return text.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
+    opening = f'<svg role="img" aria-label="{escape(caption)}" style="aspect-ratio: {width} / {height}"'
+    return Markup(element.replace("<svg", opening, 1))

@@ -34,24 +34,12 @@ Printed = dict[str, Any]  # printed numbers by column
 
 @dataclass(frozen=True)
 class Effort:
-    """Accuracy and length of the simulations of a study, and formats of its figures.
+    """Accuracy and length of the simulations of a study, and formats of its figures."""
 
-    Parameters
-    ----------
-    steps_per_period : int
-        Least number of integrator steps per period of the excitation.
-    driving : float
-        Time of excitation relative to the given one.
-    window : float
-        Length of the fitted decays relative to the default.
-    formats : tuple of str
-        Formats of the figures.
-    """
-
-    steps_per_period: int
-    driving: float
-    window: float
-    formats: tuple[str, ...]
+    steps_per_period: int  # least number of integrator steps per period of the excitation
+    driving: float  # time of excitation relative to the given one
+    window: float  # length of the fitted decays relative to the default
+    formats: tuple[str, ...]  # formats of the figures
 
 
 FULL = Effort(steps_per_period=24, driving=1.0, window=1.0, formats=("svg", "png"))
@@ -60,49 +48,23 @@ QUICK = Effort(steps_per_period=12, driving=0.03, window=0.3, formats=("svg",))
 
 @dataclass(frozen=True)
 class Task:
-    """A computation on plain data whose result is kept.
+    """A computation on plain data whose result is kept."""
 
-    Parameters
-    ----------
-    function : callable
-        Function of a module; its return annotation is the type of the result.
-    inputs : tuple
-        Its arguments: numbers, texts, arrays, frozen dataclasses.
-    cost : float
-        Expected computing time, s, to start the longest task first.
-    """
-
-    function: Callable[..., Any]
-    inputs: tuple[Any, ...]
-    cost: float = 1.0
+    function: Callable[..., Any]  # function of a module; its return annotation is the type of the result
+    inputs: tuple[Any, ...]  # its arguments: numbers, texts, arrays, frozen dataclasses
+    cost: float = 1.0  # expected computing time, s, to start the longest task first
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Results of a part: those that later parts may need, and the tables and figures that show them.
+    """Results of a part: those that later parts may need, and the tables and figures that show them."""
 
-    Parameters
-    ----------
-    data : dict or list
-        The numbers for ``results.json``: SI units, ratios as fractions.
-    tables : tuple of DataTable
-        Tables in the order of the document.
-    figures : tuple of Drawing
-        Figures in the order of the document.
-    warnings : tuple of str
-        Limitations of the results.
-    beam : Beam, optional
-        The beam that the part has found.
-    terms : tuple of dict
-        The damping law that it has found, as tables [[damping]].
-    """
-
-    data: Any
-    tables: tuple[DataTable, ...] = ()
-    figures: tuple[Drawing, ...] = ()
-    warnings: tuple[str, ...] = ()
-    beam: Beam | None = None
-    terms: Terms = ()
+    data: Any  # the numbers for ``results.json``: SI units, ratios as fractions
+    tables: tuple[DataTable, ...] = ()  # in the order of the document
+    figures: tuple[Drawing, ...] = ()  # likewise
+    warnings: tuple[str, ...] = ()  # limitations of the results
+    beam: Beam | None = None  # the beam that the part has found
+    terms: Terms = ()  # the damping law that it has found, as tables [[damping]]
 
 
 NO_FILE = StudyFile("", {})
@@ -111,19 +73,11 @@ Found = Mapping[str, Finding]  # findings, without tables and figures, by the na
 
 @dataclass(frozen=True)
 class LawChoice:
-    """A damping law of a table [[laws]], whose terms may be those that an earlier part has found.
-
-    Parameters
-    ----------
-    name, title : str
-        Name in the file, and title in figures.
-    terms : tuple of dict
-        Its tables [[damping]]; ``{part = "NAME"}`` stands for the terms of a part.
-    """
+    """A damping law of a table [[laws]], whose terms may be those that an earlier part has found."""
 
     name: str
     terms: Annotated[Terms, Meta(description='tables [[damping]], or {part = "PART"}')]
-    title: str = ""
+    title: str = ""  # in figures
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -131,13 +85,7 @@ class LawChoice:
         return tuple(term["part"] for term in self.terms if "part" in term)
 
     def of(self, found: Found) -> Terms:
-        """Return the terms without references.
-
-        Raises
-        ------
-        InputError
-            If a part has found none.
-        """
+        """Return the terms without references."""
         for name in self.needs:
             if not found[name].terms:
                 raise InputError(f"the part {name!r} finds no damping law", f"[laws]: {self.name}")
@@ -150,31 +98,15 @@ class LawChoice:
 
 @dataclass(frozen=True)
 class Source:
-    """The file of a study, and what all parts share.
-
-    Parameters
-    ----------
-    file : StudyFile
-        The tables.
-    laws : tuple of LawChoice
-        The tables [[laws]].
-    seed : int
-        Seed of random numbers.
-    """
+    """The file of a study, and what all parts share."""
 
     file: StudyFile
-    laws: tuple[LawChoice, ...]
-    seed: int
+    laws: tuple[LawChoice, ...]  # the tables [[laws]]
+    seed: int  # of random numbers
 
     @cached_property
     def model(self) -> Model:
-        """The beam of the file.
-
-        Raises
-        ------
-        InputError
-            If there is none, or it comes from a document with strain measures other than the defaults.
-        """
+        """The beam of the file."""
         if "beam" not in self.file.tables:
             raise InputError("the table is missing; this part needs a beam", self.file.where("beam"))
         model = read_beam(self.file).model
@@ -187,24 +119,12 @@ class Source:
 
     @property
     def most_modes(self) -> int:
-        """Number of modes of the beam.
-
-        Raises
-        ------
-        InputError
-            If there is no beam.
-        """
+        """Number of modes of the beam."""
         count: int = self.model.size - self.model.free.start
         return count
 
     def law_choice(self, name: Any, where: str) -> LawChoice:
-        """Return a law by its name.
-
-        Raises
-        ------
-        InputError
-            If there is no such law.
-        """
+        """Return a law by its name."""
         for law in self.laws:
             if law.name == name:
                 law_of([term for term in law.terms if "part" not in term], self.model, f"{where}: {name}")  # check
@@ -216,11 +136,6 @@ def printed_numbers(given: Printed, columns: Mapping[str, int], where: str) -> P
     """Return the printed numbers of a part by column, from its key ``printed``; nan stands for a missing number.
 
     ``columns`` holds the number of rows of each column that may be given.
-
-    Raises
-    ------
-    InputError
-        If a name is no column, or a value is not a list with one number per row.
     """
     found = {}
     for name, values in given.items():
@@ -259,13 +174,7 @@ class Part(ABC):
     printed_by: Annotated[str, UNLISTED] = "printed"  # origin of the printed numbers
 
     def checked(self, source: Source, where: str) -> Self:
-        """Return the part with what it takes from its file, whose place messages call ``where``.
-
-        Raises
-        ------
-        InputError
-            If a value does not fit the file.
-        """
+        """Return the part with what it takes from its file, whose place messages call ``where``."""
         return self
 
     @property
@@ -284,13 +193,7 @@ class Part(ABC):
         """Return the finding, given the results of the tasks in their order."""
 
     def beam_in(self, found: Found) -> Beam:
-        """Return the beam of the file, or of the part that the key ``beam`` names.
-
-        Raises
-        ------
-        InputError
-            If the part has found none.
-        """
+        """Return the beam of the file, or of the part that the key ``beam`` names."""
         name: str = getattr(self, "beam", "")
         beam = found[name].beam
         if beam is None:
@@ -304,30 +207,14 @@ class Part(ABC):
 
 @dataclass(frozen=True)
 class Study:
-    """A study: its parts in the order of the document.
-
-    Parameters
-    ----------
-    title : str
-        Title of the document.
-    parts : tuple of Part
-        The parts.
-    text : str
-        Introduction, paragraphs separated by empty lines.
-    source : str
-        Reference of the work that the study follows; none if empty.
-    seed : int
-        Seed of all random numbers.
-    beam : Beam, optional
-        The beam of the file, if there is one.
-    """
+    """A study: its parts in the order of the document."""
 
     title: str
     parts: tuple[Part, ...] = ()
-    text: str = ""
-    source: str = ""
-    seed: int = 0
-    beam: Beam | None = None
+    text: str = ""  # introduction, paragraphs separated by empty lines
+    source: str = ""  # reference of the work that the study follows; none if empty
+    seed: int = 0  # of all random numbers
+    beam: Beam | None = None  # of the file, if there is one
 
     def shortened(self) -> Study:
         """Return the study without the parts that a quick look leaves out, and without those that need them."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -38,13 +39,7 @@ class StudyTable(Struct, frozen=True):
 
 
 def read_study(path: str | Path, kinds: Sequence[type[Part]]) -> Study:
-    """Read a study whose parts are of these kinds.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or a table, key or value cannot be used.
-    """
+    """Read a study whose parts are of these kinds."""
     file = StudyFile.of(str(path), required=set())
     about = read(file.tables.get("study", {}), StudyTable, file.where("study"))
     suggested = [{"kind": kind} for name in SUGGESTED_KEYS if name in file.tables for kind in SUGGESTED_KEYS[name]]
@@ -63,13 +58,7 @@ def read_study(path: str | Path, kinds: Sequence[type[Part]]) -> Study:
 
 
 def _laws(file: StudyFile) -> tuple[LawChoice, ...]:
-    """Return the laws of the tables [[laws]].
-
-    Raises
-    ------
-    InputError
-        If a key or value cannot be used, or two laws have one name.
-    """
+    """Return the laws of the tables [[laws]]."""
     where = file.where("laws")
     found: dict[str, LawChoice] = {}
     for table in file.several("laws"):
@@ -109,11 +98,10 @@ def _check_needs(parts: Mapping[str, Part], where: str) -> None:
         for needed in part.needs:
             if needed and needed not in parts:
                 raise InputError(f"needs the part {needed!r}, which does not exist", f"{where}: {name}")
-    left = dict(parts)
-    while ready := [name for name, part in left.items() if not any(needed in left for needed in part.needs)]:
-        left = {name: part for name, part in left.items() if name not in ready}
-    if left:
-        raise InputError(f"the parts {', '.join(left)} need each other", where)
+    try:
+        TopologicalSorter({name: part.needs for name, part in parts.items()}).prepare()
+    except CycleError as error:
+        raise InputError(f"the parts {', '.join(sorted(set(error.args[1])))} need each other", where) from None
 
 
 def _check_labels(parts: Mapping[str, Part], where: str) -> None:

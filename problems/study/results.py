@@ -30,24 +30,12 @@ JSON_TYPES = {dict: "object", list: "array", str: "string", bool: "boolean", int
 
 @dataclass(frozen=True)
 class Shown:
-    """A part as the document shows it.
-
-    Parameters
-    ----------
-    part : Part
-        The part.
-    finding : Finding
-        Its results.
-    tables : tuple of (str, DataTable)
-        Its tables with their labels.
-    figures : tuple of (str, Drawing)
-        Its figures with their labels.
-    """
+    """A part as the document shows it."""
 
     part: Part
     finding: Finding
-    tables: tuple[tuple[str, DataTable], ...]
-    figures: tuple[tuple[str, Drawing], ...]
+    tables: tuple[tuple[str, DataTable], ...]  # its tables with their labels
+    figures: tuple[tuple[str, Drawing], ...]  # its figures with their labels
 
 
 def labelled(study: Study, findings: Mapping[str, Finding]) -> tuple[Shown, ...]:
@@ -103,27 +91,20 @@ def results(
     """Return the numbers of a study as plain data; ``versions`` are those of the programs."""
     parts = [
         {
-            "name": part.name,
-            "kind": part.kind,
-            "title": part.title,
+            "name": one.part.name,
+            "kind": one.part.kind,
+            "title": one.part.title,
             "tables": [label for label, _ in one.tables],
             "figures": [label for label, _ in one.figures],
             "warnings": list(one.finding.warnings),
         }
-        for part, one in zip(study.parts, shown, strict=True)
+        for one in shown
     ]
-    about = {
-        "title": study.title,
-        "source": study.source.strip(),
-        "seed": study.seed,
-        "quick": quick,
-        "parts": parts,
-    }
-    numbers = {one.part.name: one.finding.data for one in shown}
+    source = study.source.strip()
     return {
-        "study": about,
+        "study": {"title": study.title, "source": source, "seed": study.seed, "quick": quick, "parts": parts},
         "versions": dict(versions),
-        **numbers,
+        **{one.part.name: one.finding.data for one in shown},
         "timing": {step.name: step.seconds for step in steps},
     }
 

@@ -30,24 +30,12 @@ STEPS_FOLDER = "steps"  # folder with the kept results
 
 @dataclass(frozen=True)
 class PartTime:
-    """Time of a finished part.
-
-    Parameters
-    ----------
-    name : str
-        Name of the part.
-    seconds : float
-        Computing time of its tasks and of its finding, s, as they were when they ran.
-    tasks : int
-        Number of tasks.
-    kept : int
-        Number of these, and of its finding, that were kept from an earlier run.
-    """
+    """Time of a finished part."""
 
     name: str
-    seconds: float
+    seconds: float  # computing time of its tasks and of its finding, s, as they were when they ran
     tasks: int
-    kept: int
+    kept: int  # tasks, and the finding, that were kept from an earlier run
 
 
 def run_parts(
@@ -55,21 +43,8 @@ def run_parts(
 ) -> tuple[dict[str, Finding], tuple[PartTime, ...]]:
     """Run all parts of a study, and return their findings by name with the time of each.
 
-    Parameters
-    ----------
-    study : Study
-        The study; a part may stand before those that it needs.
-    folder : Path
-        Folder of the results, with the finished tasks of an earlier run.
-    effort : Effort
-        Accuracy and length of the simulations.
-    jobs, executor, progress
-        As for ``run_all``.
-
-    Raises
-    ------
-    AncfError
-        If a part fails.
+    A part may stand before those that it needs.  The folder is that of the results, with the finished tasks of an
+    earlier run.
     """
     findings = {"": Finding(None, beam=study.beam)}  # of the file
     awaited = {name for part in study.parts for name in part.needs}
@@ -105,7 +80,6 @@ def run_parts(
             if not done:
                 queue.finish_one()
     queue.store.discard_all_but(set(queue.tasks))
-    del findings[""]
     times = [
         PartTime(
             part.name,
@@ -127,9 +101,8 @@ def _steps(part: Part, findings: Found, effort: Effort) -> _Steps:
     tasks = part.tasks(found, effort)
     results = yield list(tasks)
     cost = 0.2 * (1 + len(tasks))  # s, to draw a figure; most parts have one for each task
-    drawing = Task(_finding, (part.kind, part, results, found, effort), cost)
     finding: Finding
-    (finding,) = yield [drawing]
+    (finding,) = yield [Task(_finding, (part.kind, part, results, found, effort), cost)]
     return finding
 
 
@@ -142,16 +115,8 @@ def _finding(kind: str, part: Part, results: Sequence[Any], found: Found, effort
 class _Queue(contextlib.AbstractContextManager["_Queue"]):
     """Tasks by key: those that wait, those that run, and the results, of this run or kept from an earlier one.
 
-    Parameters
-    ----------
-    store : Store
-        The kept results.
-    start : callable
-        Function that returns the executor; None to run the tasks in this process.
-    most : float
-        Number of tasks that the executor may have at once.
-    bar : tqdm
-        Progress bar, in which a task counts by its cost.
+    ``start`` returns the executor, or None to run the tasks in this process; it may have ``most`` tasks at once.  In
+    the progress bar, a task counts by its cost.
     """
 
     def __init__(self, store: Store, start: Callable[[], Executor | None], most: float, bar: Any) -> None:
@@ -189,13 +154,7 @@ class _Queue(contextlib.AbstractContextManager["_Queue"]):
         return keys
 
     def finish_one(self) -> None:
-        """Run tasks until at least one more is finished.
-
-        Raises
-        ------
-        NumericsError
-            If a process ends before its task is done.
-        """
+        """Run tasks until at least one more is finished."""
         if (executor := self._executor) is None:
             key = heapq.heappop(self._waiting)[-1]
             self._keep(key, run_task(self.tasks[key]))

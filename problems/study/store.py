@@ -40,30 +40,16 @@ def encoded(value: Any) -> bytes:
 
 
 def decoded(content: bytes, kind: Any) -> Any:
-    """Return plain data of a type from MessagePack.
-
-    Raises
-    ------
-    msgspec.DecodeError, msgspec.ValidationError
-        If the content is no MessagePack, or of another type.
-    """
+    """Return plain data of a type from MessagePack."""
     return msgspec.msgpack.decode(content, type=kind, dec_hook=_array)
 
 
 @dataclass(frozen=True)
 class Kept:
-    """A result as it is kept.
+    """A result as it is kept."""
 
-    Parameters
-    ----------
-    seconds : float
-        Computing time, s.
-    content : bytes
-        The encoded result; all results pass through this form, whether new or kept.
-    """
-
-    seconds: float
-    content: bytes
+    seconds: float  # computing time, s
+    content: bytes  # the encoded result; all results pass through this form, whether new or kept
 
     def result(self, task: Task) -> Any:
         """Return the result of a task in the type that its function declares."""
@@ -78,13 +64,7 @@ def run_task(task: Task) -> Kept:
 
 
 class Store:
-    """A folder with the results of finished tasks.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder; created with the first result.
-    """
+    """A folder with the results of finished tasks, created with the first one."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -99,13 +79,7 @@ class Store:
         return kept
 
     def keep(self, key: str, kept: Kept) -> None:
-        """Keep a result.
-
-        Raises
-        ------
-        InputError
-            If it cannot be written.
-        """
+        """Keep a result."""
         write_file(self._path(key), encoded(kept))
 
     def discard_all_but(self, keys: set[str]) -> None:

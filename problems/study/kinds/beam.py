@@ -110,22 +110,11 @@ class ModesOfBeam(Part):
 
 @dataclass(frozen=True)
 class Matched:
-    """A matched beam as plain data.
-
-    Parameters
-    ----------
-    beam : Beam
-        The matched beam.
-    data : dict
-        The result for JSON, as ``FrequencyMatch.to_dict``.
-    ranges : dict of str to ndarray (n, 2)
-        Lowest and highest relative change of each property along the beam that fits equally well; none if the targets
-        are out of reach.
-    """
+    """A matched beam as plain data."""
 
     beam: Beam
-    data: dict[str, Any]
-    ranges: dict[str, Array]
+    data: dict[str, Any]  # the result for JSON, as ``FrequencyMatch.to_dict``
+    ranges: dict[str, Array]  # (n, 2), relative changes of a property that fit equally well; empty if out of reach
 
 
 def match_plain(beam: Beam, request: dict[str, Any]) -> Matched:
@@ -253,9 +242,9 @@ class Match(Part, MatchTable):
         data = matched.data
         target = np.array(data["target_hz"])
         columns = {"before": data["standard_hz"], "matched": data["matched_hz"]}
-        for key, name in (("standard", "standard"), ("optimum", "optimum")):
+        for key in ("standard", "optimum"):
             if key in self.printed:
-                columns[f"{self.printed_by}, {name}"] = list(self.printed[key])
+                columns[f"{self.printed_by}, {key}"] = list(self.printed[key])
 
         def draw() -> Figure:
             figure, (axes,) = new_figure(3.2)

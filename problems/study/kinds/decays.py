@@ -73,47 +73,24 @@ class SyntheticDecay(Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Decay:
-    """A decay to fit.
-
-    Parameters
-    ----------
-    record : Measurement
-        The record.
-    synthetic : str
-        Description of a synthetic record; empty for a measured one.
-    release_time : float
-        Start of the decay, s; nan if it is to be detected.
-    """
+    """A decay to fit."""
 
     record: Measurement
-    synthetic: str
-    release_time: float
+    synthetic: str  # description of a synthetic record; empty for a measured one
+    release_time: float  # start of the decay, s; nan if it is to be detected
 
 
 @dataclass(frozen=True)
 class FittedDecay:
-    """The fit of a decay as plain data.
+    """The fit of a decay as plain data."""
 
-    Parameters
-    ----------
-    numbers : dict
-        Estimates, standard errors, law and warnings as in ``results.json``; ``unbounded`` holds the coefficients of the
-        quadratic law as if they had no bounds, and their covariance, None under other laws.
-    amplitude_error : float
-        Standard error of the amplitude, m; nan if unknown.
-    time, measured, fitted : ndarray
-        Times from the release on, s, record and fit.
-    fine_time, fine : ndarray
-        Fine times over the first periods, s, and the fit there.
-    """
-
-    numbers: dict[str, Any]
-    amplitude_error: float
-    time: Array
-    measured: Array
-    fitted: Array
-    fine_time: Array
-    fine: Array
+    numbers: dict[str, Any]  # as in ``results.json``
+    amplitude_error: float  # standard error of the amplitude, m; nan if unknown
+    time: Array  # from the release on, s
+    measured: Array  # record at these times
+    fitted: Array  # fit at these times
+    fine_time: Array  # fine times over the first periods, s
+    fine: Array  # fit at the fine times
 
 
 def fit_plain(decay: Decay, law: str, offset: bool) -> FittedDecay:
@@ -151,7 +128,7 @@ def _numbers(fit: DecayFit) -> dict[str, Any]:
     def error(name: str) -> float | None:
         return known(fit.standard_errors.get(name, math.nan))
 
-    unbounded = None
+    unbounded = None  # coefficients of the quadratic law as if they had no bounds, and their covariance
     if fit.law == "quadratic":
         eta1, eta2, covariance = unbounded_coefficients(fit)
         unbounded = {"eta1": eta1, "eta2_per_m": eta2, "covariance": covariance.tolist()}

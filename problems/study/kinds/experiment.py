@@ -67,13 +67,7 @@ class RequestedRun:
     measured_ratio: float = math.nan
 
     def check(self, source: Source, where: str) -> None:
-        """Check the run.
-
-        Raises
-        ------
-        InputError
-            If it has no laws, there is no such mode, or the ramp ends after the stop.
-        """
+        """Check the run."""
         whole(self.mode, f"{where}: mode", 1, source.most_modes)
         if not self.laws:
             raise InputError("name at least one of [[laws]]", f"{where}: laws")
@@ -84,30 +78,15 @@ class RequestedRun:
 
 @dataclass(frozen=True)
 class ExperimentResult:
-    """The result of a simulated experiment, as plain data.
+    """The result of a simulated experiment, as plain data."""
 
-    Parameters
-    ----------
-    numbers : dict
-        Its numbers as in ``results.json``: ``reached_amplitude_m`` is the tip amplitude of the mode at the stop,
-        ``amplitude_m`` that half-way through the fitted decay, to which frequency and damping ratios belong.
-    motion : ndarray (3, k)
-        Times, s, and extremes of the tip displacement relative to the clamp, m, over the whole run.
-    stop_time, stop_motion : ndarray
-        This displacement around the stop.
-    decay_time, decay : ndarray
-        Tip displacement in the mode after the stop, m.
-    shapes : ndarray (13, 41, 2)
-        Positions of points along the beam, m, over the last period before the stop.
-    """
-
-    numbers: dict[str, Any]
-    motion: Array
-    stop_time: Array
-    stop_motion: Array
-    decay_time: Array
-    decay: Array
-    shapes: Array
+    numbers: dict[str, Any]  # as in ``results.json``
+    motion: Array  # (3, k): times, s, and extremes of the tip displacement relative to the clamp, m, of the whole run
+    stop_time: Array  # times around the stop, relative to it, s
+    stop_motion: Array  # tip displacement relative to the clamp at these times, m
+    decay_time: Array  # times after the stop, s
+    decay: Array  # tip displacement in the mode at these times, m
+    shapes: Array  # (13, 41, 2): positions of points along the beam, m, over the last period before the stop
 
 
 def run_experiment(
@@ -116,13 +95,6 @@ def run_experiment(
     """Simulate the experiment of a run under a law, and fit its decay.
 
     The decay is fitted until the amplitude halves, but over at most 70 periods, if the run gives no window.
-
-    Raises
-    ------
-    InputError
-        If the law or a number cannot be used.
-    SimulationError, FitError
-        If the integration or the fit fails.
     """
     modes = natural_modes(Model(beam), count=max(FEWEST_MODES, run.mode))
     law = law_of(terms, modes.model, "damping")
@@ -165,12 +137,13 @@ def run_experiment(
     numbers = {
         "mode": run.mode,
         "requested_amplitude_m": run.amplitude,
+        # tip amplitude of the mode at the stop
         "reached_amplitude_m": float(np.abs(motion[max(0, end - PERIOD_SAMPLES) : end]).max()),
         "base_amplitude_m": base.amplitude,
         "drive_hz": run.frequency or float(modes.frequencies[mode]),
         "natural_frequency_hz": float(modes.frequencies[mode]),
         "stop_s": base.stop_time,
-        "amplitude_m": amplitude,
+        "amplitude_m": amplitude,  # half-way through the fitted decay, for frequency and damping ratios
         "frequency_hz": fit.frequency * (1 + fit.frequency_curvature * amplitude**2),
         "damping_ratio": fit.damping_ratio,
         "damping_ratio_stderr": fit.standard_errors["damping_ratio"],

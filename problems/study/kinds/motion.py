@@ -59,31 +59,6 @@ class FilePart(Part, ABC):
         return results[0]
 
 
-def simulated_motion(file: StudyFile) -> Finding:
-    """Simulate the motion of a study file: range and energies, and the figure of the motion."""
-    task = read_simulation(file)
-    run = simulate(task.model, damping=task.damping, base=task.base, **task.settings)
-    if run.interrupted:
-        raise KeyboardInterrupt
-    data: dict[str, Any] = {
-        "tip_position_range_m": np.ptp(run.tip, axis=0).tolist(),
-        "dissipated_energy_j": float(run.dissipated_energy[-1]),
-        "balance_error_j": float(np.abs(run.balance_error).max()),
-        "integrators": [use.method for use in run.integrators],
-    }
-    x, y = data["tip_position_range_m"]
-    rows = (
-        ("range of the tip position in x", "mm", 1e3 * x),
-        ("range of the tip position in y", "mm", 1e3 * y),
-        ("energy taken by damping", "mJ", 1e3 * data["dissipated_energy_j"]),
-        ("largest energy balance error", "mJ", 1e3 * data["balance_error_j"]),
-    )
-    heads = ("quantity", "unit", "value")
-    columns = tuple(Column(head, cells) for head, cells in zip(heads, zip(*rows, strict=True), strict=True))
-    caption = "Motion of the tip relative to the clamp, and shapes of the beam."
-    return Finding(data, (DataTable("Simulated motion", columns),), (drawn(caption, run.figure),))
-
-
 @final
 @dataclass(frozen=True, kw_only=True)
 class SimulationPart(FilePart):
@@ -92,31 +67,36 @@ class SimulationPart(FilePart):
     kind, heading = "simulation", "Simulated motion"
     about = "one motion: the tables [[damping]], [base], [load], [release], [simulation]"
     seconds = 10.0
-    compute = staticmethod(simulated_motion)
     wanted = frozenset({"beam", "damping", "base", "load", "release", "simulation", "markers"})
+
+    @staticmethod
+    def compute(file: StudyFile) -> Finding:
+        """Simulate the motion of a study file: range and energies, and the figure of the motion."""
+        task = read_simulation(file)
+        run = simulate(task.model, damping=task.damping, base=task.base, **task.settings)
+        if run.interrupted:
+            raise KeyboardInterrupt
+        data: dict[str, Any] = {
+            "tip_position_range_m": np.ptp(run.tip, axis=0).tolist(),
+            "dissipated_energy_j": float(run.dissipated_energy[-1]),
+            "balance_error_j": float(np.abs(run.balance_error).max()),
+            "integrators": [use.method for use in run.integrators],
+        }
+        x, y = data["tip_position_range_m"]
+        rows = (
+            ("range of the tip position in x", "mm", 1e3 * x),
+            ("range of the tip position in y", "mm", 1e3 * y),
+            ("energy taken by damping", "mJ", 1e3 * data["dissipated_energy_j"]),
+            ("largest energy balance error", "mJ", 1e3 * data["balance_error_j"]),
+        )
+        heads = ("quantity", "unit", "value")
+        columns = tuple(Column(head, cells) for head, cells in zip(heads, zip(*rows, strict=True), strict=True))
+        caption = "Motion of the tip relative to the clamp, and shapes of the beam."
+        return Finding(data, (DataTable("Simulated motion", columns),), (drawn(caption, run.figure),))
 
     def check(self, file: StudyFile, where: str) -> None:
         """Check the simulation."""
         read_simulation(file)
-
-
-def fitted_motion(file: StudyFile) -> Finding:
-    """Fit the motion in the files of a study: estimates, predictions and their figures."""
-    read = read_measurements(file)
-    fit = fit_beam(read.model, read.records, read.damping, **read.settings)
-    figures = [drawn("Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
-    predictions = []
-    for k, record in enumerate(read.predictions, start=1):
-        prediction = fit.predict(record)
-        predictions.append(prediction)
-        caption = f"Record {k} that was predicted, not fitted: measured (dots) and computed (lines), and residuals."
-        figures.append(drawn(caption, prediction.figure))
-    warnings = (*fit.warnings, *(warning for prediction in predictions for warning in prediction.warnings))
-    data: dict[str, Any] = {"fit": fit.to_dict(), "predictions": [one.to_dict() for one in predictions]}
-    tables = [_estimates(data["fit"]["estimates"])]
-    if predictions:
-        tables.append(_errors(data["predictions"]))
-    return Finding(data, tuple(tables), tuple(figures), warnings, fit.model.beam)
 
 
 def _estimates(unknowns: Sequence[Mapping[str, Any]]) -> DataTable:
@@ -153,26 +133,26 @@ class MotionFit(FilePart):
     about = ("fit to measured large motion, and predictions: the tables [[damping]], [base], [[records]], "
              "[[predictions]], [fit]")  # fmt: skip
     seconds = 60.0
-    compute = staticmethod(fitted_motion)
     wanted = MOTION_TABLES
 
-
-def compared_laws(file: StudyFile) -> Finding:
-    """Fit the laws of a study file to its records: the criteria, as a table and as a figure."""
-    read = read_measurements(file)
-    found = compare_laws(read.model, read.records, read.laws, **read.settings)
-    caption = "Information criteria of the laws above the lowest: smaller is better."
-    data = found.to_dict()
-    laws = data["laws"]
-    lowest = min(law["bic"] for law in laws)
-    columns = (
-        Column("law", tuple(law["law"] for law in laws)),
-        Column("unknowns", tuple(law["estimated"] for law in laws)),
-        Column("rms residual", tuple(law["residual_rms"] for law in laws)),
-        Column("BIC above the lowest", tuple(law["bic"] - lowest for law in laws)),
-    )
-    table = DataTable("Damping laws fitted to the measured motion", columns, tuple(found.table().notes))
-    return Finding(data, (table,), (drawn(caption, found.figure),), tuple(data["warnings"]))
+    @staticmethod
+    def compute(file: StudyFile) -> Finding:
+        """Fit the motion in the files of a study: estimates, predictions and their figures."""
+        read = read_measurements(file)
+        fit = fit_beam(read.model, read.records, read.damping, **read.settings)
+        figures = [drawn("Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
+        predictions = []
+        for k, record in enumerate(read.predictions, start=1):
+            prediction = fit.predict(record)
+            predictions.append(prediction)
+            caption = f"Record {k} that was predicted, not fitted: measured (dots) and computed (lines), and residuals."
+            figures.append(drawn(caption, prediction.figure))
+        warnings = (*fit.warnings, *(warning for prediction in predictions for warning in prediction.warnings))
+        data: dict[str, Any] = {"fit": fit.to_dict(), "predictions": [one.to_dict() for one in predictions]}
+        tables = [_estimates(data["fit"]["estimates"])]
+        if predictions:
+            tables.append(_errors(data["predictions"]))
+        return Finding(data, tuple(tables), tuple(figures), warnings, fit.model.beam)
 
 
 @final
@@ -184,8 +164,25 @@ class Comparison(FilePart):
     about = ('the law that explains measured large motion best: the tables of "motion" with several [[damping]], or '
              "laws in [fit]")  # fmt: skip
     seconds = 120.0
-    compute = staticmethod(compared_laws)
     wanted = MOTION_TABLES
+
+    @staticmethod
+    def compute(file: StudyFile) -> Finding:
+        """Fit the laws of a study file to its records: the criteria, as a table and as a figure."""
+        read = read_measurements(file)
+        found = compare_laws(read.model, read.records, read.laws, **read.settings)
+        caption = "Information criteria of the laws above the lowest: smaller is better."
+        data = found.to_dict()
+        laws = data["laws"]
+        lowest = min(law["bic"] for law in laws)
+        columns = (
+            Column("law", tuple(law["law"] for law in laws)),
+            Column("unknowns", tuple(law["estimated"] for law in laws)),
+            Column("rms residual", tuple(law["residual_rms"] for law in laws)),
+            Column("BIC above the lowest", tuple(law["bic"] - lowest for law in laws)),
+        )
+        table = DataTable("Damping laws fitted to the measured motion", columns, tuple(found.table().notes))
+        return Finding(data, (table,), (drawn(caption, found.figure),), tuple(data["warnings"]))
 
     def check(self, file: StudyFile, where: str) -> None:
         """Check the records and the laws, of which there must be several."""

@@ -98,18 +98,18 @@ class Transients(Part):
     def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the damping ratios, the amplitudes, and a figure per run."""
         which = [(k, law) for k, run in enumerate(self.runs) for law in run.laws]
-        rows = [
-            {"mode": one.numbers["mode"], "law": law.name, **one.numbers}
-            for (_, law), one in zip(which, results, strict=True)
+        rows: list[Row] = [
+            (k, law, {"mode": one.numbers["mode"], "law": law.name, **one.numbers})
+            for (k, law), one in zip(which, results, strict=True)
         ]
         data: dict[str, Any] = {"experiment": [known(run.measured_ratio) for run in self.runs]}
         if data["experiment"].count(None) == len(self.runs):
             del data["experiment"]
         for law in self.laws:
-            ratios = {k: row["damping_ratio"] for (k, own), row in zip(which, rows, strict=True) if own == law}
+            ratios = {k: row["damping_ratio"] for k, own, row in rows if own == law}
             data[law.name] = [ratios.get(k) for k in range(len(self.runs))]
-        data["runs"] = rows
-        in_order = sorted(((k, law, row) for (k, law), row in zip(which, rows, strict=True)), key=_mode)
+        data["runs"] = [row for *_, row in rows]
+        in_order = sorted(rows, key=lambda row: int(row[2]["mode"]))
         figures = [_drawing(run, own) for run, own in zip(self.runs, results_of(self.runs, results), strict=True)]
         if len(self.runs) > 2:
             caption = "Damping ratio of each mode under each law."
@@ -172,10 +172,6 @@ class Transients(Part):
         plain_log_ticks(axes, "y")
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
         return figure
-
-
-def _mode(row: Row) -> int:
-    return int(row[2]["mode"])
 
 
 def _heads(rows: Sequence[Row]) -> list[Column]:

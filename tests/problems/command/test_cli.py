@@ -36,10 +36,10 @@ from ancf_casadi.export import Document, fmu, load_functions, read_document, wri
 from ancf_casadi.support.interrupts import ENDING
 from ancf_casadi.version import __version__
 from problems.cli import main
+from problems.command import fit_decay as fit_decay_command
 from problems.command import match as match_command
 from problems.command import modes as modes_command
 from problems.command import simulate as simulate_command
-from problems.command.fits import fit_decay as fit_decay_command
 from problems.paper.numbers import PAPER_FILE
 from problems.paper.reproduce import ALL_KINDS
 from problems.schema import records

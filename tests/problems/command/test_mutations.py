@@ -66,7 +66,7 @@ def test_mutated_studies(run, tmp_path, seed):
     """Short motions of three elements, so that what remains usable is quick."""
     rng = random.Random(seed)
     short = {"elements = 8": "elements = 3", "duration = 2.0": "duration = 0.03", "stop = 1.0": "stop = 0.01"}
-    text = STUDY.format(name="study.toml")
+    text = STUDY
     for long, quick in short.items():
         text = text.replace(long, quick)
     for _ in range(15):

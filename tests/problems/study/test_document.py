@@ -282,7 +282,7 @@ def test_names_inside_a_figure_become_its_own():
         '<use xlink:href="#p1" style="stroke: #009e73"/><text style="fill:#000000">black #222222</text></g></svg>'
     )
     found = inline_svg(svg, "figure_05", 'a "b" <c>')
-    assert found.startswith('<svg role="img" aria-label="a &quot;b&quot; &lt;c>" style="aspect-ratio: 10.5 / 20"')
+    assert found.startswith('<svg role="img" aria-label="a &quot;b&quot; &lt;c&gt;" style="aspect-ratio: 10.5 / 20"')
     assert 'id="figure_05-p1"' in found
     assert "url(#figure_05-p1)" in found
     assert 'xlink:href="#figure_05-p1"' in found

@@ -68,7 +68,7 @@ def test_a_motion_is_computed_again_if_a_file_changes(study_file, tmp_path):
 
 def test_a_comparison_needs_two_laws(study_file, tmp_path):
     clamp(tmp_path / "motion.csv", 1e-3)
-    text = STUDY.format(name="study.toml").partition("[[damping]]")
+    text = STUDY.partition("[[damping]]")
     one_law = (
         f'{text[0]}[[damping]]\nlaw = "quadratic"\neta2 = 0.1\n[[records]]\nfile = "motion.csv"\nsensor = "position"\n'
     )

@@ -7,7 +7,7 @@ once and each alone.  The curve of damping against amplitude is computed last: i
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args
@@ -18,13 +18,13 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.files import check_file
 from ancf_casadi.support.inputs import located
-from problems.command.fits.fit_modes import modes_output
+from problems.command.fit_modes import modes_output
 from problems.command.output import (
     Output,
     add_plot,
     comma_numbers,
-    figure_writer,
-    file_writer,
+    figure_writers,
+    file_writers,
     json_text,
     new_files,
     positive_count,
@@ -162,40 +162,22 @@ def _fitted(
     lines += [f"  note: {text}" for one in isolated for text in one.warnings]
     if isolated:
         extra["subtracted_hz"] = [[other.frequency for other in one.others] for one in isolated]
-    files = _writers(options, records, fits)
+    plots, curves = (_numbered(path, len(fits)) for path in (options.plot, options.curve))
+    files = [write for path, fit in zip(plots, fits, strict=True) for write in figure_writers(path, fit.figure)]
+    for path, file, record, fit in zip(curves, options.files, records, fits, strict=True):
+        files += file_writers(path, partial(_curve, file, record, fit))
     if options.json:
         return Output(json_text(fits[0].to_dict() | extra), files)
     return Output("\n".join([text, *lines]), files)
 
 
-def _writers(
-    options: argparse.Namespace, records: Sequence[Measurement], fits: Sequence[DecayFit]
-) -> list[Callable[[], None]]:
-    """Return functions that write the figure and the curve of each record."""
-    files: list[Callable[[], None]] = []
-    count = len(records)
-    for path, fit in zip(_numbered(options.plot, count), fits, strict=True):
-        if path is not None:
-            files.append(figure_writer(path, fit.figure))
-    for path, file, record, fit in zip(_numbered(options.curve, count), options.files, records, fits, strict=True):
-        if path is not None:
-            files.append(file_writer(path, partial(_curve, file, record, fit.release_time)))
-    return files
-
-
-def _curve(file: str, record: Measurement, release_time: float) -> str:
+def _curve(file: str, record: Measurement, fit: DecayFit) -> str:
     with located(f"{file}: --curve"):
-        return damping_curve(record, release_time=release_time).table().csv()
+        return damping_curve(record, release_time=fit.release_time).table().csv()
 
 
 def _numbered(path: Path | None, count: int) -> list[Path | None]:
-    """Return one name per record; with several records, the names are numbered.
-
-    Raises
-    ------
-    InputError
-        If the name is not that of a file.
-    """
+    """Return one name per record; with several records, the names are numbered."""
     if path is None or count == 1:
         return [path] * count
     check_file(path)

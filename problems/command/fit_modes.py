@@ -7,14 +7,7 @@ from pathlib import Path
 
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import located
-from problems.command.output import (
-    Output,
-    add_plot,
-    figure_writer,
-    json_text,
-    new_files,
-    positive_count,
-)
+from problems.command.output import Output, add_plot, figure_writers, json_text, new_files, positive_count
 from problems.command.record_options import add_part_options, add_record_options, read_record, releases
 from problems.decay.mode_separation import MOST_DECAY_MODES, fit_modes
 
@@ -47,5 +40,5 @@ def modes_output(
     """Return the output of a fit of up to ``modes`` modes to the record of a file."""
     with located(file):
         fits = fit_modes(record, modes=modes, release_time=release)
-    files = [] if plot is None else [figure_writer(plot, fits.figure)]
-    return Output(json_text(fits.to_dict()) if as_json else fits.report(), files)
+    text = json_text(fits.to_dict()) if as_json else fits.report()
+    return Output(text, figure_writers(plot, fits.figure))

@@ -12,7 +12,7 @@ from ancf_casadi.exceptions import AncfError
 from ancf_casadi.export import Document, write_document
 from ancf_casadi.support.inputs import located
 from problems.beam.fitting import fit_beam
-from problems.command.output import Output, add_plot, figure_writer, json_text, new_files
+from problems.command.output import Output, add_plot, figure_writers, json_text, new_files
 from problems.schema.records import RECORDS_HELP, read_measurements
 
 
@@ -40,8 +40,7 @@ def _run(options: argparse.Namespace) -> Output:
     files: list[Callable[[], object]] = []
     if out is not None:
         files.append(partial(write_document, out, Document(fit.model, fit.law if given.damping else None)))
-    if plot is not None:
-        files.append(figure_writer(plot, fit.figure))
+    files += figure_writers(plot, fit.figure)
     predictions: list[dict[str, Any] | None] = []
     for k, record in enumerate(given.predictions, start=1):
         try:
@@ -53,8 +52,8 @@ def _run(options: argparse.Namespace) -> Output:
             continue
         predictions.append(prediction.to_dict())
         texts.append(f"prediction {k}\n{prediction.report()}")
-        if plot is not None:
-            files.append(figure_writer(plot.with_stem(f"{plot.stem}-prediction-{k}"), prediction.figure))
+        own = plot and plot.with_stem(f"{plot.stem}-prediction-{k}")
+        files += figure_writers(own, prediction.figure)
     if options.json:
         return Output(json_text(result | ({"predictions": predictions} if predictions else {})), files)
     return Output("\n\n".join(texts), files)

@@ -1,1 +1,0 @@
-"""The subcommands that fit measurements, one file each."""

@@ -158,13 +158,7 @@ class Provenance:
 
     @classmethod
     def of_this(cls, *, note: str = "", written: str | None = None) -> Provenance:
-        """Return the provenance with the versions in use, and the present time unless another one is given.
-
-        Raises
-        ------
-        InputError
-            If the time has another format.
-        """
+        """Return the provenance with the versions in use, and the present time unless another one is given."""
         now = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
         versions = {
             "ancf-casadi": __version__,

@@ -105,13 +105,7 @@ class Document:
         _check_mesh(self.damping, self.model)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the document as plain data.
-
-        Raises
-        ------
-        InputError
-            If a document cannot hold the damping law.
-        """
+        """Return the document as plain data; a damping law that it cannot hold raises an ``InputError``."""
         data = DocumentData(
             format=DOCUMENT_FORMAT,
             schema=DOCUMENT_VERSION,

@@ -242,13 +242,7 @@ class Beam(Displayed):
 
     @classmethod
     def from_table(cls, table: Any, where: str) -> Beam:
-        """Make a beam from the table ``[beam]`` of a document, which error messages call ``where``.
-
-        Raises
-        ------
-        InputError
-            As in ``from_toml``.
-        """
+        """Make a beam from the table ``[beam]`` of a document, called ``where`` in messages; see ``from_toml``."""
         if not isinstance(table, dict):
             raise InputError("has no table [beam]", where)
         required = {"length", "elements", *PROPERTIES}

@@ -204,26 +204,13 @@ class Group:
 
     The symbolic assembly (``model``) and the numerical one (``vibration.assembly``) use the same groups.  The
     properties of an element are a column of P if the group has columns, then ``constants``, then ``lumped``.
-
-    Parameters
-    ----------
-    element : Element
-        The Functions of one of them.
-    coordinates : array (k, d)
-        Indices of the nodal coordinates of each of the k elements.
-    columns : int
-        Number of columns of P, from the first, that belong to these elements: k, or 0.
-    constants : tuple of float
-        The fixed properties: length and axis.
-    lumped : mapping of str to float
-        Names, from ``beam.LUMPED``, and values of the properties that the beam has only once.
     """
 
-    element: Element
-    coordinates: Index
-    columns: int
-    constants: tuple[float, ...]
-    lumped: dict[str, float]
+    element: Element  # the Functions of one of them
+    coordinates: Index  # indices of the nodal coordinates of each of the k elements, (k, d)
+    columns: int  # number of columns of P, from the first, that belong to these elements: k, or 0
+    constants: tuple[float, ...]  # the fixed properties: length and axis
+    lumped: dict[str, float]  # names, from ``beam.LUMPED``, and values of the properties that the beam has only once
 
     @property
     def count(self) -> int:

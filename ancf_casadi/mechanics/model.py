@@ -50,11 +50,6 @@ class Model(Displayed):
     measures : StrainMeasures
         The strain measures of Eq. (8).
 
-    Raises
-    ------
-    InputError
-        If ``beam`` is not a Beam, or ``measures`` are not StrainMeasures.
-
     Examples
     --------
     >>> from ancf_casadi import Beam, Model
@@ -236,31 +231,16 @@ class Model(Displayed):
     def interpolation(self, point: float) -> Array:
         """Return S with r(s) = S e, Eq. (2), for the point at arc length ``point`` (m) from the clamp, (2, 4 n + 4).
 
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
+        A point that is not on the beam raises an ``InputError``, here and in the following methods.
         """
         return self._interpolation(point, hermite)
 
     def slope_interpolation(self, point: float) -> Array:
-        """Return S' with r'(s) = S' e, (2, 4 n + 4).
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
+        """Return S' with r'(s) = S' e, (2, 4 n + 4)."""
         return self._interpolation(point, hermite_slope)
 
     def curvature_interpolation(self, point: float) -> Array:
-        """Return S'' with r''(s) = S'' e, (2, 4 n + 4), 1/m.
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
+        """Return S'' with r''(s) = S'' e, (2, 4 n + 4), 1/m."""
         return self._interpolation(point, hermite_curvature)
 
     def gauss_slopes(self, e: Array) -> Array:
@@ -270,13 +250,7 @@ class Model(Displayed):
         return np.array([self.slope_interpolation(float(s)) @ e for s in points]).T
 
     def element_at(self, point: float) -> int:
-        """Return the number, from 0, of the element with the point at arc length ``point`` (m).
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
+        """Return the number, from 0, of the element with the point at arc length ``point`` (m)."""
         point = number(point, "point")
         if not 0.0 <= point <= self.beam.length:
             raise InputError(f"the point must be on the beam, 0 to {self.beam.length:g} m, got {point:g}", "point")

@@ -147,13 +147,7 @@ class Measurement(Displayed):
         unit: str | None = None,
         sensor: Sensor | None = None,
     ) -> Measurement:
-        """Return one channel of a recording; the arguments are those of ``from_file``.
-
-        Raises
-        ------
-        InputError
-            As in ``from_file``.
-        """
+        """Return one channel of a recording; arguments and errors are those of ``from_file``."""
         check_instance(recording, "recording", Recording)
         check_instance(sensor, "sensor", Sensor, NoneType)
         given = None if unit is None else known_unit(unit, "unit")

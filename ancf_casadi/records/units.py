@@ -1,6 +1,6 @@
 """Units of measurement: the quantity and the factor to SI units of a unit as people write it.
 
-``KNOWN_UNITS`` lists the symbols, with ``u`` for micro; ``PRODUCTS`` the products and quotients that have a name.
+``UNITS`` lists the symbols, with ``u`` for micro; ``PRODUCTS`` the products and quotients that have a name.
 Any other combination is not understood, so that the caller is asked for the unit.
 """
 
@@ -11,7 +11,6 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from types import MappingProxyType
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import shown
@@ -22,41 +21,31 @@ DEGREE = 0.017453292519943295  # rad
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of measurement.
+    """A unit of measurement."""
 
-    Parameters
-    ----------
-    symbol : str
-        The unit as it was written.
-    quantity : str
-        Quantity that it measures, such as ``length``.
-    factor : float
-        SI units per unit.
-    """
-
-    symbol: str
-    quantity: str
-    factor: float
+    symbol: str  # the unit as it was written
+    quantity: str  # quantity that it measures, such as ``length``
+    factor: float  # SI units per unit
 
 
-TIME = {
-    "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "sek": 1.0, "sekunden": 1.0,
-    "ms": 1e-3, "msec": 1e-3, "millisecond": 1e-3, "milliseconds": 1e-3,
-    "us": 1e-6, "usec": 1e-6, "microsecond": 1e-6, "microseconds": 1e-6,
-    "ns": 1e-9, "nsec": 1e-9, "nanosecond": 1e-9, "nanoseconds": 1e-9,
-    "min": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0, "hour": 3600.0, "hours": 3600.0,
-    "day": 86400.0, "days": 86400.0,
-}  # fmt: skip
-LENGTH = {
-    "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "km": 1e3, "dm": 0.1,
-    "cm": 1e-2, "centimeter": 1e-2, "centimeters": 1e-2, "centimetre": 1e-2, "centimetres": 1e-2,
-    "mm": 1e-3, "millimeter": 1e-3, "millimeters": 1e-3, "millimetre": 1e-3, "millimetres": 1e-3,
-    "um": 1e-6, "micron": 1e-6, "microns": 1e-6, "micrometer": 1e-6, "micrometers": 1e-6, "micrometre": 1e-6,
-    "micrometres": 1e-6, "nm": 1e-9,
-    "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "ft": 0.3048, "foot": 0.3048, "feet": 0.3048,
-    "mil": 2.54e-5, "mils": 2.54e-5, "thou": 2.54e-5,
-}  # fmt: skip
-OTHER_UNITS: Mapping[str, Mapping[str, float]] = {
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "time": {
+        "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "sek": 1.0, "sekunden": 1.0,
+        "ms": 1e-3, "msec": 1e-3, "millisecond": 1e-3, "milliseconds": 1e-3,
+        "us": 1e-6, "usec": 1e-6, "microsecond": 1e-6, "microseconds": 1e-6,
+        "ns": 1e-9, "nsec": 1e-9, "nanosecond": 1e-9, "nanoseconds": 1e-9,
+        "min": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0, "hour": 3600.0, "hours": 3600.0,
+        "day": 86400.0, "days": 86400.0,
+    },
+    "length": {
+        "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "km": 1e3, "dm": 0.1,
+        "cm": 1e-2, "centimeter": 1e-2, "centimeters": 1e-2, "centimetre": 1e-2, "centimetres": 1e-2,
+        "mm": 1e-3, "millimeter": 1e-3, "millimeters": 1e-3, "millimetre": 1e-3, "millimetres": 1e-3,
+        "um": 1e-6, "micron": 1e-6, "microns": 1e-6, "micrometer": 1e-6, "micrometers": 1e-6, "micrometre": 1e-6,
+        "micrometres": 1e-6, "nm": 1e-9,
+        "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "ft": 0.3048, "foot": 0.3048, "feet": 0.3048,
+        "mil": 2.54e-5, "mils": 2.54e-5, "thou": 2.54e-5,
+    },
     "acceleration": {
         "g": STANDARD_GRAVITY, "gn": STANDARD_GRAVITY, "g0": STANDARD_GRAVITY, "gs": STANDARD_GRAVITY,
         "mg": 1e-3 * STANDARD_GRAVITY, "ug": 1e-6 * STANDARD_GRAVITY, "gal": 1e-2,
@@ -87,23 +76,15 @@ OTHER_UNITS: Mapping[str, Mapping[str, float]] = {
 }  # fmt: skip
 
 
-KNOWN_UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
-    {
-        name: (quantity, factor)
-        for quantity, units in {"time": TIME, "length": LENGTH, **OTHER_UNITS}.items()
-        for name, factor in units.items()
-    }
-)  # symbol -> quantity, SI units per unit
-PRODUCTS: Mapping[frozenset[tuple[str, int]], str] = MappingProxyType(
-    {
-        frozenset({("length", 1), ("time", -1)}): "velocity",
-        frozenset({("length", 1), ("time", -2)}): "acceleration",
-        frozenset({("angle", 1), ("time", -1)}): "angular velocity",
-        frozenset({("angle", 1), ("time", -2)}): "angular acceleration",
-        frozenset({("force", 1), ("length", 1)}): "moment",
-        frozenset({("time", -1)}): "frequency",
-    }
-)  # quantities and their powers -> the quantity of the product
+KNOWN_UNITS = {name: (quantity, factor) for quantity, units in UNITS.items() for name, factor in units.items()}
+PRODUCTS: Mapping[frozenset[tuple[str, int]], str] = {
+    frozenset({("length", 1), ("time", -1)}): "velocity",
+    frozenset({("length", 1), ("time", -2)}): "acceleration",
+    frozenset({("angle", 1), ("time", -1)}): "angular velocity",
+    frozenset({("angle", 1), ("time", -2)}): "angular acceleration",
+    frozenset({("force", 1), ("length", 1)}): "moment",
+    frozenset({("time", -1)}): "frequency",
+}  # quantities and their powers -> the quantity of the product
 SECOND = {"s", "sec", "second", "seconds"}
 SQUARED = {"squared", "sq"}
 OVER = {"/", "per"}

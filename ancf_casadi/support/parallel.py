@@ -132,13 +132,7 @@ def processes(jobs: int) -> Iterator[Executor]:
 
 @contextlib.contextmanager
 def unbroken() -> Iterator[None]:
-    """Turn the error of an executor whose process has ended into ours.
-
-    Raises
-    ------
-    NumericsError
-        If a process ends before its task is done.
-    """
+    """Turn the error of an executor whose process ends before its task is done into a ``NumericsError``."""
     try:
         yield
     except BrokenExecutor:

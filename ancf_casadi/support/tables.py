@@ -85,27 +85,13 @@ def _is_default(own: Field[Any], value: Any) -> bool:
 
 @dataclass(frozen=True)
 class Table(Displayed):
-    """A table with a title and notes.
+    """A table with a title and notes."""
 
-    Parameters
-    ----------
-    name : str
-        Short name, used for files.
-    title : str
-        Title of the table.
-    columns : sequence of str
-        Column heads with units.
-    rows : sequence of sequences
-        Cells: text, numbers, or None for an empty cell.
-    notes : sequence of str
-        Remarks below the table.
-    """
-
-    name: str
+    name: str  # short name, used for files
     title: str
-    columns: Sequence[str]
-    rows: Sequence[Sequence[Cell]]
-    notes: Sequence[str] = ()
+    columns: Sequence[str]  # column heads with units
+    rows: Sequence[Sequence[Cell]]  # cells: text, numbers, or None for an empty cell
+    notes: Sequence[str] = ()  # remarks below the table
 
     def text(self) -> str:
         """Return the table for a terminal, numbers to six digits."""
@@ -177,13 +163,7 @@ class Reported(Displayed, ABC):
         return self._drawn(others, labels)
 
     def save(self, path: str | Path) -> None:
-        """Write the data of ``to_dict`` to a JSON file.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be written.
-        """
+        """Write the data of ``to_dict`` to a JSON file; one that cannot be written raises an ``InputError``."""
         write_file(check_file(path), to_json(self.to_dict()))
 
     @property

@@ -40,18 +40,10 @@ EPSILON = float(np.finfo(float).eps)
 
 @dataclass(frozen=True, eq=False)
 class Position:
-    """Nodal coordinates, and the remainder that rounding has cut off.
+    """Nodal coordinates, and the remainder that rounding has cut off."""
 
-    Parameters
-    ----------
-    coordinates : array (size,)
-        The coordinates e, rounded.
-    remainder : array (size,)
-        The remainder de, whose effect is taken into account to first order.
-    """
-
-    coordinates: Array
-    remainder: Array
+    coordinates: Array  # the coordinates e, rounded, (size,)
+    remainder: Array  # the remainder de, whose effect is taken into account to first order, (size,)
 
     @classmethod
     def of(cls, coordinates: Array) -> Position:
@@ -61,21 +53,11 @@ class Position:
 
 @dataclass(frozen=True, eq=False)
 class EqualElements:
-    """Equal elements of a structure, and the places of their coordinates and properties.
+    """Equal elements of a structure, and the places of their coordinates and properties."""
 
-    Parameters
-    ----------
-    balance : ElementBalance
-        Forces and mass of one element.
-    coordinates : array (elements, d)
-        Indices of the coordinates of each element in the structure.
-    properties : array (elements, k)
-        Indices of the properties of each element in the structure.
-    """
-
-    balance: ElementBalance
-    coordinates: Index
-    properties: Index
+    balance: ElementBalance  # forces and mass of one element
+    coordinates: Index  # indices of the coordinates of each element in the structure, (elements, d)
+    properties: Index  # indices of the properties of each element in the structure, (elements, k)
 
 
 def structure_properties(model: Model) -> Array:
@@ -97,31 +79,15 @@ def beam_parts(model: Model) -> tuple[EqualElements, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """A beam and its loads as parts with properties.
+    """A beam and its loads as parts with properties."""
 
-    Parameters
-    ----------
-    model : Model
-        The beam; ``properties`` override the properties of ``model.beam``.
-    parts : tuple of EqualElements
-        The parts.
-    properties : array (properties,)
-        The properties of all parts.
-    """
-
-    model: Model
+    model: Model  # the beam; ``properties`` override the properties of ``model.beam``
     parts: tuple[EqualElements, ...]
-    properties: Array
+    properties: Array  # the properties of all parts, (properties,)
 
     @classmethod
     def of(cls, model: Model, loads: Sequence[PointLoad] = ()) -> Structure:
-        """Return a model with its own properties, under gravity and loads, whose values follow the properties.
-
-        Raises
-        ------
-        InputError
-            If a load is not on the beam.
-        """
+        """Return a model with its own properties, under gravity and loads, whose values follow the properties."""
         parts, properties = list(beam_parts(model)), [structure_properties(model)]
         l = model.beam.element_length
         acting: dict[ElementBalance, list[tuple[Index, Index]]] = {}  # loads at the same place of their elements

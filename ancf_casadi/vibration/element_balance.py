@@ -18,18 +18,11 @@ from ancf_casadi.mechanics.strain import hermite, hermite_slope
 
 @dataclass(frozen=True, eq=False)
 class ElementBalance:
-    """The balance of forces and the mass of one element, and the Functions derived from them.
+    """The balance of forces and the mass of one element, and the Functions derived from them."""
 
-    Parameters
-    ----------
-    force : casadi.Function
-        (e, p) -> R (d,), the elastic force minus the weight, for coordinates e (d,) and properties p (k,).
-    mass : casadi.Function
-        p -> mass matrix M (d, d).
-    """
-
+    # (e, p) -> R (d,), the elastic force minus the weight, for coordinates e (d,) and properties p (k,)
     force: cs.Function
-    mass: cs.Function
+    mass: cs.Function  # p -> mass matrix M (d, d)
 
     @property
     def sizes(self) -> tuple[int, int]:

@@ -100,13 +100,7 @@ class Equilibrium(Reported):
         return Position(self.coordinates, self.remainder)
 
     def position(self, point: float) -> Array:
-        """Return the position of the point at arc length ``point`` (m), (2,), m.
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
+        """Return the position of the point at arc length ``point`` (m), (2,), m; it must be on the beam."""
         return self.model.interpolation(point) @ self.coordinates
 
     @property

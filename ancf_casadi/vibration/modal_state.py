@@ -55,27 +55,13 @@ def pencil_solver(pencil: Array, diagonal: Array, phi: Array) -> Callable[[Array
 
 @dataclass(frozen=True, eq=False)
 class ModalState:
-    """An equilibrium and some of its modes, with the matrices that their derivatives need.
-
-    Parameters
-    ----------
-    structure : Structure
-        The beam and its properties.
-    at : Position
-        The equilibrium.
-    numbers : array of int (m,)
-        Numbers of the modes in ascending order of frequency, from 0.
-    eigenvalues : array (m,)
-        Squared angular frequencies, (rad/s)^2.
-    shapes : array (4 n + 4, m)
-        Mass-normalised mode shapes.
-    """
+    """An equilibrium and some of its modes, with the matrices that their derivatives need."""
 
     structure: Structure
     at: Position
-    numbers: Index
-    eigenvalues: Array
-    shapes: Array
+    numbers: Index  # numbers of the modes in ascending order of frequency, from 0, (m,)
+    eigenvalues: Array  # squared angular frequencies, (rad/s)^2, (m,)
+    shapes: Array  # mass-normalised mode shapes, (4 n + 4, m)
 
     @property
     def model(self) -> Model:

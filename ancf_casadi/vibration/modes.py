@@ -125,13 +125,7 @@ class Modes(Reported):
         return np.asarray((coordinates - self.equilibrium.coordinates) @ projector)
 
     def along(self, points: ArrayLike) -> Array:
-        """Return the displacement (x, y) of each mode at arc lengths (k,), m, as (m, k, 2); that of the tip is 1.
-
-        Raises
-        ------
-        InputError
-            If a point is not on the beam.
-        """
+        """Return the displacement (x, y) of each mode at arc lengths (k,), m, as (m, k, 2); that of the tip is 1."""
         rows = np.stack([self.model.interpolation(s) @ self.shapes for s in numbers(points, "points")])
         return np.asarray(np.moveaxis(rows, 2, 0) / self.tip_amplitudes()[:, None, None])
 

@@ -31,6 +31,7 @@ from ancf_casadi.records.reading.text.dialect import SEPARATORS, TableHead
 from ancf_casadi.records.unit_names import names_time, unit_in_name, unit_of
 from ancf_casadi.records.units import Unit, parse_unit
 from ancf_casadi.support.inputs import shown
+from ancf_casadi.support.tables import counted
 
 BRACKETED = re.compile(r"[(\[{<][^()\[\]{}<>]*[)\]}>]")
 NONE = frozenset({"", "-", "--", "[]", "()", "[-]", "(-)", "1", "none"})
@@ -100,14 +101,12 @@ def _check_metadata(line: str, table: TableHead, where: str, *, named: bool) -> 
     cells = table.dialect.split(line)
     kinds = {table.dialect.kind(cell) for cell in cells}
     if kinds <= {"number", "gap", "stamp"} and kinds & {"number", "stamp"}:
-        raise InputError(f"has {_columns(len(cells))} where the table has {table.width}; remove the line", where)
+        raise InputError(
+            f"has {counted(len(cells), 'column')} where the table has {table.width}; remove the line", where
+        )
     twice = table.dialect.delimiter == "," and len(cells) > 1 and table.width == 2 * len(cells)
     if not named and twice:
         raise InputError(f"names {len(cells)} columns, but the rows have {table.width} cells; {SEPARATORS}", where)
-
-
-def _columns(count: int) -> str:
-    return f"{count} column{'' if count == 1 else 's'}"
 
 
 def _heading(rows: list[list[str]], table: TableHead) -> list[Head]:

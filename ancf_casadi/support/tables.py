@@ -64,9 +64,7 @@ class Brief(reprlib.Repr):
         """Return a number."""
         return f"{value:.6g}"
 
-    def repr_float64(self, value: np.float64, level: int) -> str:
-        """Return a number."""
-        return f"{value:.6g}"
+    repr_float64 = repr_float
 
     def repr_ndarray(self, value: np.ndarray[Any, Any], level: int) -> str:
         """Return the shape of an array."""
@@ -213,14 +211,12 @@ def to_json(value: Any) -> str:
 
 def wrapped(text: str) -> str:
     """Return a report with its long lines folded at spaces; the rest of a line is indented by two more columns."""
-    return "\n".join(part for line in text.split("\n") for part in _wrapped(line))
-
-
-def _wrapped(line: str) -> list[str]:
-    if len(line) <= REPORT_WIDTH:
-        return [line]
-    indent = " " * (len(line) - len(line.lstrip()) + 2)
-    return textwrap.wrap(line, REPORT_WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    lines: list[str] = []
+    for line in text.split("\n"):
+        indent = " " * (len(line) - len(line.lstrip()) + 2)
+        fold = textwrap.TextWrapper(REPORT_WIDTH, "", indent, break_long_words=False, break_on_hyphens=False).wrap
+        lines += [line] if len(line) <= REPORT_WIDTH else fold(line)
+    return "\n".join(lines)
 
 
 def _shown(cell: Cell) -> str:

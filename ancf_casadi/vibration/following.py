@@ -68,7 +68,9 @@ def _step(here: ModalState, properties: Array, smallest: bool) -> ModalState | N
     # MAC above which the assignment is unique
     if not smallest and (correlations[order, np.arange(len(order))] ** 2).min() <= 0.5:
         return None
-    return _selected(state, order, correlations)
+    signs = np.sign(correlations[order, np.arange(len(order))])  # each mode continues with its sign
+    numbers, eigenvalues, shapes = state.numbers[order], state.eigenvalues[order], state.shapes[:, order] * signs
+    return replace(state, numbers=numbers, eigenvalues=eigenvalues, shapes=shapes)
 
 
 def _correlations(before: ModalState, after: ModalState) -> Array:
@@ -77,14 +79,3 @@ def _correlations(before: ModalState, after: ModalState) -> Array:
     shapes = before.shapes[free]
     inertia = after.inertia @ shapes
     return np.asarray(after.shapes[free].T @ inertia / np.sqrt(np.sum(shapes * inertia, axis=0)))
-
-
-def _selected(state: ModalState, order: Index, correlations: Array) -> ModalState:
-    """Return the state with some of its modes only, each with the sign of the mode it continues."""
-    signs = np.sign(correlations[order, np.arange(len(order))])
-    return replace(
-        state,
-        numbers=state.numbers[order],
-        eigenvalues=state.eigenvalues[order],
-        shapes=state.shapes[:, order] * signs,
-    )

@@ -86,7 +86,7 @@ class Modes(Reported):
         return np.asarray(np.linalg.norm(tip @ self.shapes, axis=0))
 
     def modal_coordinate(self, coordinates: Array, mode: int) -> Array:
-        """Return the modal coordinate of one mode in a given motion, scaled to the displacement of the tip.
+        """Return the modal coordinate of one mode in a given motion, scaled to the displacement of the tip, (...,), m.
 
         The projection phi^T M (e - e_rest) excludes all other modes of small motion.
 
@@ -96,11 +96,6 @@ class Modes(Reported):
             Nodal coordinates, relative to the clamp at the origin.
         mode : int
             Mode number, from 0.
-
-        Returns
-        -------
-        array (...,)
-            Displacement of the tip in the mode, m.
 
         Raises
         ------
@@ -203,17 +198,14 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
 
 
 def mac(first: Array, second: Array) -> Array:
-    """Return the modal assurance criterion (MAC) of two sets of shapes, (a.b)^2 / (a.a b.b).
+    """Return the modal assurance criterion (MAC) of two sets of shapes, (a.b)^2 / (a.a b.b), (m1, m2).
+
+    The values are from 0 (orthogonal) to 1 (the same shape).
 
     Parameters
     ----------
     first, second : array (k, m1), (k, m2)
         Shapes as columns, in the same coordinates and the same unit.
-
-    Returns
-    -------
-    array (m1, m2)
-        Values from 0 (orthogonal) to 1 (the same shape).
 
     Raises
     ------

@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 import msgspec
@@ -45,7 +46,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import check_file, write_file
-from ancf_casadi.support.inputs import check_instance, is_sequence, located, shown
+from ancf_casadi.support.inputs import check_instance, instances, located
 from ancf_casadi.support.tables import to_json
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes
@@ -95,13 +96,11 @@ class Document:
 
     def __post_init__(self) -> None:
         """Validate."""
-        for name, kind in (("model", Model), ("damping", DampingLaw | None), ("provenance", Provenance)):
-            if not isinstance(getattr(self, name), kind):
-                raise InputError(f"has another type, {type(getattr(self, name)).__name__}", name)
-        found = self.identifications
-        if not is_sequence(found) or not all(isinstance(item, Identification) for item in found):
-            raise InputError(f"must be a sequence of Identification, got {shown(found)}", "identifications")
-        object.__setattr__(self, "identifications", tuple(found))
+        check_instance(self.model, "model", Model)
+        check_instance(self.damping, "damping", DampingLaw, NoneType)
+        check_instance(self.provenance, "provenance", Provenance)
+        found = instances(self.identifications, "identifications", Identification, least=0)
+        object.__setattr__(self, "identifications", found)
         _check_mesh(self.damping, self.model)
 
     def to_dict(self) -> dict[str, Any]:

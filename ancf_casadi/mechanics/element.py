@@ -139,22 +139,22 @@ def derived_element(
     drag_force = sum((side @ v * cs.sqrt(cs.sumsqr(v) + SMOOTHING_SPEED**2) for side, v in moving), 0 * e_t)
     friction_force = sum((side @ v / cs.sqrt(cs.sumsqr(v) + v0**2) for side, v in moving), 0 * e_t)
 
-    def function(name: str, inputs: list[cs.SX], output: Any) -> cs.Function:
-        return cs.Function(name, inputs, [cs.cse(cs.densify(output))])
-
+    outputs: dict[str, tuple[list[cs.SX], Any]] = {
+        "strain_energy": ([e, p], cs.dot(d, s**2) / 2),
+        "elastic_force": ([e, p], elastic_force),
+        "tangent_stiffness": ([e, p], tangent_stiffness),
+        "tangent_force": ([e, e_t, p], tangent_force),
+        "reference_force": ([e_t, p], cs.substitute(tangent_force, e, straight)),
+        "strain_rate_force": ([e, e_t, p], strain_rate_force),
+        "mass": ([p], mass),
+        "inertia_force": ([e_t, p], mass @ e_t),
+        "line_inertia_force": ([e_t, p], line_mass @ e_t),
+        "gravity_force": ([p, g], gravity @ g),
+        "drag_force": ([e_t, p], drag_force),
+        "friction_force": ([e_t, p, v0], friction_force),
+    }
     return Element(
-        strain_energy=function("strain_energy", [e, p], cs.dot(d, s**2) / 2),
-        elastic_force=function("elastic_force", [e, p], elastic_force),
-        tangent_stiffness=function("tangent_stiffness", [e, p], tangent_stiffness),
-        tangent_force=function("tangent_force", [e, e_t, p], tangent_force),
-        reference_force=function("reference_force", [e_t, p], cs.substitute(tangent_force, e, straight)),
-        strain_rate_force=function("strain_rate_force", [e, e_t, p], strain_rate_force),
-        mass=function("mass", [p], mass),
-        inertia_force=function("inertia_force", [e_t, p], mass @ e_t),
-        line_inertia_force=function("line_inertia_force", [e_t, p], line_mass @ e_t),
-        gravity_force=function("gravity_force", [p, g], gravity @ g),
-        drag_force=function("drag_force", [e_t, p], drag_force),
-        friction_force=function("friction_force", [e_t, p, v0], friction_force),
+        **{name: cs.Function(name, given, [cs.cse(cs.densify(output))]) for name, (given, output) in outputs.items()}
     )
 
 

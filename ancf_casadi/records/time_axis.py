@@ -95,13 +95,11 @@ def _from_rate(contents: Contents, path: str, rate: float, time: str | int | Non
                 f"column {counter.label} has times in {counter.symbol}; leave out --sample-rate, or --time", path
             )
         seconds = (counter.values - counter.values[0]) / rate
-        notes = (f"times from column {counter.label} at {rate:g} 1/s",)
-        return _on_times(contents, counter, seconds, notes, path)
+        return _on_times(contents, counter, seconds, (f"times from column {counter.label} at {rate:g} 1/s",), path)
     count = max((len(channel.values) for channel in contents.channels), default=0)
     seconds = np.arange(count) / rate
     channels = tuple(replace(own, time=seconds[: len(own.values)]) for own in contents.channels)
-    notes = (f"times from the sampling rate, {rate:g} 1/s",)
-    return channels, notes
+    return channels, (f"times from the sampling rate, {rate:g} 1/s",)
 
 
 def _chosen(contents: Contents, path: str) -> RecordedChannel:

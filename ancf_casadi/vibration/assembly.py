@@ -66,7 +66,7 @@ def structure_properties(model: Model) -> Array:
     return np.concatenate([model.properties.ravel(), lumped])
 
 
-def beam_parts(model: Model) -> tuple[EqualElements, ...]:
+def _beam_parts(model: Model) -> list[EqualElements]:
     """Return the groups of a model as parts with the properties of ``structure_properties``."""
     places, parts = np.arange(model.properties.size).reshape(model.properties.shape), []
     for group in model.groups:
@@ -74,7 +74,7 @@ def beam_parts(model: Model) -> tuple[EqualElements, ...]:
         own = places[:, : group.columns].T.reshape(group.count, -1)
         lumped = np.array([places.size + LUMPED.index(name) for name in group.lumped], dtype=np.int64)
         parts.append(EqualElements(balance, group.coordinates, np.hstack([own, np.tile(lumped, (group.count, 1))])))
-    return tuple(parts)
+    return parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class Structure:
     @classmethod
     def of(cls, model: Model, loads: Sequence[PointLoad] = ()) -> Structure:
         """Return a model with its own properties, under gravity and loads, whose values follow the properties."""
-        parts, properties = list(beam_parts(model)), [structure_properties(model)]
+        parts, properties = _beam_parts(model), [structure_properties(model)]
         l = model.beam.element_length
         acting: dict[ElementBalance, list[tuple[Index, Index]]] = {}  # loads at the same place of their elements
         for load in loads:

@@ -12,6 +12,10 @@ the beam, which makes 4 (n + 2) coordinates, and the clamp is one more element, 
 
 The properties P are a matrix with one column (width, thickness, density, elastic modulus) per element.  Every Function
 here is symbolic in P; ``Model.properties`` holds the values of the beam.
+
+The curvature of a cubic element is accurate at its two Gauss points; elsewhere it is taken from the straight line
+through these values.  Of the axial strain, only the mean over an element is accurate; elsewhere the straight line
+through the means of two elements is used.
 """
 
 from __future__ import annotations
@@ -28,12 +32,21 @@ import numpy as np
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES, Beam
 from ancf_casadi.mechanics.element import Element, Group, elastic_clamp, element, tip_mass
-from ancf_casadi.mechanics.strain import StrainMeasures, gauss, hermite, hermite_curvature, hermite_slope
+from ancf_casadi.mechanics.strain import (
+    StrainMeasures,
+    axial_strain,
+    curvature,
+    gauss,
+    hermite,
+    hermite_curvature,
+    hermite_slope,
+)
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import check_instance, number
 from ancf_casadi.support.tables import Displayed
 
 NODE = 4  # coordinates of a node: position and slope
+At = Callable[[Array], tuple[Any, Any]]  # multiplies an interpolation by coordinates, numbers or symbols: x and y
 
 
 @dataclass(frozen=True)
@@ -243,11 +256,15 @@ class Model(Displayed):
         """Return S'' with r''(s) = S'' e, (2, 4 n + 4), 1/m."""
         return self._interpolation(point, hermite_curvature)
 
+    def gauss_points(self, index: int) -> tuple[float, float]:
+        """Return the arc lengths of the two Gauss points of an element, m, where the strains are accurate."""
+        first, second = ((index + gauss(2)[0]) * self.beam.element_length).tolist()
+        return first, second
+
     def gauss_slopes(self, e: Array) -> Array:
-        """Return r' at the two Gauss points of each element, (2, 2 n), where the strains are accurate."""
-        l = self.beam.element_length
-        points = ((np.arange(self.beam.elements)[:, None] + gauss(2)[0]) * l).ravel()
-        return np.array([self.slope_interpolation(float(s)) @ e for s in points]).T
+        """Return r' at the two Gauss points of each element, (2, 2 n)."""
+        points = [s for index in range(self.beam.elements) for s in self.gauss_points(index)]
+        return np.array([self.slope_interpolation(s) @ e for s in points]).T
 
     def element_at(self, point: float) -> int:
         """Return the number, from 0, of the element with the point at arc length ``point`` (m)."""
@@ -296,3 +313,27 @@ class Model(Displayed):
     def _summary(self) -> str:
         measures = "" if self.measures == StrainMeasures() else f", {self.measures}"
         return f"{self.beam._summary()}{measures}"
+
+
+def curvature_at(model: Model, s: float, at: At) -> Any:
+    """Return the curvature at arc length ``s`` (m), 1/m, positive counterclockwise."""
+    points = first, second = model.gauss_points(model.element_at(s))
+    slopes, seconds = (
+        [at(rows(point)) for point in points] for rows in (model.slope_interpolation, model.curvature_interpolation)
+    )
+    values = [curvature(*pair, model.measures.curvature) for pair in zip(slopes, seconds, strict=True)]
+    return values[0] + (s - first) / (second - first) * (values[1] - values[0])
+
+
+def axial_strains_near(model: Model, s: float, at: At) -> list[tuple[float, int, Any]]:
+    """Return the two elements whose mean axial strains give that at arc length ``s`` (m): weight, number and strain."""
+    model.element_at(s)
+    place = s / model.beam.element_length - 0.5
+    index = min(max(int(place), 0), model.beam.elements - 2)
+    pairs = ((1.0 - (place - index), index), (place - index, index + 1))
+    return [(weight, k, _mean_axial_strain(model, k, at)) for weight, k in pairs]
+
+
+def _mean_axial_strain(model: Model, index: int, at: At) -> Any:
+    strains = [axial_strain(at(model.slope_interpolation(s)), model.measures.axial) for s in model.gauss_points(index)]
+    return (strains[0] + strains[1]) / 2

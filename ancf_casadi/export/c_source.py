@@ -117,14 +117,16 @@ def header(name: str, functions: MotionFunctions, every: Mapping[str, cs.Functio
 def _call(called: str, function: cs.Function, raw: cs.Function) -> str:
     """Return the C function with plain arrays that calls CasADi's."""
     work = "static " if _is_static(raw) else ""
-    lines = [f"{_signature(called, function)} {{"]
-    lines.append(f"  {work}double w[{raw.sz_w() + 1}];")
-    lines.append(f"  {work}casadi_int iw[{raw.sz_iw() + 1}];")
-    lines.append(f"  const double* arg[{raw.sz_arg() + 1}];")
-    lines.append(f"  double* res[{raw.sz_res() + 1}];")
-    lines += [f"  arg[{k}] = {label};" for k, label in enumerate(function.name_in())]
-    lines += [f"  res[{k}] = {label};" for k, label in enumerate(_output_names(function))]
-    return "\n".join([*lines, f"  return {raw.name()}(arg, res, iw, w, 0);", "}", ""])
+    given = "".join(f"  arg[{k}] = {label};\n" for k, label in enumerate(function.name_in()))
+    found = "".join(f"  res[{k}] = {label};\n" for k, label in enumerate(_output_names(function)))
+    return f"""{_signature(called, function)} {{
+  {work}double w[{raw.sz_w() + 1}];
+  {work}casadi_int iw[{raw.sz_iw() + 1}];
+  const double* arg[{raw.sz_arg() + 1}];
+  double* res[{raw.sz_res() + 1}];
+{given}{found}  return {raw.name()}(arg, res, iw, w, 0);
+}}
+"""
 
 
 def _is_static(function: cs.Function) -> bool:

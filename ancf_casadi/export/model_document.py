@@ -177,15 +177,13 @@ def _check_mesh(law: DampingLaw | None, model: Model) -> None:
 def _document(data: DocumentData) -> Document:
     model = model_from(data.beam, data.strain_measures, "$")
     law = None if data.damping is None else law_from(data.damping, model, "$.damping")
-    found = [_identification(item, place("$.identifications", k)) for k, item in enumerate(data.identifications)]
+    found = []
+    for k, item in enumerate(data.identifications):
+        with located(place("$.identifications", k)):
+            found.append(Identification(item.result, item.data))
     with located("$.provenance"):
         provenance = Provenance(**asdict(data.provenance))
     return Document(model, law, found, provenance)
-
-
-def _identification(data: IdentificationData, where: str) -> Identification:
-    with located(where):
-        return Identification(data.result, data.data)
 
 
 def beam_data(beam: Beam) -> BeamData:

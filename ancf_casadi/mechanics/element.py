@@ -218,10 +218,7 @@ class Group:
         return len(self.coordinates)
 
     def properties(self, P: Any, lumped: Mapping[str, Any] | None = None) -> Any:
-        """Return the properties of each element as columns.
-
-        They come from the properties P (4, n) of the beam and, if given, other values of the lumped ones by name.
-        """
+        """Return the properties of each element as columns, from P (4, n) and, if given, other lumped ones by name."""
         own = self.lumped if lumped is None else {name: lumped[name] for name in self.lumped}
         given = cs.vertcat(*self.constants, *own.values())
         return cs.vertcat(P[:, : self.columns], cs.repmat(given, 1, self.columns)) if self.columns else given

@@ -284,10 +284,7 @@ class Model(Displayed):
         return cs.MX.sym("e", self.size), cs.MX.sym("P", len(PROPERTIES), self.beam.elements)
 
     def _mapped(self, name: str, p: cs.MX, *vectors: cs.MX, shared: Sequence[cs.MX] = ()) -> list[cs.MX]:
-        """Evaluate the element Function ``name`` for all elements of each group, from vectors at all nodes.
-
-        The inputs after the properties are ``shared`` by all elements.
-        """
+        """Evaluate an element Function for each group, from vectors at all nodes; its last inputs are ``shared``."""
         results = []
         for group in self.groups:
             function: cs.Function = getattr(group.element, name)
@@ -296,10 +293,7 @@ class Model(Displayed):
         return results
 
     def _force(self, name: str, *inputs: str, output: str = "Q", **shared: int) -> cs.Function:
-        """Return the sum at the nodes of the element force ``name`` as a Function.
-
-        Its inputs are vectors at all nodes, the properties, and the numbers that all elements share, given by size.
-        """
+        """Return the sum of an element force as a Function of vectors at all nodes, P, and shared numbers by size."""
         vectors = [cs.MX.sym(symbol, self.size) for symbol in inputs]
         same = [cs.MX.sym(symbol, size) for symbol, size in shared.items()]
         _, p = self._symbols()

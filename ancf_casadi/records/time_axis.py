@@ -15,8 +15,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents, RecordedChannel
-from ancf_casadi.records.unit_names import names_time
-from ancf_casadi.records.units import Unit, known_unit
+from ancf_casadi.records.units import Unit, known_unit, names_time
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, physical, shown
 
@@ -67,10 +66,7 @@ def is_counter(channel: RecordedChannel) -> bool:
 def timed_channels(
     contents: Contents, path: str, *, time: str | int | None, time_unit: str | None, sample_rate: float | None
 ) -> Timed:
-    """Return all channels of a file but the time itself, each with the times of its samples, and notes.
-
-    The arguments are those of ``read_recording``; ``path`` is the name of the file for messages.
-    """
+    """Return the channels of a file without the time, each with the times of its samples; see ``read_recording``."""
     unit = None if time_unit is None else known_unit(time_unit, "time_unit")
     if unit and unit.quantity != "time":
         raise InputError(f"{unit.symbol!r} is a unit of {unit.quantity}, not of time", "time_unit")

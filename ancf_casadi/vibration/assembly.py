@@ -110,10 +110,7 @@ class ElementBalance:
 def element_balance(
     element: Element, constants: tuple[float, ...], lumped: int, gravity: tuple[float, float]
 ) -> ElementBalance:
-    """Return the balance of an element under gravity (m/s^2).
-
-    Its properties are a column of P, the ``constants``, which are fixed, and a number of ``lumped`` ones.
-    """
+    """Return the balance of an element under gravity (m/s^2), for a column of P and some ``lumped`` properties."""
     coordinates, properties = element.elastic_force.size1_in(0), element.elastic_force.size1_in(1) - len(constants)
     e, p = cs.SX.sym("e", coordinates), cs.SX.sym("p", properties)
     column, last = cs.vertsplit(p, [0, properties - lumped, properties])
@@ -124,10 +121,7 @@ def element_balance(
 
 @lru_cache(maxsize=32)
 def load_balance(xi: float, l: float) -> ElementBalance:
-    """Return the balance of an element of length l under a load p = (Fx, Fy, m) at the point xi, from 0 to 1.
-
-    The moment m follows the slope of the point.
-    """
+    """Return the balance of an element of length l under a load p = (Fx, Fy, m) at xi, 0 to 1; m follows its slope."""
     e, load = cs.SX.sym("e", 2 * NODE), cs.SX.sym("load", 3)
     position, slope = (cs.kron(cs.DM(values(xi, l)).T, cs.DM.eye(2)) for values in (hermite, hermite_slope))
     tangent = slope @ e

@@ -100,8 +100,8 @@ class SimulationError(NumericsError):
 
     Parameters
     ----------
-    message : str
-        The failure, and advice.
+    message, stats
+        See ``NumericsError``.
     time : float
         Simulated time reached, s.
 
@@ -134,10 +134,8 @@ class ContinuationError(NumericsError):
 
     Parameters
     ----------
-    message : str
-        The failure, and advice.
-    stats : mapping, optional
-        Statistics of the solver.
+    message, stats
+        See ``NumericsError``.
     partial : ResponseCurve or Backbone, optional
         The curve up to there.
 

@@ -42,11 +42,6 @@ def rendered(figure: Figure, suffix: str = ".png") -> bytes:
     return out.getvalue()
 
 
-def png(figure: Figure) -> bytes:
-    """Return the content of a PNG file, identical for identical figures."""
-    return rendered(figure, ".png")
-
-
 @literal_text
 def decay_figure(
     time: Array,
@@ -221,10 +216,8 @@ def modes_figure(results: Mapping[str, Modes]) -> Figure:
     """Draw the lowest ten mode shapes on both sides of the equilibrium, by label."""
     first = next(iter(results.values()))
     rest = _shape(first.model, first.equilibrium.coordinates).T
-    shown, lies = (
-        min(max(modes.count for modes in results.values()), 10),
-        np.ptp(rest[:, 0]) > np.ptp(rest[:, 1]),
-    )
+    shown = min(max(modes.count for modes in results.values()), 10)
+    lies = np.ptp(rest[:, 0]) > np.ptp(rest[:, 1])
     columns, width, height = (2, 4.2, 1.7) if lies else (5, 1.8, 3.2)
     columns = min(shown, columns)
     rows = -(-shown // columns)

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ancf_casadi import HarmonicBase, ModalDamping, Model, natural_modes, simulate
-from ancf_casadi.plot import png
+from ancf_casadi.plot import rendered
 from ancf_casadi.support.figures import MEASURED
 from problems.paper import numbers as paper
 from problems.study.drawing import plain_log_ticks, series
@@ -54,5 +54,5 @@ def overview(results: dict) -> Figure:
 if __name__ == "__main__":
     folder = Path(sys.argv[1])
     (Path(__file__).parent / "overview.png").write_bytes(
-        png(overview(json.loads((folder / "results.json").read_text())))
+        rendered(overview(json.loads((folder / "results.json").read_text())))
     )

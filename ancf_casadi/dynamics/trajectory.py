@@ -1,7 +1,7 @@
 """Result of a simulation: positions, forces and energies.
 
 Axial force and bending moment follow from the strains, N = E A eps and M = E I kappa, at the places where these are
-accurate (``mechanics.accurate_strain``).
+accurate (``mechanics.model``).
 
 The energy balance is
 
@@ -21,8 +21,7 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.mechanics.accurate_strain import axial_strains_near, curvature_at
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import NODE, Model, axial_strains_near, curvature_at
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, number, whole
 from ancf_casadi.support.tables import Displayed, Reported, Table, counted

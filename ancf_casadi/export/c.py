@@ -30,7 +30,7 @@ C_KEYWORDS = {"arg", "res", "iw", "w", "NAN", "INFINITY"} | set(
 def write_c(
     functions: MotionFunctions, folder: str | Path, *, name: str = "beam", also: Sequence[cs.Function] = ()
 ) -> tuple[Path, Path, Path]:
-    """Write the Functions as C files NAME.c, NAME.h and main.c: all three, or none if it fails.
+    """Write the Functions as C files, and return their paths: NAME.c, NAME.h and main.c, all three or none.
 
     Parameters
     ----------
@@ -42,11 +42,6 @@ def write_c(
         Name of the files and first part of every C name: small letters, digits and underscores.
     also : sequence of Function
         Further Functions to write, such as user Functions, or those of the reduced model beside the full one.
-
-    Returns
-    -------
-    (Path, Path, Path)
-        The source, the header and the program.
 
     Raises
     ------

@@ -30,7 +30,6 @@ UNUSED_ALLOWED = """#if defined(__GNUC__)
 #pragma GCC diagnostic ignored "-Wunused-function"
 #endif
 """
-C_TIP, C_MARKERS, C_ENERGIES = "r: x and y, m", "r: x and y of each point, m", "T kinetic, U strain, V of gravity, J"
 NOTES = {
     "residual": "r: N for positions, N m for slopes; zero in a motion",
     "residual_jacobians": "Jacobians of r, nonzeros by columns",
@@ -38,20 +37,18 @@ NOTES = {
     "mass": "M: nonzeros by columns, kg, kg m, kg m2",
     "tangent_stiffness": "K: Jacobian of the elastic force, nonzeros by columns, N/m, N, N m",
     "damping_force": "Q: on the left of the equation of motion, N and N m",
-    "tip": C_TIP,
-    "markers": C_MARKERS,
-    "energies": C_ENERGIES,
+    "tip": "r: x and y, m",
+    "markers": "r: x and y of each point, m",
+    "energies": "T kinetic, U strain, V of gravity, J",
     "equilibrium": "q_out or q: free coordinates at rest, m and 1",
     "frequencies": "f: lowest natural frequencies, Hz",
     "step": f"state after the time h, s; base: at {GAMMA!r} h and at h; order 2, stiffly stable",
     "reduced_rhs": "a: accelerations of q, m kg^0.5/s2",
     "reduced_step": "state after the time h, s; base: at 0, h/2 and h; order 4, h at most 1/20 of the shortest period",
-    "reduced_tip": C_TIP,
-    "reduced_markers": C_MARKERS,
-    "reduced_energies": C_ENERGIES,
     "reduced_mass": "M: of the modal coordinates, 1",
     "reduced_coordinates": "e: nodal coordinates of the full model, m and 1; e_t: their velocities",
 }
+NOTES |= {f"reduced_{name}": NOTES[name] for name in ("tip", "markers", "energies")}
 PROGRAM_STEP, PROGRAM_SAMPLES = 5e-3, 400  # seconds between two lines of output, and number of lines after the first
 DEFLECTION = 0.1  # of the tip before the release, to first order, per distance from clamp to tip
 
@@ -120,14 +117,16 @@ def header(name: str, functions: MotionFunctions, every: Mapping[str, cs.Functio
 def _call(called: str, function: cs.Function, raw: cs.Function) -> str:
     """Return the C function with plain arrays that calls CasADi's."""
     work = "static " if _is_static(raw) else ""
-    lines = [f"{_signature(called, function)} {{"]
-    lines.append(f"  {work}double w[{raw.sz_w() + 1}];")
-    lines.append(f"  {work}casadi_int iw[{raw.sz_iw() + 1}];")
-    lines.append(f"  const double* arg[{raw.sz_arg() + 1}];")
-    lines.append(f"  double* res[{raw.sz_res() + 1}];")
-    lines += [f"  arg[{k}] = {label};" for k, label in enumerate(function.name_in())]
-    lines += [f"  res[{k}] = {label};" for k, label in enumerate(_output_names(function))]
-    return "\n".join([*lines, f"  return {raw.name()}(arg, res, iw, w, 0);", "}", ""])
+    given = "".join(f"  arg[{k}] = {label};\n" for k, label in enumerate(function.name_in()))
+    found = "".join(f"  res[{k}] = {label};\n" for k, label in enumerate(_output_names(function)))
+    return f"""{_signature(called, function)} {{
+  {work}double w[{raw.sz_w() + 1}];
+  {work}casadi_int iw[{raw.sz_iw() + 1}];
+  const double* arg[{raw.sz_arg() + 1}];
+  double* res[{raw.sz_res() + 1}];
+{given}{found}  return {raw.name()}(arg, res, iw, w, 0);
+}}
+"""
 
 
 def _is_static(function: cs.Function) -> bool:
@@ -173,10 +172,8 @@ def decay_program(name: str, functions: MotionFunctions) -> str:
     if isinstance(functions, BeamFunctions):
         every, start = 10, _pull(name, functions)  # steps of the full beam per sample
     else:
-        every, start = (
-            math.ceil(PROGRAM_STEP * STEPS_PER_PERIOD * _highest_frequency(functions)),
-            _deflection(functions),
-        )
+        every = math.ceil(PROGRAM_STEP * STEPS_PER_PERIOD * _highest_frequency(functions))
+        start = _deflection(functions)
     upper, stages = name.upper(), functions.step.size2_in("base")
     return f"""the free decay of a beam after its release.
  *

@@ -18,7 +18,7 @@ from msgspec import Struct, to_builtins
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.strict_json import MOST_LEVELS, check, place
 from ancf_casadi.export.structs import DataFile, IdentificationData, ProvenanceData, data_of
-from ancf_casadi.support.inputs import check_instance, is_sequence, shown
+from ancf_casadi.support.inputs import check_instance, instances, is_sequence, shown
 from ancf_casadi.version import __version__
 
 MOST_RESULT_LEVELS = MOST_LEVELS - 4  # of a result, which is four levels deep in a document
@@ -61,10 +61,8 @@ class Identification:
             raise InputError("is not the result of a fit: it does not state its kind and its estimates", "result")
         if not isinstance(result["kind"], str) or not result["kind"]:
             raise InputError(f"must be a text, got {shown(result['kind'])}", "result.kind")
-        if not is_sequence(self.data) or not all(isinstance(file, DataFile) for file in self.data):
-            raise InputError(f"must be a sequence of DataFile, got {shown(self.data)}", "data")
         object.__setattr__(self, "result", _plain(self.result, "result"))
-        object.__setattr__(self, "data", tuple(self.data))
+        object.__setattr__(self, "data", instances(self.data, "data", DataFile, least=0))
         _check(self, IdentificationData)
 
     @classmethod
@@ -158,13 +156,7 @@ class Provenance:
 
     @classmethod
     def of_this(cls, *, note: str = "", written: str | None = None) -> Provenance:
-        """Return the provenance with the versions in use, and the present time unless another one is given.
-
-        Raises
-        ------
-        InputError
-            If the time has another format.
-        """
+        """Return the provenance with the versions in use, and the present time unless another one is given."""
         now = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
         versions = {
             "ancf-casadi": __version__,

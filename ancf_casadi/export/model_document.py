@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 import msgspec
@@ -45,7 +46,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import check_file, write_file
-from ancf_casadi.support.inputs import check_instance, is_sequence, located, shown
+from ancf_casadi.support.inputs import check_instance, instances, located
 from ancf_casadi.support.tables import to_json
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes
@@ -95,23 +96,15 @@ class Document:
 
     def __post_init__(self) -> None:
         """Validate."""
-        for name, kind in (("model", Model), ("damping", DampingLaw | None), ("provenance", Provenance)):
-            if not isinstance(getattr(self, name), kind):
-                raise InputError(f"has another type, {type(getattr(self, name)).__name__}", name)
-        found = self.identifications
-        if not is_sequence(found) or not all(isinstance(item, Identification) for item in found):
-            raise InputError(f"must be a sequence of Identification, got {shown(found)}", "identifications")
-        object.__setattr__(self, "identifications", tuple(found))
+        check_instance(self.model, "model", Model)
+        check_instance(self.damping, "damping", DampingLaw, NoneType)
+        check_instance(self.provenance, "provenance", Provenance)
+        found = instances(self.identifications, "identifications", Identification, least=0)
+        object.__setattr__(self, "identifications", found)
         _check_mesh(self.damping, self.model)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the document as plain data.
-
-        Raises
-        ------
-        InputError
-            If a document cannot hold the damping law.
-        """
+        """Return the document as plain data; a damping law that it cannot hold raises an ``InputError``."""
         data = DocumentData(
             format=DOCUMENT_FORMAT,
             schema=DOCUMENT_VERSION,
@@ -184,15 +177,13 @@ def _check_mesh(law: DampingLaw | None, model: Model) -> None:
 def _document(data: DocumentData) -> Document:
     model = model_from(data.beam, data.strain_measures, "$")
     law = None if data.damping is None else law_from(data.damping, model, "$.damping")
-    found = [_identification(item, place("$.identifications", k)) for k, item in enumerate(data.identifications)]
+    found = []
+    for k, item in enumerate(data.identifications):
+        with located(place("$.identifications", k)):
+            found.append(Identification(item.result, item.data))
     with located("$.provenance"):
         provenance = Provenance(**asdict(data.provenance))
     return Document(model, law, found, provenance)
-
-
-def _identification(data: IdentificationData, where: str) -> Identification:
-    with located(where):
-        return Identification(data.result, data.data)
 
 
 def beam_data(beam: Beam) -> BeamData:

@@ -98,10 +98,7 @@ def equilibrium_function(rest: Equilibrium, equations: Equations, start: Array) 
 
 
 def frequencies_function(modes: Modes, equations: Equations, equilibrium: cs.Function) -> cs.Function:
-    """Return p -> f, the lowest natural frequencies about the ``equilibrium`` p -> q, Hz.
-
-    Their number is that of ``modes``, the modes of the model and the first guess.
-    """
+    """Return p -> f, the lowest natural frequencies about the ``equilibrium`` p -> q, Hz; ``modes`` are the guess."""
     model, scale, free = modes.model, cs.DM(_scale(modes.equilibrium)), modes.model.free
     p = cs.MX.sym("p", equilibrium.size1_in(0))
     properties = equations.balance_for(p).properties
@@ -155,10 +152,7 @@ def _eigenpair(K: cs.Sparsity, M: cs.Sparsity) -> cs.Function:
 
 
 def step_function(residual: cs.Function, jacobians: cs.Function, modes: Modes) -> cs.Function:
-    """Return (q, v, base, p, h) -> q_next, v_next.
-
-    The residual is (q, v, a, base, p) -> r, the Jacobians are its dr_dq, dr_dv and dr_da.
-    """
+    """Return (q, v, base, p, h) -> q_next, v_next, from (q, v, a, base, p) -> r and its dr_dq, dr_dv and dr_da."""
     model = modes.model
     mass = model.mass(model.properties)[model.free, model.free]
     names = ("q", "v", "base", "p")

@@ -12,7 +12,7 @@ RFC 8259, "The JavaScript Object Notation (JSON) data interchange format".
 from __future__ import annotations
 
 import json
-import math
+import sys
 from collections import Counter
 from pathlib import Path
 from typing import Any, NoReturn
@@ -55,7 +55,7 @@ def check(value: Any, where: str, level: int = 1) -> None:
         raise InputError(f"has more than {MOST_LEVELS} levels", where)
     if value is REPEATED:
         raise InputError("the key appears twice", where)
-    if isinstance(value, int | float) and not _is_finite(value):
+    if isinstance(value, int | float) and not abs(value) <= sys.float_info.max:  # whole numbers have any size
         raise InputError("is beyond the range of numbers", where)
     if isinstance(value, str):
         _check_text(value, where)
@@ -86,11 +86,3 @@ def _check_text(text: Any, where: str) -> None:
         raise InputError(f"must be a text, got {shown(text)}", where)
     if any("\ud800" <= character <= "\udfff" for character in text):
         raise InputError("holds half a character (a lone surrogate)", where)
-
-
-def _is_finite(value: float) -> bool:
-    """Return whether a number, possibly a whole number of any size, is within the range of doubles."""
-    try:
-        return math.isfinite(value)
-    except OverflowError:
-        return False

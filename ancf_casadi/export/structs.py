@@ -192,13 +192,7 @@ class DataFile(DocumentObject, frozen=True):
 
     @classmethod
     def of(cls, path: str | Path) -> DataFile:
-        """Return name and hash of a file.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be read.
-        """
+        """Return name and hash of a file; one that cannot be read raises an ``InputError``."""
         digest = hashlib.sha256()
         with opened(path) as file:
             while chunk := file.read(2**20):  # bytes

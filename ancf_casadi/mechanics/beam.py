@@ -180,17 +180,11 @@ class Beam(Displayed):
 
         Parameters
         ----------
-        length : float
-            Length, m.
-        width, thickness : float or sequence of float
-            Section, m; a sequence gives one value per element.
-        density : float or sequence of float
-            Density, kg/m^3.
-        elastic_modulus : float or sequence of float
-            Elastic modulus, Pa.
+        width, thickness, density, elastic_modulus : float or sequence of float
+            As in ``Beam``, or one number for all elements.
         elements : int
             Number of elements, at least 2.
-        axis, gravity, tip_mass, clamp_stiffness
+        length, axis, gravity, tip_mass, clamp_stiffness
             See ``Beam``.
 
         Raises
@@ -242,13 +236,7 @@ class Beam(Displayed):
 
     @classmethod
     def from_table(cls, table: Any, where: str) -> Beam:
-        """Make a beam from the table ``[beam]`` of a document, which error messages call ``where``.
-
-        Raises
-        ------
-        InputError
-            As in ``from_toml``.
-        """
+        """Make a beam from the table ``[beam]`` of a document, called ``where`` in messages; see ``from_toml``."""
         if not isinstance(table, dict):
             raise InputError("has no table [beam]", where)
         required = {"length", "elements", *PROPERTIES}

@@ -139,22 +139,22 @@ def derived_element(
     drag_force = sum((side @ v * cs.sqrt(cs.sumsqr(v) + SMOOTHING_SPEED**2) for side, v in moving), 0 * e_t)
     friction_force = sum((side @ v / cs.sqrt(cs.sumsqr(v) + v0**2) for side, v in moving), 0 * e_t)
 
-    def function(name: str, inputs: list[cs.SX], output: Any) -> cs.Function:
-        return cs.Function(name, inputs, [cs.cse(cs.densify(output))])
-
+    outputs: dict[str, tuple[list[cs.SX], Any]] = {
+        "strain_energy": ([e, p], cs.dot(d, s**2) / 2),
+        "elastic_force": ([e, p], elastic_force),
+        "tangent_stiffness": ([e, p], tangent_stiffness),
+        "tangent_force": ([e, e_t, p], tangent_force),
+        "reference_force": ([e_t, p], cs.substitute(tangent_force, e, straight)),
+        "strain_rate_force": ([e, e_t, p], strain_rate_force),
+        "mass": ([p], mass),
+        "inertia_force": ([e_t, p], mass @ e_t),
+        "line_inertia_force": ([e_t, p], line_mass @ e_t),
+        "gravity_force": ([p, g], gravity @ g),
+        "drag_force": ([e_t, p], drag_force),
+        "friction_force": ([e_t, p, v0], friction_force),
+    }
     return Element(
-        strain_energy=function("strain_energy", [e, p], cs.dot(d, s**2) / 2),
-        elastic_force=function("elastic_force", [e, p], elastic_force),
-        tangent_stiffness=function("tangent_stiffness", [e, p], tangent_stiffness),
-        tangent_force=function("tangent_force", [e, e_t, p], tangent_force),
-        reference_force=function("reference_force", [e_t, p], cs.substitute(tangent_force, e, straight)),
-        strain_rate_force=function("strain_rate_force", [e, e_t, p], strain_rate_force),
-        mass=function("mass", [p], mass),
-        inertia_force=function("inertia_force", [e_t, p], mass @ e_t),
-        line_inertia_force=function("line_inertia_force", [e_t, p], line_mass @ e_t),
-        gravity_force=function("gravity_force", [p, g], gravity @ g),
-        drag_force=function("drag_force", [e_t, p], drag_force),
-        friction_force=function("friction_force", [e_t, p, v0], friction_force),
+        **{name: cs.Function(name, given, [cs.cse(cs.densify(output))]) for name, (given, output) in outputs.items()}
     )
 
 
@@ -204,26 +204,13 @@ class Group:
 
     The symbolic assembly (``model``) and the numerical one (``vibration.assembly``) use the same groups.  The
     properties of an element are a column of P if the group has columns, then ``constants``, then ``lumped``.
-
-    Parameters
-    ----------
-    element : Element
-        The Functions of one of them.
-    coordinates : array (k, d)
-        Indices of the nodal coordinates of each of the k elements.
-    columns : int
-        Number of columns of P, from the first, that belong to these elements: k, or 0.
-    constants : tuple of float
-        The fixed properties: length and axis.
-    lumped : mapping of str to float
-        Names, from ``beam.LUMPED``, and values of the properties that the beam has only once.
     """
 
-    element: Element
-    coordinates: Index
-    columns: int
-    constants: tuple[float, ...]
-    lumped: dict[str, float]
+    element: Element  # the Functions of one of them
+    coordinates: Index  # indices of the nodal coordinates of each of the k elements, (k, d)
+    columns: int  # number of columns of P, from the first, that belong to these elements: k, or 0
+    constants: tuple[float, ...]  # the fixed properties: length and axis
+    lumped: dict[str, float]  # names, from ``beam.LUMPED``, and values of the properties that the beam has only once
 
     @property
     def count(self) -> int:
@@ -231,10 +218,7 @@ class Group:
         return len(self.coordinates)
 
     def properties(self, P: Any, lumped: Mapping[str, Any] | None = None) -> Any:
-        """Return the properties of each element as columns.
-
-        They come from the properties P (4, n) of the beam and, if given, other values of the lumped ones by name.
-        """
+        """Return the properties of each element as columns, from P (4, n) and, if given, other lumped ones by name."""
         own = self.lumped if lumped is None else {name: lumped[name] for name in self.lumped}
         given = cs.vertcat(*self.constants, *own.values())
         return cs.vertcat(P[:, : self.columns], cs.repmat(given, 1, self.columns)) if self.columns else given

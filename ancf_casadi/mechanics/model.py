@@ -12,6 +12,10 @@ the beam, which makes 4 (n + 2) coordinates, and the clamp is one more element, 
 
 The properties P are a matrix with one column (width, thickness, density, elastic modulus) per element.  Every Function
 here is symbolic in P; ``Model.properties`` holds the values of the beam.
+
+The curvature of a cubic element is accurate at its two Gauss points; elsewhere it is taken from the straight line
+through these values.  Of the axial strain, only the mean over an element is accurate; elsewhere the straight line
+through the means of two elements is used.
 """
 
 from __future__ import annotations
@@ -28,12 +32,21 @@ import numpy as np
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES, Beam
 from ancf_casadi.mechanics.element import Element, Group, elastic_clamp, element, tip_mass
-from ancf_casadi.mechanics.strain import StrainMeasures, gauss, hermite, hermite_curvature, hermite_slope
+from ancf_casadi.mechanics.strain import (
+    StrainMeasures,
+    axial_strain,
+    curvature,
+    gauss,
+    hermite,
+    hermite_curvature,
+    hermite_slope,
+)
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import check_instance, number
 from ancf_casadi.support.tables import Displayed
 
 NODE = 4  # coordinates of a node: position and slope
+At = Callable[[Array], tuple[Any, Any]]  # multiplies an interpolation by coordinates, numbers or symbols: x and y
 
 
 @dataclass(frozen=True)
@@ -49,11 +62,6 @@ class Model(Displayed):
         The beam.
     measures : StrainMeasures
         The strain measures of Eq. (8).
-
-    Raises
-    ------
-    InputError
-        If ``beam`` is not a Beam, or ``measures`` are not StrainMeasures.
 
     Examples
     --------
@@ -236,47 +244,30 @@ class Model(Displayed):
     def interpolation(self, point: float) -> Array:
         """Return S with r(s) = S e, Eq. (2), for the point at arc length ``point`` (m) from the clamp, (2, 4 n + 4).
 
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
+        A point that is not on the beam raises an ``InputError``, here and in the following methods.
         """
         return self._interpolation(point, hermite)
 
     def slope_interpolation(self, point: float) -> Array:
-        """Return S' with r'(s) = S' e, (2, 4 n + 4).
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
+        """Return S' with r'(s) = S' e, (2, 4 n + 4)."""
         return self._interpolation(point, hermite_slope)
 
     def curvature_interpolation(self, point: float) -> Array:
-        """Return S'' with r''(s) = S'' e, (2, 4 n + 4), 1/m.
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
+        """Return S'' with r''(s) = S'' e, (2, 4 n + 4), 1/m."""
         return self._interpolation(point, hermite_curvature)
 
+    def gauss_points(self, index: int) -> tuple[float, float]:
+        """Return the arc lengths of the two Gauss points of an element, m, where the strains are accurate."""
+        first, second = ((index + gauss(2)[0]) * self.beam.element_length).tolist()
+        return first, second
+
     def gauss_slopes(self, e: Array) -> Array:
-        """Return r' at the two Gauss points of each element, (2, 2 n), where the strains are accurate."""
-        l = self.beam.element_length
-        points = ((np.arange(self.beam.elements)[:, None] + gauss(2)[0]) * l).ravel()
-        return np.array([self.slope_interpolation(float(s)) @ e for s in points]).T
+        """Return r' at the two Gauss points of each element, (2, 2 n)."""
+        points = [s for index in range(self.beam.elements) for s in self.gauss_points(index)]
+        return np.array([self.slope_interpolation(s) @ e for s in points]).T
 
     def element_at(self, point: float) -> int:
-        """Return the number, from 0, of the element with the point at arc length ``point`` (m).
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
+        """Return the number, from 0, of the element with the point at arc length ``point`` (m)."""
         point = number(point, "point")
         if not 0.0 <= point <= self.beam.length:
             raise InputError(f"the point must be on the beam, 0 to {self.beam.length:g} m, got {point:g}", "point")
@@ -293,10 +284,7 @@ class Model(Displayed):
         return cs.MX.sym("e", self.size), cs.MX.sym("P", len(PROPERTIES), self.beam.elements)
 
     def _mapped(self, name: str, p: cs.MX, *vectors: cs.MX, shared: Sequence[cs.MX] = ()) -> list[cs.MX]:
-        """Evaluate the element Function ``name`` for all elements of each group, from vectors at all nodes.
-
-        The inputs after the properties are ``shared`` by all elements.
-        """
+        """Evaluate an element Function for each group, from vectors at all nodes; its last inputs are ``shared``."""
         results = []
         for group in self.groups:
             function: cs.Function = getattr(group.element, name)
@@ -305,10 +293,7 @@ class Model(Displayed):
         return results
 
     def _force(self, name: str, *inputs: str, output: str = "Q", **shared: int) -> cs.Function:
-        """Return the sum at the nodes of the element force ``name`` as a Function.
-
-        Its inputs are vectors at all nodes, the properties, and the numbers that all elements share, given by size.
-        """
+        """Return the sum of an element force as a Function of vectors at all nodes, P, and shared numbers by size."""
         vectors = [cs.MX.sym(symbol, self.size) for symbol in inputs]
         same = [cs.MX.sym(symbol, size) for symbol, size in shared.items()]
         _, p = self._symbols()
@@ -322,3 +307,27 @@ class Model(Displayed):
     def _summary(self) -> str:
         measures = "" if self.measures == StrainMeasures() else f", {self.measures}"
         return f"{self.beam._summary()}{measures}"
+
+
+def curvature_at(model: Model, s: float, at: At) -> Any:
+    """Return the curvature at arc length ``s`` (m), 1/m, positive counterclockwise."""
+    points = first, second = model.gauss_points(model.element_at(s))
+    slopes, seconds = (
+        [at(rows(point)) for point in points] for rows in (model.slope_interpolation, model.curvature_interpolation)
+    )
+    values = [curvature(*pair, model.measures.curvature) for pair in zip(slopes, seconds, strict=True)]
+    return values[0] + (s - first) / (second - first) * (values[1] - values[0])
+
+
+def axial_strains_near(model: Model, s: float, at: At) -> list[tuple[float, int, Any]]:
+    """Return the two elements whose mean axial strains give that at arc length ``s`` (m): weight, number and strain."""
+    model.element_at(s)
+    place = s / model.beam.element_length - 0.5
+    index = min(max(int(place), 0), model.beam.elements - 2)
+    pairs = ((1.0 - (place - index), index), (place - index, index + 1))
+    return [(weight, k, _mean_axial_strain(model, k, at)) for weight, k in pairs]
+
+
+def _mean_axial_strain(model: Model, index: int, at: At) -> Any:
+    strains = [axial_strain(at(model.slope_interpolation(s)), model.measures.axial) for s in model.gauss_points(index)]
+    return (strains[0] + strains[1]) / 2

@@ -78,13 +78,7 @@ class PointLoad(Displayed):
         return cls((mass * x, mass * y), point=point)
 
     def place(self, beam: Beam) -> float:
-        """Return the arc length of the point on a beam, m.
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
+        """Return the arc length of the point on a beam, m; a point beyond its tip raises an ``InputError``."""
         if self.point is None:
             return beam.length
         if self.point > beam.length:

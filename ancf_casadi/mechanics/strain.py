@@ -44,12 +44,7 @@ def hermite(xi: Any, l: float) -> tuple[Any, Any, Any, Any]:
 
 def hermite_slope(xi: Any, l: float) -> tuple[Any, Any, Any, Any]:
     """Return s1'..s4' at ``xi``, in 1/m for the positions and dimensionless for the slopes."""
-    return (
-        (6 * xi**2 - 6 * xi) / l,
-        1 - 4 * xi + 3 * xi**2,
-        (6 * xi - 6 * xi**2) / l,
-        3 * xi**2 - 2 * xi,
-    )
+    return (6 * xi**2 - 6 * xi) / l, 1 - 4 * xi + 3 * xi**2, (6 * xi - 6 * xi**2) / l, 3 * xi**2 - 2 * xi
 
 
 def hermite_curvature(xi: Any, l: float) -> tuple[Any, Any, Any, Any]:
@@ -130,11 +125,10 @@ def curvature(slope: Any, second: Any, measure: Curvature) -> Any:
 
 def axial_strains(e: cs.SX, l: cs.SX, measures: StrainMeasures) -> list[tuple[cs.SX, float]]:
     """Return eps at each Gauss point with its weight, from coordinates e scaled to an element of length 1."""
-    strains = []
-    for xi, w in gauss_pairs(measures.axial_points):
-        slope = cs.vertsplit(shape_matrix(xi, hermite_slope) @ e / l)
-        strains.append((axial_strain(slope, measures.axial), w))
-    return strains
+    slopes = [
+        (cs.vertsplit(shape_matrix(xi, hermite_slope) @ e / l), w) for xi, w in gauss_pairs(measures.axial_points)
+    ]
+    return [(axial_strain(slope, measures.axial), w) for slope, w in slopes]
 
 
 def bending_strains(e: cs.SX, l: cs.SX, measures: StrainMeasures) -> list[tuple[cs.SX, float]]:

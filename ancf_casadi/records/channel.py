@@ -12,33 +12,15 @@ from ancf_casadi.support.tables import Displayed, counted
 
 @dataclass(frozen=True, eq=False)
 class RecordedChannel(Displayed):
-    """One column of a file, or one channel of a measuring system.
+    """One column of a file, or one channel of a measuring system."""
 
-    Parameters
-    ----------
-    number : int
-        Number of the column in the file, from 1.
-    name : str
-        Its name.
-    values : ndarray
-        Its numbers in the unit of the file; nan marks a gap.
-    symbol : str
-        Unit as written in the file; empty if there is none.
-    unit : Unit or None
-        Meaning of the unit; None if there is none, or if it is not understood.
-    time : ndarray or None
-        Time of each number, s, if the file gives it.
-    fault : str
-        Reason why the column cannot be used; empty if it can.
-    """
-
-    number: int
+    number: int  # number of the column in the file, from 1
     name: str
-    values: Array
-    symbol: str = ""
-    unit: Unit | None = None
-    time: Array | None = None
-    fault: str = ""
+    values: Array  # its numbers in the unit of the file; nan marks a gap
+    symbol: str = ""  # unit as written in the file; empty if there is none
+    unit: Unit | None = None  # meaning of the unit; None if there is none, or if it is not understood
+    time: Array | None = None  # time of each number, s, if the file gives it
+    fault: str = ""  # reason why the column cannot be used; empty if it can
 
     @property
     def label(self) -> str:
@@ -51,21 +33,11 @@ class RecordedChannel(Displayed):
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """The columns of a file, before one of them is chosen as the time.
-
-    Parameters
-    ----------
-    channels : tuple of RecordedChannel
-        All columns, in their order.
-    notes : tuple of str
-        Decisions of the reader that the user should know.
-    lines : ndarray or None
-        Line of each row in a text file.
-    """
+    """The columns of a file, before one of them is chosen as the time."""
 
     channels: tuple[RecordedChannel, ...]
-    notes: tuple[str, ...] = ()
-    lines: Index | None = None
+    notes: tuple[str, ...] = ()  # decisions of the reader that the user should know
+    lines: Index | None = None  # line of each row in a text file
 
     def place(self, row: int) -> str:
         """Return the place of a row in the file, for messages."""

@@ -103,18 +103,13 @@ class Measurement(Displayed):
             File in any format that ``read_recording`` reads.
         column : str or int, optional
             Name or number (from 1) of the column with the values; not needed if there is only one.
-        time : str or int, optional
-            Name or number of the column with the times; needed only if the reader cannot find it.
-        unit, time_unit : str, optional
-            Units of the values and the times, such as ``mm`` and ``ms``, in place of those in the file.  Without any
-            unit, values are in the SI unit of the sensor, and times in s.
-        sample_rate : float, optional
-            Samples per second, for a file without times; ``time`` may then name a column of frame numbers.
+        time, time_unit, sample_rate, progress
+            See ``read_recording``.
+        unit : str, optional
+            Unit of the values, such as ``mm``, in place of that in the file; without any, the SI unit of the sensor.
         sensor : Sensor, optional
             Quantity and place of the sensor; if not given, the unit tells the quantity, and values without a unit are
             displacements.
-        progress : bool
-            Whether to show a progress bar on a terminal if reading takes more than a second.
 
         Raises
         ------
@@ -147,13 +142,7 @@ class Measurement(Displayed):
         unit: str | None = None,
         sensor: Sensor | None = None,
     ) -> Measurement:
-        """Return one channel of a recording; the arguments are those of ``from_file``.
-
-        Raises
-        ------
-        InputError
-            As in ``from_file``.
-        """
+        """Return one channel of a recording; arguments and errors are those of ``from_file``."""
         check_instance(recording, "recording", Recording)
         check_instance(sensor, "sensor", Sensor, NoneType)
         given = None if unit is None else known_unit(unit, "unit")

@@ -78,35 +78,17 @@ def without_line(time: Array, values: Array) -> Array:
 
 @dataclass(frozen=True)
 class Sampling:
-    """Sampling of a record.
-
-    Parameters
-    ----------
-    samples : int
-        Number of samples.
-    begin, end : float
-        First and last time, s.
-    rate : float
-        Samples per second between gaps; nan for fewer than two samples.
-    gaps : int
-        Number of gaps: steps of more than 1.5 times the median.
-    missing : int
-        Number of samples that would fill the gaps.
-    longest_gap, longest_gap_at : float
-        Length of the longest gap, and its begin, s; nan without a gap.
-    jitter : float
-        Standard deviation of the steps without the gaps, relative to the median.
-    """
+    """Sampling of a record."""
 
     samples: int
-    begin: float
-    end: float
-    rate: float
-    gaps: int
-    missing: int
-    longest_gap: float
-    longest_gap_at: float
-    jitter: float
+    begin: float  # first time, s
+    end: float  # last time, s
+    rate: float  # samples per second between gaps; nan for fewer than two samples
+    gaps: int  # number of gaps: steps of more than 1.5 times the median
+    missing: int  # number of samples that would fill the gaps
+    longest_gap: float  # s; nan without a gap
+    longest_gap_at: float  # its begin, s; nan without a gap
+    jitter: float  # standard deviation of the steps without the gaps, relative to the median
 
 
 def sampling(time: Array) -> Sampling:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -55,26 +54,14 @@ class Recording(Displayed):
 
     @property
     def time(self) -> Array:
-        """Times of the samples, s, if all channels share them.
-
-        Raises
-        ------
-        InputError
-            If they do not.
-        """
+        """Times of the samples, s; channels that do not share them raise an ``InputError``."""
         times = [channel.time for channel in self.channels if channel.time is not None]
         if not times or any(time is not times[0] and not np.array_equal(time, times[0]) for time in times[1:]):
             raise InputError("its channels have times of their own; use the time of a channel", self.path)
         return times[0]
 
     def channel(self, column: str | int | None = None) -> RecordedChannel:
-        """Return the channel with a name or number, or the only one with measured values.
-
-        Raises
-        ------
-        InputError
-            If there is no such channel, or it cannot be used.
-        """
+        """Return the channel with a name or number, or the only one with measured values; it must be usable."""
         if column is not None:
             found = find_channel(self.channels, column, "--column", self.path)
         else:
@@ -134,9 +121,8 @@ def read_recording(
     >>> [channel.name for channel in recording.channels], recording.time
     (['x_mm', 'y_mm'], array([0.  , 0.01, 0.02]))
     """
-    return recording_of(
-        read_contents(path, progress=progress), path, time=time, time_unit=time_unit, sample_rate=sample_rate
-    )
+    contents = read_contents(path, progress=progress)
+    return recording_of(contents, path, time=time, time_unit=time_unit, sample_rate=sample_rate)
 
 
 @np.errstate(all="ignore")  # a file may hold any numbers; what overflows is refused as not finite
@@ -149,17 +135,15 @@ def recording_of(
     sample_rate: float | None = None,
 ) -> Recording:
     """Return the channels of a file with their times; as ``read_recording``, for contents that have been read."""
+    notes: tuple[str, ...] = ()
     if time is None and sample_rate is None and any(channel.time is not None for channel in contents.channels):
         channels = tuple(map(_timed, contents.channels))
-        return Recording(str(path), channels, contents.notes + _assumed(channels))
-    channels, notes = timed_channels(contents, str(path), time=time, time_unit=time_unit, sample_rate=sample_rate)
-    return Recording(str(path), channels, contents.notes + notes + _assumed(channels))
-
-
-def _assumed(channels: Sequence[RecordedChannel]) -> tuple[str, ...]:
-    """Return a note on the channels without a unit."""
+    else:
+        channels, notes = timed_channels(contents, str(path), time=time, time_unit=time_unit, sample_rate=sample_rate)
     bare = [channel for channel in channels if not (channel.symbol or channel.fault or is_counter(channel))]
-    return (f"no unit is given for {listed(bare)}; SI units are assumed",) if bare else ()
+    if bare:
+        notes += (f"no unit is given for {listed(bare)}; SI units are assumed",)
+    return Recording(str(path), channels, contents.notes + notes)
 
 
 def _timed(channel: RecordedChannel) -> RecordedChannel:

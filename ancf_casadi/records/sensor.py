@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Literal, get_args
 
 from ancf_casadi.exceptions import InputError
@@ -14,9 +13,7 @@ from ancf_casadi.records.units import Unit
 from ancf_casadi.support.inputs import choice, flag, number, shown, vector
 from ancf_casadi.support.tables import Displayed
 
-Quantity = Literal[
-    "position", "displacement", "velocity", "acceleration", "slope", "strain", "force", "moment"
-]  # fmt: skip
+Quantity = Literal["position", "displacement", "velocity", "acceleration", "slope", "strain", "force", "moment"]
 Frame = Literal["inertial", "body"]
 
 SENSOR_UNITS: Mapping[Quantity, str] = {
@@ -29,22 +26,10 @@ SENSOR_UNITS: Mapping[Quantity, str] = {
     "force": "N",
     "moment": "N m",
 }
-
-
-TIME_DERIVATIVES: Mapping[str, int] = {"velocity": 1, "acceleration": 2}  # by time; 0 for the other quantities
 IN_BODY_FRAME = ("velocity", "acceleration", "force")
 AT_CLAMP = ("force", "moment")
-SENSOR_QUANTITIES: Mapping[str, tuple[Quantity, ...]] = MappingProxyType(
-    {
-        "length": ("displacement", "position"),
-        "velocity": ("velocity",),
-        "acceleration": ("acceleration",),
-        "angle": ("slope",),
-        "strain": ("strain",),
-        "force": ("force",),
-        "moment": ("moment",),
-    }
-)  # quantity of a unit -> quantities of sensors, the usual one first
+# quantities of sensors, the usual one first, by the quantity of a unit if that has another name
+OTHER_NAMES: Mapping[str, tuple[Quantity, ...]] = {"length": ("displacement", "position"), "angle": ("slope",)}
 
 
 @dataclass(frozen=True)
@@ -143,7 +128,7 @@ class Sensor(Displayed):
     @property
     def derivatives(self) -> int:
         """Number of time derivatives from the motion to the record: 1 for velocity, 2 for acceleration."""
-        return TIME_DERIVATIVES.get(self.quantity, 0)
+        return {"velocity": 1, "acceleration": 2}.get(self.quantity, 0)
 
     @property
     def motion_unit(self) -> str:
@@ -162,7 +147,7 @@ def sensor_of(channel: RecordedChannel, given: Unit | None, sensor: Sensor | Non
         if channel.symbol:
             raise InputError(f"the unit {shown(channel.symbol)} is not understood; give the unit with --unit")
         return 1.0, sensor or Sensor()
-    fitting = SENSOR_QUANTITIES.get(unit.quantity, ())
+    fitting = OTHER_NAMES.get(unit.quantity) or tuple(own for own in SENSOR_UNITS if own == unit.quantity)
     if not fitting:
         raise InputError(
             f"is in {unit.symbol}, a unit of {unit.quantity}, which no sensor measures; "

@@ -15,8 +15,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents, RecordedChannel
-from ancf_casadi.records.unit_names import names_time
-from ancf_casadi.records.units import Unit, known_unit
+from ancf_casadi.records.units import Unit, known_unit, names_time
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, physical, shown
 
@@ -67,10 +66,7 @@ def is_counter(channel: RecordedChannel) -> bool:
 def timed_channels(
     contents: Contents, path: str, *, time: str | int | None, time_unit: str | None, sample_rate: float | None
 ) -> Timed:
-    """Return all channels of a file but the time itself, each with the times of its samples, and notes.
-
-    The arguments are those of ``read_recording``; ``path`` is the name of the file for messages.
-    """
+    """Return the channels of a file without the time, each with the times of its samples; see ``read_recording``."""
     unit = None if time_unit is None else known_unit(time_unit, "time_unit")
     if unit and unit.quantity != "time":
         raise InputError(f"{unit.symbol!r} is a unit of {unit.quantity}, not of time", "time_unit")
@@ -95,13 +91,11 @@ def _from_rate(contents: Contents, path: str, rate: float, time: str | int | Non
                 f"column {counter.label} has times in {counter.symbol}; leave out --sample-rate, or --time", path
             )
         seconds = (counter.values - counter.values[0]) / rate
-        notes = (f"times from column {counter.label} at {rate:g} 1/s",)
-        return _on_times(contents, counter, seconds, notes, path)
+        return _on_times(contents, counter, seconds, (f"times from column {counter.label} at {rate:g} 1/s",), path)
     count = max((len(channel.values) for channel in contents.channels), default=0)
     seconds = np.arange(count) / rate
     channels = tuple(replace(own, time=seconds[: len(own.values)]) for own in contents.channels)
-    notes = (f"times from the sampling rate, {rate:g} 1/s",)
-    return channels, notes
+    return channels, (f"times from the sampling rate, {rate:g} 1/s",)
 
 
 def _chosen(contents: Contents, path: str) -> RecordedChannel:

@@ -1,7 +1,13 @@
-"""Units of measurement: the quantity and the factor to SI units of a unit as people write it.
+"""Units of measurement: quantity and factor to SI units of a unit as people write it, alone or in the name of a column.
 
-``KNOWN_UNITS`` lists the symbols, with ``u`` for micro; ``PRODUCTS`` the products and quotients that have a name.
+``UNITS`` lists the symbols, with ``u`` for micro; ``PRODUCTS`` the products and quotients that have a name.
 Any other combination is not understood, so that the caller is asked for the unit.
+
+In the name of a column, the unit stands in brackets (``Time (ms)``, ``x [mm]``), behind a slash or ``in`` (``x / mm``,
+``Weg in mm``), or among the words, at the end as a rule (``tip_mm``, ``Time ms``, ``acc_m_s2``, ``v_mm_per_s``,
+``x_mm_raw``).  The first word names the quantity.  Of the other words, the longest run that denotes a unit counts.  A
+run that may be part of another unit, as in ``x_mm_per_rev``, ``force_N_m`` or ``area_mm2``, is doubtful, and the caller
+is asked.
 """
 
 from __future__ import annotations
@@ -11,7 +17,6 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from types import MappingProxyType
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import shown
@@ -22,41 +27,31 @@ DEGREE = 0.017453292519943295  # rad
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of measurement.
+    """A unit of measurement."""
 
-    Parameters
-    ----------
-    symbol : str
-        The unit as it was written.
-    quantity : str
-        Quantity that it measures, such as ``length``.
-    factor : float
-        SI units per unit.
-    """
-
-    symbol: str
-    quantity: str
-    factor: float
+    symbol: str  # the unit as it was written
+    quantity: str  # quantity that it measures, such as ``length``
+    factor: float  # SI units per unit
 
 
-TIME = {
-    "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "sek": 1.0, "sekunden": 1.0,
-    "ms": 1e-3, "msec": 1e-3, "millisecond": 1e-3, "milliseconds": 1e-3,
-    "us": 1e-6, "usec": 1e-6, "microsecond": 1e-6, "microseconds": 1e-6,
-    "ns": 1e-9, "nsec": 1e-9, "nanosecond": 1e-9, "nanoseconds": 1e-9,
-    "min": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0, "hour": 3600.0, "hours": 3600.0,
-    "day": 86400.0, "days": 86400.0,
-}  # fmt: skip
-LENGTH = {
-    "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "km": 1e3, "dm": 0.1,
-    "cm": 1e-2, "centimeter": 1e-2, "centimeters": 1e-2, "centimetre": 1e-2, "centimetres": 1e-2,
-    "mm": 1e-3, "millimeter": 1e-3, "millimeters": 1e-3, "millimetre": 1e-3, "millimetres": 1e-3,
-    "um": 1e-6, "micron": 1e-6, "microns": 1e-6, "micrometer": 1e-6, "micrometers": 1e-6, "micrometre": 1e-6,
-    "micrometres": 1e-6, "nm": 1e-9,
-    "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "ft": 0.3048, "foot": 0.3048, "feet": 0.3048,
-    "mil": 2.54e-5, "mils": 2.54e-5, "thou": 2.54e-5,
-}  # fmt: skip
-OTHER_UNITS: Mapping[str, Mapping[str, float]] = {
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "time": {
+        "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "sek": 1.0, "sekunden": 1.0,
+        "ms": 1e-3, "msec": 1e-3, "millisecond": 1e-3, "milliseconds": 1e-3,
+        "us": 1e-6, "usec": 1e-6, "microsecond": 1e-6, "microseconds": 1e-6,
+        "ns": 1e-9, "nsec": 1e-9, "nanosecond": 1e-9, "nanoseconds": 1e-9,
+        "min": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0, "hour": 3600.0, "hours": 3600.0,
+        "day": 86400.0, "days": 86400.0,
+    },
+    "length": {
+        "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "km": 1e3, "dm": 0.1,
+        "cm": 1e-2, "centimeter": 1e-2, "centimeters": 1e-2, "centimetre": 1e-2, "centimetres": 1e-2,
+        "mm": 1e-3, "millimeter": 1e-3, "millimeters": 1e-3, "millimetre": 1e-3, "millimetres": 1e-3,
+        "um": 1e-6, "micron": 1e-6, "microns": 1e-6, "micrometer": 1e-6, "micrometers": 1e-6, "micrometre": 1e-6,
+        "micrometres": 1e-6, "nm": 1e-9,
+        "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "ft": 0.3048, "foot": 0.3048, "feet": 0.3048,
+        "mil": 2.54e-5, "mils": 2.54e-5, "thou": 2.54e-5,
+    },
     "acceleration": {
         "g": STANDARD_GRAVITY, "gn": STANDARD_GRAVITY, "g0": STANDARD_GRAVITY, "gs": STANDARD_GRAVITY,
         "mg": 1e-3 * STANDARD_GRAVITY, "ug": 1e-6 * STANDARD_GRAVITY, "gal": 1e-2,
@@ -87,23 +82,15 @@ OTHER_UNITS: Mapping[str, Mapping[str, float]] = {
 }  # fmt: skip
 
 
-KNOWN_UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
-    {
-        name: (quantity, factor)
-        for quantity, units in {"time": TIME, "length": LENGTH, **OTHER_UNITS}.items()
-        for name, factor in units.items()
-    }
-)  # symbol -> quantity, SI units per unit
-PRODUCTS: Mapping[frozenset[tuple[str, int]], str] = MappingProxyType(
-    {
-        frozenset({("length", 1), ("time", -1)}): "velocity",
-        frozenset({("length", 1), ("time", -2)}): "acceleration",
-        frozenset({("angle", 1), ("time", -1)}): "angular velocity",
-        frozenset({("angle", 1), ("time", -2)}): "angular acceleration",
-        frozenset({("force", 1), ("length", 1)}): "moment",
-        frozenset({("time", -1)}): "frequency",
-    }
-)  # quantities and their powers -> the quantity of the product
+KNOWN_UNITS = {name: (quantity, factor) for quantity, units in UNITS.items() for name, factor in units.items()}
+PRODUCTS: Mapping[frozenset[tuple[str, int]], str] = {
+    frozenset({("length", 1), ("time", -1)}): "velocity",
+    frozenset({("length", 1), ("time", -2)}): "acceleration",
+    frozenset({("angle", 1), ("time", -1)}): "angular velocity",
+    frozenset({("angle", 1), ("time", -2)}): "angular acceleration",
+    frozenset({("force", 1), ("length", 1)}): "moment",
+    frozenset({("time", -1)}): "frequency",
+}  # quantities and their powers -> the quantity of the product
 SECOND = {"s", "sec", "second", "seconds"}
 SQUARED = {"squared", "sq"}
 OVER = {"/", "per"}
@@ -113,18 +100,25 @@ TOKENS = re.compile(rf"\s?/\s?|{LETTER}+(?:-\d(?!{LETTER}))?|[\s_.,·⋅*\-]+")
 POWER = re.compile(r"([^\d^+\-]+)\^?([+-]?\d)?")
 PER_SECOND = re.compile(r"(.+?)p(?:er)?(s|sec|second)", re.IGNORECASE)
 SCALED = re.compile(r"([+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?(?=[ *]))?[ *]*(\D.*)")
+BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]")
+AMBIGUOUS_UNITS = {"min", "h", "in", "g", "gs", "grad", "mil"}  # as the whole name of a column, these are rarely units
+SEPARATING = " _.,·⋅*-"
+TIME_NAMES = re.compile(
+    r"(?:elapsed|relative|rel\.?|abs\.?|absolute|sample|test|run|local|system)?[ _]*"
+    r"(?:t|times?|zeit|temps|tiempo|tempo|tid|tijd|aika|time[ _-]?stamps?|date[ _/-]?time|uhrzeit|messzeit|"
+    r"seconds|secs?|milliseconds|x_value)",
+    re.IGNORECASE,
+)
+BEFORE_UNIT = re.compile(r" ?[(\[{</,]| in |[_ ](?=[^_ ]*$)")
 
 
-def plain_text(text: str) -> str:
+def _plain_text(text: str) -> str:
     """Return a text with single spaces and without superscripts and Greek letters."""
     return " ".join(text.split()).translate(ASCII_SIGNS).replace("**", "^")
 
 
-def powers(word: str) -> dict[str, tuple[int, float]] | None:
-    """Return the quantities in one word of a unit, such as ``s2`` or ``mps2``: power and SI units of each.
-
-    None if the word is not understood.
-    """
+def _powers(word: str) -> dict[str, tuple[int, float]] | None:
+    """Return power and SI units of each quantity in a word of a unit, as ``s2`` or ``mps2``; None if not understood."""
     if word == "1":
         return {}
     whole = _known(word)
@@ -160,7 +154,7 @@ def parse_unit(text: str) -> Unit | None:
     Factors are separated by a space, a dot or ``*`` (product), by ``/`` or ``per`` (quotient), or by ``_``, which is a
     quotient before seconds, as in ``m_s2``, and otherwise needs a negative power, as in ``m_s-2``.
     """
-    plain = plain_text(text.strip().strip("()[]{}<>"))
+    plain = _plain_text(text.strip().strip("()[]{}<>"))
     found = _known(plain.replace(" /", "/").replace("/ ", "/")) or _product(TOKENS.findall(plain))  # first um/m
     return Unit(text.strip(), *found) if found else None
 
@@ -179,7 +173,7 @@ def _product(tokens: list[str]) -> tuple[str, float] | None:
         if not re.match(LETTER, token):
             separator += token
             continue
-        word = last if token in SQUARED else powers(token)
+        word = last if token in SQUARED else _powers(token)
         if word is None or "," in separator or (last == {} and sign > 0) or (word == {} and last is not None):
             return None
         if token not in SQUARED and last is not None and sign > 0:
@@ -214,3 +208,85 @@ def known_unit(text: object, where: str) -> Unit:
             where,
         )
     return replace(unit, symbol=str(text).strip(), factor=factor * unit.factor)
+
+
+def unit_in_name(name: str) -> tuple[str, Unit | None]:
+    """Return the unit in the name of a column, empty if there is none, and its meaning, None if not understood."""
+    bracketed = [text.strip() for text in BRACKETS.findall(name)]
+    for text in bracketed:
+        if parse_unit(text):
+            return text, parse_unit(text)
+    if bracketed and name.rstrip()[-1] in ")]}>":
+        return bracketed[-1], None
+    written = " ".join(name.split()).replace("**", "^")
+    tokens = TOKENS.findall(_plain_text(name))
+    items = [k for k, token in enumerate(tokens) if token.strip(SEPARATING)]
+    runs = _runs(tokens, items)
+    doubtful = _doubtful(tokens, items, runs)
+    if not runs and not doubtful:
+        return "", None
+    places = [*(place for begin, end in runs for place in (begin, end - 1)), *doubtful]
+    begin, end = (sum(map(len, tokens[:k])) for k in (min(places), max(places) + 1))
+    text = written[begin:end].strip()
+    return text, None if doubtful or len(runs) > 1 else parse_unit(text)
+
+
+def unit_of(written: str, name: str) -> tuple[str, Unit | None]:
+    """Return the unit of a column, as it is written, and its meaning: the one beside its name, or the one in it."""
+    return (written, parse_unit(written)) if written else unit_in_name(name)
+
+
+def _runs(tokens: list[str], items: list[int]) -> list[tuple[int, int]]:
+    """Return begin and end of each run of tokens that denotes a unit: all of them, or from the second word on."""
+    if parse_unit("".join(tokens)) and "".join(tokens) not in AMBIGUOUS_UNITS:
+        return [(0, len(tokens))]
+    runs: list[tuple[int, int]] = []
+    for n, begin in enumerate(items):
+        if n == 0 or not _powers(tokens[begin]) or (runs and begin < runs[-1][1]):
+            continue
+        # words of the longest spelling, such as m per second per second
+        ends = [k + 1 for k in reversed(items[n : n + 5]) if parse_unit("".join(tokens[begin : k + 1]))]
+        if not ends or (tokens[begin] == "in" and parse_unit("".join(tokens[begin + 1 : ends[0]]).lstrip(SEPARATING))):
+            continue  # the preposition, as in Weg in mm
+        certain = begin == items[-1] or (len(tokens[begin]) > 1 and tokens[begin] not in AMBIGUOUS_UNITS)
+        if certain or ends[0] > begin + 1:
+            runs.append((begin, ends[0]))
+    return runs
+
+
+def _doubtful(tokens: list[str], items: list[int], runs: list[tuple[int, int]]) -> list[int]:
+    """Return the places outside the runs that may belong to a unit that is not understood."""
+    inside = {k for begin, end in runs for k in range(begin, end)}
+    places: list[int] = []
+    for before, place, after in zip([None, *items], items, [*items[1:], None], strict=False):
+        word = tokens[place]
+        left, right = ("" if k is None else tokens[k] for k in (before, after))
+        if place in inside:
+            continue
+        if word.strip() in OVER:  # x_mm/rev, counts per mm; but s / mm is the quantity s in mm
+            quantity = before == 0 or word != word.strip()
+            over = before in inside or (parse_unit(left) and not quantity)
+            if over or (word == "per" and parse_unit(right)):
+                places += [k for k in (before, place, after) if k is not None]
+        elif parse_unit(word):  # force_N_m is a moment or a force per length
+            pairs = [(a, b) for a, b in ((left, word), (word, right)) if a and b and a != "in"]
+            if any(parse_unit(f"{a} {b}") or parse_unit(f"{a}/{b}") for a, b in pairs):
+                places.append(place)
+        elif word == "2" and before in inside:  # acc_m_s_2
+            begin, end = next(run for run in runs if run[0] <= before < run[1])
+            if parse_unit("".join(tokens[begin:end]) + word):
+                places.append(place)
+        elif before is not None and _powers(word):
+            symbol = word.rstrip("0123456789")
+            if parse_unit(left):
+                places += [before, place]
+            elif (len(symbol) > 1 and symbol not in AMBIGUOUS_UNITS) or left.strip() in OVER:
+                places.append(place)
+    return places
+
+
+def names_time(name: str) -> bool:
+    """Return whether the name of a column, without its unit, is one for times."""
+    single = " ".join(name.split())
+    bare = BEFORE_UNIT.split(single, maxsplit=1)[0] if unit_in_name(name)[0] else single
+    return TIME_NAMES.fullmatch(bare) is not None

@@ -22,15 +22,9 @@ def root_mean_square(values: Array) -> float:
 
 @dataclass(frozen=True)
 class Layout:
-    """The parts of a vector, one after the other.
+    """The parts of a vector, one after the other."""
 
-    Parameters
-    ----------
-    sizes : tuple of (str, int)
-        Name and size of each part.
-    """
-
-    sizes: tuple[tuple[str, int], ...]
+    sizes: tuple[tuple[str, int], ...]  # name and size of each part
 
     @staticmethod
     def of(**sizes: int) -> Layout:

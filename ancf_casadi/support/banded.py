@@ -53,25 +53,13 @@ def factorised(banded: Array) -> BandedFactors:
 
 @dataclass(frozen=True, eq=False)
 class BandedFactors:
-    """The factors of a matrix A + U V^T with banded A; they contain infinite values or NaN if A is singular.
+    """The factors of a matrix A + U V^T with banded A; they contain infinite values or NaN if A is singular."""
 
-    Parameters
-    ----------
-    band, pivots : array
-        Triangular factors of A in LAPACK's storage, and their pivots.
-    width : int
-        Number w of diagonals of A on either side of the main one.
-    rows : array (m, N)
-        V^T.
-    correction : array (N, m)
-        X (1 + V^T X)^-1.
-    """
-
-    band: NDArray[Any]
-    pivots: NDArray[Any]
-    width: int
-    rows: NDArray[Any]
-    correction: NDArray[Any]
+    band: NDArray[Any]  # triangular factors of A in LAPACK's storage
+    pivots: NDArray[Any]  # theirs
+    width: int  # number w of diagonals of A on either side of the main one
+    rows: NDArray[Any]  # V^T, (m, N)
+    correction: NDArray[Any]  # X (1 + V^T X)^-1, (N, m)
 
     @staticmethod
     def of(
@@ -89,9 +77,7 @@ class BandedFactors:
 
     def solve(self, right: NDArray[Any], *, overwrite: bool = False) -> NDArray[Any]:
         """Return the solutions for right-hand sides, a vector or columns."""
-        solution: NDArray[Any] = ROUTINES[self.band.dtype.char][1](
-            self.band, self.width, self.width, right, self.pivots, overwrite_b=overwrite
-        )[0]
+        solution = self._substituted(right, overwrite_b=overwrite)
         if self.rows.size:
             solution -= self.correction.dot(self.rows.dot(solution))
         return solution
@@ -100,7 +86,9 @@ class BandedFactors:
         """Return the solutions with the transposed matrix."""
         if self.rows.size:
             right = right - self.rows.T @ (self.correction.T @ right)
-        solution: NDArray[Any] = ROUTINES[self.band.dtype.char][1](
-            self.band, self.width, self.width, right, self.pivots, trans=1
-        )[0]
-        return solution
+        return self._substituted(right, trans=1)
+
+    def _substituted(self, right: NDArray[Any], **options: int) -> NDArray[Any]:
+        """Return the solutions with the factors of A alone."""
+        routine = ROUTINES[self.band.dtype.char][1]
+        return np.asarray(routine(self.band, self.width, self.width, right, self.pivots, **options)[0])

@@ -33,18 +33,8 @@ def kept(callback: cs.Callback, name: str) -> cs.Function:
 class Differentiable(cs.Callback):
     """A vector-valued Python function as a callback with an exact Jacobian; nan where it fails.
 
-    Keep a reference while CasADi uses it.
-
-    Parameters
-    ----------
-    respond : callable
-        Returns the values (m,) and their Jacobian (m, n) for inputs (n,).
-    size : int
-        Number of values m.
-    inputs : int
-        Number of inputs n.
-    jacobian : bool
-        Whether the callback returns the Jacobian in place of the values.
+    ``respond`` returns the values (m,) and their Jacobian (m, n) for inputs (n,); ``size`` is m, and ``inputs`` is n.
+    With ``jacobian``, the callback returns the Jacobian in place of the values.  Keep a reference while CasADi uses it.
     """
 
     def __init__(

@@ -59,25 +59,21 @@ def literal_text(draw: Callable[P, Drawn]) -> Callable[P, Drawn]:
 
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> Drawn:
+        from matplotlib.ticker import FixedFormatter, FuncFormatter  # slow to import
+
         figure = draw(*args, **kwargs)
-        _show_literally(figure)
+        for text in _texts(figure):
+            text.set_text(_drawable(text.get_text()))
+            if "$" in text.get_text():
+                text.set_parse_math(False)
+        for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+            names = axis.get_major_formatter()
+            done = isinstance(names, FuncFormatter) and getattr(names.func, "func", None) is _literal_name
+            if isinstance(names, FixedFormatter | FuncFormatter) and not done:
+                axis.set_major_formatter(FuncFormatter(functools.partial(_literal_name, names)))
         return figure
 
     return drawn
-
-
-def _show_literally(figure: Figure | SubFigure) -> None:
-    from matplotlib.ticker import FixedFormatter, FuncFormatter  # slow to import
-
-    for text in _texts(figure):
-        text.set_text(_drawable(text.get_text()))
-        if "$" in text.get_text():
-            text.set_parse_math(False)
-    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
-        names = axis.get_major_formatter()
-        done = isinstance(names, FuncFormatter) and getattr(names.func, "func", None) is _literal_name
-        if isinstance(names, FixedFormatter | FuncFormatter) and not done:
-            axis.set_major_formatter(FuncFormatter(functools.partial(_literal_name, names)))
 
 
 def _texts(artist: Artist) -> Iterator[Text]:

@@ -21,13 +21,7 @@ from typing import Any
 
 
 def on_first_use(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Return ``__getattr__`` and ``__dir__`` of a package, which import its names and its folders.
-
-    Parameters
-    ----------
-    package : str
-        Name of the package.
-    """
+    """Return ``__getattr__`` and ``__dir__`` of a package, which import its names and its folders."""
 
     def attribute(name: str) -> Any:
         if not name.startswith("_"):

@@ -119,7 +119,15 @@ def processes(jobs: int) -> Iterator[Executor]:
     others = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_start_process)
     try:
-        _begin(pool, jobs)
+        try:
+            first, *_ = [pool.submit(int) for _ in range(jobs)]
+            first.result()  # wait until it is ready
+        except BrokenExecutor:
+            raise InputError(
+                "processes import the script that asks for them, which failed; put what the script does under "
+                'if __name__ == "__main__":, or use jobs=1',
+                "jobs",
+            ) from None
         yield pool
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
@@ -132,13 +140,7 @@ def processes(jobs: int) -> Iterator[Executor]:
 
 @contextlib.contextmanager
 def unbroken() -> Iterator[None]:
-    """Turn the error of an executor whose process has ended into ours.
-
-    Raises
-    ------
-    NumericsError
-        If a process ends before its task is done.
-    """
+    """Turn the error of an executor whose process ends before its task is done into a ``NumericsError``."""
     try:
         yield
     except BrokenExecutor:
@@ -168,19 +170,6 @@ def _check_script() -> None:
     script = getattr(main, "__file__", None)
     if getattr(main, "__spec__", None) is None and script is not None and not os.path.exists(script):
         raise InputError(f"processes import the script, and {script} is not a file; save it, or use jobs=1", "jobs")
-
-
-def _begin(pool: Executor, jobs: int) -> None:
-    """Start the processes, and wait until the first is ready."""
-    try:
-        first, *_ = [pool.submit(int) for _ in range(jobs)]
-        first.result()
-    except BrokenExecutor:
-        raise InputError(
-            "processes import the script that asks for them, which failed; put what the script does under "
-            'if __name__ == "__main__":, or use jobs=1',
-            "jobs",
-        ) from None
 
 
 def _finished(

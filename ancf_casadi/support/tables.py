@@ -64,9 +64,7 @@ class Brief(reprlib.Repr):
         """Return a number."""
         return f"{value:.6g}"
 
-    def repr_float64(self, value: np.float64, level: int) -> str:
-        """Return a number."""
-        return f"{value:.6g}"
+    repr_float64 = repr_float
 
     def repr_ndarray(self, value: np.ndarray[Any, Any], level: int) -> str:
         """Return the shape of an array."""
@@ -85,27 +83,13 @@ def _is_default(own: Field[Any], value: Any) -> bool:
 
 @dataclass(frozen=True)
 class Table(Displayed):
-    """A table with a title and notes.
+    """A table with a title and notes."""
 
-    Parameters
-    ----------
-    name : str
-        Short name, used for files.
-    title : str
-        Title of the table.
-    columns : sequence of str
-        Column heads with units.
-    rows : sequence of sequences
-        Cells: text, numbers, or None for an empty cell.
-    notes : sequence of str
-        Remarks below the table.
-    """
-
-    name: str
+    name: str  # short name, used for files
     title: str
-    columns: Sequence[str]
-    rows: Sequence[Sequence[Cell]]
-    notes: Sequence[str] = ()
+    columns: Sequence[str]  # column heads with units
+    rows: Sequence[Sequence[Cell]]  # cells: text, numbers, or None for an empty cell
+    notes: Sequence[str] = ()  # remarks below the table
 
     def text(self) -> str:
         """Return the table for a terminal, numbers to six digits."""
@@ -177,13 +161,7 @@ class Reported(Displayed, ABC):
         return self._drawn(others, labels)
 
     def save(self, path: str | Path) -> None:
-        """Write the data of ``to_dict`` to a JSON file.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be written.
-        """
+        """Write the data of ``to_dict`` to a JSON file; one that cannot be written raises an ``InputError``."""
         write_file(check_file(path), to_json(self.to_dict()))
 
     @property
@@ -238,14 +216,12 @@ def to_json(value: Any) -> str:
 
 def wrapped(text: str) -> str:
     """Return a report with its long lines folded at spaces; the rest of a line is indented by two more columns."""
-    return "\n".join(part for line in text.split("\n") for part in _wrapped(line))
-
-
-def _wrapped(line: str) -> list[str]:
-    if len(line) <= REPORT_WIDTH:
-        return [line]
-    indent = " " * (len(line) - len(line.lstrip()) + 2)
-    return textwrap.wrap(line, REPORT_WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    lines: list[str] = []
+    for line in text.split("\n"):
+        indent = " " * (len(line) - len(line.lstrip()) + 2)
+        fold = textwrap.TextWrapper(REPORT_WIDTH, "", indent, break_long_words=False, break_on_hyphens=False).wrap
+        lines += [line] if len(line) <= REPORT_WIDTH else fold(line)
+    return "\n".join(lines)
 
 
 def _shown(cell: Cell) -> str:

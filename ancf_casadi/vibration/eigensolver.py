@@ -38,16 +38,8 @@ from ancf_casadi.vibration.assembly import BANDWIDTH, EPSILON, Position, Structu
 def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array, Array] | None:
     """Return the lowest modes about an equilibrium of a structure; None if it is not stable.
 
-    Returns
-    -------
-    (array (count,), array (size, count)) or None
-        Squared angular frequencies, (rad/s)^2, ascending, and mass-normalised mode shapes in all coordinates, zero at
-        the clamp.
-
-    Raises
-    ------
-    EquilibriumError
-        If Lanczos' method does not converge.
+    They are squared angular frequencies (count,), (rad/s)^2, ascending, and mass-normalised mode shapes (size, count)
+    in all coordinates, zero at the clamp.
     """
     _, stiffness, mass = structure.linearisation(at)
     inertia, product = sparse(mass).tocsr(), structure.stiffness_product(at)

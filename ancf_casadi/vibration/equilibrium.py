@@ -34,7 +34,7 @@ from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import factorised, sparse
-from ancf_casadi.support.inputs import check_instance, check_size, instances, is_sequence, number, vector
+from ancf_casadi.support.inputs import check_instance, check_size, instances, number, vector
 from ancf_casadi.support.tables import Reported, Table, counted
 from ancf_casadi.vibration.assembly import Position, Structure, refined
 from ancf_casadi.vibration.eigensolver import lowest_modes
@@ -100,13 +100,7 @@ class Equilibrium(Reported):
         return Position(self.coordinates, self.remainder)
 
     def position(self, point: float) -> Array:
-        """Return the position of the point at arc length ``point`` (m), (2,), m.
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
+        """Return the position of the point at arc length ``point`` (m), (2,), m; it must be on the beam."""
         return self.model.interpolation(point) @ self.coordinates
 
     @property
@@ -192,7 +186,7 @@ def static_equilibrium(
     force, moment = vector(tip_force, "tip_force"), number(tip_moment, "tip_moment")
     check_size(force, "tip_force")
     check_size(moment, "tip_moment")
-    further = () if is_sequence(loads) and not len(loads) else instances(loads, "loads", PointLoad)
+    further = instances(loads, "loads", PointLoad, least=0)
     acting = _all_loads(force, moment, further)
     rest = Position.of(model.straight)
     weight = -Structure.of(model).linearisation(rest)[0]

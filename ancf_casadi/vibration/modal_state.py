@@ -4,6 +4,16 @@
 equilibrium, and the properties are numerical inputs of Functions that are derived once.  Newton's method and the
 eigenvalue solver are the same in both cases (``ancf_casadi.vibration.equilibrium`` and ``.eigensolver``).
 
+Over a small change of the properties a mode keeps its shape, by which it is followed, not by its order.
+Shapes are compared by the modal assurance criterion, weighted with the mass matrix,
+
+    MAC = (phi^T M phi_0)^2 / (phi_0^T M phi_0),                    phi^T M phi = 1.
+
+For one shape phi_0 the values of all modes phi add up to at most 1, so at most one mode exceeds one half.  If no mode
+does, or the equilibrium moves too far, the change is divided into smaller steps.  Uncoupled modes, such as bending and
+axial modes, cross without changing shape.  Coupled modes veer away from the crossing; there, in the smallest step, the
+assignment with the largest sum of MAC values decides.
+
 The derivatives of a mode need solutions with the matrix K - lambda M, which is singular in the direction of the mode
 shape phi alone.  Rows and columns are scaled to give K a unit diagonal.  If the unknown is held at zero in the
 coordinate in which phi, scaled likewise, is largest, the system is regular and keeps its band (Nelson).
@@ -11,23 +21,29 @@ coordinate in which phi, scaled likewise, is largest, the system is regular and 
 References
 ----------
 R. B. Nelson, Simplified calculation of eigenvector derivatives, AIAA Journal 14 (1976).
+Allemang 2003, "The modal assurance criterion: twenty years of use and abuse" (MAC).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy  # its packages are imported on first use
 import scipy.sparse
 
+from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.banded import BandedFactors, factorised, sparse
 from ancf_casadi.vibration.assembly import BANDWIDTH, EqualElements, Position, Structure, per_element
 from ancf_casadi.vibration.eigensolver import lowest_modes
 from ancf_casadi.vibration.equilibrium import neighbour
+from ancf_casadi.vibration.modes import Modes
+
+SMALLEST_STEP = 1e-3  # relative to the whole change of the properties
 
 
 def pencil_solver(pencil: Array, diagonal: Array, phi: Array) -> Callable[[Array], Array]:
@@ -55,27 +71,13 @@ def pencil_solver(pencil: Array, diagonal: Array, phi: Array) -> Callable[[Array
 
 @dataclass(frozen=True, eq=False)
 class ModalState:
-    """An equilibrium and some of its modes, with the matrices that their derivatives need.
-
-    Parameters
-    ----------
-    structure : Structure
-        The beam and its properties.
-    at : Position
-        The equilibrium.
-    numbers : array of int (m,)
-        Numbers of the modes in ascending order of frequency, from 0.
-    eigenvalues : array (m,)
-        Squared angular frequencies, (rad/s)^2.
-    shapes : array (4 n + 4, m)
-        Mass-normalised mode shapes.
-    """
+    """An equilibrium and some of its modes, with the matrices that their derivatives need."""
 
     structure: Structure
     at: Position
-    numbers: Index
-    eigenvalues: Array
-    shapes: Array
+    numbers: Index  # numbers of the modes in ascending order of frequency, from 0, (m,)
+    eigenvalues: Array  # squared angular frequencies, (rad/s)^2, (m,)
+    shapes: Array  # mass-normalised mode shapes, (4 n + 4, m)
 
     @property
     def model(self) -> Model:
@@ -156,3 +158,54 @@ def modes_near(structure: Structure, near: Position, count: int) -> ModalState |
     if at is None or found is None:
         return None
     return ModalState(structure, at, np.arange(count), *found)
+
+
+def followed_modes(modes: Modes, numbers: Index) -> ModalState:
+    """Return the modes with the given numbers, from 0, of a beam under gravity alone, as a state to follow."""
+    rest, eigenvalues = modes.equilibrium, modes.angular_frequencies[numbers] ** 2
+    return ModalState(rest.structure, rest.exact, numbers, eigenvalues, modes.shapes[:, numbers])
+
+
+def follow(start: ModalState, properties: Array) -> ModalState:
+    """Return the same modes of the beam with other properties; fail if there is no stable equilibrium on the way."""
+    here, position, step = start, 0.0, 1.0
+    while position < 1.0:
+        there = min(1.0, position + step)
+        trial = _step(here, start.properties + there * (properties - start.properties), step <= SMALLEST_STEP)
+        if trial is None:
+            step /= 2
+            if step < SMALLEST_STEP / 2:
+                raise EquilibriumError(
+                    f"the beam has no stable equilibrium beyond {position:.3g} of the change of its properties"
+                )
+            continue
+        here, position = trial, there
+        step *= 2
+    return here
+
+
+def _step(here: ModalState, properties: Array, smallest: bool) -> ModalState | None:
+    """Return the modes of a neighbouring state; None if there is none, or the step is ambiguous and not smallest."""
+    model = here.model
+    # additional modes computed above the highest one followed
+    count = min(model.size - model.free.start, int(here.numbers.max()) + 1 + 4)
+    state = modes_near(replace(here.structure, properties=properties), here.at, count)
+    if state is None:
+        return None
+    correlations = _correlations(here, state)
+    modes, targets = scipy.optimize.linear_sum_assignment(-(correlations**2))
+    order = modes[np.argsort(targets)]
+    # MAC above which the assignment is unique
+    if not smallest and (correlations[order, np.arange(len(order))] ** 2).min() <= 0.5:
+        return None
+    signs = np.sign(correlations[order, np.arange(len(order))])  # each mode continues with its sign
+    numbers, eigenvalues, shapes = state.numbers[order], state.eigenvalues[order], state.shapes[:, order] * signs
+    return replace(state, numbers=numbers, eigenvalues=eigenvalues, shapes=shapes)
+
+
+def _correlations(before: ModalState, after: ModalState) -> Array:
+    """Return phi^T M phi_0 / (phi_0^T M phi_0)^(1/2), the signed root of the MAC, (modes after, modes before)."""
+    free = before.model.free
+    shapes = before.shapes[free]
+    inertia = after.inertia @ shapes
+    return np.asarray(after.shapes[free].T @ inertia / np.sqrt(np.sum(shapes * inertia, axis=0)))

@@ -86,7 +86,7 @@ class Modes(Reported):
         return np.asarray(np.linalg.norm(tip @ self.shapes, axis=0))
 
     def modal_coordinate(self, coordinates: Array, mode: int) -> Array:
-        """Return the modal coordinate of one mode in a given motion, scaled to the displacement of the tip.
+        """Return the modal coordinate of one mode in a given motion, scaled to the displacement of the tip, (...,), m.
 
         The projection phi^T M (e - e_rest) excludes all other modes of small motion.
 
@@ -96,11 +96,6 @@ class Modes(Reported):
             Nodal coordinates, relative to the clamp at the origin.
         mode : int
             Mode number, from 0.
-
-        Returns
-        -------
-        array (...,)
-            Displacement of the tip in the mode, m.
 
         Raises
         ------
@@ -125,13 +120,7 @@ class Modes(Reported):
         return np.asarray((coordinates - self.equilibrium.coordinates) @ projector)
 
     def along(self, points: ArrayLike) -> Array:
-        """Return the displacement (x, y) of each mode at arc lengths (k,), m, as (m, k, 2); that of the tip is 1.
-
-        Raises
-        ------
-        InputError
-            If a point is not on the beam.
-        """
+        """Return the displacement (x, y) of each mode at arc lengths (k,), m, as (m, k, 2); that of the tip is 1."""
         rows = np.stack([self.model.interpolation(s) @ self.shapes for s in numbers(points, "points")])
         return np.asarray(np.moveaxis(rows, 2, 0) / self.tip_amplitudes()[:, None, None])
 
@@ -209,17 +198,14 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
 
 
 def mac(first: Array, second: Array) -> Array:
-    """Return the modal assurance criterion (MAC) of two sets of shapes, (a.b)^2 / (a.a b.b).
+    """Return the modal assurance criterion (MAC) of two sets of shapes, (a.b)^2 / (a.a b.b), (m1, m2).
+
+    The values are from 0 (orthogonal) to 1 (the same shape).
 
     Parameters
     ----------
     first, second : array (k, m1), (k, m2)
         Shapes as columns, in the same coordinates and the same unit.
-
-    Returns
-    -------
-    array (m1, m2)
-        Values from 0 (orthogonal) to 1 (the same shape).
 
     Raises
     ------

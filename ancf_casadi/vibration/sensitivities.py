@@ -86,10 +86,7 @@ def sensitivities(state: ModalState, directions: Array) -> tuple[Array, Array, A
 
 
 def gradient(state: ModalState, b: Array, c: Array) -> Array:
-    """Return the derivatives, (properties, C), of C combinations of eigenvalues and mode shapes.
-
-    The weights are b (m, C) for the eigenvalues and c (m, 4 n + 4, C) for the coordinates of the mode shapes.
-    """
+    """Return the derivatives, (properties, C), of C combinations with weights b (m, C) and c (m, 4 n + 4, C)."""
     a, beta, z = multipliers(state, b, c)
     total = np.zeros((state.properties.size, b.shape[1]))
     for (part, force_jacobian), (_, _, by_property, of_norm) in zip(
@@ -121,11 +118,7 @@ def multipliers(state: ModalState, b: Array, c: Array) -> tuple[Array, Array, Ar
 
 
 def hessian(state: ModalState, directions: Array, b: Array, c: Array) -> Array:
-    """Return the second derivatives, (N, N), of one combination of eigenvalues and mode shapes along N directions.
-
-    The directions (properties, N) are changes of the properties; the weights are b (m,) for the eigenvalues and
-    c (m, 4 n + 4) for the coordinates of the mode shapes.
-    """
+    """Return the second derivatives, (N, N), of one combination, b (m,) and c (m, 4 n + 4), along N directions."""
     free, N = state.model.free, directions.shape[1]
     transposed = scipy.sparse.csr_array(directions).T
     a, beta, z = multipliers(state, b[:, None], c[:, :, None])

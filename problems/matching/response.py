@@ -2,7 +2,7 @@
 
 Targets with shapes are assigned to the modes of the given beam by the largest sum of MAC values; targets without shapes
 to the lowest modes, in their order.  As the beam changes, each mode is followed by its shape
-(``ancf_casadi.vibration.following``), so that modes that cross are not exchanged.
+(``ancf_casadi.vibration.modal_state``), so that modes that cross are not exchanged.
 
 The residuals are (u/sigma_k) (f_k/target_k - 1), with the relative standard deviations sigma_k of the frequencies and
 the smallest of them, u, and u times the residuals of the shapes (``measured_modes``).  Without standard deviations they
@@ -26,8 +26,7 @@ import scipy.sparse
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.vibration.following import follow, followed_modes
-from ancf_casadi.vibration.modal_state import ModalState
+from ancf_casadi.vibration.modal_state import ModalState, follow, followed_modes
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from ancf_casadi.vibration.sensitivities import gradient, hessian
 from problems.matching.design_space import WEIGHT, DesignSpace, LeastChange, Preference

@@ -10,7 +10,7 @@ import pytest
 from ancf_casadi import Beam, InputError, Measurement, Model
 from ancf_casadi.estimation.result import FitResult, LeastSquaresResult
 from ancf_casadi.export import Identification
-from ancf_casadi.plot import png
+from ancf_casadi.plot import rendered
 from problems import (
     FrequencyRecord,
     FrfRecord,
@@ -115,7 +115,7 @@ def test_a_prediction_of_the_same_law_has_small_errors_and_no_warning(case):
     prediction = fit.predict(record)
     assert max(prediction.relative_errors.values()) < 0.2 and prediction.warnings == ()
     assert prediction.report() and json.dumps(prediction.to_dict(), allow_nan=False)
-    assert png(prediction.figure()).startswith(b"\x89PNG")
+    assert rendered(prediction.figure()).startswith(b"\x89PNG")
 
 
 def test_another_fit_has_the_settings_of_the_first(case):
@@ -124,7 +124,7 @@ def test_another_fit_has_the_settings_of_the_first(case):
     assert type(other) is type(fit) and other.kind == kind
     assert list(other.estimates) == list(fit.estimates) and other.estimates != fit.estimates
     assert other.refit(records).estimates == other.estimates
-    assert png(fit.figure(other, labels=["one", "other"])).startswith(b"\x89PNG")
+    assert rendered(fit.figure(other, labels=["one", "other"])).startswith(b"\x89PNG")
 
 
 def test_the_scatter_of_synthetic_records_is_about_the_standard_error(case):
@@ -151,7 +151,7 @@ def test_a_saved_result_states_the_same(case, tmp_path):
         for name, ends in fit.intervals(level).items():
             assert found.intervals(level)[name] == pytest.approx(ends, rel=0.0, abs=close * (ends[1] - ends[0]))
     assert len(repr(fit)) < 200 and len(repr(found)) < 200 and found._repr_html_().startswith("<table>")
-    assert png(fit.figure()).startswith(b"\x89PNG") and png(found.figure(found)).startswith(b"\x89PNG")
+    assert rendered(fit.figure()).startswith(b"\x89PNG") and rendered(found.figure(found)).startswith(b"\x89PNG")
     assert Identification.of(fit).kind == Identification.of(found).kind == kind
 
 

@@ -391,7 +391,7 @@ class TestParts:
             (lambda: Identification(FIT | {1: 2}), "result: expected `str`, got `int`"),
             (lambda: Identification(FIT | {"k" * 201: 2}), "result: has a key of 201 characters"),
             (lambda: Identification(FIT | {"a": 10**5000}), "result.a: is beyond the range of numbers"),
-            (lambda: Identification(FIT, ["x.csv"]), "data: must be a sequence of DataFile"),
+            (lambda: Identification(FIT, ["x.csv"]), "data: must be a DataFile"),
             (
                 lambda: Identification.of({"kind": "beam", "estimates": []}, data="x.csv"),
                 "data: must be a sequence of files",
@@ -420,10 +420,10 @@ class TestParts:
     @pytest.mark.parametrize(
         ("changes", "message"),
         [
-            ({"model": "beam"}, "model: has another type, str"),
-            ({"damping": "air"}, "damping: has another type, str"),
-            ({"provenance": "here"}, "provenance: has another type, str"),
-            ({"identifications": ["decay"]}, "identifications: must be a sequence of Identification"),
+            ({"model": "beam"}, "model: must be a Model, got 'beam'"),
+            ({"damping": "air"}, "damping: must be a DampingLaw"),
+            ({"provenance": "here"}, "provenance: must be a Provenance"),
+            ({"identifications": ["decay"]}, "identifications: must be an Identification"),
         ],
     )
     def test_a_document_of_wrong_types(self, paper_beam, changes, message):

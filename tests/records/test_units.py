@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.unit_names import names_time, unit_in_name
-from ancf_casadi.records.units import known_unit, parse_unit
+from ancf_casadi.records.units import known_unit, names_time, parse_unit, unit_in_name
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.damping import FRICTION_CONSTANT
-from ancf_casadi.plot import png
+from ancf_casadi.plot import rendered
 
 
 def cantilever_tip(beam, bending_stiffness, f, alpha=0.0, beta=0.0):
@@ -187,7 +187,7 @@ def test_the_result_is_reported_drawn_and_written(hanging):
     figure = frf.figure()
     above, below = figure.axes
     assert len(above.lines) == len(below.lines) == 2
-    assert above.get_ylabel() == "mobility, m/(N s)" and png(figure).startswith(b"\x89PNG")
+    assert above.get_ylabel() == "mobility, m/(N s)" and rendered(figure).startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(

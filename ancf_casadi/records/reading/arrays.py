@@ -22,18 +22,14 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents, RecordedChannel
 from ancf_casadi.records.reading.libraries import read_isolated, readable
 from ancf_casadi.records.reading.worker import check_unpacked
-from ancf_casadi.records.unit_names import unit_in_name
-from ancf_casadi.records.units import parse_unit
+from ancf_casadi.records.units import parse_unit, unit_in_name
 
 MOST_CHANNELS = 10_000
 
 
 @np.errstate(all="ignore")  # extended precision may hold larger numbers
 def array_contents(arrays: Iterable[tuple[str, NDArray[Any]]], notes: Iterable[str] = ()) -> Contents:
-    """Return the columns of named arrays: vectors, and matrices along their longer side.
-
-    Anything else is left out, with a note.
-    """
+    """Return the columns of named arrays: vectors, and matrices along their longer side; notes name the others."""
     channels: list[RecordedChannel] = []
     remarks = list(notes)
     for name, array in arrays:
@@ -50,9 +46,8 @@ def array_contents(arrays: Iterable[tuple[str, NDArray[Any]]], notes: Iterable[s
             remarks.append(f"{name!r} is no real vector or matrix, and is left out")
             continue
         if values.ndim == 0:
-            remarks.append(
-                f"{name!r} is a single number, {float(values):g}; a sampling rate is given with --sample-rate"
-            )
+            single = f"{name!r} is a single number, {float(values):g}"
+            remarks.append(f"{single}; a sampling rate is given with --sample-rate")
             continue
         columns = values[:, None] if values.ndim == 1 else values if values.shape[0] >= values.shape[1] else values.T
         if len(channels) + columns.shape[1] > MOST_CHANNELS:

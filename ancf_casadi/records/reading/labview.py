@@ -17,8 +17,7 @@ from ancf_casadi.records.reading.arrays import MOST_CHANNELS, seconds_from_first
 from ancf_casadi.records.reading.libraries import library, readable
 from ancf_casadi.records.reading.text.reader import decoded
 from ancf_casadi.records.reading.worker import MOST_DATA_BYTES
-from ancf_casadi.records.unit_names import unit_of
-from ancf_casadi.records.units import parse_unit
+from ancf_casadi.records.units import parse_unit, unit_of
 from ancf_casadi.support.arrays import Array
 
 

@@ -29,8 +29,7 @@ from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.assembly import per_element, scatter, structure_properties
 from ancf_casadi.vibration.equilibrium import Equilibrium, neighbour, static_equilibrium
-from ancf_casadi.vibration.following import follow, followed_modes
-from ancf_casadi.vibration.modal_state import ModalState
+from ancf_casadi.vibration.modal_state import ModalState, follow, followed_modes
 from ancf_casadi.vibration.modes import natural_modes
 from ancf_casadi.vibration.sensitivities import coordinate_derivatives, gradient
 from problems.beam.properties import Owners

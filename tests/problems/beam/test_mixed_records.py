@@ -24,7 +24,7 @@ from ancf_casadi import (
 from ancf_casadi.estimation.block import Account, Block
 from ancf_casadi.estimation.solve import FitProblem, solve
 from ancf_casadi.estimation.solver.unknown import Unknown
-from ancf_casadi.plot import png
+from ancf_casadi.plot import rendered
 from problems import FrequencyRecord, MarkerRecord, ResponseRecord, StaticRecord, fit_beam
 from tests.problems.beam.response_curves import noisy, swept
 from tests.problems.beam.truth import ONES, respond, scores
@@ -117,7 +117,7 @@ def test_a_mixed_fit_is_reported_drawn_kept_and_repeated(first, exact, tmp_path)
     text = fit.report()
     assert all(word in text for word in ("integrated at the tolerance", "harmonics", "static test, case 2", "mode 3"))
     assert [account.data["kind"] for account in fit.accounts] == ["motion", "response", "values", "values"]
-    assert png(fit.figure()).startswith(b"\x89PNG") and len(repr(fit)) < 200
+    assert rendered(fit.figure()).startswith(b"\x89PNG") and len(repr(fit)) < 200
     kept = pickle.loads(pickle.dumps(fit))
     assert kept.intervals() == fit.intervals() and kept.report() == fit.report()
     again = fit.refit(records)

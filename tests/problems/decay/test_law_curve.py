@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.plot import png
+from ancf_casadi.plot import rendered
 from problems import fit_decay
 from problems.decay.law_curve import law_curve
 
@@ -57,4 +57,4 @@ def test_the_figure_shows_record_residuals_and_both_curves(periods):
     assert "frequency (" in figure.subfigs[0].get_suptitle()
     windows = figure.axes[-2].containers[0].lines[0].get_xdata()
     assert 0 < len(np.asarray(windows)) <= 41
-    assert png(figure).startswith(b"\x89PNG")
+    assert rendered(figure).startswith(b"\x89PNG")

@@ -14,7 +14,7 @@ from ancf_casadi import (
     natural_modes,
 )
 from ancf_casadi.estimation.result import FitResult
-from ancf_casadi.plot import png
+from ancf_casadi.plot import rendered
 from problems import FrfRecord, Global, fit_frf, match_frequencies
 from problems.frf import poles
 from tests.coverage import covers
@@ -360,7 +360,7 @@ def test_the_result_is_reported_drawn_and_written(result):
     assert np.shape(table["modes"][0]["constants_real"]) == (3, 1)
     figure = result.figure()
     assert [axes.get_title() for axes in figure.axes[:3]] == ["0.1 m", "0.3 m", "0.5 m"]
-    assert png(figure).startswith(b"\x89PNG")
+    assert rendered(figure).startswith(b"\x89PNG")
 
 
 @pytest.mark.slow

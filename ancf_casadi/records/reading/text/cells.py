@@ -81,13 +81,9 @@ def clock_seconds(cells: Sequence[str]) -> Array | None:
     found = [CLOCK.fullmatch(cell.strip()) for cell in cells]
     if not all(found):
         return None
-    return np.array(
-        [
-            3600.0 * int(match[1] or 0) + 60.0 * int(match[2]) + float(match[3].replace(",", "."))
-            for match in found
-            if match
-        ]
-    )
+    parts = [(int(match[1] or 0), int(match[2]), float(match[3].replace(",", "."))) for match in found if match]
+    hours, minutes, seconds = np.array(parts).T
+    return np.asarray(3600.0 * hours + 60.0 * minutes + seconds)
 
 
 def over_midnight(seconds: Array) -> Array:
@@ -107,18 +103,10 @@ def _offset(text: str) -> int:
 
 @dataclass(frozen=True)
 class Dialect:
-    """Writing of numbers and columns.
+    """Writing of numbers and columns."""
 
-    Parameters
-    ----------
-    delimiter : str
-        Character between the columns; a space stands for any run of spaces and tabs.
-    decimal : str
-        Decimal point or comma.
-    """
-
-    delimiter: str
-    decimal: str
+    delimiter: str  # character between the columns; a space stands for any run of spaces and tabs
+    decimal: str  # decimal point or comma
 
     def split(self, line: str) -> list[str]:
         """Return the cells of a line."""

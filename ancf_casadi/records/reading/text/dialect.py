@@ -34,24 +34,12 @@ SEPARATORS = "write the columns with semicolons or tabs between them, or the dec
 
 @dataclass(frozen=True)
 class TableHead:
-    """A table in the first lines of a file.
+    """A table in the first lines of a file."""
 
-    Parameters
-    ----------
-    dialect : Dialect
-        Separators and marks of its cells.
-    first : int
-        Index of its first row among the lines.
-    rows : list of list of str
-        Cells of its rows among the lines.
-    kinds : tuple of str
-        Content of most cells of each column.
-    """
-
-    dialect: Dialect
-    first: int
-    rows: list[list[str]]
-    kinds: tuple[Kind, ...]
+    dialect: Dialect  # separators and marks of its cells
+    first: int  # index of its first row among the lines
+    rows: list[list[str]]  # cells of its rows among the lines
+    kinds: tuple[Kind, ...]  # content of most cells of each column
 
     @property
     def width(self) -> int:

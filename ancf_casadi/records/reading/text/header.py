@@ -28,9 +28,9 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents, RecordedChannel
 from ancf_casadi.records.reading.text.cells import is_comment, uncommented
 from ancf_casadi.records.reading.text.dialect import SEPARATORS, TableHead
-from ancf_casadi.records.unit_names import names_time, unit_in_name, unit_of
-from ancf_casadi.records.units import Unit, parse_unit
+from ancf_casadi.records.units import Unit, names_time, parse_unit, unit_in_name, unit_of
 from ancf_casadi.support.inputs import shown
+from ancf_casadi.support.tables import counted
 
 BRACKETED = re.compile(r"[(\[{<][^()\[\]{}<>]*[)\]}>]")
 NONE = frozenset({"", "-", "--", "[]", "()", "[-]", "(-)", "1", "none"})
@@ -100,14 +100,12 @@ def _check_metadata(line: str, table: TableHead, where: str, *, named: bool) -> 
     cells = table.dialect.split(line)
     kinds = {table.dialect.kind(cell) for cell in cells}
     if kinds <= {"number", "gap", "stamp"} and kinds & {"number", "stamp"}:
-        raise InputError(f"has {_columns(len(cells))} where the table has {table.width}; remove the line", where)
+        raise InputError(
+            f"has {counted(len(cells), 'column')} where the table has {table.width}; remove the line", where
+        )
     twice = table.dialect.delimiter == "," and len(cells) > 1 and table.width == 2 * len(cells)
     if not named and twice:
         raise InputError(f"names {len(cells)} columns, but the rows have {table.width} cells; {SEPARATORS}", where)
-
-
-def _columns(count: int) -> str:
-    return f"{count} column{'' if count == 1 else 's'}"
 
 
 def _heading(rows: list[list[str]], table: TableHead) -> list[Head]:
@@ -148,13 +146,9 @@ def _pose_heading(rows: Sequence[Sequence[str]]) -> list[Head]:
 
 def without_unlikely(contents: Contents) -> Contents:
     """Return the columns with gaps where the likelihood of a point is low, and without the likelihoods."""
-    likelihoods = {}
-    for channel in contents.channels:
-        match = LIKELIHOOD.fullmatch(channel.name)
-        if match and not channel.fault:
-            likelihoods[match[1].casefold()] = channel
+    usable = [(LIKELIHOOD.fullmatch(channel.name), channel) for channel in contents.channels if not channel.fault]
     tracks = {match[1].casefold() for channel in contents.channels if (match := COORDINATE.fullmatch(channel.name))}
-    likelihoods = {stem: channel for stem, channel in likelihoods.items() if stem in tracks}
+    likelihoods = {stem: channel for match, channel in usable if match and (stem := match[1].casefold()) in tracks}
     if not likelihoods:
         return contents
     masked: list[RecordedChannel] = []

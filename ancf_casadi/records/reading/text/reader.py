@@ -26,6 +26,7 @@ from ancf_casadi.records.reading.text.dialect import TableHead, find_table
 from ancf_casadi.records.reading.text.header import Head, read_heading, without_unlikely
 from ancf_casadi.records.units import parse_unit
 from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.tables import counted
 
 BLOCK_BYTES = 4 * 2**20  # bytes
 MOST_LINE_BYTES = 2**20  # bytes
@@ -183,11 +184,8 @@ class _Reader:
             while len(cells) > width and not cells[-1]:
                 cells.pop()
             if len(cells) != width:
-                found = f"{len(cells)} column{'' if len(cells) == 1 else 's'}"
-                raise InputError(
-                    f"has {found} where the table has {width}; complete or remove the line",
-                    f"{self.path}, line {number}",
-                )
+                fault = f"has {counted(len(cells), 'column')} where the table has {width}; complete or remove the line"
+                raise InputError(fault, f"{self.path}, line {number}")
             rows.append(cells)
             lines.append(number)
         if rows:
@@ -198,33 +196,30 @@ class _Reader:
         self.lines.append(np.array(lines, dtype=np.int32))
 
     def _column(self, k: int, cells: Sequence[str], lines: Sequence[int]) -> Array:
-        if self.table.kinds[k] == "word":
+        kind = self.table.kinds[k]
+        if kind == "word":
             advice = CLOCKS if ":" in cells[0] else ""
             self.faults.setdefault(k, f"has words, such as {cells[0][:40]!r} in line {lines[0]}, not numbers{advice}")
             return np.full(len(cells), np.nan)
-        if self.table.kinds[k] == "stamp":
-            stamps = self._stamps(k, cells)
-            if stamps is not None:
-                return stamps
-            values, fault = np.full(len(cells), np.nan), 0
-            fault = next((i for i, cell in enumerate(cells) if self.table.dialect.kind(cell) != "stamp"), 0)
+        if kind == "stamp":
+            values, fault = self._stamps(k, cells)
         else:
-            values, found = self.table.dialect.numbers(cells)
-            if found is None:
-                return values
-            fault = found
-        what = "a time" if self.table.kinds[k] == "stamp" else "a finite number"
-        self.faults.setdefault(k, f"line {lines[fault]}: {cells[fault].strip()[:40]!r} is not {what}")
+            values, fault = self.table.dialect.numbers(cells)
+        if fault is not None:
+            what = "a time" if kind == "stamp" else "a finite number"
+            self.faults.setdefault(k, f"line {lines[fault]}: {cells[fault].strip()[:40]!r} is not {what}")
         return values
 
-    def _stamps(self, k: int, cells: Sequence[str]) -> Array | None:
+    def _stamps(self, k: int, cells: Sequence[str]) -> tuple[Array, int | None]:
+        """Return the times in cells, s, and the index of a cell that has none; all are nan if there is one."""
         clock = clock_seconds(cells)
         if clock is not None:
-            return clock
+            return clock, None
         stamps = iso_nanoseconds(cells)
-        if stamps is None:
-            return None
-        return np.asarray(1e-9 * (stamps - self.first_stamps.setdefault(k, int(stamps[0]))))
+        if stamps is not None:
+            return np.asarray(1e-9 * (stamps - self.first_stamps.setdefault(k, int(stamps[0])))), None
+        fault = next((i for i, cell in enumerate(cells) if self.table.dialect.kind(cell) != "stamp"), 0)
+        return np.full(len(cells), np.nan), fault
 
     def contents(self, heading: Sequence[Head]) -> Contents:
         """Return the columns."""
@@ -244,13 +239,9 @@ class _Reader:
 
 def _filled(block: bytes, delimiter: bytes) -> bytes:
     """Return a block with nan in each empty cell."""
-    if delimiter + delimiter in block:
-        block = block.replace(delimiter + delimiter, delimiter + b"nan" + delimiter)
-        block = block.replace(delimiter + delimiter, delimiter + b"nan" + delimiter)
-    if delimiter + b"\n" in block:
-        block = block.replace(delimiter + b"\n", delimiter + b"nan\n")
-    if b"\n" + delimiter in block:
-        block = block.replace(b"\n" + delimiter, b"\nnan" + delimiter)
+    for pair in (delimiter * 2, delimiter * 2, delimiter + b"\n", b"\n" + delimiter):  # every other one, then the rest
+        if pair in block:
+            block = block.replace(pair, pair[:1] + b"nan" + pair[1:])
     if block.startswith(delimiter):
         block = b"nan" + block
     return block + b"nan" if block.endswith(delimiter) else block

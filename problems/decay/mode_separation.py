@@ -288,7 +288,9 @@ def _single(first: DecayFit, second: DecayFit, t: Array, y: Array) -> DecayFit |
         return None
     record = Measurement(t, y, sensor=first.model.sensor)
     try:
-        one = fit_one(record, DecayModel("quadratic", first.model.offset, False, "logarithmic"), release_time=float(t[0]))
+        one = fit_one(
+            record, DecayModel("quadratic", first.model.offset, False, "logarithmic"), release_time=float(t[0])
+        )
         two = _together([first, second], t, y)[0]
     except (InputError, FitError):
         return None

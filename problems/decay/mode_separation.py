@@ -252,12 +252,11 @@ def _found(
         rate = _rate(mode)
         lasts = min(t[-1] - t[0], math.log(20) / rate if rate > 0.0 else math.inf)  # until a twentieth is left
         if mode.frequency * lasts < MINIMUM_PERIODS:
-            f, ζ = mode.frequency, mode.damping_ratio
-            why = (
-                f"{missing}: the rest, near {f:.4g} Hz with a damping ratio of {ζ:.2g}, is no mode; another law or a "
-                "drift may explain it"
+            ended = (
+                f"{missing}: the rest, near {mode.frequency:.4g} Hz with a damping ratio of {mode.damping_ratio:.2g}, "
+                "is no mode; another law or a drift may explain it"
             )
-            return modes, notes, why
+            return modes, notes, ended
         near = min(modes, key=lambda other: abs(other.frequency - mode.frequency))
         others = y - np.sum([np.zeros(len(t)), *(one.displacement(t) for one in modes if one is not near)], axis=0)
         one = _single(near, mode, t, others)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, overload
@@ -70,10 +70,6 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
         """Return the number of records."""
         return len(self.fits)
 
-    def __iter__(self) -> Iterator[DecayFit]:
-        """Yield the result for each record from the fit to all of them."""
-        return iter(self.fits)
-
     @property
     def _shared(self) -> tuple[str, ...]:
         """Names of the quantities that all decays have in common."""
@@ -83,9 +79,9 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
     @cached_property
     def _kept(self) -> list[tuple[DecayFit, list[int]]]:
         """Each decay, and the positions of its quantities, less those that the first one has as well."""
-        every = range(len(DECAY_QUANTITIES))
+        every = list(range(len(DECAY_QUANTITIES)))
         further = [i for i, name in enumerate(DECAY_QUANTITIES) if name not in self._shared]
-        return [(fit, further if k else list(every)) for k, fit in enumerate(self.fits)]
+        return [(fit, further if k else every) for k, fit in enumerate(self.fits)]
 
     @cached_property
     def quantities(self) -> tuple[tuple[str, ...], tuple[str, ...], Quantities]:

@@ -109,7 +109,8 @@ def write_fmu(
     check_instance(functions, "functions", MotionFunctions)
     check_instance(document, "document", Document, NoneType)
     target = check_file(path)
-    _check_document(document, functions)
+    if document is not None:
+        _check_document(document, functions)
     headers, compiler = _fmi_headers(), c_compiler()
     if not compiler:
         raise InputError("an FMU needs a C compiler, and none was found; install one, or set CC to its command", "CC")
@@ -137,10 +138,8 @@ def write_fmu(
     write_file(Path(path), _zipped(content))
 
 
-def _check_document(document: Document | None, functions: MotionFunctions) -> None:
+def _check_document(document: Document, functions: MotionFunctions) -> None:
     """Refuse a document whose beam and law do not have the parameters of the Functions, with the same values."""
-    if document is None:
-        return
     law = RayleighDamping() if document.damping is None else document.damping
     if not set(functions.parameters) <= set(parameter_signals(Equations(document.model, law))):
         raise InputError("describes another beam or damping law than the Functions do", "document")

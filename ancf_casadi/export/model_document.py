@@ -163,7 +163,16 @@ def read_document(path: str | Path) -> Document:
     """
     data = read_json(path)
     with located(str(path)):
-        return _document(read(data))
+        found = read(data)
+        model = model_from(found.beam, found.strain_measures, "$")
+        law = None if found.damping is None else law_from(found.damping, model, "$.damping")
+        identifications = []
+        for k, item in enumerate(found.identifications):
+            with located(place("$.identifications", k)):
+                identifications.append(Identification(item.result, item.data))
+        with located("$.provenance"):
+            provenance = Provenance(**asdict(found.provenance))
+        return Document(model, law, identifications, provenance)
 
 
 def _check_mesh(law: DampingLaw | None, model: Model) -> None:
@@ -172,18 +181,6 @@ def _check_mesh(law: DampingLaw | None, model: Model) -> None:
         _check_mesh(term, model)
     if isinstance(law, ModalDamping) and law.modes.model.size != model.size:
         raise InputError("belong to a beam with another number of elements", "damping: modes")
-
-
-def _document(data: DocumentData) -> Document:
-    model = model_from(data.beam, data.strain_measures, "$")
-    law = None if data.damping is None else law_from(data.damping, model, "$.damping")
-    found = []
-    for k, item in enumerate(data.identifications):
-        with located(place("$.identifications", k)):
-            found.append(Identification(item.result, item.data))
-    with located("$.provenance"):
-        provenance = Provenance(**asdict(data.provenance))
-    return Document(model, law, found, provenance)
 
 
 def beam_data(beam: Beam) -> BeamData:

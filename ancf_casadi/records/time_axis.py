@@ -95,7 +95,8 @@ def _from_rate(contents: Contents, path: str, rate: float, time: str | int | Non
     count = max((len(channel.values) for channel in contents.channels), default=0)
     seconds = np.arange(count) / rate
     channels = tuple(replace(own, time=seconds[: len(own.values)]) for own in contents.channels)
-    return channels, (f"times from the sampling rate, {rate:g} 1/s",)
+    notes = (f"times from the sampling rate, {rate:g} 1/s",)
+    return channels, notes
 
 
 def _chosen(contents: Contents, path: str) -> RecordedChannel:

@@ -14,9 +14,8 @@ element bends by about 0.6 rad, because two Gauss points do not control a cubic 
 pure end moment with 5 to 10 elements).  An unstable equilibrium, such as a standing beam beyond buckling, is returned
 too; ``Equilibrium.is_stable`` marks it.
 
-The corrections of Newton's method are refined iteratively.  The last one, too small to be added to the coordinates, is
-kept beside them (``ancf_casadi.vibration.assembly``), so the balance holds to the rounding error of the forces on any
-mesh.
+The last correction of Newton's method, too small to be added to the coordinates, is kept beside them
+(``ancf_casadi.vibration.assembly``), so the balance holds to the rounding error of the forces on any mesh.
 """
 
 from __future__ import annotations

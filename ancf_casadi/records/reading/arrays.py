@@ -46,8 +46,9 @@ def array_contents(arrays: Iterable[tuple[str, NDArray[Any]]], notes: Iterable[s
             remarks.append(f"{name!r} is no real vector or matrix, and is left out")
             continue
         if values.ndim == 0:
-            single = f"{name!r} is a single number, {float(values):g}"
-            remarks.append(f"{single}; a sampling rate is given with --sample-rate")
+            remarks.append(
+                f"{name!r} is a single number, {float(values):g}; a sampling rate is given with --sample-rate"
+            )
             continue
         columns = values[:, None] if values.ndim == 1 else values if values.shape[0] >= values.shape[1] else values.T
         if len(channels) + columns.shape[1] > MOST_CHANNELS:

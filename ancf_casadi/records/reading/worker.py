@@ -21,10 +21,7 @@ from numpy.typing import NDArray
 
 MOST_DATA_BYTES = 2**30  # bytes that the data of a file may take
 MOST_ITEMS = 10_000
-NUMERIC_SIZES = {
-    "double": 8, "single": 4, "int8": 1, "uint8": 1, "int16": 2, "uint16": 2, "int32": 4, "uint32": 4, "int64": 8,
-    "uint64": 8,
-}  # fmt: skip
+NUMERIC = {"double", "single", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}
 Found = tuple[list[tuple[str, NDArray[Any]]], dict[str, Any]]  # named arrays, and properties
 
 
@@ -48,9 +45,9 @@ def matlab(path: str) -> Found:
     notes: list[str] = []
     size = 0
     for name, shape, kind in whosmat(path, appendmat=False):
-        if kind in NUMERIC_SIZES and len(wanted) < MOST_ITEMS:
+        if kind in NUMERIC and len(wanted) < MOST_ITEMS:
             wanted.append(name)
-            size += math.prod(int(n) for n in shape) * NUMERIC_SIZES[kind]
+            size += math.prod(int(n) for n in shape) * np.dtype(kind).itemsize
         else:
             notes.append(f"{name!r} is a {kind}, and is left out; save its fields as variables")
     check_unpacked(size, os.path.getsize(path))

@@ -142,9 +142,6 @@ class Dialect:
             else:
                 if np.isfinite(values).all():
                     return values, None
-        return self._one_by_one(cells)
-
-    def _one_by_one(self, cells: Sequence[str]) -> tuple[Array, int | None]:
         values, fault = np.full(len(cells), np.nan), None
         for index, cell in enumerate(cells):
             kind = self.kind(cell.strip())

@@ -12,7 +12,9 @@ expectation K - 1.  The interval of the mean includes this scatter,
     x +- t s,    s^2 = max(1, Q/(K - 1))/sum w_k,
 
 with t of Student's distribution with K - 1 degrees of freedom, or if tau = 0 of the normal distribution.  Two records
-hardly determine tau, and their interval is wide.
+hardly determine tau, and their interval is wide.  Of a quantity that cannot be negative, such as a damping ratio, the
+interval is that of the logarithm, from x exp(-t s/x) to x exp(t s/x).  Mean and interval stay within the bounds of the
+quantity, which a first-order estimate may leave.
 
 ``part_estimates`` has the estimates from a part of the residuals of a fit, to first order: one Gauss-Newton step from
 the estimates x of the whole fit, with the rows J_k, r_k of the part,
@@ -47,7 +49,7 @@ from ancf_casadi.estimation.solver.noise import estimated_noise
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.tables import known
 
-DISAGREE = 0.01  # probability of Q below which estimates do not agree
+AGREE, DISAGREE = 0.05, 0.01  # probabilities of Q above which estimates agree, and below which they do not
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +60,8 @@ class Agreement:
     unit: str
     values: Array  # estimates (K,), K at least 2
     errors: Array  # their standard errors (K,), all positive
+    lower: float = -math.inf  # bounds of the quantity
+    upper: float = math.inf
 
     @cached_property
     def scatter(self) -> float:
@@ -75,8 +79,9 @@ class Agreement:
 
     @property
     def mean(self) -> float:
-        """Weighted mean x of the estimates."""
-        return float(np.average(self.values, weights=1 / (self.errors**2 + self.scatter**2)))
+        """Weighted mean x of the estimates, within the bounds."""
+        mean = float(np.average(self.values, weights=1 / (self.errors**2 + self.scatter**2)))
+        return min(max(mean, self.lower), self.upper)
 
     @property
     def error(self) -> float:
@@ -96,18 +101,21 @@ class Agreement:
 
     def ends(self, level: float) -> tuple[float, float]:
         """Return the interval of the mean for a confidence level."""
-        t = quantile(level, len(self.values) - 1 if self.scatter else math.inf)
-        return self.mean - t * self.error, self.mean + t * self.error
+        reach = quantile(level, len(self.values) - 1 if self.scatter else math.inf) * self.error
+        if self.lower == 0.0 and self.mean > 0.0:
+            factor = math.exp(min(reach / self.mean, 700.0))  # finite
+            return self.mean / factor, min(self.mean * factor, self.upper)
+        return max(self.mean - reach, self.lower), min(self.mean + reach, self.upper)
 
     @property
     def agrees(self) -> bool:
         """True if the estimates scatter as their standard errors say."""
-        return self.probability >= DISAGREE
+        return self.probability >= AGREE
 
     @property
     def warning(self) -> str | None:
         """Warning if the estimates do not agree; None if they do."""
-        if self.agrees:
+        if self.probability >= DISAGREE:
             return None
         pairs = zip(self.values.tolist(), self.errors.tolist(), strict=True)
         listed = ", ".join(f"{value:.4g} +- {error:.2g}" for value, error in pairs)
@@ -121,9 +129,10 @@ class Agreement:
         low, high = self.interval
         unit = f" {self.unit}" if self.unit else ""
         chance = f"p = {self.probability:.2g}" if self.probability >= 1e-4 else "p < 0.0001"
+        verdict = "agree" if self.agrees else "hardly agree" if self.probability >= DISAGREE else "do not agree"
         return (
             f"{self.name}: {self.mean:.5g} +- {self.error:.2g}{unit}, 95 % interval [{low:.5g}, {high:.5g}]; the "
-            f"{len(self.values)} records {'agree' if self.agrees else 'do not agree'} ({chance}), "
+            f"{len(self.values)} records {verdict} ({chance}), "
             f"scatter between them {self.scatter:.2g}{unit}"
         )
 
@@ -156,8 +165,8 @@ def agreement_of_parts(fit: Fit, masks: Sequence[Mask]) -> tuple[Agreement, ...]
     errors = steps * np.abs([y.slopes(part) for part, _ in found])
     own = [np.flatnonzero((steps[:, k] > 0.0) & (steps[:, k] < fit.scale[k])) for k in range(len(fit.names))]
     return tuple(
-        Agreement(fit.names[k], fit.units[k], values[rows, k], errors[rows, k])
-        for k, rows in enumerate(own)
+        Agreement(fit.names[k], fit.units[k], values[rows, k], errors[rows, k], unknown.lower, unknown.upper)
+        for k, (unknown, rows) in enumerate(zip(fit.unknowns, own, strict=True))
         if len(rows) > 1
     )
 

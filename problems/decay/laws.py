@@ -259,6 +259,15 @@ class DecayModel:
         across = 2 * rate * turn + amplitude * turn_rate
         return (second - amplitude * turn**2) * cs.cos(phase) - across * cs.sin(phase)
 
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """Bounds of each quantity by name."""
+        bounds = {name: (quantity.lower, quantity.upper) for name, quantity in DECAY_QUANTITIES.items()}
+        if self.law == "linear":
+            bounds["damping_ratio"] = lowest, _ = self.ratio_bounds
+            bounds["eta1"] = (0.0 if lowest >= 0.0 else -math.inf, math.inf)
+        return bounds
+
     def unit(self, name: str) -> str:
         """Return the unit of a quantity: a motion in m takes the unit of the sensor; offset and drift are its zero."""
         if name in ("offset", "drift"):

@@ -135,11 +135,7 @@ class DecayFit(LeastSquaresResult):
 
     def _ends(self, level: float) -> Array:
         """Return the intervals (q, 2) of all quantities within their bounds."""
-        bounds = {name: (quantity.lower, quantity.upper) for name, quantity in DECAY_QUANTITIES.items()}
-        if self.law == "linear":
-            bounds["damping_ratio"] = lowest, _ = self.model.ratio_bounds
-            bounds["eta1"] = (0.0 if lowest >= 0.0 else -math.inf, math.inf)
-        lower, upper = np.array(list(bounds.values())).T[:, :, None]
+        lower, upper = np.array(list(self.model.bounds.values())).T[:, :, None]
         return np.clip(first_order_ends(self.fit, *self._linearised, level), lower, upper)
 
     @property

@@ -17,7 +17,7 @@ from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Table
-from problems.decay.laws import DECAY_QUANTITIES, DECAY_TERMS
+from problems.decay.laws import DECAY_QUANTITIES
 from problems.decay.prediction import predicted
 from problems.decay.result import DecayFit
 
@@ -103,15 +103,15 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
         """Agreement of the records on each quantity of the mode; empty for one record."""
         if len(self.alone) < 2:
             return ()
-        law = self.fits[0].law
-        ratio = ("damping_ratio",) if law == "linear" else DECAY_TERMS[law]
+        model = self.fits[0].model
+        ratio = ("damping_ratio",) if model.law == "linear" else ()
         every = [fit.standard_errors for fit in self.alone]
         found = []
-        for name in ("frequency", "frequency_slope", "frequency_curvature", *ratio):
+        for name in ("frequency", *model.terms, *ratio):
             errors = np.array([own.get(name, 0.0) for own in every])
             if (errors > 0.0).all():
                 values = np.array([fit.values[name] for fit in self.alone])
-                found.append(Agreement(name, self.fits[0].model.unit(name), values, errors))
+                found.append(Agreement(name, model.unit(name), values, errors, *model.bounds[name]))
         return tuple(found)
 
     @property

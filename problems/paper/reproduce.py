@@ -1,10 +1,10 @@
 """The study of the paper, ``paper.toml``: every table and figure, beside the numbers that the paper prints.
 
-    from problems import reproduce
+from problems import reproduce
 
-    if __name__ == "__main__":
-        report = reproduce("results", jobs=2)
-        print(report.page)
+if __name__ == "__main__":
+    report = reproduce("results", jobs=2)
+    print(report.page)
 """
 
 from __future__ import annotations

@@ -94,7 +94,8 @@ def test_outliers_hardly_move_a_robust_fit(model, driven, again):
 def test_the_figure_has_measured_and_fitted_positions_and_residuals(again, driven):
     motion, residuals = again.figure().axes
     lines = motion.get_lines()
-    assert len(lines) == 4 and [text.get_text() for text in motion.get_legend().get_texts()] == ["x, tip", "y, tip"]
+    legend = [text.get_text() for text in motion.get_legend().get_texts()]
+    assert len(lines) == 4 and legend == ["measured", "position x, tip", "position y, tip"]
     measured, fitted = (line.get_ydata() for line in lines[:2])
     assert fitted - measured == pytest.approx(1e3 * again.fit.residuals[: len(measured)])
     assert residuals.get_lines()[1].get_ydata() == pytest.approx(1e3 * again.fit.residuals[len(measured) :])

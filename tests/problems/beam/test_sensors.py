@@ -126,7 +126,7 @@ def test_a_release_at_a_sample_of_a_force_is_found_although_the_force_jumps_ther
     time = own[0].time - own[0].time[0]
     late = [Measurement(time + 0.1, one.values, sensor=one.sensor) for one in own]
     found = fitted(swing, MotionRecord(late, start=swing.start, release_time=(0.081, 0.119)))
-    assert found.solution.problem.blocks[0].channels[1].measurement.time[0] == pytest.approx(0.12)
+    assert found.solution.problem.blocks[0].sensors[1].measurement.time[0] == pytest.approx(0.12)
     score = (found.fit.values - [TRUTH, 0.1 - own[0].time[0]]) / found.fit.errors
     assert abs(score).max() < 3.0
 

@@ -48,6 +48,7 @@ from ancf_casadi.estimation.solver.noise import autocorrelation
 from ancf_casadi.exceptions import AncfError, FitError, InputError
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import choice, number, whole
+from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.support.tables import Displayed, Table, known
 
@@ -181,6 +182,7 @@ class MonteCarlo(Displayed):
         return list(zip(self.names, self.estimates.tolist(), self.units, errors, *numbers, strict=True))
 
 
+@lasting_interrupts()
 def monte_carlo(
     fit: FitResult,
     *,

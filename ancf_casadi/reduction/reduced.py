@@ -48,6 +48,7 @@ from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
 from ancf_casadi.reduction.projection import Projection, nodal_slopes, project_model, select_points
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, numbers, whole
+from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import counted
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
@@ -140,6 +141,7 @@ class ReducedModel(ReducedFunctions):
         return f"{self.modes._summary()}, {counted(self.model.beam.elements, 'element')}, {self.law!r}"
 
 
+@lasting_interrupts()
 def reduce_model(
     model: Model,
     *,

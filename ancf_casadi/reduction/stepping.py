@@ -32,7 +32,7 @@ from ancf_casadi.reduction.reduced import BASE_INSTANTS, ReducedModel
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import compiled, interpreted
 from ancf_casadi.support.inputs import check_instance, positive, whole
-from ancf_casadi.support.interrupts import delayed_interrupts
+from ancf_casadi.support.interrupts import delayed_interrupts, lasting_interrupts
 from ancf_casadi.support.tables import counted
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
@@ -129,6 +129,7 @@ class ReducedTrajectory(Motion):
         return {"kind": "reduced motion", **super().to_dict(), "modal_coordinates": self.q.tolist()}
 
 
+@lasting_interrupts()
 def simulate_reduced(
     reduced: ReducedModel,
     *,

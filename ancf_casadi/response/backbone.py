@@ -42,6 +42,7 @@ from ancf_casadi.response.onset import RESPONSE_ERROR, motion_of, rest
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import number, physical, positive, whole
+from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Reported, Table, counted, spread
 
 MOST_BACKBONE_POINTS = 1000
@@ -144,6 +145,7 @@ class Backbone(Reported):
         return float(CubicSpline(self.amplitudes, values)(at))
 
 
+@lasting_interrupts()
 def backbone(
     model: Body,
     mode: int = 1,

@@ -50,6 +50,7 @@ from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.banded import BandedFactors
 from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, choice, is_sequence, number, unit_vector
+from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Reported, Table, counted, spread
 from ancf_casadi.vibration.assembly import BANDWIDTH
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
@@ -188,6 +189,7 @@ class LinearFrf(Reported):
         return f"{self.kind}, {shape}, {spread(self.frequencies, 'Hz')}, {self.damping!r}"
 
 
+@lasting_interrupts()
 def linear_frf(
     model: Model,
     damping: DampingLaw | None = None,

@@ -31,12 +31,14 @@ from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import positive
+from ancf_casadi.support.interrupts import lasting_interrupts
 
 RESPONSE_ERROR = 1e-6
 FIRST_SHARE = 0.01  # of the amplitude of the excitation, at which the continuation begins
 MOST_ONSET_STEPS = 300
 
 
+@lasting_interrupts()
 def periodic_motion(
     model: Body,
     *,

@@ -42,6 +42,7 @@ from ancf_casadi.response.onset import RESPONSE_ERROR, grown, motion_of, reached
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import LARGEST_TIME, check_instance, choice, physical, positive, vector, whole
+from ancf_casadi.support.interrupts import lasting_interrupts
 
 CURVE_POINTS = 60
 MOST_CURVE_POINTS = 2000
@@ -50,6 +51,7 @@ Free = Literal["omega", "amplitude", "value"]
 RANGES: Mapping[Free, str] = {"omega": "frequencies", "amplitude": "amplitudes", "value": "values"}
 
 
+@lasting_interrupts()
 def frequency_response(
     model: Body,
     frequencies: tuple[float, float],
@@ -116,6 +118,7 @@ def frequency_response(
     return _traced(subject, point, "omega", (omega, end), points)
 
 
+@lasting_interrupts()
 def amplitude_response(
     model: Body,
     amplitudes: tuple[float, float],
@@ -161,6 +164,7 @@ def amplitude_response(
     return _traced(subject, point, "amplitude", (first, last), points)
 
 
+@lasting_interrupts()
 def parameter_response(
     model: Body,
     parameter: str,

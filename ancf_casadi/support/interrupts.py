@@ -1,19 +1,25 @@
 """Ctrl-C and requests to end while a solver library runs.
 
-A signal that raises an exception inside a CasADi call surfaces as a failure of the solver, or not at all.  It is
-therefore noted during the call and acted upon after it.  A Python function that the library calls can ask
-``interrupted`` and stop early, so that the call ends soon.
+A signal that raises an exception inside a CasADi call surfaces as a failure of the solver, or not at all: CasADi
+swallows the exception even while it converts an array.  There are two remedies.  In a call that takes long, the signal
+is noted and acted upon afterwards; a Python function that the library calls can ask ``interrupted`` and stop early.
+Around long work of many calls, the exception is raised again and again until the work ends.
 """
 
 from __future__ import annotations
 
+import _thread
 import contextlib
 import signal
+import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+REPEAT = 0.2  # s until Ctrl-C is raised again in work that goes on
 
 _noted: list[list[int]] = []  # signals noted in each open context, the innermost last; main thread only
 
@@ -44,16 +50,24 @@ def noted_interrupts() -> Iterator[list[int]]:
 def raised_endings() -> Iterator[list[int]]:
     """Note Ctrl-C, SIGTERM and SIGHUP, and raise ``KeyboardInterrupt`` for each, so that a program can clean up.
 
-    A CasADi call that is running may turn the exception into any error of its own, or into a run that ends early.
+    The exception is raised again if a CasADi call swallows it.  Such a call may also turn it into any error of its own.
     """
-    noted: list[int] = []
-
-    def end(number: int, _: object) -> None:
-        noted.append(number)
-        raise KeyboardInterrupt
-
-    with _handled(_handlers(lambda handler: handler in (signal.default_int_handler, signal.SIG_DFL)), end):
+    with _raised(_handlers(lambda handler: handler in (signal.default_int_handler, signal.SIG_DFL))) as noted:
         yield noted
+
+
+@contextlib.contextmanager
+def lasting_interrupts() -> Iterator[None]:
+    """Raise ``KeyboardInterrupt`` at Ctrl-C until the work ends, and in place of any other error or result.
+
+    It also serves as a decorator of long functions.  A program that handles Ctrl-C itself is left to do so.
+    """
+    with _raised(_handlers(lambda handler: handler is signal.default_int_handler)) as noted:
+        try:
+            yield
+        finally:
+            if noted and not isinstance(sys.exception(), KeyboardInterrupt):
+                raise KeyboardInterrupt from None
 
 
 @contextlib.contextmanager
@@ -77,6 +91,58 @@ def _handlers(wanted: Callable[[Any], bool]) -> dict[int, Any]:
     if threading.current_thread() is not threading.main_thread():
         return {}
     return {number: signal.getsignal(number) for number in ENDING if wanted(signal.getsignal(number))}
+
+
+@contextlib.contextmanager
+def _raised(before: dict[int, Any]) -> Iterator[list[int]]:
+    """Raise ``KeyboardInterrupt`` at each of these signals, and again as long as the context is open."""
+    ending, hook = _Ending(), sys.unraisablehook
+    with _handled(before, ending):
+        try:
+            yield ending.noted
+        finally:
+            ending.open = False
+            with ending.sending:  # a signal that is on its way finds this handler
+                sys.unraisablehook = hook
+
+
+class _Ending:
+    """A handler that notes signals and raises ``KeyboardInterrupt``, again until that is handled."""
+
+    def __init__(self) -> None:
+        self.noted: list[int] = []
+        self.open = True
+        self.sending = threading.Lock()
+        self._own = False  # the next signal comes from ``_repeat``
+
+    def __call__(self, number: int, _: object) -> None:
+        if self._own:
+            self._own = False
+            if not self.open or isinstance(sys.exception(), KeyboardInterrupt):
+                return
+        else:
+            self.noted.append(number)
+            if len(self.noted) == 1:
+                sys.unraisablehook = _without_interrupts(sys.unraisablehook)
+                _thread.start_new_thread(self._repeat, (number,))  # a Thread takes locks that this thread may hold
+        raise KeyboardInterrupt
+
+    def _repeat(self, number: int) -> None:
+        """Send the signal to the main thread every ``REPEAT`` seconds."""
+        while self.open:
+            time.sleep(REPEAT)
+            with self.sending:
+                if self.open:
+                    self._own = True
+                    if sys.platform == "win32":
+                        _thread.interrupt_main(number)
+                    else:
+                        signal.pthread_kill(threading.main_thread().ident or 0, number)  # it wakes from waiting
+
+
+def _without_interrupts(hook: Callable[[Any], object]) -> Callable[[Any], object]:
+    """Return a hook that does not print an exception that was swallowed and will be raised again."""
+    return lambda failure: None if failure.exc_type is KeyboardInterrupt else hook(failure)
 
 
 @contextlib.contextmanager

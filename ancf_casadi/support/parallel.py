@@ -30,12 +30,14 @@ from tqdm import tqdm
 
 from ancf_casadi.exceptions import InputError, NumericsError
 from ancf_casadi.support.inputs import check_instance, flag, is_sequence, numbers, shown, whole
+from ancf_casadi.support.interrupts import lasting_interrupts
 
 Result = TypeVar("Result")
 
 COUNT_BAR = "{l_bar}{bar}| [{elapsed}<{remaining}]"
 
 
+@lasting_interrupts()
 def run_all(
     tasks: Sequence[Callable[[], Result]],
     *,

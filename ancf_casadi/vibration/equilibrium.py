@@ -34,6 +34,7 @@ from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import factorised, sparse
 from ancf_casadi.support.inputs import check_instance, check_size, instances, number, vector
+from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Reported, Table, counted
 from ancf_casadi.vibration.assembly import Position, Structure, refined
 from ancf_casadi.vibration.eigensolver import lowest_modes
@@ -145,6 +146,7 @@ class Equilibrium(Reported):
         return f"tip ({x:g}, {y:g}) m, {counted(self.model.beam.elements, 'element')}"
 
 
+@lasting_interrupts()
 def static_equilibrium(
     model: Model,
     *,

@@ -26,6 +26,7 @@ from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, check_instance, numbers, whole
+from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Reported, Table, counted, spread
 from ancf_casadi.vibration.eigensolver import lowest_modes
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
@@ -145,6 +146,7 @@ class Modes(Reported):
         return f"{counted(self.count, 'mode')}, {spread(self.frequencies, 'Hz')}"
 
 
+@lasting_interrupts()
 def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | None = None) -> Modes:
     """Return the lowest modes about an equilibrium.
 

@@ -49,6 +49,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import check_instance, flag, instances, is_sequence, positive, shown, whole
+from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.curves.block import curve_block
@@ -78,6 +79,7 @@ OTHER_START = 0.02  # second start of a tip mass, and of the compliance of a cla
 Record = Measurement | MotionRecord | MarkerRecord | ResponseRecord | StaticRecord | FrequencyRecord
 
 
+@lasting_interrupts()
 def fit_beam(
     model: Model,
     records: Record | Sequence[Record],
@@ -206,6 +208,7 @@ def fit_beam(
     return BeamFit(solution.fit, given=models[id(model)], guess=law, first=first, solution=solution, again=again)
 
 
+@lasting_interrupts()
 def compare_laws(
     model: Model,
     records: Any,

@@ -20,6 +20,7 @@ from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import flag, is_sequence, number, shown
+from ancf_casadi.support.interrupts import lasting_interrupts
 from problems.decay.laws import DECAY_TERMS, RATIO_BOUNDS, DecayModel, Law
 from problems.decay.result import DecayFit
 from problems.decay.solution import as_record, fit_from
@@ -35,6 +36,7 @@ COUNTED: Mapping[Law, tuple[str, ...]] = {  # unknowns that count even at a boun
 }  # fmt: skip
 
 
+@lasting_interrupts()
 def compare_decay_laws(
     time: Measurement | ArrayLike,
     displacement: ArrayLike | None = None,

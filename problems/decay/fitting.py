@@ -27,6 +27,7 @@ from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import choice, flag, instances, number, numbers
+from ancf_casadi.support.interrupts import lasting_interrupts
 from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED, compare_decay_laws
 from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law
 from problems.decay.result import DecayFit
@@ -34,6 +35,7 @@ from problems.decay.solution import as_record, fit_from
 from problems.decay.takes import DecayFits
 
 
+@lasting_interrupts()
 def fit_decay(
     time: Measurement | ArrayLike,
     displacement: ArrayLike | None = None,
@@ -114,6 +116,7 @@ def fit_decay(
     return fit_decays([record], release_times=releases, **settings)[0]
 
 
+@lasting_interrupts()
 def fit_decays(
     records: Sequence[Measurement],
     *,

@@ -47,6 +47,7 @@ from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import flag, number, physical, vector, whole
+from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Displayed
 from problems.decay.laws import DecayModel
 from problems.decay.limitations import residual_oscillation
@@ -96,6 +97,7 @@ class IsolatedMode(Displayed):
         return f"{self.mode.frequency:.4g} Hz{others and f', without {others} Hz'}, {self.record!r}"
 
 
+@lasting_interrupts()
 def fit_modes(
     time: Measurement | ArrayLike,
     displacement: ArrayLike | None = None,
@@ -165,6 +167,7 @@ def fit_modes(
     return DecayModes(fit, tuple(sorted(fits, key=lambda fit: fit.frequency)), again=again)
 
 
+@lasting_interrupts()
 def isolate_mode(record: Measurement, band: tuple[float, float], *, release_time: float | None = None) -> IsolatedMode:
     """Return the strongest mode within a band, and the record without the other modes that are found with it.
 

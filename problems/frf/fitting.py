@@ -12,6 +12,7 @@ import numpy as np
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, is_sequence, physical, shown, vector, whole
+from ancf_casadi.support.interrupts import lasting_interrupts
 from problems.frf.modal_sum import MODAL_SUM_POWERS, RESIDUAL_POWERS, ModalSum
 from problems.frf.poles import candidate_poles, poles_near
 from problems.frf.record import FrfRecord
@@ -21,6 +22,7 @@ from problems.frf.selection import MOST_FRF_MODES, Selection, select_modes
 from problems.frf.weights import given_deviations
 
 
+@lasting_interrupts()
 def fit_frf(
     record: FrfRecord,
     *,

@@ -47,6 +47,7 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.callbacks import Differentiable
 from ancf_casadi.support.inputs import check_instance, choice, whole
+from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.vibration.modal_state import ModalState, modes_near
 from problems.matching.design_space import WEIGHT, DesignSpace, LeastChange, Preference, Smoothness
@@ -68,6 +69,7 @@ MATCHING_OPTIONS: dict[str, Any] = {
 }
 
 
+@lasting_interrupts()
 def match_frequencies(
     beam: Beam,
     *,

@@ -23,6 +23,7 @@ from typing import Any
 
 from ancf_casadi.support.files import check_folder, check_path, write_files
 from ancf_casadi.support.inputs import check_instance, flag, whole
+from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Displayed, counted, to_json
 from ancf_casadi.version import __version__
 from problems.schema import beam as beam_schema
@@ -169,6 +170,7 @@ def run_study(
     return write_study(path, KINDS, out, quick=quick, executor=executor, jobs=jobs, progress=progress, command=command)
 
 
+@lasting_interrupts()
 def write_study(
     path: str | Path,
     kinds: Sequence[type[Part]],

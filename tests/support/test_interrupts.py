@@ -1,13 +1,28 @@
 """Ctrl-C while a solver library runs."""
 
+import contextlib
+import gc
 import signal
 import subprocess
 import sys
+import time
+import weakref
 from pathlib import Path
 
+import casadi as cs
+import numpy as np
 import pytest
 
-from ancf_casadi.support.interrupts import delayed_interrupts, interrupted, noted_interrupts
+from ancf_casadi import Measurement, run_all
+from ancf_casadi.support.interrupts import (
+    REPEAT,
+    delayed_interrupts,
+    interrupted,
+    lasting_interrupts,
+    noted_interrupts,
+    raised_endings,
+)
+from problems import fit_decay, reproduce, run_study
 
 ROOT = Path(__file__).parents[2]
 FIT = """
@@ -79,3 +94,135 @@ def test_without_an_interrupt_nothing_is_raised():
     assert not noted and not interrupted()
     with pytest.raises(RuntimeError, match="own"), delayed_interrupts():
         raise RuntimeError("own")
+
+
+class Struck(np.ndarray):
+    """An array whose conversion by CasADi meets a Ctrl-C; CasADi discards the exception."""
+
+    def astype(self, *arguments, **options):
+        signal.raise_signal(signal.SIGINT)
+        return super().astype(*arguments, **options)
+
+
+def converted():
+    with contextlib.suppress(NotImplementedError):  # CasADi then does not take it for an array of numbers
+        cs.MX.sym("x", 3) + np.ones(3).view(Struck)
+
+
+def swallowed(seconds=5.0):
+    """Meet a Ctrl-C in a CasADi call, and go on for seconds."""
+    converted()
+    begin = time.monotonic()
+    while time.monotonic() < begin + seconds:
+        time.sleep(1e-3)
+    return "went on"
+
+
+def test_casadi_swallows_a_ctrl_c_and_long_functions_raise_it_again():
+    assert swallowed(0.01) == "went on"
+    for call in (lasting_interrupts()(swallowed), lambda: run_all([swallowed])):
+        began = time.monotonic()
+        with pytest.raises(KeyboardInterrupt):
+            call()
+        assert time.monotonic() - began < 2 * REPEAT + 0.5
+    time.sleep(2 * REPEAT)  # no signal comes after the end
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_command_raises_again_what_was_swallowed(number):
+    with pytest.raises(KeyboardInterrupt), raised_endings() as noted:
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(number)
+        swallowed_at = time.monotonic()
+        while time.monotonic() < swallowed_at + 5.0:
+            time.sleep(1e-3)
+    assert noted == [number]
+
+
+def test_clean_up_is_not_interrupted_by_a_repetition():
+    reached = []
+    with pytest.raises(KeyboardInterrupt), lasting_interrupts():
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            time.sleep(3 * REPEAT)
+            reached.append("the end")
+    assert reached
+
+
+def test_ctrl_c_takes_the_place_of_errors_and_of_results():
+    @lasting_interrupts()
+    def work(error):
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        if error:
+            raise error
+
+    for error in (ValueError("what a library makes of it"), None):
+        with pytest.raises(KeyboardInterrupt):
+            work(error)
+
+
+def test_an_exception_that_nobody_can_catch_is_not_printed(capfd):
+    class Watched:
+        pass
+
+    with pytest.raises(KeyboardInterrupt), lasting_interrupts():
+        watched = Watched()
+        callback = weakref.ref(watched, lambda _: signal.raise_signal(signal.SIGINT))
+        del watched
+        gc.collect()
+        swallowed()
+    assert callback() is None
+    assert capfd.readouterr().err == ""
+
+
+def test_handlers_of_the_program_are_left_alone():
+    met = []
+    before = signal.signal(signal.SIGINT, lambda *_: met.append(1))
+    try:
+        with lasting_interrupts():
+            signal.raise_signal(signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert met == [1]
+
+
+DECAY_STUDY = """
+[[parts]]
+kind = "decays"
+
+[[decays]]
+file = "decay.csv"
+"""
+
+
+@pytest.mark.parametrize(
+    "work",
+    [
+        lambda record: fit_decay(record),
+        lambda _: run_study("study.toml", "results"),
+        lambda _: reproduce("results", quick=True),
+    ],
+    ids=["fit_decay", "run_study", "reproduce"],
+)
+def test_ctrl_c_in_a_casadi_call_ends_a_fit_and_a_study(work, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    instants = np.arange(0.0, 5.0, 0.01)
+    values = 5e-3 * np.exp(-0.3 * instants) * np.cos(19.0 * instants)
+    np.savetxt("decay.csv", np.c_[instants, values], delimiter=",", header="time_s,tip_m", comments="")
+    Path("study.toml").write_text(DECAY_STUDY)
+    exponential, met = cs.exp, []
+
+    def struck(*arguments):
+        if not met:
+            met.append(time.monotonic())
+            converted()
+            time.sleep(1e-3)
+        return exponential(*arguments)
+
+    monkeypatch.setattr(cs, "exp", struck)
+    with pytest.raises(KeyboardInterrupt):
+        work(Measurement(instants, values))
+    assert time.monotonic() - met[0] < 2.0

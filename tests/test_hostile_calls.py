@@ -123,6 +123,7 @@ def test_a_wrong_argument_is_named(call, message):
         ("fit_beam", {"bounds": {1: 2, "a": (0.0, 1.0)}}, "refused"),
         ("fit_beam", {"priors": {1: 2, "a": (0.0, 1.0)}}, "refused"),
         ("ResponseRecord", {"values": [[1.0], [1.0, 2.0]]}, "refused"),
+        ("HarmonicBase", {"stop": [[1.0], [1.0, 2.0]]}, "refused"),
         ("damping_curve", {"periods": 1e308}, "refused"),
     ],
 )

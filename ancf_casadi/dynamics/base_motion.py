@@ -24,7 +24,17 @@ from numpy.typing import ArrayLike
 from ancf_casadi.damping import Parameter
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import array, check_size, choice, number, physical, positive, unit_vector, vector
+from ancf_casadi.support.inputs import (
+    array,
+    check_size,
+    choice,
+    number,
+    physical,
+    positive,
+    positive_or_infinite,
+    unit_vector,
+    vector,
+)
 from ancf_casadi.support.tables import Displayed
 
 StopAt = Literal["rest", "once"]
@@ -167,7 +177,7 @@ class _Oscillation(BaseMotion):
     def _validate(self) -> None:
         """Check what all oscillations share, and normalise the direction."""
         positive(self.amplitude, "amplitude")
-        if np.ndim(self.stop) or self.stop != math.inf:
+        if positive_or_infinite(self.stop, "stop") != math.inf:
             physical(self.stop, "stop")
         check_ramp(self.ramp, self._instant, self.stop)
         choice(self.stop_at, get_args(StopAt), "stop_at")

@@ -122,7 +122,7 @@ def simulate(
     Notes
     -----
     Ctrl-C does not raise during the integration.  The run ends with the current time segment, at most a 25th of the
-    run, and returns the finished part with ``interrupted`` set.
+    run, and returns the finished part with ``interrupted`` set.  Within ``run_all``, a fit or a study, it then raises.
 
     Examples
     --------

@@ -28,7 +28,8 @@ _noted: list[list[int]] = []  # signals noted in each open context, the innermos
 def noted_interrupts() -> Iterator[list[int]]:
     """Note each Ctrl-C instead of raising; none is noted outside the main thread or if Ctrl-C is ignored.
 
-    SIGTERM and SIGHUP are noted as well if the program handles them, and delivered to it at the end.
+    SIGTERM and SIGHUP are noted as well if the program handles them, and delivered to it at the end.  So is a Ctrl-C in
+    work that ``lasting_interrupts`` or ``raised_endings`` surrounds.
     """
     noted: list[int] = []
     before = _handlers(callable)
@@ -42,7 +43,7 @@ def noted_interrupts() -> Iterator[list[int]]:
     finally:
         _noted.pop()
         for number in noted:
-            if number != signal.SIGINT:
+            if number != signal.SIGINT or isinstance(before[number], _Ending):
                 signal.raise_signal(number)
 
 

@@ -34,8 +34,6 @@ def _run(options: argparse.Namespace) -> Output:
     out, plot = new_files([options.file], options.out, options.plot)
     with located(f"{options.file}: [simulation]"):
         run = simulate(study.model, damping=study.damping, base=study.base, progress=True, **study.settings)
-    if run.interrupted:
-        raise KeyboardInterrupt
     files = [*file_writers(out, lambda: _motion(run, study.markers).csv()), *figure_writers(plot, run.figure)]
     if not options.json:
         return Output(run.report(), files)

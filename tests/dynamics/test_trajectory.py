@@ -24,6 +24,7 @@ from ancf_casadi import (
     motion,
     natural_modes,
     reduce_model,
+    run_all,
     simulate,
     simulate_reduced,
     static_equilibrium,
@@ -250,6 +251,8 @@ class TestInterruptions:
         part = simulate(hanging, duration=0.1)
         assert part.interrupted
         assert len(part.time) == 5
+        with pytest.raises(KeyboardInterrupt):  # not the other runs after part of the first
+            run_all([partial(simulate, hanging, duration=0.1)])
 
     def test_a_failed_run_keeps_the_good_part_and_travels_between_processes(self, hanging, monkeypatch):
         def fail():

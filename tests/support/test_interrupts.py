@@ -226,3 +226,13 @@ def test_ctrl_c_in_a_casadi_call_ends_a_fit_and_a_study(work, tmp_path, monkeypa
     with pytest.raises(KeyboardInterrupt):
         work(Measurement(instants, values))
     assert time.monotonic() - met[0] < 2.0
+
+
+def test_a_call_that_notes_a_ctrl_c_ends_first_and_then_the_work_around_it():
+    reached = []
+    with pytest.raises(KeyboardInterrupt), lasting_interrupts():
+        with noted_interrupts() as noted:
+            signal.raise_signal(signal.SIGINT)
+            reached.append(len(noted))
+        reached.append("more work")
+    assert reached == [1]

@@ -116,8 +116,6 @@ def run_experiment(
         tolerance=tolerance,
         largest_step=1 / (effort.steps_per_period * base.frequency),
     )
-    if trajectory.interrupted:
-        raise KeyboardInterrupt
     motion = modes.modal_coordinate(trajectory.relative_coordinates, mode)
     after = trajectory.time >= trajectory.time[-1] - window
     decay = Measurement(trajectory.time[after], motion[after])

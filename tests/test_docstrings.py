@@ -13,15 +13,16 @@ from ancf_casadi.support.compilation import c_compiler
 
 SLOW = (
     "ContinuationError", "DecayFit", "RecordPrediction", "SampledLoad",
-    "BeamFit", "compare_laws", "fit_beam", "reproduce", "write_fmu",
+    "BeamFit", "compare_laws", "fit_beam", "write_fmu",
 )  # fmt: skip
+ELSEWHERE = {"reproduce"}  # tests/problems/paper/test_reproduce.py
 PUBLIC = [
     pytest.param(
         getattr(package, name), id=f"{package.__name__}.{name}", marks=[pytest.mark.slow] if name in SLOW else []
     )
     for package in (ancf_casadi, ancf_casadi.export, problems)
     for name in package.__all__
-    if not name.startswith("__")
+    if not name.startswith("__") and name not in ELSEWHERE
 ]
 OPTIONS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
@@ -37,6 +38,11 @@ def beginner(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
 def test_a_public_name_has_examples_that_print_what_they_say(public):
     if public is ancf_casadi.export.write_fmu and not (c_compiler() and importlib.util.find_spec("fmpy")):
         pytest.skip("an FMU needs a C compiler and fmpy")
+    check_examples(public)
+
+
+def check_examples(public):
+    """Check that a name has examples, and that they print what they say."""
     assert "\nExamples\n--------\n" in inspect.getdoc(public)
     own, *methods = sorted(examples_of(public), key=lambda test: len(test.name))
     assert own.name == public.__name__ and own.examples

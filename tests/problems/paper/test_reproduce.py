@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,9 +17,11 @@ import pytest
 
 from problems.cli import main
 from problems.paper import numbers as paper
+from problems.paper import reproduce as reproducing
 from problems.paper.numbers import PAPER_FILE
 from problems.study.part import Study
 from tests.problems.conftest import study_in, without_times
+from tests.test_docstrings import check_examples
 
 PROPORTIONAL = (0.0100, 0.0028, 0.003358, 0.005656, 0.009057)  # Eq. (16) with alpha 0.228181 and beta 3.18013e-5
 PROMISED = {
@@ -178,6 +181,13 @@ class TestResults:
         *text, last = capsys.readouterr().out.splitlines()
         assert (folder.parent / last).samefile(small_paper.page)
         assert any(line.startswith("Table 2. ") for line in text)
+
+
+def test_the_example_of_the_docstring_prints_what_it_says(small_paper, tmp_path, monkeypatch):
+    """With the study above, whose finished steps are there."""
+    monkeypatch.chdir(shutil.copytree(small_paper.page.parent.parent, tmp_path / "copy"))
+    monkeypatch.setattr(reproducing, "PAPER_FILE", Path("small.toml"))
+    check_examples(reproducing.reproduce)
 
 
 def run(*arguments: str | Path) -> subprocess.Popen[str]:

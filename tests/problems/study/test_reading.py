@@ -226,7 +226,7 @@ def _places(value: Any):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "times"), [("all", 1500), ("paper", 30)])
+@pytest.mark.parametrize(("name", "times"), [("all", 400), ("paper", 30)])
 def test_a_mutated_study_is_read_or_refused(study_file, name, times):
     """Nothing but our errors comes out, in one line, with the name of the file."""
     rng, refused = random.Random(7), 0

@@ -76,8 +76,9 @@ def test_many_hostile_calls_return_or_are_refused(there):
 
 
 @pytest.mark.slow
-def test_the_calls_are_valid_before_a_value_is_replaced(there):
+def test_the_calls_are_valid_before_a_value_is_replaced(there, monkeypatch):
     """``reproduce`` takes longer than a call may, and ends at once when it is stopped."""
+    monkeypatch.setattr(hostile_calls, "SECONDS", 4.0)
     expected = dict.fromkeys(calls(there), "returned") | {"reproduce": "stopped"}
     assert {name: outcome(*call) for name, call in calls(there).items()} == expected
 

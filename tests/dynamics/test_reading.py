@@ -89,16 +89,15 @@ def test_derivatives_of_all_readings_are_those_of_differences(readings, place):
 @pytest.mark.slow
 def test_reverse_derivatives_are_the_transposed_of_the_forward_ones(readings):
     function, values = readings
-    symbols, rng = function.mx_in(), np.random.default_rng(1)
-    output = function(*symbols)
-    weights = rng.normal(size=output.shape)
-    seeds = [cs.DM(rng.normal(size=part.shape) * np.maximum(abs(part), 1e-3)) for part in values]
-    forward = sum(cs.dot(cs.jtimes(output, x, seed), cs.DM(weights)) for x, seed in zip(symbols, seeds, strict=True))
-    reverse = sum(
-        cs.dot(cs.jtimes(cs.vec(output), x, cs.vec(cs.DM(weights)), True), seed)
-        for x, seed in zip(symbols, seeds, strict=True)
-    )
-    found = cs.Function("both", symbols, [forward, reverse])(*values)
+    rng = np.random.default_rng(1)
+    seed = cs.vvcat([rng.normal(size=part.shape) * np.maximum(abs(part), 1e-3) for part in map(np.array, values)])
+    x = cs.MX.sym("x", seed.shape[0])  # all inputs
+    parts = zip(cs.vertsplit(x, np.cumsum([0, *map(np.size, values)]).tolist()), function.mx_in(), strict=True)
+    output = cs.vec(function(*(cs.reshape(part, one.shape) for part, one in parts)))
+    weights = cs.DM(rng.normal(size=output.shape))
+    forward = cs.dot(cs.jtimes(output, x, seed), weights)
+    reverse = cs.dot(cs.jtimes(output, x, weights, True), seed)
+    found = cs.Function("both", [x], [forward, reverse])(cs.vvcat(values))
     assert float(found[0]) == pytest.approx(float(found[1]), rel=1e-7)
 
 

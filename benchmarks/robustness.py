@@ -14,6 +14,7 @@ import io
 import multiprocessing
 import random
 import re
+import signal
 import sys
 import tempfile
 import time
@@ -122,6 +123,7 @@ def run() -> None:
     parser.add_argument("--every", action="store_true", help="also each argument with each hostile value")
     parser.add_argument("--folder", type=Path, help="folder for the files, which are then kept")
     options = parser.parse_args()
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background ignores Ctrl-C
     began = time.process_time()
     with tempfile.TemporaryDirectory() as temporary:
         folder = options.folder or Path(temporary)

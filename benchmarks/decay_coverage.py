@@ -129,7 +129,7 @@ def half_widths(case: Case, seed: int) -> list[tuple[float, float, float]]:
     """Return the error of each quantity, and the distances of the ends of its interval from the estimate."""
     rng = np.random.default_rng(seed)
     phase = rng.uniform(0.0, 2 * math.pi)
-    model = DecayModel(case.law, False, False, case.frequency_law, reference=AMPLITUDE)
+    model = DecayModel(case.law, "zero", case.frequency_law, reference=AMPLITUDE)
     x = [OMEGA, *DAMPING[case.law], *BENDING[case.frequency_law], AMPLITUDE, phase]
     exact = np.asarray(cs.evalf(model.curve(TIME, *map(cs.MX, x)))).ravel()
     quantities = cs.evalf(model.quantities(*map(cs.MX, x))).full().ravel().tolist()

@@ -14,6 +14,7 @@ from typing import Any, get_args
 
 from ancf_casadi.decay.envelope import damping_curve
 from ancf_casadi.decay.phase import FrequencyLaw
+from ancf_casadi.decay.rest import Rest
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.files import check_file
@@ -30,11 +31,13 @@ from problems.command.output import (
     positive_count,
 )
 from problems.command.record_options import add_part_options, add_record_options, read_record, releases
-from problems.decay.comparison import compare_decay_laws
+from problems.decay.comparison import compare_decay_laws, compared
 from problems.decay.fitting import fit_decay, fit_decays
 from problems.decay.laws import Law
 from problems.decay.mode_separation import IsolatedMode, isolate_mode
 from problems.decay.result import DecayFit
+
+AUTOMATIC = ("law", "frequency-law", "rest")  # options that may be auto
 
 
 def add_fit_decay(parser: argparse.ArgumentParser) -> None:
@@ -55,7 +58,11 @@ def add_fit_decay(parser: argparse.ArgumentParser) -> None:
         help="change of the frequency with the amplitude, or auto to compare all (default: constant; with --law auto: "
         "auto)",
     )
-    parser.add_argument("--drift", action="store_true", help="let the rest position drift at constant velocity")
+    parser.add_argument(
+        "--rest",
+        choices=(*get_args(Rest), "auto"),
+        help="motion of the rest position, or auto to compare all (default: constant; with --law auto: auto)",
+    )
     parser.add_argument("--robust", action="store_true", help="limit the influence of outliers")
     parser.add_argument(
         "--modes", type=positive_count, metavar="N", help="fit the strongest N modes at once, as fit-modes does"
@@ -97,7 +104,7 @@ def _check(options: argparse.Namespace) -> None:
     """Refuse options that do not go together."""
     several = len(options.files) > 1
     if _compares(options):
-        where = "--law auto" if options.law == "auto" else "--frequency-law auto"
+        where = next(f"--{name} auto" for name in AUTOMATIC if getattr(options, name.replace("-", "_")) == "auto")
         if options.robust:
             raise InputError("compares sums of squares; leave out --robust", where)
         if several:
@@ -109,7 +116,7 @@ def _check(options: argparse.Namespace) -> None:
             "several files": several,
             f"--law {options.law}": options.law != "linear",
             "--frequency-law": options.frequency_law is not None,
-            "--drift": options.drift,
+            "--rest": options.rest is not None,
             "--robust": options.robust,
             "--band": options.band is not None,
             "--curve": options.curve is not None,
@@ -121,7 +128,7 @@ def _check(options: argparse.Namespace) -> None:
 
 def _compares(options: argparse.Namespace) -> bool:
     """Return whether several laws are to be compared."""
-    return "auto" in (options.law, options.frequency_law)
+    return "auto" in (options.law, options.frequency_law, options.rest)
 
 
 def _fitted(
@@ -132,17 +139,16 @@ def _fitted(
 ) -> Output:
     extra: dict[str, Any] = {}
     if _compares(options):
-        given = {"laws": options.law, "frequency_laws": options.frequency_law}
-        chosen: dict[str, Any] = {name: [law] for name, law in given.items() if law not in (None, "auto")}
+        chosen = compared(options.law, options.frequency_law, options.rest)
         with located(options.files[0]):
-            comparison = compare_decay_laws(records[0], drift=options.drift, release_time=times[0], **chosen)
+            comparison = compare_decay_laws(records[0], release_time=times[0], **chosen)
         fits, text = [comparison.best], comparison.report()
         extra["comparison"] = comparison.to_dict()
     else:
         settings: dict[str, Any] = {
             "law": options.law,
             "frequency_law": options.frequency_law or "constant",
-            "drift": options.drift,
+            "rest": options.rest or "constant",
             "robust": options.robust,
         }
         if len(records) == 1:

@@ -195,7 +195,7 @@ class TestFitDecay:
         assert "leave out --robust" in refused(["fit-decay", "decay.csv", "--law", "auto", "--robust"], files, capsys)
 
     def test_drift_and_outliers_are_borne_on_request(self, files, capsys):
-        assert main(["fit-decay", "decay.csv", "--drift", "--robust", "--json"]) == 0
+        assert main(["fit-decay", "decay.csv", "--rest", "drift", "--robust", "--json"]) == 0
         data = json.loads(capsys.readouterr().out)
         assert data["frequency_hz"] == pytest.approx(3.0, abs=max(4 * data["frequency_stderr_hz"], 1e-3))
         assert abs(data["drift_m_per_s"]) < 4 * data["drift_stderr_m_per_s"] + 1e-6

@@ -27,6 +27,7 @@ import scipy  # its packages are imported on first use
 
 from ancf_casadi.decay.first_guess import DecayGuess, first_guess
 from ancf_casadi.decay.rest import REST_TERMS
+from ancf_casadi.decay.spectrum import peak_frequencies
 from ancf_casadi.estimation.agreement import DISAGREE, part_estimates
 from ancf_casadi.estimation.fit import Fit, colour_warning
 from ancf_casadi.exceptions import InputError
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 
 NOISE_FREE = 1e-6  # residual relative to the amplitude, below which there is no noise
 FEW_PERIODS = 5  # of free decay, below which there is a warning
+MOST_ORDER, NEAR_ORDER = 5, 0.05  # highest harmonic that is named, and distance of its order from a whole number
 IMPRECISE = 0.1  # relative standard error of the damping ratio beyond which there is a warning
 DAMPING = ("zeta", "eta1", "eta2", "eta0")  # unknowns whose information divides the record, the first that is free
 RELEASE = ("e0", "phase", *REST_TERMS["creep"])  # unknowns of a release, which belong to no mode
@@ -53,7 +55,7 @@ def limitations(decay: DecayFit) -> list[str]:
         _short(decay),
         _lasting(decay) if noisy else None,
         _uncertain(decay) if noisy else None,
-        colour_warning(fit, noise_free=noise_free),
+        _unexplained(decay, noise_free),
         _changing(decay) if noisy else None,
     ]
     return [text for text in found if text]
@@ -104,6 +106,31 @@ def _uncertain(decay: DecayFit) -> str | None:
         needed = length * (min(error / abs(ζ), 1.0) / IMPRECISE) ** (2 / 3) if ζ else math.inf
         advice = f"the record is too short; {needed:.2g} s would give {IMPRECISE:.0%}"
     return f"the damping ratio {uncertainty}: {advice}"
+
+
+def _unexplained(decay: DecayFit, noise_free: float) -> str | None:
+    """Return a warning if the residuals are not noise: the share of the motion that the law explains, and the rest."""
+    found = colour_warning(decay.fit, noise_free=noise_free)
+    if found is None or (len(decay.fit.residuals) == decay.rows.stop and len(decay.indices) < len(decay.fit.names)):
+        return found  # of several modes, which explain the record together
+    measured = decay.displacement(decay.time) - decay.residuals
+    rest = float(np.mean(decay.residuals**2) / np.var(measured))
+    digits = min(max(-1 - math.floor(math.log10(rest)), 0), 12)
+    frequency = peak_frequencies(decay.time, decay.residuals - decay.residuals.mean())[0]
+    order = frequency / decay.frequency
+    if order < 0.5:
+        cause = "a slow motion: compare rest positions"
+    elif order < 1.5:
+        cause = "near the mode itself: compare laws; a mode close by would look the same"
+    elif round(order) <= MOST_ORDER and abs(order - round(order)) < NEAR_ORDER:
+        cause = f"{round(order)} times the frequency of the mode: a harmonic of it, or another mode there"
+    else:
+        cause = "another mode: fit_modes fits both"
+    return (
+        f"the law explains {100 * (1 - rest):.{digits}f} % of the motion; the rest, {decay.residual_rms:.2g} "
+        f"{decay.model.sensor.unit} rms, is not noise but mostly an oscillation of {frequency:.4g} Hz, {cause}; "
+        "the standard errors allow for it"
+    ).replace("  rms", " rms")
 
 
 def _changing(decay: DecayFit) -> str | None:

@@ -14,7 +14,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.decay.envelope import PERIODS, LawCurve, damping_curve
+from ancf_casadi.decay.envelope import LawCurve, damping_curve
 from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
@@ -89,10 +89,8 @@ def decay_fit_figure(fits: Mapping[str, DecayFit]) -> Figure:
     (fit,) = fits.values()
     measured = fit.displacement(fit.time) - fit.residuals
     try:
-        periods = fit.frequency * (fit.time[-1] - fit.time[0]) / 40  # windows, which are longer in a long record
-        longer = periods if periods > PERIODS else None
         record = Measurement(fit.time, measured, sensor=fit.model.sensor)
-        points = damping_curve(record, periods=longer, release_time=fit.release_time)
+        points = damping_curve(record, release_time=fit.release_time)
     except InputError:  # too short, or hidden by noise
         points = None
     values = f"{fit.law} damping, {_value(fit, 'frequency', 1.0, 'Hz')}, {_value(fit, 'damping_ratio', 100.0, '%')}"

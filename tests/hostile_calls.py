@@ -270,6 +270,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
             "model": model, "loads": [point], "values": [1e-3], "sensors": a.Sensor(), "std": 1e-5,
             "tared": True, "name": "a",
         }),
+        "amplitude_table": (p.amplitude_table, {"fit": fit}),
         "compare_decay_laws": (p.compare_decay_laws, {
             "time": instants, "displacement": values + noise, "laws": ("linear",), "frequency_laws": ("constant",),
             "rests": ("constant",), "release_time": 0.0, "ratio_bounds": (0.0, 0.9),

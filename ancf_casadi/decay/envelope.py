@@ -267,7 +267,8 @@ def damping_curve(
     ]
     if not any(seen):
         raise InputError(HIDDEN, "record")
-    windows, noise = [one for one, shown in zip(windows, seen, strict=True) if shown], noise[seen]
+    windows = [one for one, shown in zip(windows, seen, strict=True) if shown]
+    noise = noise[np.array(seen)]
     λ, ω, λ_errors, ω_errors, measured = np.array(
         [(one.λ, one.ω, one.λ_error, one.ω_error, one.amplitude) for _, one in windows]
     ).T

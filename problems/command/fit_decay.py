@@ -1,7 +1,7 @@
 """``ancf-casadi fit-decay``: frequency and damping of one mode from measured decays.
 
 With ``--band`` the other modes are subtracted first (``problems.decay.mode_separation``).  Several files are fitted at
-once and each alone.  The curve of damping against amplitude is computed last: if it fails, the fit has been printed.
+once and each alone.  The curve of damping against amplitude is computed last.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
-from ancf_casadi.decay.envelope import damping_curve
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest import Rest
 from ancf_casadi.exceptions import InputError
@@ -33,6 +32,7 @@ from problems.command.output import (
 from problems.command.record_options import add_part_options, add_record_options, read_record, releases
 from problems.decay.comparison import compare_decay_laws, compared
 from problems.decay.fitting import fit_decay, fit_decays
+from problems.decay.law_curve import amplitude_table
 from problems.decay.laws import Law
 from problems.decay.mode_separation import IsolatedMode, isolate_mode
 from problems.decay.result import DecayFit
@@ -76,7 +76,10 @@ def add_fit_decay(parser: argparse.ArgumentParser) -> None:
     )
     add_plot(parser, "draw the record and the fit")
     parser.add_argument(
-        "--curve", type=Path, metavar="FILE.csv", help="write damping ratio against amplitude, without assuming a law"
+        "--curve",
+        type=Path,
+        metavar="FILE.csv",
+        help="write damping ratio and frequency against amplitude by windows without a law and by the law with its band",
     )
     add_record_options(parser)
     add_part_options(parser)
@@ -170,16 +173,15 @@ def _fitted(
         extra["subtracted_hz"] = [[other.frequency for other in one.others] for one in isolated]
     plots, curves = (_numbered(path, len(fits)) for path in (options.plot, options.curve))
     files = [write for path, fit in zip(plots, fits, strict=True) for write in figure_writers(path, fit.figure)]
-    for path, file, record, fit in zip(curves, options.files, records, fits, strict=True):
-        files += file_writers(path, partial(_curve, file, record, fit))
+    for path, fit in zip(curves, fits, strict=True):
+        files += file_writers(path, partial(_curve, fit))
     if options.json:
         return Output(json_text(fits[0].to_dict() | extra), files)
     return Output("\n".join([text, *lines]), files)
 
 
-def _curve(file: str, record: Measurement, fit: DecayFit) -> str:
-    with located(f"{file}: --curve"):
-        return damping_curve(record, release_time=fit.release_time).table().csv()
+def _curve(fit: DecayFit) -> str:
+    return amplitude_table(fit).csv()
 
 
 def _numbered(path: Path | None, count: int) -> list[Path | None]:

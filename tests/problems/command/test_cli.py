@@ -207,6 +207,9 @@ class TestFitDecay:
         header, first, *_ = (files / "new" / "curve.csv").read_text().splitlines()
         assert header.startswith("time_s,amplitude_m,damping_ratio")
         assert float(first.split(",")[2]) == pytest.approx(0.02, rel=0.1)
+        assert header.endswith(",law_damping_ratio,lower_95,upper_95,law_frequency_hz,lower_95,upper_95")
+        ratio, low, high, *_ = map(float, first.split(",")[6:])
+        assert low < ratio < high and ratio == pytest.approx(0.02, rel=0.05)
 
     def test_plot(self, files):
         assert main(["fit-decay", "decay.csv", "--plot", "new/fit.png"]) == 0

@@ -79,7 +79,7 @@ def add_fit_decay(parser: argparse.ArgumentParser) -> None:
         "--curve",
         type=Path,
         metavar="FILE.csv",
-        help="write damping ratio and frequency against amplitude by windows without a law and by the law with its band",
+        help="write damping ratio and frequency against amplitude: windows without a law, and the law with its band",
     )
     add_record_options(parser)
     add_part_options(parser)

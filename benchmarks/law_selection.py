@@ -80,7 +80,7 @@ def _draw(rng: np.random.Generator, law: Law, frequency_law: FrequencyLaw) -> tu
     def between(least: float, most: float) -> float:
         return float(math.exp(rng.uniform(math.log(least), math.log(most))))
 
-    model, omega = DecayModel(law, True, False, frequency_law), 2 * math.pi
+    model, omega = DecayModel(law, "constant", frequency_law), 2 * math.pi
     periods = between(30.0, 150.0)
     time = np.arange(0.0, periods, 1 / between(8.0, 16.0))
     ratio = between(0.7, 4.0) / (omega * periods)

@@ -18,7 +18,7 @@ from problems import fit_decay
 time = np.arange(0.0, 5.0, 1 / 500)
 exact = linear_decay(cs.DM(time), *map(cs.DM, (2 * np.pi * 1.85, 0.01, 0.050, 0.0))).full().ravel()
 record = exact + 1e-3 * np.random.default_rng(1).standard_normal(time.size)
-fit = fit_decay(time, record, offset=False)
+fit = fit_decay(time, record, rest="zero")
 
 if __name__ == "__main__":
     print(fit.report())

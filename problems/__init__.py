@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from problems.beam.values.records import FrequencyRecord, StaticRecord
     from problems.decay.comparison import compare_decay_laws
     from problems.decay.fitting import fit_decay, fit_decays
-    from problems.decay.law_curve import law_curve
+    from problems.decay.law_curve import amplitude_table, law_curve
     from problems.decay.mode_separation import IsolatedMode, fit_modes, isolate_mode
     from problems.decay.result import DecayFit
     from problems.decay.takes import DecayFits, DecayModes
@@ -63,6 +63,7 @@ __all__ = [
     "Smoothness",
     "StaticRecord",
     "StudyReport",
+    "amplitude_table",
     "compare_decay_laws",
     "compare_laws",
     "fit_beam",

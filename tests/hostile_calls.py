@@ -270,17 +270,18 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
             "model": model, "loads": [point], "values": [1e-3], "sensors": a.Sensor(), "std": 1e-5,
             "tared": True, "name": "a",
         }),
+        "amplitude_table": (p.amplitude_table, {"fit": fit}),
         "compare_decay_laws": (p.compare_decay_laws, {
             "time": instants, "displacement": values + noise, "laws": ("linear",), "frequency_laws": ("constant",),
-            "offset": True, "drift": False, "release_time": 0.0, "ratio_bounds": (0.0, 0.9),
+            "rests": ("constant",), "release_time": 0.0, "ratio_bounds": (0.0, 0.9),
         }),
         "compare_laws": (p.compare_laws, {"model": model, "records": [motion_record], "laws": [rayleigh]}),
         "fit_decay": (p.fit_decay, {
-            "time": instants, "displacement": values + noise, "law": "linear", "frequency_law": None, "offset": True,
-            "drift": False, "release_time": 0.0, "ratio_bounds": (0.0, 0.9), "robust": False,
+            "time": instants, "displacement": values + noise, "law": "linear", "frequency_law": None, "rest": None,
+            "release_time": 0.0, "ratio_bounds": (0.0, 0.9), "robust": False,
         }),
         "fit_decays": (p.fit_decays, {
-            "records": [record], "law": "linear", "frequency_law": "constant", "offset": True, "drift": False,
+            "records": [record], "law": "linear", "frequency_law": "constant", "rest": "constant",
             "release_times": None, "ratio_bounds": (0.0, 0.9), "robust": False,
         }),
         "fit_frf": (p.fit_frf, {

@@ -12,9 +12,11 @@ window contain little of it, as the fit has absorbed it, and much that lies else
 come from longer pieces of several windows: with a decay times a polynomial M, the other oscillations N,
 and waves B at the frequencies around that of the mode, the variance of the noise there is
 
-    s^2 = sum over pieces |P y|^2 / sum over pieces rank P,
+    s_k^2 = |P y|^2 / rank P
 
-with P the projector on the part of B that is orthogonal to M and N.  For white noise this is its variance.
+for a piece k, with P the projector on the part of B that is orthogonal to M and N.  For white noise this is its
+variance.  The windows of all pieces have the noise s of the typical piece, from the median, unless a piece has clearly
+more: after a release, the motion may change too fast for M, and the errors of these windows allow for it.
 
 References
 ----------
@@ -30,6 +32,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy  # its packages are imported on first use
 
 from ancf_casadi.decay.evidence import visible
 from ancf_casadi.decay.first_guess import first_guess
@@ -50,11 +53,13 @@ if TYPE_CHECKING:
 # test_the_curve_ends_in_the_noise (PIECE halved), test_stated_errors_are_the_scatter_between_records (BAND halved or
 # doubled), test_windows_of_more_periods_are_fewer_and_less_noisy (OUTSIDE doubled), and
 # test_three_other_oscillations_are_fitted_beside_the_mode (MOST_OTHERS halved).
-PERIODS = 2.0  # of a window, unless these have too few samples
+PERIODS = 2.0  # least of a window, unless these have too few samples
+WINDOWS, PER_FOLD = 40, 8  # most windows of a record, and windows in which the amplitude falls by a factor of e
 HIDDEN = "shows no oscillation above the noise in its first window; use more periods per window"
 PIECE = 4  # windows of a piece for the noise, and degree of the polynomial in M
 BAND = (0.6, 1.4)  # of the frequency, in which the noise counts
 OUTSIDE = 0.5  # length of a wave of unit length that is left orthogonal to M and N, below which it is not counted
+UNLIKELY = 0.001  # probability of the power of a piece by chance, below which it has more noise than the others
 MOST_OTHERS = 3  # other oscillations
 
 Window = tuple[float, LocalDecay]  # its middle, s, and the decay there
@@ -206,8 +211,9 @@ def damping_curve(
     record : Measurement
         Record at any times, which may begin at rest.
     periods : float, optional
-        Length of a window in periods, 1 or more; longer windows give smaller errors and fewer points.  Two if not
-        given, or as many as have eight samples.
+        Length of a window in periods, 1 or more; longer windows give smaller errors and fewer points.  If not given,
+        40 windows share the record, or 8 a decay of the amplitude by a factor of e if these are shorter; each has two
+        periods and eight samples or more.
     release_time : float, optional
         Start of the free decay, s; detected in the record if not given.
 
@@ -234,7 +240,8 @@ def damping_curve(
     time, y = record.time[guess.release :], record.values[guess.release :]
     period, step = 2 * math.pi / guess.ω, typical_step(time)
     if periods is None:
-        periods = max(PERIODS, math.ceil(LEAST_SAMPLES * step / period))
+        share = min((time[-1] - time[0]) / WINDOWS, guess.duration / PER_FOLD) / period
+        periods = max(PERIODS, share, math.ceil(LEAST_SAMPLES * step / period))
     width = periods * period
     if round(width / step) < LEAST_SAMPLES:
         raise InputError(
@@ -254,9 +261,14 @@ def damping_curve(
             break
         others.append(2 * math.pi * other)
     samples = width / step
-    windows = [one for one in windows if visible(one[1].amplitude, noise * one[1].amplitude_error, samples)]
-    if not windows:
+    seen = [
+        bool(visible(one.amplitude, s * one.amplitude_error, samples))
+        for (_, one), s in zip(windows, noise, strict=True)
+    ]
+    if not any(seen):
         raise InputError(HIDDEN, "record")
+    windows = [one for one, shown in zip(windows, seen, strict=True) if shown]
+    noise = noise[np.array(seen)]
     λ, ω, λ_errors, ω_errors, measured = np.array(
         [(one.λ, one.ω, one.λ_error, one.ω_error, one.amplitude) for _, one in windows]
     ).T
@@ -298,9 +310,9 @@ def _windows(time: Array, y: Array, width: float, λ: float, ω: float, others: 
 
 def _noise(
     time: Array, y: Array, windows: Sequence[Window], width: float, others: Sequence[float]
-) -> tuple[float, Array]:
-    """Return the standard deviation s of the noise around the frequency of the mode, and the residuals."""
-    squares, count, left = 0.0, 0, y - y.mean()
+) -> tuple[Array, Array]:
+    """Return the standard deviation of the noise around the mode in each window, and the residuals."""
+    squares, ranks, counts, left = list[float](), list[int](), list[int](), y - y.mean()
     for piece in np.array_split(np.arange(len(windows)), max(1, len(windows) // PIECE)):
         middles = [windows[k][0] for k in piece]
         begin, end = np.searchsorted(time, [middles[0] - width / 2, middles[-1] + width / 2]).tolist()
@@ -317,7 +329,17 @@ def _noise(
         near /= np.linalg.norm(near, axis=0)
         directions, lengths, _ = np.linalg.svd(near - model @ (model.T @ near), full_matrices=False)
         outside = directions[:, lengths > OUTSIDE]
-        squares, count = squares + float(np.sum((outside.T @ values) ** 2)), count + outside.shape[1]
-    if not count:
-        return float(left.std()), left
-    return math.sqrt(squares / count), left
+        squares.append(float(np.sum((outside.T @ values) ** 2)))
+        ranks.append(outside.shape[1])
+        counts.append(len(piece))
+    power, rank = np.array(squares), np.array(ranks)
+    if not rank.any():
+        return np.full(len(windows), left.std()), left
+    known = rank > 0
+    typical = np.median(np.repeat(power[known] / scipy.special.chdtri(rank[known], 0.5), rank[known]))
+    chance = scipy.special.chdtrc(np.maximum(rank, 1), power / max(typical, np.finfo(float).tiny))
+    more = known & (chance < UNLIKELY)
+    plain = known & ~more
+    mean = power[plain].sum() / rank[plain].sum() if plain.any() else typical
+    own = np.where(more, power / np.maximum(rank, 1), mean)
+    return np.sqrt(np.repeat(own, counts)), left

@@ -15,12 +15,14 @@ separate, SIAM Journal on Numerical Analysis 10 (1973).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import casadi as cs
 import numpy as np
 
 from ancf_casadi.decay.evidence import evident
 from ancf_casadi.decay.release import MINIMUM_PERIODS, MINIMUM_SAMPLES, Release, find_release, grows_slowly
+from ancf_casadi.decay.rest import REST_TERMS, Rest, rest_position
 from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency, typical_step
 from ancf_casadi.decay.track import local_decay
 from ancf_casadi.exceptions import InputError
@@ -50,18 +52,18 @@ class DecayGuess:
     ζ: float
     amplitude: float  # at the release, in the unit of the record
     phase: float  # at the release, rad; 0 at the highest value
-    offset: float  # equilibrium, in the unit of the record; with drift, the one at the release
-    drift: float = 0.0  # rate of the equilibrium, in this unit per s
+    rest: tuple[float, ...]  # unknowns of the rest position (``REST_TERMS``), in the unit of the record
     notes: tuple[str, ...] = ()  # limitations that make the release or the frequency uncertain
 
+    def equilibrium(self, time: Array) -> Array:
+        """Return the rest position at times (s) after the release."""
+        return np.asarray(rest_position(cs.DM(time), [cs.DM(value) for value in self.rest])).ravel()
 
-def first_guess(
-    record: Measurement, *, release_time: float | None = None, offset: bool = True, drift: bool = False
-) -> DecayGuess:
+
+def first_guess(record: Measurement, *, release_time: float | None = None, rest: Rest = "constant") -> DecayGuess:
     """Guess the parameters of a decay from its record at any times, which may begin at rest or with an excitation.
 
-    The release (s) is detected if it is not given; ``offset`` and ``drift`` allow an equilibrium other than 0, and one
-    that moves at a constant velocity.
+    The release (s) is detected if it is not given.
     """
     time, displacement = record.time, record.values
     step = typical_step(time)
@@ -90,12 +92,9 @@ def first_guess(
             "record",
         )
     _check_oscillation(y, line, best)
-    asked = _with_rate(t, y, best.ω_d, best.λ, line[[offset, drift]])
-    level = np.zeros(2)
-    level[[offset, drift]] = asked.linear[2:]
-    c, s = asked.linear[:2].tolist()
+    c, s = best.linear[:2].tolist()
     ω = math.hypot(best.ω_d, best.λ)
-    return DecayGuess(
+    guess = DecayGuess(
         release=begin,
         reason=found.reason,
         duration=min(float(t[-1]), 1 / best.λ) if best.λ else float(t[-1]),
@@ -104,9 +103,31 @@ def first_guess(
         ζ=best.λ / ω,
         amplitude=math.hypot(c, s),
         phase=math.atan2(-s, c),
-        offset=float(level[0]),
-        drift=float(level[1]),
-        notes=(*found.notes, *_notes(record, t, y, candidates, None if drift else asked)),
+        rest=(),
+        notes=(*found.notes, *_notes(record, t, y, candidates)),
+    )
+    return with_rest(guess, record, rest)
+
+
+def with_rest(guess: DecayGuess, record: Measurement, rest: Rest) -> DecayGuess:
+    """Return the guess about another rest position; a note says if it drifts though it is taken as constant."""
+    t, y = record.time[guess.release :] - record.time[guess.release], record.values[guess.release :]
+    ω_d, λ = guess.ω * math.sqrt(1 - guess.ζ**2), guess.ζ * guess.ω
+    count = len(REST_TERMS[rest])
+    rates = np.geomspace(1 / t[-1], guess.ω / (2 * math.pi), 8).tolist() if rest == "creep" else [0.0]
+    found = []
+    for rate in rates:
+        moved = np.asarray(rest_position(cs.DM(t), [cs.DM(value) for value in (0.0, 1.0, rate)])).ravel()
+        found.append((_with_rate(t, y, ω_d, λ, np.array([np.ones(len(t)), moved])[:count]), rate))
+    best, rate = min(found, key=lambda one: one[0].misfit)
+    c, s, *level = best.linear.tolist()
+    note = [] if count > 1 else _drift(record, t, best, _with_rate(t, y, ω_d, λ, np.array([np.ones(len(t)), t])))
+    return replace(
+        guess,
+        amplitude=math.hypot(c, s),
+        phase=math.atan2(-s, c),
+        rest=(*level, rate)[:count],
+        notes=(*guess.notes, *note),
     )
 
 
@@ -157,8 +178,8 @@ def _check_oscillation(y: Array, baseline: Array, best: _Candidate) -> None:
         raise InputError("is noise or drift, nothing oscillates", "record")
 
 
-def _notes(record: Measurement, t: Array, y: Array, found: list[_Candidate], level: _Candidate | None) -> list[str]:
-    """Return limitations of the record; with ``level``, the oscillation without drift, also a drift that is evident."""
+def _notes(record: Measurement, t: Array, y: Array, found: list[_Candidate]) -> list[str]:
+    """Return limitations of the record."""
     best, *others = found
     notes, frequency = list[str](), best.ω_d / (2 * math.pi)
     driven = step_frequency(record.time, without_line(record.time, record.values))
@@ -184,7 +205,12 @@ def _notes(record: Measurement, t: Array, y: Array, found: list[_Candidate], lev
             f"the record has {samples:.2g} samples per period: a frequency above half the sampling rate would look "
             "the same (alias); sample faster"
         )
-    if level and best.misfit <= level.misfit / 2:
-        moved = f"{abs(best.linear[3]) * t[-1]:.2g} {record.sensor.unit}"
-        notes.append(f"the equilibrium drifts by about {moved} over the record; fit the drift too (option drift)")
     return notes
+
+
+def _drift(record: Measurement, t: Array, level: _Candidate, line: _Candidate) -> list[str]:
+    """Return a note if an oscillation about a line leaves far less than one about a constant."""
+    if line.misfit > level.misfit / 2:
+        return []
+    moved = f"{abs(line.linear[3]) * t[-1]:.2g} {record.sensor.unit}"
+    return [f"the rest position moves by about {moved} over the record; fit it too (rest='drift', or 'creep')"]

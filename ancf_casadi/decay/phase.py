@@ -33,10 +33,12 @@ P. J. Davis, P. Rabinowitz, Methods of Numerical Integration, Academic Press (19
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from typing import Literal
 
 import casadi as cs
 import numpy as np
+import scipy  # its packages are imported on first use
 from numpy.polynomial import legendre
 
 from ancf_casadi.support.arrays import Array
@@ -69,16 +71,26 @@ def frequency_change(law: FrequencyLaw, amplitude: cs.MX, terms: Sequence[cs.MX]
 
 def integral(function: Callable[[cs.MX], cs.MX], time: Array) -> cs.MX:
     """Return the integrals (m,) of a function, smooth in time, from 0 to times (m,), none negative."""
-    edges = np.append(0.0, (float(time.max(initial=0.0)) or 1.0) * 0.5 ** np.arange(PANELS - 1, -1, -1))
+    points, within, panel, before = _quadrature(time.tobytes())
+    values = function(cs.MX(points))
+    return cs.mtimes(within, values) + cs.mtimes(before, values)[panel]
+
+
+@lru_cache(maxsize=4)  # a fit needs those of a record several times
+def _quadrature(time: bytes) -> tuple[cs.DM, cs.DM, list[int], cs.DM]:
+    """Return Gauss points, weights within the panel of each time, the panels, and weights of the panels before."""
+    t = np.frombuffer(time)
+    edges = np.append(0.0, (float(t.max(initial=0.0)) or 1.0) * 0.5 ** np.arange(PANELS - 1, -1, -1))
     points, weights = legendre.leggauss(POINTS)
     half = np.diff(edges)[:, None] / 2
-    values = function(cs.MX(cs.DM((edges[:-1, None] + half * (1 + points)).ravel())))
-    panel = np.maximum(np.searchsorted(edges, time) - 1, 0)
-    P = legendre.legvander((time - edges[panel]) / half[panel, 0] - 1, POINTS)
+    panel = np.maximum(np.searchsorted(edges, t) - 1, 0)
+    P = legendre.legvander((t - edges[panel]) / half[panel, 0] - 1, POINTS)
     antiderivative = np.column_stack([P[:, 0] + P[:, 1], (P[:, 2:] - P[:, :-2]) / (2 * np.arange(1, POINTS) + 1)])
     expansion = (np.arange(POINTS)[:, None] + 0.5) * legendre.legvander(points, POINTS - 1).T * weights
-    rows, columns = np.arange(len(time)).repeat(POINTS), POINTS * panel[:, None] + np.arange(POINTS)
-    own = (half[panel] * (antiderivative @ expansion)).ravel()
-    within = cs.DM.triplet(rows.tolist(), columns.ravel().tolist(), cs.DM(own), len(time), PANELS * POINTS)
+    columns = POINTS * panel[:, None] + np.arange(POINTS)
+    own = scipy.sparse.csr_array(
+        ((half[panel] * (antiderivative @ expansion)).ravel(), columns.ravel(), POINTS * np.arange(len(t) + 1)),
+        shape=(len(t), PANELS * POINTS),
+    )
     before = np.kron(np.tril(np.ones((PANELS, PANELS)), -1) * half.T, weights)
-    return cs.mtimes(within, values) + cs.mtimes(cs.DM(before), values)[panel.tolist()]
+    return cs.DM((edges[:-1, None] + half * (1 + points)).ravel()), cs.DM(own.tocsc()), panel.tolist(), cs.DM(before)

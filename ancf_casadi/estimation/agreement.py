@@ -11,8 +11,10 @@ expectation K - 1.  The interval of the mean includes this scatter,
 
     x +- t s,    s^2 = max(1, Q/(K - 1))/sum w_k,
 
-with t of Student's distribution with K - 1 degrees of freedom, or if tau = 0 of the normal distribution.  Two records
-hardly determine tau, and their interval is wide.  Of a quantity that cannot be negative, such as a damping ratio, the
+with t of Student's distribution with K - 1 degrees of freedom.  Few records may agree by chance: if tau = 0, t has
+3 (K - 1) degrees of freedom.  Of two records whose scatter is 2 times their errors, the interval of 95 % then covers in
+93 %; by a normal quantile it would cover in 85 %, and one that covers in 95 % for any scatter would be 6 times as wide
+where the records agree.  Of a quantity that cannot be negative, such as a damping ratio, the
 interval is that of the logarithm, from x exp(-t s/x) to x exp(t s/x).  Mean and interval stay within the bounds of the
 quantity, which a first-order estimate may leave.
 
@@ -49,6 +51,7 @@ from ancf_casadi.estimation.solver.noise import estimated_noise
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.tables import known
 
+FREEDOM_AGREED = 3  # degrees of freedom per record if tau = 0 (test_two_records_may_agree_by_chance)
 AGREE, DISAGREE = 0.05, 0.01  # probabilities of Q above which estimates agree, and below which they do not
 
 
@@ -101,7 +104,8 @@ class Agreement:
 
     def ends(self, level: float) -> tuple[float, float]:
         """Return the interval of the mean for a confidence level."""
-        reach = quantile(level, len(self.values) - 1 if self.scatter else math.inf) * self.error
+        freedom = (len(self.values) - 1) * (1 if self.scatter else FREEDOM_AGREED)
+        reach = quantile(level, freedom) * self.error
         if self.lower == 0.0 and self.mean > 0.0:
             factor = math.exp(min(reach / self.mean, 700.0))  # finite
             return self.mean / factor, min(self.mean * factor, self.upper)

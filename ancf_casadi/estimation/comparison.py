@@ -46,7 +46,7 @@ class LawComparison(Displayed, Generic[F]):
     >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
     >>> y = 0.02 / (1.0 + 0.2 * time) * np.cos(12.0 * time) + noise  # quadratic damping
     >>> comparison = compare_decay_laws(time, y, laws=["linear", "quadratic"], frequency_laws=["constant"])
-    >>> comparison.names, comparison.best.law
+    >>> comparison.names[:2], comparison.best.law
     (('linear', 'quadratic'), 'quadratic')
     >>> print(f"{comparison.best.eta2:.1f} 1/m")
     2.0 1/m

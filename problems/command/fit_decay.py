@@ -1,7 +1,7 @@
 """``ancf-casadi fit-decay``: frequency and damping of one mode from measured decays.
 
 With ``--band`` the other modes are subtracted first (``problems.decay.mode_separation``).  Several files are fitted at
-once and each alone.  The curve of damping against amplitude is computed last: if it fails, the fit has been printed.
+once and each alone.  The curve of damping against amplitude is computed last.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
-from ancf_casadi.decay.envelope import damping_curve
 from ancf_casadi.decay.phase import FrequencyLaw
+from ancf_casadi.decay.rest import Rest
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.files import check_file
@@ -30,11 +30,14 @@ from problems.command.output import (
     positive_count,
 )
 from problems.command.record_options import add_part_options, add_record_options, read_record, releases
-from problems.decay.comparison import compare_decay_laws
+from problems.decay.comparison import compare_decay_laws, compared
 from problems.decay.fitting import fit_decay, fit_decays
+from problems.decay.law_curve import amplitude_table
 from problems.decay.laws import Law
 from problems.decay.mode_separation import IsolatedMode, isolate_mode
 from problems.decay.result import DecayFit
+
+AUTOMATIC = ("law", "frequency-law", "rest")  # options that may be auto
 
 
 def add_fit_decay(parser: argparse.ArgumentParser) -> None:
@@ -55,7 +58,11 @@ def add_fit_decay(parser: argparse.ArgumentParser) -> None:
         help="change of the frequency with the amplitude, or auto to compare all (default: constant; with --law auto: "
         "auto)",
     )
-    parser.add_argument("--drift", action="store_true", help="let the rest position drift at constant velocity")
+    parser.add_argument(
+        "--rest",
+        choices=(*get_args(Rest), "auto"),
+        help="motion of the rest position, or auto to compare all (default: constant; with --law auto: auto)",
+    )
     parser.add_argument("--robust", action="store_true", help="limit the influence of outliers")
     parser.add_argument(
         "--modes", type=positive_count, metavar="N", help="fit the strongest N modes at once, as fit-modes does"
@@ -69,7 +76,10 @@ def add_fit_decay(parser: argparse.ArgumentParser) -> None:
     )
     add_plot(parser, "draw the record and the fit")
     parser.add_argument(
-        "--curve", type=Path, metavar="FILE.csv", help="write damping ratio against amplitude, without assuming a law"
+        "--curve",
+        type=Path,
+        metavar="FILE.csv",
+        help="write damping ratio and frequency against amplitude: windows without a law, and the law with its band",
     )
     add_record_options(parser)
     add_part_options(parser)
@@ -97,7 +107,7 @@ def _check(options: argparse.Namespace) -> None:
     """Refuse options that do not go together."""
     several = len(options.files) > 1
     if _compares(options):
-        where = "--law auto" if options.law == "auto" else "--frequency-law auto"
+        where = next(f"--{name} auto" for name in AUTOMATIC if getattr(options, name.replace("-", "_")) == "auto")
         if options.robust:
             raise InputError("compares sums of squares; leave out --robust", where)
         if several:
@@ -109,7 +119,7 @@ def _check(options: argparse.Namespace) -> None:
             "several files": several,
             f"--law {options.law}": options.law != "linear",
             "--frequency-law": options.frequency_law is not None,
-            "--drift": options.drift,
+            "--rest": options.rest is not None,
             "--robust": options.robust,
             "--band": options.band is not None,
             "--curve": options.curve is not None,
@@ -121,7 +131,7 @@ def _check(options: argparse.Namespace) -> None:
 
 def _compares(options: argparse.Namespace) -> bool:
     """Return whether several laws are to be compared."""
-    return "auto" in (options.law, options.frequency_law)
+    return "auto" in (options.law, options.frequency_law, options.rest)
 
 
 def _fitted(
@@ -132,17 +142,16 @@ def _fitted(
 ) -> Output:
     extra: dict[str, Any] = {}
     if _compares(options):
-        given = {"laws": options.law, "frequency_laws": options.frequency_law}
-        chosen: dict[str, Any] = {name: [law] for name, law in given.items() if law not in (None, "auto")}
+        chosen = compared(options.law, options.frequency_law, options.rest)
         with located(options.files[0]):
-            comparison = compare_decay_laws(records[0], drift=options.drift, release_time=times[0], **chosen)
+            comparison = compare_decay_laws(records[0], release_time=times[0], **chosen)
         fits, text = [comparison.best], comparison.report()
         extra["comparison"] = comparison.to_dict()
     else:
         settings: dict[str, Any] = {
             "law": options.law,
             "frequency_law": options.frequency_law or "constant",
-            "drift": options.drift,
+            "rest": options.rest or "constant",
             "robust": options.robust,
         }
         if len(records) == 1:
@@ -164,16 +173,15 @@ def _fitted(
         extra["subtracted_hz"] = [[other.frequency for other in one.others] for one in isolated]
     plots, curves = (_numbered(path, len(fits)) for path in (options.plot, options.curve))
     files = [write for path, fit in zip(plots, fits, strict=True) for write in figure_writers(path, fit.figure)]
-    for path, file, record, fit in zip(curves, options.files, records, fits, strict=True):
-        files += file_writers(path, partial(_curve, file, record, fit))
+    for path, fit in zip(curves, fits, strict=True):
+        files += file_writers(path, partial(_curve, fit))
     if options.json:
         return Output(json_text(fits[0].to_dict() | extra), files)
     return Output("\n".join([text, *lines]), files)
 
 
-def _curve(file: str, record: Measurement, fit: DecayFit) -> str:
-    with located(f"{file}: --curve"):
-        return damping_curve(record, release_time=fit.release_time).table().csv()
+def _curve(fit: DecayFit) -> str:
+    return amplitude_table(fit).csv()
 
 
 def _numbered(path: Path | None, count: int) -> list[Path | None]:

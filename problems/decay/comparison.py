@@ -1,33 +1,41 @@
 """Comparison of decay laws on one free decay: all are fitted to the same samples from one release.
 
-Of all combinations of damping and frequency laws, those are fitted that lead to the best one: each damping law with the
-first frequency law, then each frequency law with the best damping law, and so on, until the best combination was
-compared with every other damping law and every other frequency law.
+Of all combinations of a damping law, a frequency law and a rest position, those are fitted that lead to the best one:
+each damping law with the frequency law that the track of the phase shows (``start``), then each frequency law with the
+best damping law, each rest position with both, and so on, until the best combination was compared with all that differ
+from it in one respect.  A long record is reduced once, less the best curve so far (``solution``).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.decay.first_guess import first_guess
+from ancf_casadi.decay.first_guess import first_guess, with_rest
 from ancf_casadi.decay.phase import FrequencyLaw
+from ancf_casadi.decay.rest import REST_TERMS, Rest
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.inputs import flag, is_sequence, number, shown
+from ancf_casadi.support.inputs import is_sequence, number, shown
 from ancf_casadi.support.interrupts import lasting_interrupts
 from problems.decay.laws import DECAY_TERMS, RATIO_BOUNDS, DecayModel, Law
 from problems.decay.result import DecayFit
 from problems.decay.solution import as_record, fit_from
+from problems.decay.start import evident_law
 
 LAWS_COMPARED: tuple[Law, ...] = ("linear", "quadratic", "friction", "power")
 EMPIRICAL = math.exp(-3)  # prior probability of the power law, an empirical one: its BIC must be lower by 6
 FREQUENCY_LAWS_COMPARED: tuple[FrequencyLaw, ...] = ("constant", "linear", "quadratic", "logarithmic")
+RESTS_COMPARED: tuple[Rest, ...] = ("constant", "drift", "creep")
+HOPELESS = 100.0  # lag of the criterion beyond which a law is not tried again beside another law; 10 would be clear
+RESPECTS = ("law", "frequency_law", "rest")  # in which combinations differ
 ADDITIVE: Mapping[Law, tuple[str, ...]] = {  # unknowns whose uncertainty may leave the choice of a law open
     law: ("zeta",) if law in ("linear", "power") else terms for law, terms in DECAY_TERMS.items()
 }
@@ -43,15 +51,14 @@ def compare_decay_laws(
     *,
     laws: Sequence[Law] = LAWS_COMPARED,
     frequency_laws: Sequence[FrequencyLaw] = FREQUENCY_LAWS_COMPARED,
-    offset: bool = True,
-    drift: bool = False,
+    rests: Sequence[Rest] = RESTS_COMPARED,
     release_time: float | None = None,
     ratio_bounds: tuple[float, float] = RATIO_BOUNDS,
 ) -> LawComparison[DecayFit]:
-    """Fit combinations of damping laws and frequency laws to a free decay, and select one by information criteria.
+    """Fit combinations of laws and rest positions to a free decay, and select one by information criteria.
 
-    The best one was compared with every other damping law and with every other frequency law.  A combination that
-    cannot be fitted is listed with the reason.
+    The best one was compared with every other damping law, every other frequency law, and every other rest position.
+    A combination that cannot be fitted is listed with the reason.
 
     Parameters
     ----------
@@ -63,7 +70,9 @@ def compare_decay_laws(
         Damping laws to compare, the simplest first.
     frequency_laws : sequence of {"constant", "linear", "quadratic", "power", "logarithmic"}
         Frequency laws to compare, the simplest first.
-    offset, drift, release_time, ratio_bounds
+    rests : sequence of {"zero", "constant", "drift", "creep"}
+        Rest positions to compare, the simplest first.
+    release_time, ratio_bounds
         As in ``fit_decay``.
 
     Raises
@@ -80,27 +89,25 @@ def compare_decay_laws(
     >>> time = np.linspace(0.0, 10.0, 1001)
     >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
     >>> y = 0.02 / (1.0 + 0.2 * time) * np.cos(12.0 * time) + noise  # quadratic damping
-    >>> comparison = compare_decay_laws(time, y, frequency_laws=["constant"])
+    >>> comparison = compare_decay_laws(time, y, frequency_laws=["constant"], rests=["constant"])
     >>> comparison.best.law
     'quadratic'
     """
-    offset, drift = flag(offset, "offset"), flag(drift, "drift")
-    models = _combinations(laws, frequency_laws, offset, drift, ratio_bounds)
+    models = _combinations(laws, frequency_laws, rests, ratio_bounds)
     record = as_record(time, displacement)
     release = None if release_time is None else number(release_time, "release_time")
-    guess = first_guess(record, release_time=release, offset=offset, drift=drift)
+    guess = first_guess(record, release_time=release, rest="creep")
+    guesses = {rest: with_rest(guess, record, rest) for rest in rests}
+    bent = evident_law(record, guesses[rests[0]], frequency_laws)
+    best = next(model for model in models if model.frequency_law == bent)
     fits: dict[DecayModel, DecayFit] = {}
     failed: dict[DecayModel, str] = {}
-    best = models[0]
-    while left := [
-        model
-        for model in models
-        if model not in {*fits, *failed}
-        and (model.frequency_law == best.frequency_law or (fits and model.law == best.law))
-    ]:
-        for model in [model for model in left if model.frequency_law == best.frequency_law] or left:
+    found: LawComparison[DecayFit] | None = None
+    lags: dict[DecayModel, float] = {}  # of the criterion of each fit behind the best
+    while left := _next(best, [model for model in models if model not in {*fits, *failed}], lags):
+        for model in left:
             try:
-                (fits[model],) = fit_from([guess], [record], model)
+                (fits[model],) = fit_from([guesses[model.rest]], [record], model, near=found.best if found else None)
             except FitError as error:
                 failed[model] = str(error)
         if fits:
@@ -110,23 +117,63 @@ def compare_decay_laws(
                 fits=tuple(fits[model] for model in names.values()),
                 terms=tuple(ADDITIVE[model.law] for model in names.values()),
                 failed={_name(model): reason for model, reason in failed.items()},
-                counted={name: (*COUNTED[model.law], *model.frequency_terms) for name, model in names.items()},
+                counted={name: _counted(model) for name, model in names.items()},
                 priors={name: EMPIRICAL for name, model in names.items() if model.law == "power"},
             )
+            lags = dict(
+                zip(names.values(), (np.array(found.verdict.bic) - min(found.verdict.bic)).tolist(), strict=True)
+            )
             best = next(model for model, fit in fits.items() if fit is found.best)
-    if not fits:
+    if found is None:
         reasons = "; ".join(f"{_name(model)}: {reason}" for model, reason in failed.items())
         raise FitError(f"no law can be fitted; {reasons}")
     return found
 
 
+def compared(law: str, frequency_law: str | None, rest: str | None) -> dict[str, Any]:
+    """Return the arguments of ``compare_decay_laws`` from names; ``auto`` and None compare all of a kind.
+
+    With a law that is named, None stands for what is constant.
+    """
+    settled = None if law == "auto" else "constant"
+    given = {"laws": law, "frequency_laws": frequency_law or settled, "rests": rest or settled}
+    return {name: (one,) for name, one in given.items() if one not in (None, "auto")}
+
+
+def _next(best: DecayModel, left: Sequence[DecayModel], lags: Mapping[DecayModel, float]) -> list[DecayModel]:
+    """Return the combinations, among those left, that differ from the best in the first respect in which any does.
+
+    One that lagged far behind in this respect, with the others as they were then, is not tried again.
+    """
+    for respect in RESPECTS:
+
+        def switched(model: DecayModel, to: DecayModel, respect: str = respect) -> DecayModel:
+            return replace(model, **{respect: getattr(to, respect)})
+
+        own = [model for model in left if switched(best, model) == model]
+        hopeless = {
+            model
+            for model in own
+            for tried, lag in lags.items()
+            if switched(tried, model) == tried and lag - lags.get(switched(tried, best), math.inf) > HOPELESS
+        }
+        if len(own) > len(hopeless):
+            return [model for model in own if model not in hopeless]
+    return []
+
+
+def _counted(model: DecayModel) -> tuple[str, ...]:
+    return (*COUNTED[model.law], *model.frequency_terms, *REST_TERMS[model.rest])
+
+
 def _name(model: DecayModel) -> str:
-    return model.law if not model.bends else f"{model.law} + {model.frequency_law} frequency"
+    moving = {"drift": " + drift", "creep": " + creep"}.get(model.rest, "")
+    return f"{model.law}{f' + {model.frequency_law} frequency' if model.bends else ''}{moving}"
 
 
-def _combinations(laws: Any, frequency_laws: Any, offset: bool, drift: bool, ratios: Any) -> list[DecayModel]:
-    """Return the damping laws with each frequency law."""
-    for names, where in ((laws, "laws"), (frequency_laws, "frequency_laws")):
+def _combinations(laws: Any, frequency_laws: Any, rests: Any, ratios: Any) -> list[DecayModel]:
+    """Return the damping laws with each frequency law and each rest position."""
+    for names, where in ((laws, "laws"), (frequency_laws, "frequency_laws"), (rests, "rests")):
         if not is_sequence(names) or not len(names):
-            raise InputError(f"must be a sequence of laws, got {shown(names)}", where)
-    return [DecayModel(law, offset, drift, bent, ratios) for bent, law in product(frequency_laws, laws)]
+            raise InputError(f"must be a sequence of names, got {shown(names)}", where)
+    return [DecayModel(law, rest, bent, ratios) for rest, bent, law in product(rests, frequency_laws, laws)]

@@ -1,13 +1,13 @@
 """Frequency and damping from measured free decays, Eq. (10).
 
-With a free decay r under a damping law and a frequency law (``laws``), and an equilibrium d + d' t, the fit to the
+With a free decay r under a damping law and a frequency law (``laws``), and a rest position d (``rest``), the fit to the
 measured values y_i at the times t_i after the release is
 
-    minimise    R = (1/m sum_i (r(t_i) + d + d' t_i - y_i)^2)^1/2
+    minimise    R = (1/m sum_i (r(t_i) + d(t_i) - y_i)^2)^1/2
 
-over the unknowns of the law, d, and d' if it is requested.  If velocity or acceleration was measured, r is replaced by
+over the unknowns of the laws and of d.  If velocity or acceleration was measured, r is replaced by
 its derivative.  Several records of the same mode are fitted at once: they share the unknowns of the mode, and each has
-its own amplitude, phase and equilibrium; their noise is assumed to be equal.  ``solution`` solves the problem.
+its own amplitude, phase and rest position; their noise is assumed to be equal.  ``solution`` solves the problem.
 
 References
 ----------
@@ -24,11 +24,12 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.decay.phase import FrequencyLaw
+from ancf_casadi.decay.rest import Rest
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import choice, flag, instances, number, numbers
 from ancf_casadi.support.interrupts import lasting_interrupts
-from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED, compare_decay_laws
+from problems.decay.comparison import compare_decay_laws, compared
 from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law
 from problems.decay.result import DecayFit
 from problems.decay.solution import as_record, fit_from
@@ -42,8 +43,7 @@ def fit_decay(
     *,
     law: Law | Literal["auto"] = "linear",
     frequency_law: FrequencyLaw | Literal["auto"] | None = None,
-    offset: bool = True,
-    drift: bool = False,
+    rest: Rest | Literal["auto"] | None = None,
     release_time: float | None = None,
     ratio_bounds: tuple[float, float] = RATIO_BOUNDS,
     robust: bool = False,
@@ -63,10 +63,9 @@ def fit_decay(
         Change of the frequency f with the amplitude A: none, f (1 + k A), f (1 + k A^2), f (1 + k A^q),
         f (1 + k ln(1 + A/A_s)), or the best of ``compare_decay_laws``.  If not given, constant; with the law ``auto``
         the best.
-    offset : bool
-        Whether the equilibrium may differ from 0.
-    drift : bool
-        Whether the equilibrium may move at a constant velocity.
+    rest : {"zero", "constant", "drift", "creep", "auto"}, optional
+        Rest position: 0, constant, d + v t, d + v (1 - exp(-k t))/k with the rate k (``creep``), or the best of
+        ``compare_decay_laws``.  If not given, constant; with the law ``auto`` the best.
     release_time : float, optional
         Start of the free decay, s; detected in the record if not given.
     ratio_bounds : (float, float)
@@ -98,20 +97,18 @@ def fit_decay(
     record = as_record(time, displacement)
     choice(law, (*get_args(Law), "auto"), "law")
     choice("constant" if frequency_law is None else frequency_law, (*get_args(FrequencyLaw), "auto"), "frequency_law")
-    settings: dict[str, Any] = {"offset": offset, "drift": drift, "ratio_bounds": ratio_bounds}
-    if law == "auto" or frequency_law == "auto":
+    choice("constant" if rest is None else rest, (*get_args(Rest), "auto"), "rest")
+    settings: dict[str, Any] = {"ratio_bounds": ratio_bounds}
+    if "auto" in (law, frequency_law, rest):
         if flag(robust, "robust"):
             raise InputError("compares sums of squares; name a law, or leave out robust=True", "auto")
         return compare_decay_laws(
             record,
-            laws=LAWS_COMPARED if law == "auto" else (law,),
-            frequency_laws=FREQUENCY_LAWS_COMPARED
-            if frequency_law is None or frequency_law == "auto"
-            else (frequency_law,),
+            **compared(law, frequency_law, rest),
             release_time=release_time,
             **settings,
         ).best
-    settings |= {"law": law, "frequency_law": frequency_law or "constant", "robust": robust}
+    settings |= {"law": law, "frequency_law": frequency_law or "constant", "rest": rest or "constant", "robust": robust}
     releases = None if release_time is None else [number(release_time, "release_time")]
     return fit_decays([record], release_times=releases, **settings)[0]
 
@@ -122,21 +119,20 @@ def fit_decays(
     *,
     law: Law = "linear",
     frequency_law: FrequencyLaw = "constant",
-    offset: bool = True,
-    drift: bool = False,
+    rest: Rest = "constant",
     release_times: Sequence[float] | None = None,
     ratio_bounds: tuple[float, float] = RATIO_BOUNDS,
     robust: bool = False,
 ) -> DecayFits:
     """Fit several free decays of one mode at once and each alone, and test whether they agree.
 
-    The records share frequency and damping coefficients; each has its own amplitude, phase, offset and drift.
+    The records share frequency and damping coefficients; each has its own amplitude, phase and rest position.
 
     Parameters
     ----------
     records : sequence of Measurement
         The records.
-    law, frequency_law, offset, drift, ratio_bounds, robust
+    law, frequency_law, rest, ratio_bounds, robust
         As in ``fit_decay``, without ``auto``.
     release_times : sequence of float, optional
         Start of the free decay in each record, s; detected in the records if not given.
@@ -165,7 +161,7 @@ def fit_decays(
     >>> [round(fit.amplitude, 3) for fit in fits], round(fits[0].frequency, 2)
     ([0.02, 0.03], 1.91)
     """
-    model = DecayModel(law, flag(offset, "offset"), flag(drift, "drift"), frequency_law, ratio_bounds)
+    model = DecayModel(law, rest, frequency_law, ratio_bounds)
     robust = flag(robust, "robust")
     records = instances(records, "records", Measurement)
     sensors = {record.sensor.quantity for record in records}
@@ -175,12 +171,11 @@ def fit_decays(
     if len(releases) != len(records):
         raise InputError(f"has {len(releases)} values for {len(records)} records", "release_times")
     guesses = [
-        first_guess(record, release_time=release, offset=model.offset, drift=model.drift)
-        for record, release in zip(records, releases, strict=True)
+        first_guess(record, release_time=release, rest=rest) for record, release in zip(records, releases, strict=True)
     ]
     every = fit_from(guesses, records, model, robust)
     pairs = zip(guesses, records, strict=True) if len(records) > 1 else ()
     alone = [fit_from([guess], [record], model, robust)[0] for guess, record in pairs]
-    settings: dict[str, Any] = {"law": law, "frequency_law": frequency_law, "offset": offset, "drift": drift}
+    settings: dict[str, Any] = {"law": law, "frequency_law": frequency_law, "rest": rest}
     again = partial(fit_decays, release_times=release_times, ratio_bounds=ratio_bounds, robust=robust, **settings)
     return DecayFits(every[0].fit, every, tuple(alone) or every, again=again)

@@ -1,4 +1,4 @@
-"""Damping ratio and frequency against amplitude under the law of a fit, with 95 % bands, and figures of decay fits.
+"""Damping ratio and frequency against amplitude under the law of a fit, with 95 % bands, as curves, tables and figures.
 
 The band at each amplitude is the interval of a derived quantity, to first order in the unknowns (``Fit``); it
 holds for one amplitude at a time.
@@ -14,11 +14,12 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.decay.envelope import PERIODS, LawCurve, damping_curve
+from ancf_casadi.decay.envelope import DampingCurve, LawCurve, damping_curve
 from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import array, check_instance
+from ancf_casadi.support.tables import Cell, Table
 from problems.decay.result import DecayFit
 from problems.decay.takes import DecayFits, DecayModes
 
@@ -76,6 +77,52 @@ def law_curve(fit: DecayFit, amplitudes: ArrayLike | None = None, *, level: floa
     return LawCurve(chosen, ratio, ratio_band, frequency, frequency_band, fit.units["amplitude"])
 
 
+def amplitude_table(fit: DecayFit) -> Table:
+    """Return damping ratio and frequency against amplitude, by windows with standard errors and by the law with bands.
+
+    One row per window of ``damping_curve``; the bands are the ends of 95 % intervals.  A record that is too short for
+    windows, or hidden by noise, has the law alone.
+
+    Parameters
+    ----------
+    fit : DecayFit
+        The fit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from problems import amplitude_table, fit_decay
+    >>> time = np.linspace(0.0, 10.0, 1001)
+    >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+    >>> y = 0.02 / (1.0 + 0.2 * time) * np.cos(12.0 * time) + noise  # quadratic damping
+    >>> table = amplitude_table(fit_decay(time, y, law="quadratic"))
+    >>> table.columns[1:3], [round(value, 3) for value in table.rows[0][1:3]]
+    (('amplitude_m', 'damping_ratio'), [0.018, 0.015])
+    """
+    check_instance(fit, "fit", DecayFit)
+    points = _windows_of(fit)
+    law = law_curve(fit, None if points is None else points.amplitude)
+    bands = [law.damping_ratio, *law.damping_ratio_band.T, law.frequency, *law.frequency_band.T]
+    heads = ["law_damping_ratio", "lower_95", "upper_95", "law_frequency_hz", "lower_95", "upper_95"]
+    left = ["time_s", "amplitude_m" if law.unit == "m" else "amplitude"]
+    rows: list[list[Cell]] = [[None, amplitude] for amplitude in law.amplitude.tolist()]
+    if points is not None:
+        own = points.table()
+        left, rows = list(own.columns), [list(row) for row in own.rows]
+    rows = [[*row, *values] for row, values in zip(rows, np.column_stack(bands).tolist(), strict=True)]
+    return Table("against_amplitude", f"{fit.title} against amplitude", (*left, *heads), rows)
+
+
+def _windows_of(fit: DecayFit) -> DampingCurve | None:
+    """Return the windows of a fitted record; None if it is too short, or hidden by noise."""
+    measured = fit.displacement(fit.time) - fit.residuals
+    record = Measurement(fit.time, measured, sensor=fit.model.sensor)
+    try:
+        return damping_curve(record, release_time=fit.release_time)
+    except InputError:
+        return None
+
+
 def decay_fit_figure(fits: Mapping[str, DecayFit]) -> Figure:
     """Draw record and fit, the residuals, and damping ratio and frequency against amplitude, by law and by windows.
 
@@ -88,13 +135,6 @@ def decay_fit_figure(fits: Mapping[str, DecayFit]) -> Figure:
         return saved_figure(fits)
     (fit,) = fits.values()
     measured = fit.displacement(fit.time) - fit.residuals
-    try:
-        periods = fit.frequency * (fit.time[-1] - fit.time[0]) / 40  # windows, which are longer in a long record
-        longer = periods if periods > PERIODS else None
-        record = Measurement(fit.time, measured, sensor=fit.model.sensor)
-        points = damping_curve(record, periods=longer, release_time=fit.release_time)
-    except InputError:  # too short, or hidden by noise
-        points = None
     values = f"{fit.law} damping, {_value(fit, 'frequency', 1.0, 'Hz')}, {_value(fit, 'damping_ratio', 100.0, '%')}"
     return decay_figure(
         fit.time,
@@ -103,7 +143,7 @@ def decay_fit_figure(fits: Mapping[str, DecayFit]) -> Figure:
         unit=fit.model.sensor.unit,
         values=values,
         law=law_curve(fit),
-        points=points,
+        points=_windows_of(fit),
     )
 
 

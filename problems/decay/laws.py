@@ -52,6 +52,7 @@ from ancf_casadi.decay.closed_forms import (
 )
 from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.phase import FREQUENCY_TERMS, FrequencyLaw, frequency_change, integral
+from ancf_casadi.decay.rest import REST_TERMS, Rest, rest_position
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.sensor import Sensor
@@ -93,6 +94,7 @@ DECAY_QUANTITIES: Mapping[str, Quantity] = {
     "amplitude": Quantity("m", "_m"),
     "offset": Quantity("m", "_m", -math.inf),
     "drift": Quantity("m/s", "_m_per_s", -math.inf),
+    "creep": Quantity("1/s"),
 }
 DECAY_TERMS: Mapping[Law, tuple[str, ...]] = {  # reported damping coefficients; the linear law has its ratio alone
     "linear": (),
@@ -111,12 +113,11 @@ RATIO_BOUNDS = (0.0, 0.999)
 class DecayModel:
     """A damping law and a frequency law about an equilibrium, as a sensor measures them.
 
-    For a velocity or an acceleration, the curve is differentiated; offset and drift belong to the sensor.
+    For a velocity or an acceleration, the curve is differentiated; the rest position belongs to the sensor.
     """
 
     law: Law
-    offset: bool  # if True, the equilibrium may differ from 0
-    drift: bool  # if True, the equilibrium may move at a constant velocity
+    rest: Rest = "constant"
     frequency_law: FrequencyLaw = "constant"
     ratio_bounds: tuple[float, float] = RATIO_BOUNDS  # of the linear law
     reference: float = 1.0  # amplitude R of the power laws and of the logarithmic law, m
@@ -125,6 +126,7 @@ class DecayModel:
     def __post_init__(self) -> None:
         """Check the laws and the bounds."""
         choice(self.law, get_args(Law), "law")
+        choice(self.rest, get_args(Rest), "rest")
         choice(self.frequency_law, get_args(FrequencyLaw), "frequency_law")
         lower, upper = vector(self.ratio_bounds, "ratio_bounds")
         if not -1.0 < lower < upper < 1.0:
@@ -179,15 +181,16 @@ class DecayModel:
         """Return the unknowns of a release and its record."""
         A, swing = guess.amplitude, guess.amplitude * guess.ω**self.sensor.derivatives
         release = [Unknown("e0", A, A, lower=0.0, unit="m"), Unknown("phase", guess.phase, unit="rad")]
-        baseline = [
-            Unknown("offset", guess.offset, swing, unit=self.sensor.unit),
-            Unknown("drift", guess.drift, swing / guess.length, unit=self.unit("drift")),
+        scales = swing, swing / guess.length, 1 / guess.length
+        bounds = (-math.inf, math.inf), (-math.inf, math.inf), (0.0, guess.ω / (2 * math.pi))
+        return release + [
+            Unknown(name, value, scale, *ends, unit=self.unit(name))
+            for name, value, scale, ends in zip(REST_TERMS[self.rest], guess.rest, scales, bounds, strict=False)
         ]
-        return release + baseline[:1] * self.offset + baseline[1:] * self.drift
 
     def curve(self, time: Array, *x: cs.MX) -> cs.MX:
         """Return the record, in the unit of its sensor, at times (s) after the release."""
-        ω, damping, bending, (e0, φ), offset, drift = self._split(x)
+        ω, damping, bending, (e0, φ), rest = self._split(x)
         t = turned = _column(time)
 
         def amplitude(instant: cs.MX) -> cs.MX:
@@ -196,7 +199,7 @@ class DecayModel:
         if self.bends:
             turned = t + integral(lambda instant: self._change(amplitude(instant), bending), time)
         phase = self._damped(ω, damping) * turned + φ
-        return self._swing(amplitude(t), phase, ω, damping, bending) + offset + drift * t
+        return self._swing(amplitude(t), phase, ω, damping, bending) + rest_position(t, rest)
 
     def _amplitude(self, time: cs.MX, e0: cs.MX, ω: cs.MX, damping: Symbols) -> cs.MX:
         """Return the amplitude at times (s), which is ``e0`` at the release."""
@@ -269,22 +272,21 @@ class DecayModel:
         return bounds
 
     def unit(self, name: str) -> str:
-        """Return the unit of a quantity: a motion in m takes the unit of the sensor; offset and drift are its zero."""
+        """Return the unit of a quantity: a motion in m takes the unit of the sensor, and so does its rest position."""
         if name in ("offset", "drift"):
             return self.sensor.unit + "/s" * (name == "drift")
         return re.sub(r"\bm\b", self.sensor.motion_unit or "strain", DECAY_QUANTITIES[name].unit)
 
     def quantities(self, *x: cs.MX) -> cs.MX:
         """Return the quantities of the decay, in the order of ``DECAY_QUANTITIES``."""
-        ω, damping, bending, (amplitude, _), offset, drift = self._split(x)
+        ω, damping, bending, (amplitude, _), rest = self._split(x)
         found = {
             "frequency": ω / (2 * math.pi),
             "damping_ratio": self._ratio(amplitude, ω, damping),
             **dict(zip(self.frequency_terms, bending, strict=True)),
             **self._coefficients(ω, damping),
             "amplitude": amplitude,
-            "offset": offset,
-            "drift": drift,
+            **dict(zip(REST_TERMS[self.rest], rest, strict=True)),
         }
         if self.frequency_law == "power":
             found["frequency_change"] = self._change(amplitude, bending)
@@ -305,12 +307,11 @@ class DecayModel:
         """Return the frequency of the oscillation, rad/s: with linear damping the damped one, as in Eq. (9)."""
         return ω * cs.sqrt(1 - damping[0] ** 2) if self.law == "linear" else ω
 
-    def _split(self, x: Symbols) -> tuple[cs.MX, Symbols, Symbols, Symbols, cs.MX, cs.MX]:
-        """Return omega, damping, bending, release, offset and drift; 0 for the last two if they are not unknown."""
-        zero, end = cs.MX(0), len(x) - self.offset - self.drift
-        law = end - 2 - len(self.frequency_terms)
-        offset, drift = x[end] if self.offset else zero, x[-1] if self.drift else zero
-        return x[0], x[1:law], x[law : end - 2], x[end - 2 : end], offset, drift
+    def _split(self, x: Symbols) -> tuple[cs.MX, Symbols, Symbols, Symbols, Symbols]:
+        """Return omega, damping, bending, release and rest position."""
+        release = len(x) - 2 - len(REST_TERMS[self.rest])
+        law = release - len(self.frequency_terms)
+        return x[0], x[1:law], x[law:release], x[release : release + 2], x[release + 2 :]
 
 
 def _column(values: Array) -> cs.MX:

@@ -7,9 +7,9 @@ x_2 of the mode from the two parts (``agreement.part_estimates``) and their cova
 
     (x_1 - x_2)' (C_1 + C_2)^-1 (x_1 - x_2)
 
-follows the chi-squared distribution if the law holds.  A fit that starts later then agrees with this one within the
-errors.  If the record is shorter than the decay, the standard error of the damping is proportional to length^(-3/2),
-which gives the length that would be enough.
+follows the chi-squared distribution if the law holds.  Otherwise the errors allow for the difference (``later_start``).
+If the record is shorter than the decay, the standard error of the damping is
+proportional to length^(-3/2), which gives the length that would be enough.
 
 References
 ----------
@@ -19,25 +19,30 @@ G. C. Chow, Tests of equality between sets of coefficients in two linear regress
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy  # its packages are imported on first use
 
 from ancf_casadi.decay.first_guess import DecayGuess, first_guess
+from ancf_casadi.decay.rest import REST_TERMS
+from ancf_casadi.decay.spectrum import peak_frequencies
 from ancf_casadi.estimation.agreement import DISAGREE, part_estimates
-from ancf_casadi.estimation.fit import colour_warning
+from ancf_casadi.estimation.fit import Fit, colour_warning
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.support.arrays import Mask
 
 if TYPE_CHECKING:
     from problems.decay.result import DecayFit
 
 NOISE_FREE = 1e-6  # residual relative to the amplitude, below which there is no noise
 FEW_PERIODS = 5  # of free decay, below which there is a warning
+MOST_ORDER, NEAR_ORDER = 5, 0.05  # highest harmonic that is named, and distance of its order from a whole number
 IMPRECISE = 0.1  # relative standard error of the damping ratio beyond which there is a warning
 DAMPING = ("zeta", "eta1", "eta2", "eta0")  # unknowns whose information divides the record, the first that is free
-RELEASE = ("e0", "phase", "offset", "drift")  # unknowns of a release, which belong to no mode
+RELEASE = ("e0", "phase", *REST_TERMS["creep"])  # unknowns of a release, which belong to no mode
 
 
 def limitations(decay: DecayFit) -> list[str]:
@@ -50,7 +55,7 @@ def limitations(decay: DecayFit) -> list[str]:
         _short(decay),
         _lasting(decay) if noisy else None,
         _uncertain(decay) if noisy else None,
-        colour_warning(fit, noise_free=noise_free),
+        _unexplained(decay, noise_free),
         _changing(decay) if noisy else None,
     ]
     return [text for text in found if text]
@@ -103,19 +108,40 @@ def _uncertain(decay: DecayFit) -> str | None:
     return f"the damping ratio {uncertainty}: {advice}"
 
 
+def _unexplained(decay: DecayFit, noise_free: float) -> str | None:
+    """Return a warning if the residuals are not noise: the share of the motion that the law explains, and the rest."""
+    found = colour_warning(decay.fit, noise_free=noise_free)
+    if found is None or (len(decay.fit.residuals) == decay.rows.stop and len(decay.indices) < len(decay.fit.names)):
+        return found  # of several modes, which explain the record together
+    measured = decay.displacement(decay.time) - decay.residuals
+    rest = float(np.mean(decay.residuals**2) / np.var(measured))
+    digits = min(max(-1 - math.floor(math.log10(rest)), 0), 12)
+    frequency = peak_frequencies(decay.time, decay.residuals - decay.residuals.mean())[0]
+    order = frequency / decay.frequency
+    if order < 0.5:
+        cause = "a slow motion: compare rest positions"
+    elif order < 1.5:
+        cause = "near the mode itself: compare laws; a mode close by would look the same"
+    elif round(order) <= MOST_ORDER and abs(order - round(order)) < NEAR_ORDER:
+        cause = f"{round(order)} times the frequency of the mode: a harmonic of it, or another mode there"
+    else:
+        cause = "another mode: fit_modes fits both"
+    return (
+        f"the law explains {100 * (1 - rest):.{digits}f} % of the motion; the rest, {decay.residual_rms:.2g} "
+        f"{decay.model.sensor.unit} rms, is not noise but mostly an oscillation of {frequency:.4g} Hz, {cause}; "
+        "the standard errors allow for it"
+    ).replace("  rms", " rms")
+
+
 def _changing(decay: DecayFit) -> str | None:
     """Return a warning if the two parts of a record disagree on the mode."""
     fit, rows = decay.fit, decay.rows
     time = decay.time if fit.times is None else decay.release_time + fit.times[rows]
-    mode = [k for k in decay.indices if fit.names[k].split("_")[0] not in RELEASE and not fit.active_bounds[k]]
-    damping = [k for name in DAMPING for k in mode if fit.names[k].startswith(name)]
-    if not damping:
-        return None
-    information = np.cumsum(fit.jacobian[rows, damping[0]] ** 2)
-    split = int(np.searchsorted(information, information[-1] / 2))
-    sample = np.arange(len(fit.residuals)) - rows.start
-    masks = (sample >= 0) & (sample < split), (sample >= split) & (sample < len(time))
-    parts = [part_estimates(fit, mask) for mask in masks]
+    mode = [k for k in decay.indices if not fit.names[k].startswith(RELEASE) and not fit.active_bounds[k]]
+    late = late_part(fit, [rows], 1 / 2)
+    early = ~late
+    early[: rows.start] = early[rows.stop :] = False
+    parts = [part_estimates(fit, mask) for mask in (early, late)]
     (first, first_covariance), (second, second_covariance) = parts
     known = [k for k in mode if np.isfinite(first[k] + second[k])]
     if not known:
@@ -129,8 +155,20 @@ def _changing(decay: DecayFit) -> str | None:
         return None
     worst = known[int(np.argmax(np.abs(normal)))]
     name, unit = fit.names[worst], f" {fit.units[worst]}".rstrip()
+    split = time[int(np.argmax(late[rows]))]
     before, after = (f"{values[worst]:.5g} +- {found[worst, worst] ** 0.5:.2g}" for values, found in parts)
     return (
-        f"the law does not hold over the record: {name} is {before}{unit} up to {time[split]:.4g} s, and {after}{unit} "
+        f"the law does not hold over the record: {name} is {before}{unit} up to {split:.4g} s, and {after}{unit} "
         "later; compare laws, or show damping and frequency against amplitude"
     )
+
+
+def late_part(fit: Fit, parts: Sequence[slice], share: float) -> Mask:
+    """Return a mask of the residuals of each record after a share of its information on the damping."""
+    mask = np.zeros(len(fit.residuals), dtype=bool)
+    named = (k for start in DAMPING for k, name in enumerate(fit.names) if name.startswith(start))
+    column = next((k for k in named if not fit.active_bounds[k]), 0)
+    for rows in parts:
+        information = np.cumsum(fit.jacobian[rows, column] ** 2)
+        mask[rows] = information >= share * information[-1]
+    return mask

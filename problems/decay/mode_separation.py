@@ -281,7 +281,7 @@ def _found(
 
 def _strongest(record: Measurement, offset: bool, release: float | None) -> DecayFit:
     """Return the fit of the strongest mode alone."""
-    return fit_one(record, DecayModel("linear", offset, drift=False), release_time=release)
+    return fit_one(record, DecayModel("linear", "constant" if offset else "zero"), release_time=release)
 
 
 def _single(first: DecayFit, second: DecayFit, t: Array, y: Array) -> DecayFit | None:
@@ -290,9 +290,7 @@ def _single(first: DecayFit, second: DecayFit, t: Array, y: Array) -> DecayFit |
         return None
     record = Measurement(t, y, sensor=first.model.sensor)
     try:
-        one = fit_one(
-            record, DecayModel("quadratic", first.model.offset, False, "logarithmic"), release_time=float(t[0])
-        )
+        one = fit_one(record, DecayModel("quadratic", first.model.rest, "logarithmic"), release_time=float(t[0]))
         two = _together([first, second], t, y)[0]
     except (InputError, FitError):
         return None

@@ -19,6 +19,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.decay.first_guess import first_guess
+from ancf_casadi.decay.rest import REST_TERMS
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.exceptions import InputError
@@ -36,8 +37,8 @@ def predicted(modes: Sequence[DecayFit], record: Any) -> RecordPrediction:
     fit, sensor = modes[0].fit, modes[0].model.sensor
     if record.sensor != sensor:
         raise InputError(f"must be of {sensor.quantity} as in the fit, got {record.sensor.quantity}", "record")
-    offset, drift = (any(getattr(one.model, name) for one in modes) for name in ("offset", "drift"))
-    guess = of_motion(first_guess(record, offset=offset, drift=drift), sensor.derivatives)
+    rest = max((one.model.rest for one in modes), key=list(REST_TERMS).index)
+    guess = of_motion(first_guess(record, rest=rest), sensor.derivatives)
     time, measured = record.time[guess.release :], record.values[guess.release :]
     releases = [one.model.own(guess) for one in modes]
     ends = np.cumsum([0, *map(len, releases)]).tolist()

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.phase import FrequencyLaw
+from ancf_casadi.decay.rest import REST_TERMS
 from ancf_casadi.estimation.intervals import Quantities, first_order_ends
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
@@ -117,8 +118,9 @@ class DecayFit(LeastSquaresResult):
         "Amplitude about the offset at the release, m: that of the envelope in Eq. (9), and e0 in Eq. (27).  If "
         "velocity or acceleration was measured, it is that of the displacement.",
     )
-    offset = _quantity("offset", "Equilibrium, in the unit of the sensor; with drift, the one at the release.")
-    drift = _quantity("drift", "Rate of the equilibrium, in this unit per s; 0 if it was not fitted.")
+    offset = _quantity("offset", "Rest position, in the unit of the sensor; if it moves, the one at the release.")
+    drift = _quantity("drift", "Its velocity at the release v, in this unit per s; 0 if it was not fitted.")
+    creep = _quantity("creep", "k in the rest position d + v (1 - exp(-k t))/k, 1/s; 0 under the other ones.")
 
     @cached_property
     def values(self) -> dict[str, float]:
@@ -188,7 +190,7 @@ class DecayFit(LeastSquaresResult):
     def predict(self, record: Measurement) -> RecordPrediction:
         """Compute another decay of the same mode with its estimates, and compare.
 
-        What belongs to the release and the sensor is fitted: amplitude, phase, offset and drift.
+        What belongs to the release and the sensor is fitted: amplitude, phase and rest position.
 
         Raises
         ------
@@ -215,11 +217,12 @@ class DecayFit(LeastSquaresResult):
     def title(self) -> str:
         """The laws."""
         bent = "" if self.frequency_law == "constant" else f", frequency {self.frequency_law} in the amplitude"
-        return f"{self.law} decay{bent}"
+        moving = f" with {self.model.rest}" * (self.model.rest in ("drift", "creep"))
+        return f"{self.law} decay{moving}{bent}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""
-        table: dict[str, Any] = {"law": self.law, "frequency_law": self.frequency_law}
+        table: dict[str, Any] = {"law": self.law, "frequency_law": self.frequency_law, "rest": self.model.rest}
         errors, intervals, unknown = self.standard_errors, self.intervals(), (math.nan, math.nan)
         for name, quantity in DECAY_QUANTITIES.items():
             suffix = quantity.suffix if self.model.unit(name) == quantity.unit else ""  # then ``units`` has the unit
@@ -241,8 +244,8 @@ class DecayFit(LeastSquaresResult):
 
     def report(self) -> str:
         """Return the result as text, one line per quantity."""
-        drift = ["drift"] * self.model.drift
-        shown = ["frequency", "damping_ratio", *self.model.terms, "amplitude", "offset", *drift]
+        rest = REST_TERMS[self.model.rest] or ("offset",)
+        shown = ["frequency", "damping_ratio", *self.model.terms, "amplitude", *rest]
         lines = [f"{self.title}, {self.samples} samples from {self.release_time:g} s on; 95 % intervals"]
         if self.fitted_samples < self.samples:
             step = (self.time[-1] - self.time[0]) / (self.samples - 1)

@@ -24,6 +24,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
+from types import MappingProxyType
 from typing import Any
 
 import casadi as cs
@@ -33,6 +34,7 @@ from numpy.typing import ArrayLike
 from ancf_casadi.decay.first_guess import DecayGuess, first_guess
 from ancf_casadi.decay.spectrum import is_even
 from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.later_start import allowing_for_later_starts
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.loss import HUBER, noise_of
 from ancf_casadi.estimation.solver.unknown import Unknown, started
@@ -42,12 +44,13 @@ from ancf_casadi.records.processing import projected
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
 from problems.decay.laws import DecayModel
-from problems.decay.limitations import NOISE_FREE
+from problems.decay.limitations import NOISE_FREE, late_part
 from problems.decay.result import DecayFit
 from problems.decay.start import of_motion, starting_values
 
 LEAST_REDUCED_LENGTH = 2500  # samples to which a longer record is reduced, if the band of the mode needs no more
-REDUCED_PER_PERIOD = 12  # samples that this band needs
+LATER_STARTS = (0.25, 0.5, 0.75)  # shares of the information before a later start, for which errors allow
+REDUCED_PER_PERIOD = 6  # samples that this band needs
 
 
 def as_record(time: Measurement | ArrayLike, displacement: ArrayLike | None) -> Measurement:
@@ -66,14 +69,21 @@ def fit_one(
 ) -> DecayFit:
     """Fit one free decay; see ``fit_from``."""
     check_instance(record, "records", Measurement)
-    guess = first_guess(record, release_time=release_time, offset=model.offset, drift=model.drift)
+    guess = first_guess(record, release_time=release_time, rest=model.rest)
     return fit_from([guess], [record], model, robust)[0]
 
 
 def fit_from(
-    guesses: Sequence[DecayGuess], records: Sequence[Measurement], model: DecayModel, robust: bool = False
+    guesses: Sequence[DecayGuess],
+    records: Sequence[Measurement],
+    model: DecayModel,
+    robust: bool = False,
+    near: DecayFit | None = None,
 ) -> tuple[DecayFit, ...]:
-    """Fit several free decays of one mode at once, each from its guess; the model takes their sensor."""
+    """Fit several free decays of one mode at once, each from its guess; the model takes their sensor.
+
+    A fit of one record by another law that is ``near`` stands for the first fit of a long record.
+    """
     stated, sensor = model, records[0].sensor
     times = [record.time[guess.release :] for record, guess in zip(records, guesses, strict=True)]
     decays = [
@@ -84,13 +94,20 @@ def fit_from(
     model = replace(model, reference=max(guess.amplitude for guess in moving), sensor=sensor)
     lengths = [len(decay.time) for decay in decays]
     counts = lengths if robust else _counts(decays, [guess.ω for guess in guesses])
-    thinned = [_thinned(decay, count, np.zeros_like) for decay, count in zip(decays, counts, strict=True)]
-    fit, columns = _match(model, thinned, moving, robust)
-    if counts != lengths:  # again, less the curve, which has slopes at the ends
-        curves = [_curve(model, fit, own) for own in columns]
-        thinned = [_thinned(*one) for one in zip(decays, counts, curves, strict=True)]
-        fit, columns = _match(model, thinned, moving, robust, fit.estimates)
+    curves: Sequence[Callable[[Array], Array]] = [np.zeros_like] * len(decays)
+    start = None
+    if counts != lengths:  # the curve of a first fit, which has slopes at the ends
+        if near is None:
+            thinned = [_thinned(*one) for one in zip(decays, counts, curves, strict=True)]
+            fit, columns = _match(model, thinned, moving, robust)
+            start, curves = fit.estimates, [_curve(model, fit, own) for own in columns]
+        else:
+            curves = [_curve(near.model, near.fit, near.indices)]
+    thinned = [_thinned(*one) for one in zip(decays, counts, curves, strict=True)]
+    fit, columns = _match(model, thinned, moving, robust, start, near.fit.estimates if near else {})
     parts = [slice(*ends) for ends in pairwise(np.cumsum([0, *counts]).tolist())]
+    if fit.residual_rms > NOISE_FREE * _swing(model, moving):
+        fit = allowing_for_later_starts(fit, [late_part(fit, parts, share) for share in LATER_STARTS])
     residuals = [fit.residuals[rows] for rows in parts]
     if counts != lengths:
         residuals = [
@@ -102,6 +119,11 @@ def fit_from(
         DecayFit(fit, model, own, rows, time, rest, guess.reason, guess.notes, again=one)
         for time, rest, own, rows, guess, one in zip(times, residuals, columns, parts, guesses, again, strict=True)
     )
+
+
+def _swing(model: DecayModel, guesses: Sequence[DecayGuess]) -> float:
+    """Return the largest amplitude of the records at the release, in the unit of their sensor."""
+    return max(guess.amplitude * guess.ω**model.sensor.derivatives for guess in guesses)
 
 
 def _counts(decays: Sequence[Measurement], ω: Sequence[float]) -> list[int]:
@@ -140,11 +162,12 @@ def _match(
     guesses: Sequence[DecayGuess],
     robust: bool,
     start: Mapping[str, float] | None = None,
+    near: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[Fit, list[tuple[int, ...]]]:
     """Return the fit of a model, and the positions of the unknowns of each record.
 
     Unknowns named in ``start`` begin at the values given there, the others at the guesses.  If it is not given, the
-    fit starts from the guesses or from the track of amplitude and phase.
+    fit starts from the guesses, from the track of amplitude and phase, or from there with the values in ``near``.
     """
     unknowns, columns = _unknowns(model, guesses)
     times, measured = [decay.time for decay in decays], cs.DM(np.concatenate([decay.values for decay in decays]))
@@ -159,7 +182,8 @@ def _match(
         return float(cs.sumsqr(curves([u.guess for u in start]) - measured))
 
     if start is None:
-        starts = sorted([unknowns, started(unknowns, _tracked(model, decays, guesses))], key=misfit)
+        tracked = started(unknowns, _tracked(model, decays, guesses))
+        starts = sorted([unknowns, tracked, *([started(tracked, near)] if near else [])], key=misfit)
     else:
         starts = [started(unknowns, start)]
     settings: dict[str, Any] = {
@@ -178,7 +202,7 @@ def _match(
         raise errors[0]
     for _ in range(3 * robust):  # robust fits, in which the estimate of the noise settles
         noise = noise_of(fit.residuals)
-        if noise <= NOISE_FREE * max(guess.amplitude * guess.ω**model.sensor.derivatives for guess in guesses):
+        if noise <= NOISE_FREE * _swing(model, guesses):
             break
         fit = least_squares(residuals, started(fit.unknowns, fit.estimates), huber=HUBER * noise, **settings)
     return fit, columns

@@ -33,7 +33,7 @@ SHAPES: Mapping[FrequencyLaw, Sequence[tuple[float]]] = {  # exponents, and loga
 
 
 def of_motion(guess: DecayGuess, derivatives: int) -> DecayGuess:
-    """Return the guess of the motion from that of its velocity or acceleration, with offset and drift as measured."""
+    """Return the guess of the motion from that of its velocity or acceleration, with the rest position as measured."""
     amplitude, phase = guess.amplitude / guess.ω**derivatives, guess.phase - derivatives * math.pi / 2
     return replace(guess, amplitude=amplitude, phase=phase)
 
@@ -42,7 +42,7 @@ def starting_values(model: DecayModel, decay: Measurement, guess: DecayGuess) ->
     """Return values of unknowns by name from a record after the release; none if noise hides it too early."""
     time = decay.time
     derivatives = model.sensor.derivatives  # each multiplies the amplitude by about omega and turns the phase
-    about = (decay.values - guess.offset - guess.drift * time) / guess.ω**derivatives
+    about = (decay.values - guess.equilibrium(time)) / guess.ω**derivatives
     found = track(time, about, guess.ω * math.sqrt(1 - guess.ζ**2))
     if len(found.time) < 6:  # twice the unknowns of a regression
         return {}
@@ -54,19 +54,36 @@ def starting_values(model: DecayModel, decay: Measurement, guess: DecayGuess) ->
     return {"omega": ω, **damping, **bending, "e0": e0, "phase": math.remainder(φ, 2 * math.pi)}
 
 
+def evident_law(record: Measurement, guess: DecayGuess, laws: Sequence[FrequencyLaw]) -> FrequencyLaw:
+    """Return the frequency law that the track of a decay shows; the first if it is too short, or shows none."""
+    time = record.time[guess.release :] - record.time[guess.release]
+    found = track(time, record.values[guess.release :] - guess.equilibrium(time), guess.ω * math.sqrt(1 - guess.ζ**2))
+    if len(found.time) < 6:  # as above
+        return laws[0]
+    A = found.amplitude
+    left = [_bent(found, DecayModel("linear", frequency_law=law, reference=float(A.max())))[0] for law in laws]
+    best = int(np.argmin(left))
+    return laws[best] if evident(left[0], left[best], len(A), 2, float(A @ A)) else laws[0]
+
+
+def _bent(found: Track, model: DecayModel) -> tuple[float, tuple[float, ...], list[float]]:
+    """Return what the best shape of a frequency law leaves of the phase, this shape, and phase, omega and change."""
+    A, fits = found.amplitude, []
+    for shape in SHAPES.get(model.frequency_law, ((),)):
+        line = [np.ones(len(A)), found.time]
+        if model.bends:
+            line.append(since_start(found.time, model.change(A, 1.0, *shape)))
+        coefficients, left = regression(line, found.phase, A)
+        fits.append((left, shape, coefficients))
+    return min(fits)
+
+
 def _phase(found: Track, model: DecayModel) -> tuple[float, dict[str, float], float]:
     """Return omega (rad/s), the unknowns of the frequency law if a change is evident, and the phase at the release."""
     A = found.amplitude
-    line = [np.ones(len(A)), found.time]
-    (φ, ω), left = regression(line, found.phase, A)
-    bent = []
-    for shape in SHAPES.get(model.frequency_law, ((),) * model.bends):
-        (φ_0, ω_0, change), less = regression(
-            [*line, since_start(found.time, model.change(A, 1.0, *shape))], found.phase, A
-        )
-        bent.append((less, shape, φ_0, ω_0, change))
-    if bent:
-        less, shape, φ_0, ω_0, change = min(bent)
+    left, _, (φ, ω) = _bent(found, replace(model, frequency_law="constant"))
+    if model.bends:
+        less, shape, (φ_0, ω_0, change) = _bent(found, model)
         if evident(left, less, len(A), 1 + len(shape), float(A @ A)):
             return ω_0, dict(zip(model.frequency_terms, (change / ω_0, *shape), strict=True)), φ_0
     return ω, {}, φ

@@ -10,6 +10,7 @@ from typing import Any, overload
 import casadi as cs
 import numpy as np
 
+from ancf_casadi.decay.rest import REST_TERMS
 from ancf_casadi.estimation.agreement import Agreement
 from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, Quantities
 from ancf_casadi.estimation.prediction import RecordPrediction
@@ -21,7 +22,7 @@ from problems.decay.laws import DECAY_QUANTITIES
 from problems.decay.prediction import predicted
 from problems.decay.result import DecayFit
 
-OF_RECORD = ("amplitude", "offset", "drift")  # quantities that belong to a release and a sensor, not to a mode
+OF_RECORD = ("amplitude", *REST_TERMS["creep"])  # quantities that belong to a release and a sensor, not to a mode
 
 
 @dataclass(frozen=True, eq=False)

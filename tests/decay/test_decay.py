@@ -137,7 +137,7 @@ def test_the_first_guess_is_near_the_truth(frequency, ratio, noise):
     assert guess.release == 0
     assert guess.ω == pytest.approx(2 * math.pi * frequency, abs=0.7 / guess.duration)
     assert ratio / 1.7 < guess.ζ < 1.7 * ratio
-    assert guess.offset == pytest.approx(0.7, abs=0.05)
+    assert guess.rest[0] == pytest.approx(0.7, abs=0.05)
     assert guess.amplitude * math.cos(guess.phase) == pytest.approx(-0.3, abs=0.15)
     ω_d = guess.ω * math.sqrt(1 - guess.ζ**2)
     v0 = -guess.amplitude * (guess.ζ * guess.ω * math.cos(guess.phase) + ω_d * math.sin(guess.phase))

@@ -174,3 +174,23 @@ def test_interpolating_a_record_does_not_change_its_errors():
     one, ten = damping_curve(record), damping_curve(dense)
     count = min(len(one.time), len(ten.time)) - 1
     np.testing.assert_allclose(ten.damping_ratio_errors[:count], one.damping_ratio_errors[:count], rtol=0.3)
+
+
+def test_a_fast_change_at_the_release_leaves_the_errors_of_the_other_windows():
+    """A hardening mode, f (1 + k A^2), falls from 2 % above f within its first windows; the noise is 0.2 % of A."""
+    t, ω, λ, k = np.arange(0.0, 16.0, 1 / 1000), 2 * math.pi * 37.0, 2.0, 0.02
+    phase = ω * (t + k * (1 - np.exp(-2 * λ * t)) / (2 * λ))
+    y = np.exp(-λ * t) * np.cos(phase) + 2e-3 * np.random.default_rng(0).standard_normal(len(t))
+    curve = damping_curve(Measurement(t, y), periods=8.0, release_time=0.0)
+    expected = ω / (2 * math.pi) * (1 + k * curve.amplitude**2)
+    score = ((curve.frequency - expected) / curve.frequency_errors)[2:]
+    assert 0.6 < math.sqrt(np.mean(score**2)) < 1.5
+
+
+def test_windows_follow_the_decay():
+    """By default 40 windows share a long record, or 8 a fall by a factor of e, with two periods or more."""
+    t = np.arange(0.0, 40.0, 0.01)
+    for rate, width in ((0.01, 1.0), (0.4, 2.5 / 8), (4.0, 0.2)):
+        noise = 1e-4 * np.random.default_rng(0).standard_normal(len(t))
+        found = damping_curve(Measurement(t, np.exp(-rate * t) * np.cos(20 * math.pi * t) + noise), release_time=0.0)
+        assert np.diff(found.time).min() == pytest.approx(width, rel=0.35)

@@ -91,9 +91,9 @@ def test_the_frequency_is_found_in_a_record_that_was_changed(change):
         time, y = time[(time > 0.53) & (time < 1.0)], y[(time > 0.53) & (time < 1.0)]
     if change == "decimated":
         time, y = time[::10], y[::10]
-    fit, drifting = fit_decay(time, y), fit_decay(time, y, drift=True)
+    fit, drifting = fit_decay(time, y), fit_decay(time, y, rest="drift")
     assert fit.frequency == pytest.approx(F, rel=0.01)
-    assert any("fit the drift too" in warning for warning in fit.warnings) == (change in ("detrended", "drifting"))
+    assert any("fit it too" in warning for warning in fit.warnings) == (change in ("detrended", "drifting"))
     assert drifting.frequency == pytest.approx(F, rel=2e-3)
     assert drifting.damping_ratio == pytest.approx(ζ, rel=0.1)
 

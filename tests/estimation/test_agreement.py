@@ -19,7 +19,8 @@ def test_estimates_that_agree_have_their_weighted_mean():
     assert found.agrees and found.scatter == 0.0
     assert found.mean == pytest.approx(np.average(values, weights=weights))
     assert found.error == pytest.approx(1 / math.sqrt(weights.sum()))
-    assert found.interval == pytest.approx((found.mean - 1.959964 * found.error, found.mean + 1.959964 * found.error))
+    reach = stats.t.ppf(0.975, 3 * (len(values) - 1))
+    assert found.interval == pytest.approx((found.mean - reach * found.error, found.mean + reach * found.error))
     Q = float(weights @ (values - found.mean) ** 2)
     assert found.probability == pytest.approx(stats.chi2.sf(Q, 2))
 
@@ -150,3 +151,12 @@ def test_parts_allow_for_a_systematic_error_as_the_whole_fit_does():
     half = x < 0.5
     columns = np.column_stack([np.ones(30), x[half]])
     np.testing.assert_allclose(part_estimates(fit, half)[1], 30 * 1e-6 * np.linalg.inv(columns.T @ columns), rtol=1e-6)
+
+
+def test_two_records_may_agree_by_chance():
+    """If they scatter by twice their errors, the mean of two is covered in about 93 %; by a normal quantile in 85 %."""
+    rng, covered = np.random.default_rng(0), 0
+    for _ in range(400):
+        low, high = Agreement("x", "", math.sqrt(5) * rng.standard_normal(2), np.ones(2)).interval
+        covered += low <= 0.0 <= high
+    assert covered >= stats.binom.ppf(0.003, 400, 0.93)

@@ -70,7 +70,7 @@ def test_the_scatter_of_the_runs_is_the_standard_error_where_the_noise_is_white(
 def test_blocks_keep_what_correlates_together():
     """Over many records, the scatter of the fits is that of the block bootstrap, twice that of single residuals."""
     rho = 0.8
-    fits = [fit_decay(TIME, swing() + 1e-3 * coloured(100 + seed, rho), offset=False) for seed in range(40)]
+    fits = [fit_decay(TIME, swing() + 1e-3 * coloured(100 + seed, rho), rest="zero") for seed in range(40)]
     scatter = np.std([fit.frequency for fit in fits], ddof=1)
     blocks = monte_carlo(fits[0], runs=60, method="bootstrap")
     singles = monte_carlo(fits[0], runs=30)

@@ -17,6 +17,7 @@ from msgspec import Meta, Struct
 from msgspec.structs import asdict
 
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
+from ancf_casadi.decay.rest import Rest
 from ancf_casadi.estimation.agreement import part_estimates
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
@@ -93,12 +94,12 @@ class FittedDecay:
     fine: Array  # fit at the fine times
 
 
-def fit_plain(decay: Decay, law: str, offset: bool) -> FittedDecay:
+def fit_plain(decay: Decay, law: str, rest: Rest | None) -> FittedDecay:
     """Fit a decay, and return the fit as plain data."""
     release = None if math.isnan(decay.release_time) else decay.release_time
     record = decay.record
     with located(record.name):
-        fit: DecayFit = fit_decay(record, law=law, offset=offset, release_time=release)  # type: ignore[arg-type]
+        fit: DecayFit = fit_decay(record, law=law, rest=rest, release_time=release)  # type: ignore[arg-type]
     per_period = len(fit.time) / max(1.0, fit.frequency * float(fit.time[-1] - fit.time[0]))
     periods = min(12, max(3, 300 / per_period), len(fit.time) / per_period)  # drawn in detail
     fine_time = fit.release_time + np.linspace(0.0, periods / fit.frequency, int(40 * periods))
@@ -158,7 +159,7 @@ class Decays(Part):
     kind, about, heading = "decays", "free decays: {}", "Free decays"
 
     law: Literal[Law, "auto"] = "linear"
-    offset: bool = True
+    rest: Annotated[Rest | None, Meta(description="default: constant; with the law auto the best")] = None
     records: Annotated[
         tuple[Any, ...] | None,
         Meta(
@@ -218,7 +219,7 @@ class Decays(Part):
 
     def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
         """Return the fits."""
-        return tuple(Task(fit_plain, (decay, self.law, self.offset), 0.2) for decay in self.decays)
+        return tuple(Task(fit_plain, (decay, self.law, self.rest), 0.2) for decay in self.decays)
 
     def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the table of modal parameters, and a figure per record."""

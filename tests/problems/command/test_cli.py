@@ -195,7 +195,7 @@ class TestFitDecay:
         assert "leave out --robust" in refused(["fit-decay", "decay.csv", "--law", "auto", "--robust"], files, capsys)
 
     def test_drift_and_outliers_are_borne_on_request(self, files, capsys):
-        assert main(["fit-decay", "decay.csv", "--drift", "--robust", "--json"]) == 0
+        assert main(["fit-decay", "decay.csv", "--rest", "drift", "--robust", "--json"]) == 0
         data = json.loads(capsys.readouterr().out)
         assert data["frequency_hz"] == pytest.approx(3.0, abs=max(4 * data["frequency_stderr_hz"], 1e-3))
         assert abs(data["drift_m_per_s"]) < 4 * data["drift_stderr_m_per_s"] + 1e-6
@@ -207,6 +207,9 @@ class TestFitDecay:
         header, first, *_ = (files / "new" / "curve.csv").read_text().splitlines()
         assert header.startswith("time_s,amplitude_m,damping_ratio")
         assert float(first.split(",")[2]) == pytest.approx(0.02, rel=0.1)
+        assert header.endswith(",law_damping_ratio,lower_95,upper_95,law_frequency_hz,lower_95,upper_95")
+        ratio, low, high, *_ = map(float, first.split(",")[6:])
+        assert low < ratio < high and ratio == pytest.approx(0.02, rel=0.05)
 
     def test_plot(self, files):
         assert main(["fit-decay", "decay.csv", "--plot", "new/fit.png"]) == 0

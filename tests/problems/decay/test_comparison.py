@@ -16,7 +16,7 @@ from problems.decay import comparison as comparison_module
 from problems.decay import fitting
 
 TIME = np.arange(0.0, 5.0, 1 / 500)
-CONSTANT = ("constant",)
+CONSTANT = {"frequency_laws": ("constant",), "rests": ("constant",)}
 TRUTHS = {"linear": (0.0, 0.25, 0.0), "quadratic": (0.0, 0.15, 0.5), "friction": (0.1, 0.15, 0.5)}
 
 
@@ -33,11 +33,12 @@ def test_the_true_law_is_found(law):
         comparison = compare_decay_laws(TIME, record(law, seed))
         assert (comparison.best.law, comparison.best.frequency_law) == (law, "constant")
     assert comparison.names[:4] == ("linear", "quadratic", "friction", "power")
-    assert comparison.names[4:] == tuple(f"{law} + {bend} frequency" for bend in ("linear", "quadratic", "logarithmic"))
+    bent = tuple(f"{law} + {bend} frequency" for bend in ("linear", "quadratic", "logarithmic"))
+    assert comparison.names[4:] == (*bent, f"{law} + drift", f"{law} + creep")
 
 
 def test_the_criteria_are_those_of_the_residuals():
-    comparison = compare_decay_laws(TIME, record("quadratic"), laws=("linear", "quadratic"), frequency_laws=CONSTANT)
+    comparison = compare_decay_laws(TIME, record("quadratic"), laws=("linear", "quadratic"), **CONSTANT)
     for fit, aicc, bic, K in zip(comparison.fits, comparison.verdict.aicc, comparison.verdict.bic, (6, 7), strict=True):
         misfit = 2500 * math.log(np.mean(fit.residuals**2))
         assert aicc == pytest.approx(misfit + 2 * K + 2 * K * (K + 1) / (2500 - K - 1), rel=1e-12)
@@ -48,9 +49,7 @@ def test_the_criteria_are_those_of_the_residuals():
 def test_a_law_with_a_term_at_its_bound_is_the_smaller_law():
     """For these seeds noise would make eta2 negative; Eq. (9) and (27) differ in the second order of the damping."""
     for seed in range(20):
-        comparison = compare_decay_laws(
-            TIME, record("linear", seed), laws=("quadratic", "friction"), frequency_laws=CONSTANT
-        )
+        comparison = compare_decay_laws(TIME, record("linear", seed), laws=("quadratic", "friction"), **CONSTANT)
         smaller, larger = comparison.fits
         if larger.at_bound == ("eta0",):
             assert comparison.verdict.bic[1] == pytest.approx(comparison.verdict.bic[0], abs=1e-6)
@@ -77,7 +76,7 @@ def test_coloured_residuals_are_named():
 def test_a_misfit_that_none_of_the_laws_explains_settles_nothing():
     """A second mode of 3 % is not noise: it correlates the residuals.  Counting all samples would select a law."""
     second = 2e-3 * np.cos(2 * math.pi * 3.1 * TIME) * np.exp(-TIME)
-    comparison = compare_decay_laws(TIME, record("linear", noise=5e-5) + second, frequency_laws=CONSTANT)
+    comparison = compare_decay_laws(TIME, record("linear", noise=5e-5) + second, **CONSTANT)
     white = [
         2500 * math.log(np.mean(fit.residuals**2)) + (fit.fit.rank + 1) * math.log(2500) for fit in comparison.fits
     ]
@@ -179,8 +178,8 @@ def test_the_result_reads_as_text_and_as_json():
 @pytest.mark.parametrize(
     ("laws", "message"),
     [
-        ((), "laws: must be a sequence of laws"),
-        ("linear", "laws: must be a sequence of laws, got 'linear'"),
+        ((), "laws: must be a sequence of names"),
+        ("linear", "laws: must be a sequence of names, got 'linear'"),
         (("cubic",), "law: must be one of linear, quadratic, friction, power, got 'cubic'"),
     ],
 )
@@ -206,7 +205,7 @@ def test_a_term_at_its_bound_that_leaves_a_new_law_counts():
     y = np.asarray(friction_decay(cs.DM(time), 2 * math.pi * 1.85, 0.1, 0.0, 0.5, 0.076, 0.2)).ravel()
     for seed in range(20):
         noise = 2e-4 * np.random.default_rng(seed).standard_normal(len(time))
-        comparison = compare_decay_laws(time, y + noise, laws=("quadratic", "friction"), frequency_laws=CONSTANT)
+        comparison = compare_decay_laws(time, y + noise, laws=("quadratic", "friction"), **CONSTANT)
         if comparison.fits[1].at_bound == ("eta1",):
             break
     else:

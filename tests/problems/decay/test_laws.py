@@ -42,7 +42,7 @@ REPORTED = {
 
 
 def record(law, frequency_law, noise=0.0, seed=0, time=TIME, k=None):
-    model = DecayModel(law, True, False, frequency_law, reference=E0)
+    model = DecayModel(law, "constant", frequency_law, reference=E0)
     values = (ω, *DAMPING[law], *(SLOPE[frequency_law] if k is None else k), E0, 0.3, 0.001)
     y = cs.evalf(model.curve(time, *map(cs.MX, values))).full().ravel()
     return y + noise * np.random.default_rng(seed).standard_normal(len(time))
@@ -73,7 +73,7 @@ def test_every_combination_gives_back_the_truth(law, frequency_law):
 def test_a_linear_law_whose_frequency_turns_out_constant_is_eq_9():
     """The frequency is the undamped one in both; with 20 % damping the damped one is lower by 2 %."""
     time = np.arange(0.0, 1.5, 1 / 500)
-    model = DecayModel("linear", False, False)
+    model = DecayModel("linear", "zero")
     y = cs.evalf(model.curve(time, *map(cs.MX, (ω, 0.2, E0, 0.0)))).full().ravel()
     fit = fit_decay(time, y, law="linear", frequency_law="linear")
     assert fit.frequency == pytest.approx(F, rel=1e-6)
@@ -101,7 +101,7 @@ def test_a_strip_whose_frequency_rises_misleads_a_fit_at_constant_frequency():
     """6.86 to 6.92 Hz as the motion decays, and drag of 0.78 1/m: the case of a measured aluminium strip."""
     k1 = (6.86 / 6.92 - 1) / E0
     time = np.arange(0.0, 40.0, 1 / 100)
-    model = DecayModel("quadratic", False, False, "linear")
+    model = DecayModel("quadratic", "zero", "linear")
     y = cs.evalf(model.curve(time, *map(cs.MX, (ω, 0.03, 0.78, k1, E0, 0.0)))).full().ravel()
     y += 1e-4 * np.random.default_rng(7).standard_normal(len(time))
     constant = fit_decay(time, y, law="quadratic")
@@ -122,7 +122,7 @@ def test_a_strip_whose_frequency_rises_misleads_a_fit_at_constant_frequency():
 def test_a_clamp_whose_frequency_is_logarithmic_is_told_from_the_other_laws(seed):
     """6.9 Hz (1 - 0.0035 ln(A/A0)) under quadratic damping: a line leaves five times the noise."""
     time, start, noise = np.arange(0.0, 19.0, 1 / 128), 1e-3, 2e-6
-    model = DecayModel("quadratic", False, False, "logarithmic", reference=start)
+    model = DecayModel("quadratic", "zero", "logarithmic", reference=start)
     values = (2 * math.pi * 6.9, 0.37, 4.0, -0.0035, -9.0, start, 0.0)
     y = cs.evalf(model.curve(time, *map(cs.MX, values))).full().ravel()
     y += noise * np.random.default_rng(seed).standard_normal(len(time))
@@ -182,13 +182,15 @@ def test_several_records_share_the_frequency_law():
 def test_a_comparison_survives_a_law_that_cannot_be_fitted(monkeypatch):
     fit_from = comparison_module.fit_from
 
-    def failing(guesses, records, model):
+    def failing(guesses, records, model, **near):
         if model.law == "friction":
             raise FitError("no minimum was found")
-        return fit_from(guesses, records, model)
+        return fit_from(guesses, records, model, **near)
 
     monkeypatch.setattr(comparison_module, "fit_from", failing)
-    comparison = compare_decay_laws(TIME, record("linear", "constant", 1e-4), frequency_laws=("constant",))
+    comparison = compare_decay_laws(
+        TIME, record("linear", "constant", 1e-4), frequency_laws=("constant",), rests=("constant",)
+    )
     assert comparison.names == ("linear", "quadratic", "power")
     assert comparison.failed == {"friction": "no minimum was found"}
     assert "the friction law is left out: no minimum was found" in comparison.report()
@@ -201,7 +203,12 @@ def test_all_laws_are_combined():
     assert LAWS_COMPARED == ("linear", "quadratic", "friction", "power")
     assert FREQUENCY_LAWS_COMPARED == ("constant", "linear", "quadratic", "logarithmic")
     names = compare_decay_laws(TIME, record("linear", "linear", 1e-4), laws=("linear", "power")).names
-    assert names[:3] == ("linear", "power", "linear + linear frequency")
+    assert names == (
+        "linear",
+        *(f"{law} + linear frequency" for law in ("linear", "power")),
+        *(f"linear + {law} frequency" for law in ("quadratic", "logarithmic")),
+        *(f"linear + linear frequency + {rest}" for rest in ("drift", "creep")),
+    )
 
 
 @pytest.mark.parametrize(

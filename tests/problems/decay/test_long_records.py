@@ -45,10 +45,10 @@ def test_fewer_samples_give_the_estimates_and_errors_of_all(law, monkeypatch):
 
 
 def test_a_mode_that_needs_all_samples_gets_them():
-    """Of 8000 samples, 2500 are enough at 40 per period; at 20 per period, half of them would not be."""
+    """Of 8000 samples, 2500 are enough at 40 per period; at 10 per period, half of them would not be."""
     time = np.arange(8000) / 800.0
     slow, fast = (
-        fit_decay(time, np.exp(-0.5 * time) * np.cos(2 * math.pi * f * time)).fitted_samples for f in (20.0, 40.0)
+        fit_decay(time, np.exp(-0.5 * time) * np.cos(2 * math.pi * f * time)).fitted_samples for f in (20.0, 80.0)
     )
     assert (slow, fast) == (2500, 8000)
 

@@ -43,7 +43,7 @@ def test_each_mode_is_as_sure_as_alone_and_nothing_is_left_but_noise():
     together = sum(swing(*mode) for mode in MODES) + 2e-4 * noise(1)
     fits = fit_modes(TIME, together, modes=3)
     for fit, mode in zip(fits, MODES, strict=True):
-        alone = fit_decay(TIME, swing(*mode) + 2e-4 * noise(2), offset=False)
+        alone = fit_decay(TIME, swing(*mode) + 2e-4 * noise(2), rest="zero")
         assert fit.standard_errors["damping_ratio"] == pytest.approx(alone.standard_errors["damping_ratio"], rel=0.06)
         assert abs(fit.damping_ratio - mode[1]) < 4 * fit.standard_errors["damping_ratio"]
         assert abs(fit.frequency - mode[0]) < 4 * fit.standard_errors["frequency"]
@@ -97,7 +97,7 @@ def test_a_frequency_that_depends_on_amplitude_is_not_split_into_two_modes():
 def test_a_mode_whose_frequency_is_logarithmic_in_the_amplitude_is_one_mode(seed):
     """6.9 Hz (1 - 0.0035 ln(A/A0)) under quadratic damping, over two decades: once listed as three modes."""
     time, start = np.arange(0.0, 19.0, 1 / 256), 1e-3
-    model = DecayModel("quadratic", False, False, "logarithmic", reference=start)
+    model = DecayModel("quadratic", "zero", "logarithmic", reference=start)
     values = (2 * math.pi * 6.9, 0.37, 7.9, -0.0035, -9.0, start, 0.0)
     y = np.asarray(cs.evalf(model.curve(time, *map(cs.MX, values)))).ravel()
     (fit,) = fit_modes(time, y + 2e-6 * np.random.default_rng(seed).standard_normal(len(time)))

@@ -22,7 +22,7 @@ BENDING = {"constant": (), "linear": (-0.5,), "quadratic": (-10.0,)}
 
 
 def curve(law, frequency_law, sensor, time=TIME):
-    model = DecayModel(law, False, False, frequency_law, reference=AMPLITUDE, sensor=sensor)
+    model = DecayModel(law, "zero", frequency_law, reference=AMPLITUDE, sensor=sensor)
     x = (OMEGA, *DAMPING[law], *BENDING[frequency_law], AMPLITUDE, PHASE)
     return np.asarray(cs.evalf(model.curve(time, *map(cs.MX, x)))).ravel()
 

@@ -20,7 +20,7 @@ QUADRATIC = """
 [[parts]]
 kind = "decays"
 law = "quadratic"
-offset = false
+rest = "zero"
 seed = 3
 records = [
     {synthetic = {frequency = 3.0, eta1 = 0.3, eta2 = 5.0, amplitude = 0.02}},
@@ -94,7 +94,7 @@ class TestFits:
 
     def test_of_a_record_without_damping_is_zero(self, study_file):
         """The ratio is a result: where the record has none, none is found."""
-        undamped = "offset = false\nrecords = [{synthetic = {frequency = 3.0, damping_ratio = 0.0, amplitude = 0.02}}]"
+        undamped = "rest = 'zero'\nrecords = [{synthetic = {frequency = 3.0, damping_ratio = 0.0, amplitude = 0.02}}]"
         (part,) = study_in(study_file('[[parts]]\nkind = "decays"\nduration = 10.0\n', undamped)).parts
         (fit,) = [task.function(*task.inputs) for task in part.tasks({}, FULL)]
         assert abs(fit.numbers["damping_ratio"]) < 5e-5

@@ -83,19 +83,18 @@ def fit_from(
     moving = [of_motion(guess, sensor.derivatives) for guess in guesses]
     model = replace(model, reference=max(guess.amplitude for guess in moving), sensor=sensor)
     lengths = [len(decay.time) for decay in decays]
-    counts = lengths if robust else _counts(decays, [guess.ω for guess in guesses])
-    thinned = [_thinned(decay, count, np.zeros_like) for decay, count in zip(decays, counts, strict=True)]
+    counts = lengths if robust else reduced_counts(decays, [guess.ω for guess in guesses])
+    thinned = [reduced(decay, count, np.zeros_like) for decay, count in zip(decays, counts, strict=True)]
     fit, columns = _match(model, thinned, moving, robust)
     if counts != lengths:  # again, less the curve, which has slopes at the ends
-        curves = [_curve(model, fit, own) for own in columns]
-        thinned = [_thinned(*one) for one in zip(decays, counts, curves, strict=True)]
+        curves = [curve_at(model, fit.values[list(own)]) for own in columns]
+        thinned = [reduced(*one) for one in zip(decays, counts, curves, strict=True)]
         fit, columns = _match(model, thinned, moving, robust, fit.estimates)
     parts = [slice(*ends) for ends in pairwise(np.cumsum([0, *counts]).tolist())]
     residuals = [fit.residuals[rows] for rows in parts]
     if counts != lengths:
-        residuals = [
-            _curve(model, fit, own)(decay.time) - decay.values for own, decay in zip(columns, decays, strict=True)
-        ]
+        final = [curve_at(model, fit.values[list(own)]) for own in columns]
+        residuals = [curve(decay.time) - decay.values for curve, decay in zip(final, decays, strict=True)]
     given = [float(time[0]) if guess.reason == "given" else None for time, guess in zip(times, guesses, strict=True)]
     again = [partial(fit_one, model=stated, release_time=release, robust=robust) for release in given]
     return tuple(
@@ -104,7 +103,7 @@ def fit_from(
     )
 
 
-def _counts(decays: Sequence[Measurement], ω: Sequence[float]) -> list[int]:
+def reduced_counts(decays: Sequence[Measurement], ω: Sequence[float]) -> list[int]:
     """Return the number of samples that a fit needs of each decay: all, if one of them is short or unevenly sampled.
 
     The samples of all decays become fewer by the same ratio, because a fit takes their noise as equal.
@@ -120,7 +119,7 @@ def _counts(decays: Sequence[Measurement], ω: Sequence[float]) -> list[int]:
     return [math.ceil(ratio * length) for length in lengths]
 
 
-def _thinned(decay: Measurement, count: int, curve: Callable[[Array], Array]) -> Measurement:
+def reduced(decay: Measurement, count: int, curve: Callable[[Array], Array]) -> Measurement:
     """Return a decay with fewer samples: those of a curve of the time, plus the projected rest."""
     m = len(decay.time)
     if count == m:
@@ -129,9 +128,10 @@ def _thinned(decay: Measurement, count: int, curve: Callable[[Array], Array]) ->
     return Measurement(time, curve(time) + projected(decay.values - curve(decay.time), count), sensor=decay.sensor)
 
 
-def _curve(model: DecayModel, fit: Fit, own: Sequence[int]) -> Callable[[Array], Array]:
-    """Return the fitted curve of a record, whose unknowns have the positions ``own``, as a function of the time."""
-    return lambda time: np.asarray(cs.evalf(model.curve(time, *(cs.MX(fit.values[k]) for k in own)))).ravel()
+def curve_at(model: DecayModel, values: ArrayLike) -> Callable[[Array], Array]:
+    """Return the curve for values of its unknowns, as a function of the time (s) after the release."""
+    x = [cs.MX(float(value)) for value in np.asarray(values)]
+    return lambda time: np.asarray(cs.evalf(model.curve(time, *x))).ravel()
 
 
 def _match(

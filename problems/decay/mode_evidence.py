@@ -49,7 +49,7 @@ def is_visible(mode: DecayFit) -> bool:
 
 def is_near(first: DecayFit, second: DecayFit) -> bool:
     """Return whether two modes are so close that they may be one."""
-    return abs(first.frequency - second.frequency) <= CLOSE * first.frequency
+    return bool(abs(first.frequency - second.frequency) <= CLOSE * first.frequency)
 
 
 def single(first: DecayFit, second: DecayFit, t: Array, y: Array) -> DecayFit | None:
@@ -69,7 +69,7 @@ def single(first: DecayFit, second: DecayFit, t: Array, y: Array) -> DecayFit | 
 
 def effective_samples(fit: DecayFit) -> float:
     """Return the number of samples with white noise that would determine a mode as well."""
-    return fit.fit.effective_samples * fit.samples / fit.fitted_samples
+    return float(fit.fit.effective_samples * fit.samples / fit.fitted_samples)
 
 
 def _moving(mode: DecayFit, t: Array, y: Array) -> DecayFit | None:
@@ -130,7 +130,7 @@ class JointFit:
     @cached_property
     def residuals(self) -> Array:
         """Fitted less measured values."""
-        return np.sum(self.curves, axis=0) - self.values
+        return np.asarray(np.sum(self.curves, axis=0) - self.values)
 
     @property
     def effective_samples(self) -> float:
@@ -172,4 +172,4 @@ def _at_once(
 
 
 def _sum(curves: Sequence[Callable[[Array], Array]], time: Array) -> Array:
-    return np.sum([curve(time) for curve in curves], axis=0)
+    return np.asarray(np.sum([curve(time) for curve in curves], axis=0))

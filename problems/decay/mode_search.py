@@ -48,7 +48,7 @@ class ModeSearch:
     @property
     def rest(self) -> Array:
         """Values less all that was found."""
-        return self.values - np.sum([*self.curves, *self.harmonics.values(), self.other], axis=0)
+        return np.asarray(self.values - np.sum([*self.curves, *self.harmonics.values(), self.other], axis=0))
 
     def add(self, mode: DecayFit) -> str:
         """Take an oscillation of the rest as a mode, or as a part of one; return the reason if it is neither."""
@@ -144,7 +144,7 @@ def lasts(mode: DecayFit) -> bool:
     """Return whether an oscillation lasts for some periods."""
     rate, length = decay_rate(mode), float(mode.time[-1] - mode.time[0])
     lasts = min(length, math.log(20) / rate if rate > 0.0 else math.inf)  # until a twentieth is left
-    return mode.frequency * lasts >= MINIMUM_PERIODS
+    return bool(mode.frequency * lasts >= MINIMUM_PERIODS)
 
 
 def decay_rate(mode: DecayFit) -> float:

@@ -4,13 +4,7 @@ Under linear damping the modes of a beam are independent, and a record is their 
 
     y(t) = d + sum_k r_k(t),    r_k of Eq. (9) with omega_k, zeta_k, and an amplitude and a phase.
 
-The strongest mode is fitted first.  The strongest oscillation in its residuals is the next mode; both are fitted at
-once, the residuals give the third mode, and so on.  If modes were subtracted one by one, a mode fitted beside stronger
-ones would leave a rest at its own frequency.
-
-A mode whose frequency depends on its amplitude leaves an oscillation close to its frequency, which is no other mode.
-Two close modes therefore count as one unless they are evident (``ancf_casadi.decay.evidence``) beside one mode with
-quadratic damping and a frequency that is logarithmic in amplitude.  What fades within a period is no mode either.
+``mode_search`` finds the modes, and ``mode_evidence`` refuses oscillations that are no modes of their own.
 
 The mode within a band of frequencies follows likewise.  A band-pass filter would colour the noise, ring at the release
 and shift it, and would make the standard errors too small.  Instead, modes are fitted at once until the residuals show
@@ -21,38 +15,29 @@ correlations of about (sigma_1 + sigma_2)/|omega_1 - omega_2|, so that close mod
 References
 ----------
 "Comparison of external damping models in a large deformation problem", Eq. (9), (10).
-Y. C. Pati, R. Rezaiifar, P. S. Krishnaprasad, Orthogonal matching pursuit, 27th Asilomar Conference on Signals, Systems
-and Computers (1993).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.decay.evidence import evident
-from ancf_casadi.decay.first_guess import CLOSE
-from ancf_casadi.decay.release import MINIMUM_PERIODS
-from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.solver.least_squares import least_squares
-from ancf_casadi.estimation.solver.unknown import Unknown, started
-from ancf_casadi.exceptions import FitError, InputError
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import flag, number, physical, vector, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Displayed
-from problems.decay.laws import DecayModel
 from problems.decay.limitations import residual_oscillation
+from problems.decay.mode_evidence import JointFit, together
+from problems.decay.mode_search import ModeSearch, decay_rate, lasts, search_modes
 from problems.decay.result import DecayFit
-from problems.decay.solution import as_record, fit_one
+from problems.decay.solution import as_record
 from problems.decay.takes import DecayModes
 
 MOST_DECAY_MODES = 6  # fitted at once if no number is given
@@ -151,20 +136,12 @@ def fit_modes(
     most = max(1, len(record.time) // 5)  # four unknowns and one degree of freedom per mode
     limit = min(MOST_DECAY_MODES, most) if modes is None else whole(modes, "modes", 1, most)
     release = None if release_time is None else number(release_time, "release_time")
-    found, merged, ended = _found(record, limit, flag(offset, "offset"), release)
-    notes = [*merged, *([] if modes is None or not ended else [ended])]
-    t, y = found[0].time, record.values[-found[0].samples :]
-    fit, columns = _together(found, t, y)
+    found, ended = search_modes(record, limit, flag(offset, "offset"), release)
+    notes = [*found.notes, *([] if modes is None or not ended else [ended])]
     settings: dict[str, Any] = {"modes": modes, "offset": offset, "release_time": release_time}
-    fits = [
-        DecayFit(
-            fit, mode.model, indices, slice(0, len(t)), t, fit.residuals, found[0].release_reason, tuple(notes),
-            again=partial(_mode, near=mode.frequency, **settings),
-        )
-        for mode, indices in zip(found, columns, strict=True)
-    ]  # fmt: skip
+    joint, fits = _at_once(found, notes, settings)
     again = partial(fit_modes, **settings)
-    return DecayModes(fit, tuple(sorted(fits, key=lambda fit: fit.frequency)), again=again)
+    return DecayModes(joint.fit, fits, again=again)
 
 
 @lasting_interrupts()
@@ -229,94 +206,39 @@ def isolate_mode(record: Measurement, band: tuple[float, float], *, release_time
         f"the modes at {mode.frequency:.4g} and {other.frequency:.4g} Hz are close, and the latter is subtracted as if "
         "it were known: the standard errors are too small; fit all modes at once"
         for other in others
-        if _rate(mode) + _rate(other) > 0.3 * 2 * math.pi * abs(mode.frequency - other.frequency)
+        if decay_rate(mode) + decay_rate(other) > 0.3 * 2 * math.pi * abs(mode.frequency - other.frequency)
     ]
     return IsolatedMode(mode, others, Measurement(mode.time, values, record.name, record.sensor), tuple(close))
+
+
+def _at_once(
+    found: ModeSearch, notes: Sequence[str], settings: Mapping[str, Any]
+) -> tuple[JointFit, tuple[DecayFit, ...]]:
+    """Return the fit of all modes in the order of their frequencies, less those that fade at once beside the others."""
+    modes, first = sorted(found.modes, key=lambda mode: mode.frequency), found.modes[0]
+    while True:
+        joint = together(modes, found.time, found.values)
+        fits = [
+            DecayFit(
+                joint.fit, mode.model, indices, slice(0, len(joint.fit.residuals)), found.time, joint.residuals,
+                first.release_reason, tuple(notes), again=partial(_mode, near=mode.frequency, **settings),
+            )
+            for mode, indices in zip(modes, joint.columns, strict=True)
+        ]  # fmt: skip
+        kept = [mode for mode, fit in zip(modes, fits, strict=True) if mode is first or lasts(fit)]
+        if len(kept) == len(modes):
+            return joint, tuple(sorted(fits, key=lambda fit: fit.frequency))
+        notes = [
+            *notes,
+            *(
+                f"the oscillation near {mode.frequency:.4g} Hz is no mode: beside the others it fades at once"
+                for mode in modes
+                if mode not in kept
+            ),
+        ]
+        modes = kept
 
 
 def _mode(record: Measurement, *, near: float, **settings: Any) -> DecayFit:
     """Return the mode of a record whose frequency (Hz) is closest to another one."""
     return min(fit_modes(record, **settings), key=lambda fit: abs(fit.frequency - near))
-
-
-def _found(
-    record: Measurement, limit: int, offset: bool, release: float | None
-) -> tuple[list[DecayFit], list[str], str]:
-    """Return up to ``limit`` modes, notes of modes that count as one, and the reason if there are fewer."""
-    modes, notes, merged = [_strongest(record, offset, release)], list[str](), list[DecayFit]()
-    t, y = modes[0].time, record.values[-modes[0].samples :]
-    rest = y - modes[0].displacement(t)
-    while len(modes) < limit:
-        missing = f"the record supports {len(modes)} of {limit} modes"
-        try:
-            mode = _strongest(Measurement(t, rest, sensor=record.sensor), False, float(t[0]))
-        except InputError as error:
-            return modes, notes, f"{missing}: the rest {str(error).removeprefix('record: ')}"
-        rate = _rate(mode)
-        lasts = min(t[-1] - t[0], math.log(20) / rate if rate > 0.0 else math.inf)  # until a twentieth is left
-        if mode.frequency * lasts < MINIMUM_PERIODS:
-            ended = (
-                f"{missing}: the rest, near {mode.frequency:.4g} Hz with a damping ratio of {mode.damping_ratio:.2g}, "
-                "is no mode; another law or a drift may explain it"
-            )
-            return modes, notes, ended
-        near = min(modes, key=lambda other: abs(other.frequency - mode.frequency))
-        others = y - np.sum([np.zeros(len(t)), *(one.displacement(t) for one in modes if one is not near)], axis=0)
-        one = _single(near, mode, t, others)
-        if one is None:
-            modes.append(mode)
-            rest = rest - mode.displacement(t) if merged else -_together(modes, t, y)[0].residuals
-            continue
-        note = (
-            f"one mode near {near.frequency:.4g} Hz: a second one at {mode.frequency:.4g} Hz would imitate a frequency "
-            "that depends on amplitude; fit the mode with a frequency law"
-        )
-        if near in merged:
-            return modes, notes, f"{missing}: {note}"
-        merged.append(near)
-        notes.append(note)
-        rest = others - one.displacement(t)
-    return modes, notes, ""
-
-
-def _strongest(record: Measurement, offset: bool, release: float | None) -> DecayFit:
-    """Return the fit of the strongest mode alone."""
-    return fit_one(record, DecayModel("linear", "constant" if offset else "zero"), release_time=release)
-
-
-def _single(first: DecayFit, second: DecayFit, t: Array, y: Array) -> DecayFit | None:
-    """Return one mode with a frequency that depends on amplitude; None if two modes explain the record better."""
-    if abs(first.frequency - second.frequency) > CLOSE * first.frequency:
-        return None
-    record = Measurement(t, y, sensor=first.model.sensor)
-    try:
-        one = fit_one(record, DecayModel("quadratic", first.model.rest, "logarithmic"), release_time=float(t[0]))
-        two = _together([first, second], t, y)[0]
-    except (InputError, FitError):
-        return None
-    left, beside = (float(fit.residuals @ fit.residuals) for fit in (one.fit, two))
-    further = len(two.names) - len(one.fit.names)
-    return None if evident(left, beside, len(t), further, float(y @ y)) else one
-
-
-def _together(modes: Sequence[DecayFit], t: Array, y: Array) -> tuple[Fit, list[tuple[int, ...]]]:
-    """Return the fit of modes at once, and the positions of the unknowns of each."""
-    unknowns: list[Unknown] = []
-    columns = []
-    for position, mode in enumerate(modes, start=1):
-        own = started(mode.fit.unknowns, mode.fit.estimates)
-        columns.append(tuple(range(len(unknowns), len(unknowns) + len(own))))
-        unknowns += [replace(u, name=f"{u.name}_{position}") for u in own]
-    τ = t - t[0]
-
-    def residuals(*x: cs.MX) -> cs.MX:
-        curves = [mode.model.curve(τ, *(x[i] for i in own)) for mode, own in zip(modes, columns, strict=True)]
-        return sum(curves, -cs.MX(cs.DM(y)))
-
-    advice = "fit fewer modes, or check the time of the release"
-    return least_squares(residuals, unknowns, series=[len(t)], times=τ, advice=advice), columns
-
-
-def _rate(fit: DecayFit) -> float:
-    """Return the decay rate of a mode, 1/s."""
-    return fit.values["damping_ratio"] * 2 * math.pi * fit.values["frequency"]

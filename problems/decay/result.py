@@ -166,6 +166,17 @@ class DecayFit(LeastSquaresResult):
         return int(self.rows.stop - self.rows.start)
 
     @property
+    def reduction(self) -> str:
+        """The band to which a long record was reduced, as text; empty if all samples were fitted."""
+        if self.fitted_samples == self.samples:
+            return ""
+        rate = self.fitted_samples / self.samples * (self.samples - 1) / (self.time[-1] - self.time[0])
+        return (
+            f"fitted as {self.fitted_samples} samples at {rate:.4g} Hz: the frequencies up to {rate / 2:.4g} Hz of the "
+            "record, without a loss for what was fitted"
+        )
+
+    @property
     def residual_rms(self) -> float:
         """Root mean square R of the residuals, Eq. (10), in the unit of the sensor."""
         return root_mean_square(self.residuals)
@@ -247,13 +258,7 @@ class DecayFit(LeastSquaresResult):
         rest = REST_TERMS[self.model.rest] or ("offset",)
         shown = ["frequency", "damping_ratio", *self.model.terms, "amplitude", *rest]
         lines = [f"{self.title}, {self.samples} samples from {self.release_time:g} s on; 95 % intervals"]
-        if self.fitted_samples < self.samples:
-            step = (self.time[-1] - self.time[0]) / (self.samples - 1)
-            rate = self.fitted_samples / self.samples / step
-            lines.append(
-                f"  fitted as {self.fitted_samples} samples at {rate:.4g} Hz: the frequencies up to {rate / 2:.4g} Hz "
-                "of the record, without a loss for this mode"
-            )
+        lines += [f"  {self.reduction}"] if self.reduction else []
         lines += [f"  {name:<20}{getattr(self, name):>13.6g} {self._uncertainty(name)}" for name in shown]
         lines.append(f"  {'release':<20}{self.release_time:>13.6g} s  ({self.release_reason})")
         lines.append(f"  {'residual_rms':<20}{self.residual_rms:>13.3g} {self.model.sensor.unit}".rstrip())

@@ -93,26 +93,25 @@ def fit_from(
     moving = [of_motion(guess, sensor.derivatives) for guess in guesses]
     model = replace(model, reference=max(guess.amplitude for guess in moving), sensor=sensor)
     lengths = [len(decay.time) for decay in decays]
-    counts = lengths if robust else _counts(decays, [guess.ω for guess in guesses])
+    counts = lengths if robust else reduced_counts(decays, [guess.ω for guess in guesses])
     curves: Sequence[Callable[[Array], Array]] = [np.zeros_like] * len(decays)
     start = None
     if counts != lengths:  # the curve of a first fit, which has slopes at the ends
         if near is None:
-            thinned = [_thinned(*one) for one in zip(decays, counts, curves, strict=True)]
+            thinned = [reduced(*one) for one in zip(decays, counts, curves, strict=True)]
             fit, columns = _match(model, thinned, moving, robust)
-            start, curves = fit.estimates, [_curve(model, fit, own) for own in columns]
+            start, curves = fit.estimates, [curve_at(model, fit.values[list(own)]) for own in columns]
         else:
-            curves = [_curve(near.model, near.fit, near.indices)]
-    thinned = [_thinned(*one) for one in zip(decays, counts, curves, strict=True)]
+            curves = [curve_at(near.model, near.fit.values[list(near.indices)])]
+    thinned = [reduced(*one) for one in zip(decays, counts, curves, strict=True)]
     fit, columns = _match(model, thinned, moving, robust, start, near.fit.estimates if near else {})
     parts = [slice(*ends) for ends in pairwise(np.cumsum([0, *counts]).tolist())]
     if fit.residual_rms > NOISE_FREE * _swing(model, moving):
         fit = allowing_for_later_starts(fit, [late_part(fit, parts, share) for share in LATER_STARTS])
     residuals = [fit.residuals[rows] for rows in parts]
     if counts != lengths:
-        residuals = [
-            _curve(model, fit, own)(decay.time) - decay.values for own, decay in zip(columns, decays, strict=True)
-        ]
+        final = [curve_at(model, fit.values[list(own)]) for own in columns]
+        residuals = [curve(decay.time) - decay.values for curve, decay in zip(final, decays, strict=True)]
     given = [float(time[0]) if guess.reason == "given" else None for time, guess in zip(times, guesses, strict=True)]
     again = [partial(fit_one, model=stated, release_time=release, robust=robust) for release in given]
     return tuple(
@@ -126,7 +125,7 @@ def _swing(model: DecayModel, guesses: Sequence[DecayGuess]) -> float:
     return max(guess.amplitude * guess.ω**model.sensor.derivatives for guess in guesses)
 
 
-def _counts(decays: Sequence[Measurement], ω: Sequence[float]) -> list[int]:
+def reduced_counts(decays: Sequence[Measurement], ω: Sequence[float]) -> list[int]:
     """Return the number of samples that a fit needs of each decay: all, if one of them is short or unevenly sampled.
 
     The samples of all decays become fewer by the same ratio, because a fit takes their noise as equal.
@@ -142,7 +141,7 @@ def _counts(decays: Sequence[Measurement], ω: Sequence[float]) -> list[int]:
     return [math.ceil(ratio * length) for length in lengths]
 
 
-def _thinned(decay: Measurement, count: int, curve: Callable[[Array], Array]) -> Measurement:
+def reduced(decay: Measurement, count: int, curve: Callable[[Array], Array]) -> Measurement:
     """Return a decay with fewer samples: those of a curve of the time, plus the projected rest."""
     m = len(decay.time)
     if count == m:
@@ -151,9 +150,10 @@ def _thinned(decay: Measurement, count: int, curve: Callable[[Array], Array]) ->
     return Measurement(time, curve(time) + projected(decay.values - curve(decay.time), count), sensor=decay.sensor)
 
 
-def _curve(model: DecayModel, fit: Fit, own: Sequence[int]) -> Callable[[Array], Array]:
-    """Return the fitted curve of a record, whose unknowns have the positions ``own``, as a function of the time."""
-    return lambda time: np.asarray(cs.evalf(model.curve(time, *(cs.MX(fit.values[k]) for k in own)))).ravel()
+def curve_at(model: DecayModel, values: ArrayLike) -> Callable[[Array], Array]:
+    """Return the curve for values of its unknowns, as a function of the time (s) after the release."""
+    x = [cs.MX(float(value)) for value in np.asarray(values)]
+    return lambda time: np.asarray(cs.evalf(model.curve(time, *x))).ravel()
 
 
 def _match(

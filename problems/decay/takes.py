@@ -218,6 +218,21 @@ class DecayModes(DecayFits):
         """The law."""
         return "Modes of the record under linear damping"
 
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Limitations of the record, and those of single modes with the number and the frequency of the mode."""
+        every = [fit.warnings for fit in self.fits]
+        if len(every) == 1:
+            return every[0]
+        shared = [text for text in every[0] if all(text in own for own in every)]
+        named = [
+            f"mode {k} ({fit.frequency:.4g} Hz): {text}"
+            for k, fit in enumerate(self.fits, start=1)
+            for text in fit.warnings
+            if text not in shared
+        ]
+        return (*shared, *named)
+
     def table(self) -> Table:
         """Return one row per mode with 95 % intervals, and the remarks that concern all."""
         first = self.fits[0]
@@ -232,6 +247,7 @@ class DecayModes(DecayFits):
         notes = [
             "low and high are the ends of 95 % intervals",
             f"{first.samples} samples from {first.release_time:g} s on ({first.release_reason})",
+            *([first.reduction] if first.reduction else []),
             f"the residuals have an rms of {first.residual_rms:.3g} {first.model.sensor.unit}".rstrip(),
         ]
         return Table("modes", self.title, columns, rows, notes)

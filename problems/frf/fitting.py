@@ -18,7 +18,7 @@ from problems.frf.poles import candidate_poles, poles_near
 from problems.frf.record import FrfRecord
 from problems.frf.refinement import FRF_ADVICE
 from problems.frf.result import FrfFit, refined
-from problems.frf.selection import MOST_FRF_MODES, Selection, select_modes
+from problems.frf.selection import MOST_FRF_MODES, Selection, bins, select_modes
 from problems.frf.weights import given_deviations
 
 
@@ -84,14 +84,19 @@ def fit_frf(
     deviations = given_deviations(record)
     scaled = values / np.sqrt(np.median(deviations**2, axis=0))
     candidates = candidate_poles(record.frequencies, scaled) if near is None else poles_near(model, scaled, near)
-    selection = Selection(values, deviations, record.std is None and record.coherence is None, candidates, wanted)
-    best = select_modes(selection, model)
+    estimated = record.std is None and record.coherence is None
+    coarse = replace(model, starts=bins(record.frequencies, candidates))
+    binned = coarse.binned(values), np.sqrt(coarse.binned(deviations**2) / np.sqrt(coarse.bin_sizes)[:, None])
+    best, merged = select_modes(Selection(*binned, estimated, candidates, wanted), coarse)
     if near is not None and len(best.frequencies) < len(near):
         raise FitError(f"only {len(best.frequencies)} of the {wanted} modes were found; {FRF_ADVICE}")
+    selection = Selection(values, deviations, estimated, candidates, len(best.frequencies))
+    if best.model.starts is not None:  # the same modes at all lines
+        best = replace(best, model=replace(best.model, starts=None), values=values, weights=1 / deviations)
     for _ in range(3):  # rounds in which weights and estimates settle
         best = selection.weighted(best)
     found, lines = len(best.frequencies), record.frequencies
-    notes = () if wanted is None or found == wanted else (f"the record supports {found} of {wanted} modes",)
+    notes = tuple(merged) if wanted is None or found == wanted else (f"the record supports {found} of {wanted} modes",)
     order = np.argsort(best.frequencies)
     settled = replace(best, frequencies=best.frequencies[order], ratios=best.ratios[order])
     fit = refined(record, settled, notes, partial(fit_frf, modes=modes, frequencies=frequencies, band=band))

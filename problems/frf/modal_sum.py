@@ -38,12 +38,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from ancf_casadi.estimation.solver.noise import estimated_noise
-from ancf_casadi.support.arrays import Array, ComplexArray
+from ancf_casadi.support.arrays import Array, ComplexArray, Index
 
 MODAL_SUM_POWERS = {
     "receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 2, "relative-transmissibility": 2
@@ -64,26 +65,46 @@ class ModalSum:
     derivatives: int  # the power d
     powers: tuple[int, ...]  # p of the residual terms
     reference: float  # angular frequency, rad/s, that makes the powers dimensionless
+    starts: Index | None = None  # first frequency of each bin, (bins,), if means over bins are fitted
 
     @classmethod
     def of(cls, frequencies: Array, derivatives: int, powers: tuple[int, ...]) -> ModalSum:
         """Return the model for the frequencies of a record."""
         return cls(frequencies, derivatives, powers, 2 * math.pi * float(np.sqrt(frequencies[0] * frequencies[-1])))
 
+    @cached_property
+    def bin_sizes(self) -> Array:
+        """Number of frequencies in each bin; 1 without bins."""
+        k = len(self.frequencies)
+        return np.ones(k) if self.starts is None else np.diff(self.starts, append=k).astype(float)
+
+    def binned(self, values: Any, axis: int = 0) -> Any:
+        """Return the means of values over bins, times the root of the size of each; the values without bins."""
+        if self.starts is None:
+            return values
+        root = np.sqrt(self.bin_sizes).reshape([-1 if k == axis else 1 for k in range(values.ndim)])
+        return np.add.reduceat(values, self.starts, axis=axis) / root
+
     @property
     def _iω(self) -> ComplexArray:
         return np.asarray(2j * np.pi * self.frequencies[:, None])
 
     def modal(self, frequencies: Array, ratios: Array) -> ComplexArray:
-        """Return the columns of modes, (k, 2 m): those of a and b of each mode."""
+        """Return the columns of modes, (k, 2 m), or (bins, 2 m): those of a and b of each mode."""
         iω, ω_k = self._iω, 2 * np.pi * frequencies
         resonance = iω**self.derivatives / (ω_k**2 + iω**2 + 2 * ratios * ω_k * iω)
-        return np.stack([resonance, iω * resonance], axis=2).reshape(len(iω), -1)
+        return np.asarray(self.binned(np.stack([resonance, iω * resonance], axis=2).reshape(len(iω), -1)))
 
     def columns(self, frequencies: Array, ratios: Array) -> ComplexArray:
         """Return the columns of all coefficients, (k, 2 m + powers)."""
-        residual_terms: ComplexArray = self._iω**self.derivatives * (self._iω / self.reference) ** np.array(self.powers)
-        return np.hstack([self.modal(frequencies, ratios), residual_terms])
+        return np.hstack([self.modal(frequencies, ratios), self._residual_terms])
+
+    @cached_property
+    def _residual_terms(self) -> ComplexArray:
+        """Columns of the residual terms."""
+        return np.asarray(
+            self.binned(self._iω**self.derivatives * (self._iω / self.reference) ** np.array(self.powers))
+        )
 
     def slopes(self, frequencies: Array, ratios: Array, coefficients: Array) -> ComplexArray:
         """Return the derivatives of the functions by frequency and damping ratio of each mode in turn, (F, k, 2 m)."""
@@ -92,7 +113,7 @@ class ModalSum:
         a, b = _pairs(coefficients, len(frequencies))
         sizes = (a.T[:, None, :] + iω * b.T[:, None, :]) * common
         slopes = np.stack([sizes * 2 * np.pi * (ω_k + ratios * iω), sizes * ω_k * iω], axis=3)
-        return slopes.reshape(*sizes.shape[:2], -1)
+        return np.asarray(self.binned(slopes.reshape(*sizes.shape[:2], -1), axis=1))
 
     def constants(self, frequencies: Array, ratios: Array, coefficients: Array) -> ComplexArray:
         """Return the modal constants C (m, F) from the coefficients (2 m + powers, F)."""
@@ -104,6 +125,24 @@ class ModalSum:
 def _pairs(coefficients: Array, modes: int) -> tuple[Array, Array]:
     """Return a and b of each mode, (m, F) each, from the coefficients."""
     return coefficients[0 : 2 * modes : 2], coefficients[1 : 2 * modes : 2]
+
+
+def tall_qr(matrix: Array) -> tuple[Array, Array]:
+    """Return QR factors of a matrix with many more rows than columns, by those of blocks of its rows.
+
+    Small blocks stay in the cache; a Cholesky factor of Q' Q, which is nearly the identity, makes Q orthonormal.
+    """
+    size, (rows, columns) = 8 * matrix.shape[1], matrix.shape
+    whole = rows // size * size
+    if whole < 4 * size:
+        return np.linalg.qr(matrix)
+    length = np.linalg.norm(matrix, axis=0)
+    scaled = matrix / length
+    blocks: Array = np.asarray(np.linalg.qr(scaled[:whole].reshape(-1, size, columns), mode="r"))
+    triangle = np.linalg.qr(np.concatenate([blocks.reshape(-1, columns), scaled[whole:]]), mode="r")
+    q = scaled @ np.linalg.inv(triangle)
+    correction = np.linalg.cholesky(q.T @ q).T
+    return q @ np.linalg.inv(correction), correction @ triangle * length
 
 
 def stacked(values: ComplexArray) -> Array:
@@ -141,7 +180,7 @@ class TrialFit:
     def factors(self) -> list[tuple[Array, Array]]:
         """QR factors of the weighted columns, (2 k, c) and (c, c), for each function."""
         columns = stacked(self.model.columns(self.frequencies, self.ratios))
-        return [np.linalg.qr(np.tile(weight, 2)[:, None] * columns) for weight in self.weights.T]
+        return [tall_qr(np.tile(weight, 2)[:, None] * columns) for weight in self.weights.T]
 
     @cached_property
     def coefficients(self) -> Array:
@@ -156,12 +195,14 @@ class TrialFit:
     @cached_property
     def fitted(self) -> ComplexArray:
         """Fitted values (k, F)."""
-        return self.at(self.model.frequencies)
+        return self._with(self.model)
+
+    def _with(self, model: ModalSum) -> ComplexArray:
+        return np.asarray(model.columns(self.frequencies, self.ratios) @ self.coefficients)
 
     def at(self, frequencies: Array) -> ComplexArray:
         """Return the fitted functions (k, F) at other frequencies, Hz."""
-        model = replace(self.model, frequencies=frequencies)
-        return np.asarray(model.columns(self.frequencies, self.ratios) @ self.coefficients)
+        return self._with(replace(self.model, frequencies=frequencies, starts=None))
 
     @property
     def residuals(self) -> ComplexArray:
@@ -196,11 +237,17 @@ class TrialFit:
         return np.asarray((own[:k] + own[k:]) / 2)
 
     @property
+    def series(self) -> tuple[list[int], Array]:
+        """Lengths of the series of weighted residuals, and their frequencies, Hz."""
+        (k, count), lines = self.values.shape, self.model.frequencies
+        own = lines if self.model.starts is None else lines[self.model.starts]
+        return [k] * (2 * count), np.tile(own, 2 * count)
+
+    @property
     def effective_samples(self) -> float:
         """Number of residuals with white noise that would determine the modes as well."""
         k, count = self.values.shape
-        times = np.tile(self.model.frequencies, 2 * count)
-        noise = estimated_noise(self.weighted_residuals, self._basis, [k] * (2 * count), times)
+        noise = estimated_noise(self.weighted_residuals, self._basis, *self.series)
         return float(2 * k * count / max(noise.growth, 1.0))
 
     @cached_property

@@ -12,6 +12,10 @@ S_1 of the smaller and S_2 of the larger fit, K parameters, and s^2 = S_2/(N - K
 residuals are worth n independent ones (``TrialFit.effective_samples``).  Modes out of the band, narrower than the lines
 can show, overdamped or equal are dropped.
 
+A nonlinear motion or leakage deforms a resonance, and a second pole imitates this.  Two poles closer than the mean of
+their half-power bandwidths would not beat in a decay.  They are one mode, unless several functions prove two: their
+modal constants differ in more than a factor (modal assurance criterion).
+
 References
 ----------
 Y. C. Pati, R. Rezaiifar, P. S. Krishnaprasad, Orthogonal matching pursuit, 27th Asilomar Conference on Signals, Systems
@@ -28,12 +32,14 @@ import numpy as np
 
 from ancf_casadi.estimation.criteria import VERY_STRONG
 from ancf_casadi.exceptions import FitError
-from ancf_casadi.support.arrays import Array, ComplexArray, Mask
+from ancf_casadi.support.arrays import Array, ComplexArray, Index, Mask
 from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, TrialFit, quick_fit, stacked
 from problems.frf.poles import Candidates
 from problems.frf.weights import fitted_deviations
 
 MOST_FRF_MODES = 20
+SAME_SHAPE = 0.9  # modal assurance criterion of two close poles, above which their modal constants are proportional
+LINES_PER_BANDWIDTH = 5.0  # half-power bandwidth, in bins
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +82,8 @@ class Selection:
         """
         if not self.estimated:
             return self.deviations
-        return fitted_deviations(fit.residuals, np.abs(fit.fitted) if amplitude is None else amplitude, fit.leverage)
+        level = (np.abs(fit.fitted) if amplitude is None else amplitude) / np.sqrt(fit.model.bin_sizes)[:, None]
+        return fitted_deviations(fit.residuals, level, fit.leverage)
 
     def needed(self, larger: TrialFit, model: ModalSum, f: Array, ζ: Array) -> bool:
         """Return whether a fit is clearly better than the smaller one with this model and these modes."""
@@ -111,13 +118,31 @@ class Selection:
         return np.asarray(kept & ~np.tril(close, -1).any(axis=1))
 
 
-def select_modes(selection: Selection, model: ModalSum) -> TrialFit:
-    """Return the fit of the modes that the functions show, or of the given number of modes."""
+def bins(frequencies: Array, candidates: Candidates) -> Index | None:
+    """Return the first line of each bin of a record that has far more lines than its modes need; None for others.
+
+    A fifth of the half-power bandwidth of the least damped candidate is a bin.  The model is averaged like the values,
+    so that nothing is lost but what changes within a bin.
+    """
+    chosen = candidates.recurring
+    if not len(chosen):
+        return None
+    ratio = float(candidates.ratios[chosen].min())
+    width = 2 * ratio * frequencies / LINES_PER_BANDWIDTH
+    place = np.cumsum(np.gradient(frequencies) / width)
+    starts = np.flatnonzero(np.diff(np.floor(place), prepend=-1.0))
+    return starts if 2 * len(starts) < len(frequencies) else None
+
+
+def select_modes(selection: Selection, model: ModalSum) -> tuple[TrialFit, list[str]]:
+    """Return the fit of the modes that the functions show, or of the given number, and notes of poles that are none."""
     for powers in RESIDUAL_POWERS:
         more = replace(model, powers=powers)
         if selection.has_room(more, len(selection.candidates.recurring) or (selection.count or 1)):
             model = more
-    best = _extended(selection, _reduced(selection, _beginning(selection, model)))
+    best, notes = _extended(selection, _reduced(selection, _beginning(selection, model))), list[str]()
+    if selection.count is None:
+        best, notes = _merged(selection, best)
     if not len(best.frequencies):
         raise FitError("no mode was found in the band; give approximate frequencies, or a band with a resonance")
     for powers in RESIDUAL_POWERS[: RESIDUAL_POWERS.index(best.model.powers)][::-1]:
@@ -125,7 +150,38 @@ def select_modes(selection: Selection, model: ModalSum) -> TrialFit:
         if selection.needed(best, fewer, best.frequencies, best.ratios):
             break
         best = selection.fit(fewer, best.frequencies, best.ratios, selection.deviations_of(best)) or best
-    return best
+    return best, notes
+
+
+def _merged(selection: Selection, best: TrialFit) -> tuple[TrialFit, list[str]]:
+    """Return the fit without the second poles of modes, and a note for each."""
+    notes = []
+    while (pair := _one_mode(best)) is not None:
+        kept, other = pair
+        f, ζ = np.delete(best.frequencies, other), np.delete(best.ratios, other)
+        fewer = selection.fit(best.model, f, ζ, selection.deviations_of(best))
+        if fewer is None:
+            break
+        notes.append(
+            f"one mode near {best.frequencies[kept]:.4g} Hz: a second pole at {best.frequencies[other]:.4g} Hz, within "
+            "its half-power bandwidth, would imitate a nonlinear motion or leakage; measure at a smaller level, or "
+            "give both frequencies if these are two modes"
+        )
+        best = selection.weighted(fewer)
+    return best, notes
+
+
+def _one_mode(fit: TrialFit) -> tuple[int, int] | None:
+    """Return the positions of a mode and of its second pole; None if all are modes."""
+    f, width, importance = fit.frequencies, fit.frequencies * fit.ratios, _importance(fit)
+    constants = fit.model.constants(f, fit.ratios, fit.coefficients)
+    sizes = np.sum(np.abs(constants) ** 2, axis=1)
+    assurance = np.abs(constants @ constants.conj().T) ** 2 / np.outer(sizes, sizes)
+    close = (np.abs(f[:, None] - f) < width[:, None] + width) & (assurance > SAME_SHAPE) & ~np.eye(len(f), dtype=bool)
+    if not close.any():
+        return None
+    other = int(np.argmin(np.where(close.any(axis=0), importance, np.inf)))
+    return int(np.argmax(np.where(close[other], importance, -np.inf))), other
 
 
 def _beginning(selection: Selection, model: ModalSum) -> TrialFit:

@@ -1,10 +1,13 @@
 """Several modes in one record: recovery, agreement with each mode alone, and refusals."""
 
+import importlib.util
 import math
+from pathlib import Path
 
 import casadi as cs
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from ancf_casadi.decay.closed_forms import linear_decay
 from ancf_casadi.exceptions import InputError
@@ -118,3 +121,74 @@ def test_what_fades_within_a_period_is_no_mode():
     y = swing(*MODES[0]) + 0.005 * np.exp(-12.0 * TIME) * np.cos(15.0 * TIME) + 2e-5 * noise(8)
     (fit,) = fit_modes(TIME, y, modes=2)
     assert any("is no mode" in note or "supports 1 of 2" in note for note in fit.warnings)
+
+
+@pytest.mark.parametrize("order", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_a_harmonic_is_no_mode_and_the_note_names_its_mode(order):
+    """A nonlinear sensor: the phase is a multiple of that of the mode, and the amplitude goes as its power."""
+    turning = np.exp((-0.116 + 11.6j) * TIME)
+    y = 0.05 * (turning.real + 0.05 * (turning**order * 1j).real) + swing(13.3, 0.004, 0.003) + 1e-4 * noise(9)
+    low, high = fits = fit_modes(TIME, y)
+    assert (low.frequency, high.frequency) == pytest.approx((11.6 / (2 * math.pi), 13.3), rel=1e-3)
+    (note,) = (note for note in fits.warnings if "harmonic" in note)
+    assert f"is no mode but harmonic {order} of the mode near 1.846 Hz" in note
+
+
+def test_a_mode_at_twice_the_frequency_with_its_own_damping_is_no_harmonic():
+    fits = fit_modes(TIME, swing(1.85, 0.01, 0.05) + swing(3.72, 0.003, 0.003) + 1e-4 * noise(10))
+    assert [fit.frequency for fit in fits] == pytest.approx([1.85, 3.72], rel=1e-3)
+
+
+def test_coloured_noise_is_no_mode():
+    rng, ρ = np.random.default_rng(11), 0.95
+    drive = rng.standard_normal(len(TIME))
+    coloured = np.zeros(len(TIME))
+    for k in range(1, len(TIME)):
+        coloured[k] = ρ * coloured[k - 1] + drive[k]
+    (fit,) = fit_modes(TIME, swing(*MODES[0]) + 3e-4 * coloured)
+    assert fit.frequency == pytest.approx(1.85, rel=2e-3)
+
+
+def test_warnings_of_one_mode_name_it_by_number_and_frequency():
+    fits = fit_modes(TIME, swing(1.85, 0.01, 0.05) + swing(10.19, 0.004, 3e-4) + 2e-4 * noise(12), modes=2)
+    own = [text for text in fits.warnings if "the damping ratio" in text]
+    assert own and all(text.startswith(f"mode 2 ({fits[1].frequency:.4g} Hz): ") for text in own)
+    assert fits.estimates["frequency_1"] < fits.estimates["frequency_2"]
+
+
+def test_a_long_record_is_reduced_to_the_band_of_its_modes_with_the_same_estimates(monkeypatch):
+    time = np.arange(0.0, 5.0, 1 / 2000)
+    y = np.exp(-0.1 * time) * np.cos(12.0 * time) + 0.3 * np.exp(-0.3 * time) * np.cos(60.0 * time + 1.0)
+    y += 1e-3 * np.random.default_rng(13).standard_normal(len(time))
+    reduced = fit_modes(time, y, modes=2)
+    assert "fitted as 2500 samples at 500 Hz" in reduced.report()
+    monkeypatch.setattr("problems.decay.mode_evidence.reduced_counts", lambda decays, _: [len(decays[0].time)])
+    every = fit_modes(time, y, modes=2)
+    for name, error in every.standard_errors.items():
+        assert abs(reduced.estimates[name] - every.estimates[name]) < 0.1 * error
+        assert reduced.standard_errors[name] == pytest.approx(error, rel=0.1)
+
+
+@pytest.fixture(scope="module")
+def apart():
+    """The benchmark with records of known modes."""
+    path = Path(__file__).parents[3] / "benchmarks" / "modes_apart.py"
+    spec = importlib.util.spec_from_file_location("modes_apart", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "seed"), [("moving", 22), ("close", 9), ("harmonic", 16)])
+def test_records_that_were_listed_as_several_modes_are_told_apart(apart, kind, seed):
+    right, found = apart.told_apart(kind, seed)
+    assert right, found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["moving", "close", "harmonic"])
+def test_modes_are_told_apart_in_95_percent_of_the_records(apart, kind):
+    """The limit falls short in one of a thousand tests if 95 % are told apart."""
+    runs = 8
+    assert sum(apart.told_apart(kind, 1000 + seed)[0] for seed in range(runs)) >= binom.ppf(0.001, runs, 0.95)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import NoneType
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.processing import decimated, sampling_step, without_line
-from ancf_casadi.records.recording import Recording, read_recording
+from ancf_casadi.records.recording import Recording, read_recording, unit_notes
 from ancf_casadi.records.sensor import Sensor, sensor_of
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.support.arrays import Array
@@ -40,6 +41,8 @@ class Measurement(Displayed):
         Source of the record, for reports.
     sensor : Sensor
         Quantity and place of the sensor; a displacement of the tip if not given.
+    notes : sequence of str
+        Decisions of the reader of a file, which a fit repeats among its warnings.
 
     Raises
     ------
@@ -61,8 +64,16 @@ class Measurement(Displayed):
     values: Array
     name: str
     sensor: Sensor
+    notes: tuple[str, ...]
 
-    def __init__(self, time: ArrayLike, values: ArrayLike, name: str = "", sensor: Sensor | None = None) -> None:
+    def __init__(
+        self,
+        time: ArrayLike,
+        values: ArrayLike,
+        name: str = "",
+        sensor: Sensor | None = None,
+        notes: Sequence[str] = (),
+    ) -> None:
         """Validate, and store read-only copies."""
         check_instance(sensor, "sensor", Sensor, NoneType)
         times, measured = _series(time, "time"), _series(values, "values", gaps=True)
@@ -73,6 +84,7 @@ class Measurement(Displayed):
         object.__setattr__(self, "values", _read_only(measured[present]))
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "sensor", sensor or Sensor())
+        object.__setattr__(self, "notes", tuple(notes))
         if len(self.time) < 2:
             raise InputError(f"needs at least 2 samples, got {len(self.time)}", "time")
         steps = np.diff(self.time)
@@ -152,7 +164,10 @@ class Measurement(Displayed):
                 raise InputError("has no times; give the sampling rate with --sample-rate")
             scale, measured = sensor_of(channel, given, sensor)
             values = channel.values if scale == 1.0 else scale * channel.values
-            return cls(channel.time, values, recording.name, measured)
+            others = unit_notes(recording.channels)
+            notes = [note for note in recording.notes if note not in others]
+            notes += () if given else unit_notes([channel])
+            return cls(channel.time, values, recording.name, measured, [f"{recording.name}: {note}" for note in notes])
 
     def cut(self, begin: float | None = None, end: float | None = None) -> Measurement:
         """Return the part of the record from ``begin`` to ``end`` (s, both included; the ends if not given).
@@ -178,7 +193,7 @@ class Measurement(Displayed):
                 f"{self.time[0]:g} to {self.time[-1]:g} s; needs at least 2",
                 "cut",
             )
-        return Measurement(self.time[kept], self.values[kept], self.name, self.sensor)
+        return Measurement(self.time[kept], self.values[kept], self.name, self.sensor, self.notes)
 
     def decimated(self, factor: int) -> Measurement:
         """Return the record with every ``factor``-th sample, after a low-pass filter without phase shift.
@@ -206,7 +221,7 @@ class Measurement(Displayed):
             raise InputError(f"{len(self.time)} samples are too few; needs {SHORTEST} per unit of the factor", "factor")
         with located(self.name or "record"):
             sampling_step(self.time)
-        return Measurement(self.time[::factor], decimated(self.values, factor), self.name, self.sensor)
+        return Measurement(self.time[::factor], decimated(self.values, factor), self.name, self.sensor, self.notes)
 
     def detrended(self) -> Measurement:
         """Return the record without its best straight line, such as the drift of a sensor.
@@ -218,7 +233,7 @@ class Measurement(Displayed):
         >>> record.detrended().values.round(2)
         array([-0.04,  0.12, -0.12,  0.04])
         """
-        return Measurement(self.time, without_line(self.time, self.values), self.name, self.sensor)
+        return Measurement(self.time, without_line(self.time, self.values), self.name, self.sensor, self.notes)
 
     def figure(self) -> Figure:
         """Draw the record over time."""

@@ -31,6 +31,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_CHANNELS_SHOWN = 40  # channels in the table
+EPILOG = """\
+start here with a new file; these can be read:
+  text                tables with any separators, names and units, gaps, clock times
+  MATLAB              variables and fields of structs, versions 4 to 7.3 (.mat)
+  HDF5                data sets, with units and sampling rates in attributes (.h5)
+  NumPy               arrays (.npz, .npy)
+  universal files     data set 58: responses over time, frequency response functions
+  C3D                 markers and analog channels of motion capture
+  TDMS, LVM           channels of LabVIEW and DIAdem
+  pose tracks         tables of DeepLabCut, SLEAP and the like, with likelihoods
+values over frequency, complex or as amplitude and phase, are fitted by fit-frf
+(frequency response functions) and fit-response (steady vibration of a beam)
+"""
 SPECTRUM_SAMPLES = 10  # samples of a spectrum
 
 
@@ -66,7 +79,7 @@ class FitPlan:
 def add_inspect(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.set_defaults(run=_run)
-    parser.epilog = "reads text tables, MATLAB, UFF 58, C3D, TDMS, LVM, NPZ and HDF5 files; start here with a new file"
+    parser.epilog = EPILOG
     parser.add_argument("file", metavar="FILE", help="file of measurements")
     add_plot(parser, "draw the channels over time, and their spectra")
     add_record_options(parser)

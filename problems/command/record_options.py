@@ -1,4 +1,7 @@
-"""Options of the commands that read records: the columns and units of a file, and the part of it to use."""
+"""Options of the commands that read records: the columns and units of a file, and the part of it to use.
+
+Records over time and over frequency have options of their own.
+"""
 
 from __future__ import annotations
 
@@ -28,6 +31,19 @@ def add_record_options(parser: argparse.ArgumentParser) -> None:
         metavar="QUANTITY",
         help=f"what was measured: {', '.join(get_args(Quantity))} (default: as the unit tells)",
     )
+
+
+def add_spectral_options(parser: argparse.ArgumentParser, *, level: bool) -> None:
+    """Add the options that say how to read a file with values over frequency, with the ``level`` of an excitation."""
+    group = parser.add_argument_group("reading the file")
+    columns = {"column": "amplitudes or real parts", "frequency": "frequencies", "phase": "phases"}
+    for name, values in (columns | ({"level": "levels of the excitation"} if level else {})).items():
+        text = f"column of the {values}, by its name or its number from 1, if its name does not tell it"
+        group.add_argument(f"--{name}", type=column, metavar="NAME|N", help=text)
+    group.add_argument("--unit", help="unit of the values, such as mm, g or mm/N, if the file does not say it")
+    group.add_argument("--phase-unit", choices=("deg", "rad"), help="unit of the phases, if the file does not say it")
+    if level:
+        group.add_argument("--level-unit", metavar="UNIT", help="unit of the levels, such as N or g, likewise")
 
 
 def add_part_options(parser: argparse.ArgumentParser) -> None:

@@ -89,10 +89,13 @@ def fit_frf(
     for _ in range(3):  # rounds in which weights and estimates settle
         best = selection.weighted(best)
     found, lines = len(best.frequencies), record.frequencies
-    notes = () if wanted is None or found == wanted else (f"the record supports {found} of {wanted} modes",)
+    fewer = () if wanted is None or found == wanted else (f"the record supports {found} of {wanted} modes",)
+    notes = (*record.notes, *fewer)
     order = np.argsort(best.frequencies)
     settled = replace(best, frequencies=best.frequencies[order], ratios=best.ratios[order])
-    fit = refined(record, settled, notes, partial(fit_frf, modes=modes, frequencies=frequencies, band=band))
+    fit = refined(
+        record, settled, (*record.notes, *notes), partial(fit_frf, modes=modes, frequencies=frequencies, band=band)
+    )
     if not ((fit.frequencies >= lines[0]) & (fit.frequencies <= lines[-1])).all():
         raise FitError(f"a mode left the band; {FRF_ADVICE}")
     return fit

@@ -242,6 +242,11 @@ class MotionRecord(Displayed):
         return tuple(one for one in self.channels if isinstance(one, Channel))
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """Decisions of the readers of the files of the channels."""
+        return tuple(dict.fromkeys(note for channel in self.own_channels for note in channel.measurement.notes))
+
+    @property
     def own_base(self) -> BaseMotion:
         """Motion of the clamp; fixed if none was given."""
         return FixedBase() if self.base is None else self.base

@@ -126,7 +126,7 @@ def test_units_and_columns_are_given_by_options(run, tmp_path):
 @pytest.mark.slow
 def test_a_curve_that_fails_leaves_the_fit_and_the_figure(run, decay, tmp_path, monkeypatch):
     from ancf_casadi import InputError
-    from problems.command import fit_decay
+    from problems.command.fits import fit_decay
 
     def fails(*_, **__):
         raise InputError("shows no oscillation above the noise", "record")

@@ -76,7 +76,8 @@ def is_frequency(channel: RecordedChannel) -> bool:
 def is_counter(channel: RecordedChannel) -> bool:
     """Return whether a channel counts the samples or the frames."""
     whole = COUNTER_NAME.fullmatch(_field(channel.name)) is not None and not channel.symbol
-    return whole and bool(np.all(channel.values == np.floor(channel.values)))
+    numbers = channel.values[np.isfinite(channel.values)]
+    return whole and bool(np.all(numbers == np.floor(numbers)))
 
 
 def timed_channels(
@@ -91,6 +92,8 @@ def timed_channels(
     channel = _chosen(contents, path) if time is None else find_channel(contents.channels, time, "--time", path)
     if channel.fault:
         raise InputError(channel.fault, f"{path}: column {channel.label}")
+    if unit is None and is_counter(channel):
+        raise InputError("counts samples, not seconds; give --sample-rate", f"{path}: column {channel.label}")
     seconds, notes = _seconds(channel, unit, path)
     return _on_times(contents, channel, seconds, notes, path)
 

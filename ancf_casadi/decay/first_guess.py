@@ -106,7 +106,7 @@ def first_guess(
         phase=math.atan2(-s, c),
         offset=float(level[0]),
         drift=float(level[1]),
-        notes=(*record.notes, *found.notes, *_notes(record, t, y, candidates, None if drift else asked)),
+        notes=(*record.warnings, *found.notes, *_notes(record, t, y, candidates, None if drift else asked)),
     )
 
 

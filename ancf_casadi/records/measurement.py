@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import NoneType
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.processing import decimated, sampling_step, without_line
+from ancf_casadi.records.quality import quality_warnings
 from ancf_casadi.records.recording import Recording, read_recording, unit_notes
 from ancf_casadi.records.sensor import Sensor, sensor_of
 from ancf_casadi.records.units import known_unit
@@ -168,6 +170,11 @@ class Measurement(Displayed):
             notes = [note for note in recording.notes if note not in others]
             notes += () if given else unit_notes([channel])
             return cls(channel.time, values, recording.name, measured, [f"{recording.name}: {note}" for note in notes])
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Notes of the reader, and faults such as clipping; a fit repeats them."""
+        return (*self.notes, *quality_warnings(self.time, self.values))
 
     def cut(self, begin: float | None = None, end: float | None = None) -> Measurement:
         """Return the part of the record from ``begin`` to ``end`` (s, both included; the ends if not given).

@@ -6,7 +6,7 @@ import argparse
 import math
 import shlex
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +17,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import Sampling, sampling
+from ancf_casadi.records.quality import quality_warnings
 from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.recording import Recording, recording_of
 from ancf_casadi.records.sensor import Sensor
@@ -99,6 +100,7 @@ def _run(options: argparse.Namespace) -> Output:
     except InputError as error:
         recording = Recording(options.file, contents.channels, contents.notes)
         problem = str(error)
+    recording = replace(recording, notes=(*recording.notes, *_faults(recording)))
     summaries = [_summary(channel) for channel in recording.channels]
     plan = _plan(recording, options, problem)
     files = figure_writers(options.plot, lambda: _figure(recording, plan))
@@ -124,6 +126,18 @@ def _summary(channel: RecordedChannel) -> ChannelSummary:
         int(len(present) - len(values)), float(values.min()) if usable else math.nan,
         float(values.max()) if usable else math.nan, _peak(*even) if even else math.nan, channel.fault,
     )  # fmt: skip
+
+
+def _faults(recording: Recording) -> list[str]:
+    """Return the faults of the records of the channels."""
+    found = []
+    for channel in recording.channels:
+        present = np.isfinite(channel.values)
+        if channel.time is None or channel.fault or is_time(channel) or is_counter(channel) or not present.any():
+            continue
+        texts = quality_warnings(channel.time[present], channel.values[present])
+        found += [f"column {channel.label}: {text}" for text in texts]
+    return found
 
 
 def _peak(time: Array, values: Array) -> float:

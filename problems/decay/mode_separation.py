@@ -150,7 +150,7 @@ def fit_modes(
     limit = min(MOST_DECAY_MODES, most) if modes is None else whole(modes, "modes", 1, most)
     release = None if release_time is None else number(release_time, "release_time")
     found, merged, ended = _found(record, limit, flag(offset, "offset"), release)
-    notes = [*merged, *([] if modes is None or not ended else [ended])]
+    notes = [*record.warnings, *merged, *([] if modes is None or not ended else [ended])]
     t, y = found[0].time, record.values[-found[0].samples :]
     fit, columns = _together(found, t, y)
     settings: dict[str, Any] = {"modes": modes, "offset": offset, "release_time": release_time}
@@ -228,7 +228,9 @@ def isolate_mode(record: Measurement, band: tuple[float, float], *, release_time
         for other in others
         if _rate(mode) + _rate(other) > 0.3 * 2 * math.pi * abs(mode.frequency - other.frequency)
     ]
-    return IsolatedMode(mode, others, Measurement(mode.time, values, record.name, record.sensor), tuple(close))
+    return IsolatedMode(
+        mode, others, Measurement(mode.time, values, record.name, record.sensor, record.warnings), tuple(close)
+    )
 
 
 def _mode(record: Measurement, *, near: float, **settings: Any) -> DecayFit:

@@ -243,8 +243,8 @@ class MotionRecord(Displayed):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Decisions of the readers of the files of the channels."""
-        return tuple(dict.fromkeys(note for channel in self.own_channels for note in channel.measurement.notes))
+        """Notes of the readers of files, and faults of the channels."""
+        return tuple(dict.fromkeys(text for channel in self.own_channels for text in channel.measurement.warnings))
 
     @property
     def own_base(self) -> BaseMotion:

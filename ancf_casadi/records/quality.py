@@ -65,7 +65,8 @@ def _flat_swings(values: Array) -> tuple[float, int]:
     for swing in swings:
         own = swing.max()
         at_end = swing == own
-        crowd = np.count_nonzero(at_end) / max(1, np.count_nonzero(~at_end & (swing >= own - band)))
+        below = int(np.count_nonzero(~at_end & (swing >= own - band)))
+        crowd = int(np.count_nonzero(at_end)) / max(1, below)
         (flat if own == top else other).append(crowd if _runs(at_end).max() >= FLAT else 0.0)
     clipped = [crowd for crowd in flat if crowd]
     if len(clipped) < FLAT_SWINGS or np.median(flat) < CROWDED or (other and np.median(other) >= CROWDED):

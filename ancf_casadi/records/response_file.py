@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import NoneType
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from ancf_casadi.records.sensor import Sensor, sensor_of
 from ancf_casadi.records.time_axis import listed
 from ancf_casadi.records.units import Unit, known_unit
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import located
+from ancf_casadi.support.inputs import check_instance, located
 from ancf_casadi.support.tables import Displayed, counted, spread
 
 
@@ -121,6 +122,10 @@ def read_response(
     >>> curve.amplitudes, curve.phases.round(3), curve.level_quantity
     (array([0.0011, 0.0052]), array([-0.209, -1.588]), 'force')
     """
+    check_instance(sensor, "sensor", Sensor, NoneType)
+    own_unit, level_own = (
+        None if text is None else known_unit(text, name) for text, name in ((unit, "unit"), (level_unit, "level_unit"))
+    )
     found = read_spectral(path, frequency, progress=progress)
     found = found.only("--level", ["level"], level).only("--phase", ["phase"], phase)
     found = found.only("--column", ["amplitude", "real", ""], column)
@@ -129,13 +134,13 @@ def read_response(
         found = found.only("--level", ["level"], excitation.number)
     function = _only_one(functions_of(found, phase_unit), found.path)
     with located(f"{path}: column {function.channel.label}"):
-        factor, symbol, read_by = _reading(function.channel, unit, sensor)
+        factor, symbol, read_by = _reading(function.channel, own_unit, sensor)
     values = factor * function.values
     phased = np.iscomplexobj(values)
-    notes = [*found.notes, *(() if unit else unit_notes([function.channel]))]
+    notes = [*found.notes, *(() if own_unit else unit_notes([function.channel]))]
     levels, quantity = None, ""
     if excitation is not None:
-        own = known_unit(level_unit, "level_unit") if level_unit else excitation.unit
+        own = level_own or excitation.unit
         levels, quantity = sine_amplitudes(excitation) * (own.factor if own else 1.0), own.quantity if own else ""
         notes += () if own else unit_notes([excitation])
     present = np.isfinite(found.frequencies) & np.isfinite(values) & (True if levels is None else np.isfinite(levels))
@@ -176,9 +181,9 @@ def _excitation(found: SpectralContents) -> RecordedChannel | None:
     return told[0] if told else None
 
 
-def _reading(channel: RecordedChannel, given: str | None, sensor: Sensor | None) -> tuple[float, str, Sensor | None]:
+def _reading(channel: RecordedChannel, given: Unit | None, sensor: Sensor | None) -> tuple[float, str, Sensor | None]:
     """Return the factor of the amplitudes to SI units, their unit, and the sensor, None for volts and the like."""
-    unit: Unit | None = known_unit(given, "unit") if given else channel.unit
+    unit = given or channel.unit
     if unit and unit.quantity == "voltage" and sensor is None:
         return unit.factor, "V", None
     factor, found = sensor_of(channel, unit, sensor)

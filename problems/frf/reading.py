@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from types import NoneType
+from typing import Any, get_args
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from ancf_casadi.records.recording import unit_notes
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.response.linear_frf import FrfKind
 from ancf_casadi.support.arrays import ComplexArray
-from ancf_casadi.support.inputs import shown
+from ancf_casadi.support.inputs import check_instance, choice, shown
 
 KINDS_OF_UNITS: dict[tuple[str, str], FrfKind] = {
     ("length", "force"): "receptance",
@@ -43,6 +44,9 @@ def read_frf(
     progress: bool,
 ) -> dict[str, Any]:
     """Return the arguments of the ``FrfRecord`` of a file; see ``FrfRecord.from_file``."""
+    check_instance(unit, "unit", str, NoneType)
+    if kind is not None:
+        choice(kind, get_args(FrfKind), "kind")
     found = read_spectral(path, frequency, progress=progress)
     columns = tuple(("" if part == "level" else part, channel) for part, channel in found.columns)
     found = (
@@ -54,11 +58,15 @@ def read_frf(
     if not functions:
         raise InputError("has no columns with the values of functions", str(path))
     bare = [one.channel for one in functions if not np.iscomplexobj(one.values)]
-    if bare:
-        raise InputError("has amplitudes only; a function needs its phase, or real and imaginary part",
-                         f"{path}: column {bare[0].label}")  # fmt: skip
+    functions = [one for one in functions if np.iscomplexobj(one.values)]
+    if not functions:
+        raise InputError(
+            "has amplitudes only; a function needs its phase, or real and imaginary part",
+            f"{path}: column {bare[0].label}",
+        )
     found_kind, values = _in_si(functions, kind, unit, str(path))
-    notes = [*found.notes, *(() if unit else unit_notes([one.channel for one in functions]))]
+    notes = [*found.notes, *(f"column {one.label} has no phase, and is left out" for one in bare)]
+    notes += () if unit else unit_notes([one.channel for one in functions])
     shape, order = _grid(functions, str(path))
     f = found.frequencies
     quality = [one.coherence for one in functions]

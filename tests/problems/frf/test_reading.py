@@ -85,6 +85,13 @@ def test_a_fit_of_a_file_repeats_the_notes_of_the_reader(tmp_path):
     assert any(text.startswith("a.npz: no unit is given for 2 'H real[1]'") for text in fit.warnings)
 
 
+def test_columns_without_a_phase_beside_functions_are_left_out_and_said(tmp_path):
+    path = table(tmp_path / "a.csv", "f_Hz,H real (m/N),H imag (m/N),spectrum (N)", F, H[0].real, H[0].imag, F)
+    record = FrfRecord.from_file(path)
+    assert record.outputs == 1
+    assert record.notes == ("a.csv: column 4 'spectrum (N)' has no phase, and is left out",)
+
+
 def test_coherence_gives_weights(tmp_path):
     coherence = np.linspace(0.5, 1.0, F.size)
     path = table(tmp_path / "a.csv", "f_Hz,H real (m/N),H imag (m/N),coherence", F, H[0].real, H[0].imag, coherence)

@@ -95,6 +95,11 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
     columns = np.column_stack([instants, values])
     np.savetxt(folder / "a.csv", columns, delimiter=",", header="t (s),x (mm)", comments="")
     recording = a.read_recording(folder / "a.csv")
+    sweep = np.column_stack([np.linspace(1.8, 2.0, 20), np.ones(20), np.linspace(1.0, 2.0, 20), np.linspace(0, -2, 20)])
+    np.savetxt(folder / "sweep.csv", sweep, delimiter=",", header="f (Hz),F (N),x (mm),phase (rad)", comments="")
+    np.savetxt(folder / "frf.csv", sweep[:, [0, 2, 3]], delimiter=",", header="f (Hz),x (m/N),phase (rad)", comments="")
+    columns_read = {"column": 3, "frequency": 1, "phase": 4, "unit": "mm", "phase_unit": "rad"}
+    level_read = columns_read | {"path": folder / "sweep.csv", "level": 2, "level_unit": "N", "sensor": None}
     (folder / "a.toml").write_text("[beam]\n" + "".join(f"{key} = {value}\n" for key, value in uniform.items()))
     (folder / "study.toml").write_text(
         '[[parts]]\nkind = "rayleigh"\nfrequencies = [1.85, 10.19]\nratios = [0.01, 0.0028]\n'
@@ -150,6 +155,8 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "Measurement.from_recording": (a.Measurement.from_recording, {
             "recording": recording, "column": 2, "unit": "mm", "sensor": None,
         }),
+        "Measurement.decimated": (record.decimated, {"factor": 2}),
+        "Measurement.filtered": (record.filtered, {"low": None, "high": 5.0}),
         "Measurement.cut": (record.cut, {"begin": 0.1, "end": 0.5}),
         "ModalDamping": (a.ModalDamping, {"modes": modes, "ratios": (0.01, 0.02), "frequencies": None}),
         "Model": (a.Model, {"beam": beam, "measures": a.StrainMeasures()}),
@@ -202,6 +209,11 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "read_recording": (a.read_recording, {
             "path": folder / "a.csv", "time": 1, "time_unit": "s", "sample_rate": None, "progress": False,
         }),
+        "read_response": (a.read_response, level_read),
+        "ResponsePoints": (a.ResponsePoints, {
+            "name": "a", "frequencies": grid, "amplitudes": grid, "phases": None, "levels": None, "sensor": None,
+            "unit": "V", "level_quantity": "", "notes": (),
+        }),
         "reduce_model": (a.reduce_model, {
             "model": model, "modes": 1, "damping": law, "markers": (0.3,), "slope_points": None, "drag_points": None,
         }),
@@ -240,6 +252,12 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "Channel": (p.Channel, {"measurement": record, "std": 1e-5, "offset": (-1.0, 1.0), "zero": (0.0, 1.0)}),
         "FrequencyRecord": (p.FrequencyRecord, {
             "model": model, "frequencies": frequencies, "std": 0.01, "modes": (1, 2), "name": "a",
+        }),
+        "FrfRecord.from_file": (p.FrfRecord.from_file, columns_read | {
+            "path": folder / "frf.csv", "kind": "receptance", "column": 2, "phase": 3, "unit": "m/N", "points": None,
+        }),
+        "ResponseRecord.from_file": (p.ResponseRecord.from_file, level_read | {
+            "base": None, "load": None, "sweep": "up", "control": "excitation",
         }),
         "FrfRecord": (p.FrfRecord, {
             "frequencies": grid, "values": frf, "kind": "receptance", "coherence": None, "std": None, "points": None,

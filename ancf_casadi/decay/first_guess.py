@@ -104,7 +104,7 @@ def first_guess(record: Measurement, *, release_time: float | None = None, rest:
         amplitude=math.hypot(c, s),
         phase=math.atan2(-s, c),
         rest=(),
-        notes=(*found.notes, *_notes(record, t, y, candidates)),
+        notes=(*record.warnings, *found.notes, *_notes(record, t, y, candidates)),
     )
     return with_rest(guess, record, rest)
 

@@ -21,6 +21,7 @@ class RecordedChannel(Displayed):
     unit: Unit | None = None  # meaning of the unit; None if there is none, or if it is not understood
     time: Array | None = None  # time of each number, s, if the file gives it
     fault: str = ""  # reason why the column cannot be used; empty if it can
+    reference: str = ""  # of a frequency response function: its input, if the file names it
 
     @property
     def label(self) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ancf_casadi.records.processing import amplitude_spectrum
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
 
@@ -38,9 +39,7 @@ def spectra_figure(
         left.set(ylabel=label)
         if math.isfinite(release):
             left.axvline(release, ls=":", lw=0.8, color=MEASURED)
-        window = np.hanning(len(even))
-        spectrum = 2 * np.abs(np.fft.rfft((even - even.mean()) * window)) / window.sum()
-        frequency = np.fft.rfftfreq(len(even), (grid[-1] - grid[0]) / (len(grid) - 1))
+        frequency, spectrum = amplitude_spectrum(grid, even)
         right.semilogy(
             frequency[1:], np.maximum(spectrum[1:], 1e-6 * spectrum.max(initial=1e-300)), lw=0.6, color=COMPUTED
         )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import NoneType
 from typing import TYPE_CHECKING
@@ -11,8 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.processing import decimated, sampling_step, without_line
-from ancf_casadi.records.recording import Recording, read_recording
+from ancf_casadi.records.processing import amplitude_spectrum, decimated, in_band, sampling_step, without_line
+from ancf_casadi.records.quality import quality_warnings
+from ancf_casadi.records.recording import Recording, read_recording, unit_notes
 from ancf_casadi.records.sensor import Sensor, sensor_of
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.support.arrays import Array
@@ -40,6 +43,8 @@ class Measurement(Displayed):
         Source of the record, for reports.
     sensor : Sensor
         Quantity and place of the sensor; a displacement of the tip if not given.
+    notes : sequence of str
+        Decisions of the reader of a file, which a fit repeats among its warnings.
 
     Raises
     ------
@@ -61,8 +66,16 @@ class Measurement(Displayed):
     values: Array
     name: str
     sensor: Sensor
+    notes: tuple[str, ...]
 
-    def __init__(self, time: ArrayLike, values: ArrayLike, name: str = "", sensor: Sensor | None = None) -> None:
+    def __init__(
+        self,
+        time: ArrayLike,
+        values: ArrayLike,
+        name: str = "",
+        sensor: Sensor | None = None,
+        notes: Sequence[str] = (),
+    ) -> None:
         """Validate, and store read-only copies."""
         check_instance(sensor, "sensor", Sensor, NoneType)
         times, measured = _series(time, "time"), _series(values, "values", gaps=True)
@@ -73,6 +86,7 @@ class Measurement(Displayed):
         object.__setattr__(self, "values", _read_only(measured[present]))
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "sensor", sensor or Sensor())
+        object.__setattr__(self, "notes", tuple(notes))
         if len(self.time) < 2:
             raise InputError(f"needs at least 2 samples, got {len(self.time)}", "time")
         steps = np.diff(self.time)
@@ -152,7 +166,15 @@ class Measurement(Displayed):
                 raise InputError("has no times; give the sampling rate with --sample-rate")
             scale, measured = sensor_of(channel, given, sensor)
             values = channel.values if scale == 1.0 else scale * channel.values
-            return cls(channel.time, values, recording.name, measured)
+            others = unit_notes(recording.channels)
+            notes = [note for note in recording.notes if note not in others]
+            notes += () if given else unit_notes([channel])
+            return cls(channel.time, values, recording.name, measured, [f"{recording.name}: {note}" for note in notes])
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Notes of the reader, and faults such as clipping; a fit repeats them."""
+        return (*self.notes, *quality_warnings(self.time, self.values))
 
     def cut(self, begin: float | None = None, end: float | None = None) -> Measurement:
         """Return the part of the record from ``begin`` to ``end`` (s, both included; the ends if not given).
@@ -178,12 +200,14 @@ class Measurement(Displayed):
                 f"{self.time[0]:g} to {self.time[-1]:g} s; needs at least 2",
                 "cut",
             )
-        return Measurement(self.time[kept], self.values[kept], self.name, self.sensor)
+        return self._with(self.time[kept], self.values[kept])
 
     def decimated(self, factor: int) -> Measurement:
         """Return the record with every ``factor``-th sample, after a low-pass filter without phase shift.
 
-        Frequencies up to 40 % of the new sampling rate are kept.
+        Frequencies up to 40 % of the new sampling rate are kept.  The first and last 13 new samples, for which the
+        filter would need samples beyond the record, are left out.  Cut the record at a release first, as the option
+        ``--decimate`` does: the filter would smooth the release, and the fit would be wrong by many standard errors.
 
         Raises
         ------
@@ -197,16 +221,79 @@ class Measurement(Displayed):
         >>> time = np.arange(10_000) / 5000.0
         >>> record = Measurement(time, 0.02 * np.cos(12.0 * time))
         >>> record.decimated(10).time.size
-        1000
+        974
         """
         whole(factor, "factor", 1)
         if factor == 1:
             return self
         if len(self.time) < SHORTEST * factor:
             raise InputError(f"{len(self.time)} samples are too few; needs {SHORTEST} per unit of the factor", "factor")
+        self._step()
+        values, first = decimated(self.values, factor)
+        return self._with(self.time[first::factor][: len(values)], values)
+
+    def filtered(self, low: float | None = None, high: float | None = None) -> Measurement:
+        """Return the part of the record between two frequencies (Hz), by filters without phase shift.
+
+        What lies within is kept within 1e-4; below half of ``low`` and above 1.5 ``high``, nothing is left.  The
+        first and last 5 periods of ``low`` and of ``high``, for which the filters would need samples beyond the record,
+        are left out.  A fit needs no filter against noise, and hardly gains from one.
+
+        Raises
+        ------
+        InputError
+            If the record is not evenly sampled or too short, or the frequencies are not in order below half the rate.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from ancf_casadi import Measurement
+        >>> time = np.arange(5000) / 500.0
+        >>> hum = 0.01 * np.sin(2 * np.pi * 50.0 * time)
+        >>> record = Measurement(time, 0.02 * np.cos(12.0 * time) + hum).filtered(high=10.0)
+        >>> bool(np.abs(record.values - 0.02 * np.cos(12.0 * record.time)).max() < 1e-5)
+        True
+        """
+        half_rate = 0.5 / self._step()
+        limits = [None if limit is None else physical(limit, "band") / half_rate for limit in (low, high)]
+        given = [limit for limit in limits if limit is not None]
+        if not given or given != sorted(given) or given[-1] >= 1.0:
+            raise InputError(f"give low, high or both, in order and below half the rate, {half_rate:g} Hz", "band")
+        values, first = in_band(self.values, *limits)
+        if len(values) < 2:
+            raise InputError("the record is shorter than the filter, 10 periods of low and of high", "band")
+        return self._with(self.time[first : first + len(values)], values)
+
+    def spectrum(self) -> tuple[Array, Array]:
+        """Return frequencies, Hz, and amplitudes, in the unit of the sensor, of the sines in the record.
+
+        The record is multiplied by a Hann window, which widens each line to four steps of the frequency.
+
+        Raises
+        ------
+        InputError
+            If the record is not evenly sampled.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from ancf_casadi import Measurement
+        >>> time = np.arange(1000) / 100.0
+        >>> frequencies, amplitudes = Measurement(time, 0.02 * np.sin(2 * np.pi * 5.0 * time)).spectrum()
+        >>> round(float(frequencies[amplitudes.argmax()]), 3), round(float(amplitudes.max()), 4)
+        (5.0, 0.02)
+        """
+        self._step()
+        return amplitude_spectrum(self.time, self.values)
+
+    def _step(self) -> float:
+        """Return the time between samples, s; refuse uneven ones."""
         with located(self.name or "record"):
-            sampling_step(self.time)
-        return Measurement(self.time[::factor], decimated(self.values, factor), self.name, self.sensor)
+            return sampling_step(self.time)
+
+    def _with(self, time: Array, values: Array) -> Measurement:
+        """Return another record of the same sensor."""
+        return Measurement(time, values, self.name, self.sensor, self.notes)
 
     def detrended(self) -> Measurement:
         """Return the record without its best straight line, such as the drift of a sensor.
@@ -218,7 +305,7 @@ class Measurement(Displayed):
         >>> record.detrended().values.round(2)
         array([-0.04,  0.12, -0.12,  0.04])
         """
-        return Measurement(self.time, without_line(self.time, self.values), self.name, self.sensor)
+        return self._with(self.time, without_line(self.time, self.values))
 
     def figure(self) -> Figure:
         """Draw the record over time."""

@@ -1,9 +1,11 @@
-"""Sampling and preparation of a record: rate and gaps, fewer samples per second, and no straight line.
+"""Sampling and preparation of a record: rate and gaps, fewer samples per second, a band, and no straight line.
 
-Fewer samples.  Frequencies above half the new sampling rate would appear as lower ones (aliasing), so that a low-pass
-filter precedes the selection of every n-th sample.  The filter is a symmetric finite impulse response with a Kaiser
-window and so shifts no phase: it keeps amplitudes within 1e-4 up to 80 % of half the new rate, and suppresses what
-would alias into this band by 80 dB.  Near the ends the record is continued by its point reflection.
+Filters.  Frequencies above half the new sampling rate would appear as lower ones (aliasing), so that a low-pass filter
+precedes the selection of every n-th sample.  The filters are symmetric finite impulse responses with a Kaiser window
+and so shift no phase: they keep amplitudes within 1e-4, and suppress what they do not keep by 80 dB.  Where a filter
+would need samples beyond the record, its result is left out: 13 new samples at either end if the record gets fewer,
+which keeps up to 80 % of half the new rate; 5 periods of each limit of a band, beyond half the lower and 1.5 times the
+upper of which nothing is left.
 
 No loss at the ends.  Near a release, a filter mixes samples with others that it has to invent.  ``projected`` keeps the
 slowest terms of a discrete cosine transform instead.  This is an orthogonal projection: white noise stays white, with
@@ -44,17 +46,48 @@ def sampling_step(time: Array) -> float:
     return float((time[-1] - time[0]) / (len(time) - 1))
 
 
-def decimated(values: Array, factor: int) -> Array:
-    """Return every ``factor``-th value after the low-pass filter."""
-    from scipy.signal import firwin, kaiserord, upfirdn  # slow to import
+def decimated(values: Array, factor: int) -> tuple[Array, int]:
+    """Return every ``factor``-th value after the low-pass filter, and the place of the first one."""
+    from scipy.signal import upfirdn  # slow to import
 
-    taps, beta = kaiserord(80.0, 2 * (1 - 0.8) / factor)  # attenuation (dB), and passband
-    half = (taps // 2 // factor + 1) * factor  # a whole number of new steps, so that sample 0 stays a sample
-    half = min(half, (len(values) - 1) // factor * factor)
-    filter_ = firwin(2 * half + 1, 1 / factor, window=("kaiser", beta))
-    extended = np.pad(values, half, mode="reflect", reflect_type="odd")
-    count = -(-len(values) // factor)
-    return np.asarray(upfirdn(filter_, extended, down=factor)[2 * half // factor :][:count], dtype=float)
+    filter_ = _low_pass(1.0 / factor, 2 * (1 - 0.8) / factor)
+    filter_ = np.pad(filter_, -(len(filter_) // 2) % factor)  # begins at a sample that is kept
+    half = len(filter_) // 2
+    count = (len(values) - 1 - 2 * half) // factor + 1
+    return np.asarray(upfirdn(filter_, values, down=factor)[2 * half // factor :][:count], dtype=float), half
+
+
+def in_band(values: Array, low: float | None, high: float | None) -> tuple[Array, int]:
+    """Return what lies between frequencies relative to half the sampling rate, and the place of the first value."""
+    from scipy.signal import oaconvolve  # slow to import
+
+    first = 0
+    for limit, width in ((low, low and 0.5 * low), (high, high and min(0.5 * high, 1.0 - high))):
+        if limit is None or width is None:
+            continue
+        filter_ = _low_pass(limit + (0.5 if limit is high else -0.5) * width, width)
+        half = len(filter_) // 2
+        if len(values) < 2 * half + 2:
+            return values[:0], half
+        slow = oaconvolve(values, filter_, mode="valid")
+        values = slow if limit is high else values[half : len(values) - half] - slow
+        first += half
+    return np.asarray(values, dtype=float), first
+
+
+def _low_pass(limit: float, width: float) -> Array:
+    """Return a symmetric filter of odd length, with its limit and the width of its flank relative to half the rate."""
+    from scipy.signal import firwin, kaiserord  # slow to import
+
+    taps, beta = kaiserord(80.0, width)  # attenuation, dB
+    return np.asarray(firwin(taps // 2 * 2 + 1, limit, window=("kaiser", beta)))
+
+
+def amplitude_spectrum(grid: Array, values: Array) -> tuple[Array, Array]:
+    """Return frequencies (Hz) and amplitudes of values at even times (s), after a Hann window."""
+    window = np.hanning(len(values))
+    amplitudes = 2 * np.abs(np.fft.rfft((values - values.mean()) * window)) / window.sum()
+    return np.fft.rfftfreq(len(values), (grid[-1] - grid[0]) / (len(grid) - 1)), amplitudes
 
 
 def projected(values: Array, count: int) -> Array:

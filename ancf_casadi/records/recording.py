@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -140,10 +141,13 @@ def recording_of(
         channels = tuple(map(_timed, contents.channels))
     else:
         channels, notes = timed_channels(contents, str(path), time=time, time_unit=time_unit, sample_rate=sample_rate)
+    return Recording(str(path), channels, contents.notes + notes + unit_notes(channels))
+
+
+def unit_notes(channels: Sequence[RecordedChannel]) -> tuple[str, ...]:
+    """Return a note of the channels without a unit, if there are any."""
     bare = [channel for channel in channels if not (channel.symbol or channel.fault or is_counter(channel))]
-    if bare:
-        notes += (f"no unit is given for {listed(bare)}; SI units are assumed",)
-    return Recording(str(path), channels, contents.notes + notes)
+    return (f"no unit is given for {listed(bare)}; SI units are assumed",) if bare else ()
 
 
 def _timed(channel: RecordedChannel) -> RecordedChannel:

@@ -24,6 +24,10 @@ COUNTER_NAME = re.compile(
     r"(?:frames?|samples?|scans?|index|number|num|no|nr|n|#|id|count(?:er)?|idx)\.?",
     re.IGNORECASE,
 )
+PATH = re.compile(r"[\w\[\]]+(?:\.[\w\[\]]+)+")
+FREQUENCY_NAME = re.compile(
+    r"f|hz|(?:.*[ _-])?(?:freq|frequency|frequencies|frequenz|fréquence|frecuencia)", re.IGNORECASE
+)
 LEAST_EQUAL_SHARE = 0.9  # share of steps upwards, or of equal steps, that tells a column of times
 FIRST_DATE, LAST_DATE = 2e4, 1e6  # days since 1900 or since the year 0, as workbooks and MATLAB count
 RATE_ADVICE = "or give the sampling rate with --sample-rate"
@@ -52,15 +56,28 @@ def listed(channels: Sequence[RecordedChannel]) -> str:
     return f"{shortened}, ... ({len(channels)} in all)" if len(channels) > 8 else shortened
 
 
+def _field(name: str) -> str:
+    """Return the name, or the last one of a path such as ``run[2].time``."""
+    return name.rpartition(".")[2] if PATH.fullmatch(name) else name.strip()
+
+
 def is_time(channel: RecordedChannel) -> bool:
     """Return whether the name or the unit of a channel tells that it holds times."""
-    return bool(channel.unit and channel.unit.quantity == "time") or names_time(channel.name)
+    return bool(channel.unit and channel.unit.quantity == "time") or names_time(_field(channel.name))
+
+
+def is_frequency(channel: RecordedChannel) -> bool:
+    """Return whether the name or the unit of a channel tells that it holds frequencies."""
+    if channel.unit or channel.symbol:
+        return bool(channel.unit and channel.unit.quantity == "frequency")
+    return FREQUENCY_NAME.fullmatch(_field(channel.name)) is not None
 
 
 def is_counter(channel: RecordedChannel) -> bool:
     """Return whether a channel counts the samples or the frames."""
-    whole = COUNTER_NAME.fullmatch(channel.name.strip()) is not None and not channel.symbol
-    return whole and bool(np.all(channel.values == np.floor(channel.values)))
+    whole = COUNTER_NAME.fullmatch(_field(channel.name)) is not None and not channel.symbol
+    numbers = channel.values[np.isfinite(channel.values)]
+    return whole and bool(np.all(numbers == np.floor(numbers)))
 
 
 def timed_channels(
@@ -75,6 +92,8 @@ def timed_channels(
     channel = _chosen(contents, path) if time is None else find_channel(contents.channels, time, "--time", path)
     if channel.fault:
         raise InputError(channel.fault, f"{path}: column {channel.label}")
+    if unit is None and is_counter(channel):
+        raise InputError("counts samples, not seconds; give --sample-rate", f"{path}: column {channel.label}")
     seconds, notes = _seconds(channel, unit, path)
     return _on_times(contents, channel, seconds, notes, path)
 
@@ -110,6 +129,12 @@ def _chosen(contents: Contents, path: str) -> RecordedChannel:
     if len(named) == 1:
         return named[0]
     candidates = named
+    if not named and any(is_frequency(channel) for channel in channels):
+        raise InputError(
+            "has values over frequency, not over time; read it by FrfRecord.from_file (fit-frf), or "
+            "ResponseRecord.from_file (fit-response)",
+            path,
+        )
     if not named and len(channels) > 1:
         possible = [c for c in channels if not c.fault and not c.unit and not is_counter(c)]
         rising = [channel for channel in possible if _increases(channel.values)]

@@ -201,6 +201,8 @@ class BeamFit(LeastSquaresResult):
             *(one.warning for one in self.agreements),
         ]
         notes += [note for account in self.accounts for note in account.warnings]
+        blocks = [block for block in self.solution.problem.blocks if isinstance(block, MotionBlock | CurveBlock)]
+        notes += dict.fromkeys(note for block in blocks for _, record in block.numbered for note in record.notes)
         for other in self.solution.others:
             named = [
                 f"{name} {value:.4g} {unit}"

@@ -6,7 +6,7 @@ import argparse
 import math
 import shlex
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +17,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import Sampling, sampling
+from ancf_casadi.records.quality import quality_warnings
 from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.recording import Recording, recording_of
 from ancf_casadi.records.sensor import Sensor
@@ -31,6 +32,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_CHANNELS_SHOWN = 40  # channels in the table
+EPILOG = """\
+start here with a new file; these can be read:
+  text                tables with any separators, names and units, gaps, clock times
+  MATLAB              variables and fields of structs, versions 4 to 7.3 (.mat)
+  HDF5                data sets, with units and sampling rates in attributes (.h5)
+  NumPy               arrays (.npz, .npy)
+  universal files     data set 58: responses over time, frequency response functions
+  C3D                 markers and analog channels of motion capture
+  TDMS, LVM           channels of LabVIEW and DIAdem
+  pose tracks         tables of DeepLabCut, SLEAP and the like, with likelihoods
+values over frequency, complex or as amplitude and phase, are fitted by fit-frf
+(frequency response functions) and fit-response (steady vibration of a beam)
+"""
 SPECTRUM_SAMPLES = 10  # samples of a spectrum
 
 
@@ -66,7 +80,7 @@ class FitPlan:
 def add_inspect(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.set_defaults(run=_run)
-    parser.epilog = "reads text tables, MATLAB, UFF 58, C3D, TDMS, LVM, NPZ and HDF5 files; start here with a new file"
+    parser.epilog = EPILOG
     parser.add_argument("file", metavar="FILE", help="file of measurements")
     add_plot(parser, "draw the channels over time, and their spectra")
     add_record_options(parser)
@@ -86,6 +100,7 @@ def _run(options: argparse.Namespace) -> Output:
     except InputError as error:
         recording = Recording(options.file, contents.channels, contents.notes)
         problem = str(error)
+    recording = replace(recording, notes=(*recording.notes, *_faults(recording)))
     summaries = [_summary(channel) for channel in recording.channels]
     plan = _plan(recording, options, problem)
     files = figure_writers(options.plot, lambda: _figure(recording, plan))
@@ -111,6 +126,18 @@ def _summary(channel: RecordedChannel) -> ChannelSummary:
         int(len(present) - len(values)), float(values.min()) if usable else math.nan,
         float(values.max()) if usable else math.nan, _peak(*even) if even else math.nan, channel.fault,
     )  # fmt: skip
+
+
+def _faults(recording: Recording) -> list[str]:
+    """Return the faults of the records of the channels."""
+    found = []
+    for channel in recording.channels:
+        present = np.isfinite(channel.values)
+        if channel.time is None or channel.fault or is_time(channel) or is_counter(channel) or not present.any():
+            continue
+        texts = quality_warnings(channel.time[present], channel.values[present])
+        found += [f"column {channel.label}: {text}" for text in texts]
+    return found
 
 
 def _peak(time: Array, values: Array) -> float:

@@ -1,15 +1,19 @@
-"""Options of the commands that read records: the columns and units of a file, and the part of it to use."""
+"""Options of the commands that read records: the columns and units of a file, and the part of it to use.
+
+Records over time and over frequency have options of their own.
+"""
 
 from __future__ import annotations
 
 import argparse
 from typing import get_args
 
+from ancf_casadi.decay.release import find_release
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Quantity, Sensor
 from ancf_casadi.support.inputs import located
-from problems.command.output import comma_numbers, finite
+from problems.command.output import comma_numbers, finite, positive_count
 
 
 def add_record_options(parser: argparse.ArgumentParser) -> None:
@@ -30,11 +34,31 @@ def add_record_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_spectral_options(parser: argparse.ArgumentParser, *, level: bool) -> None:
+    """Add the options that say how to read a file with values over frequency, with the ``level`` of an excitation."""
+    group = parser.add_argument_group("reading the file")
+    columns = {"column": "amplitudes or real parts", "frequency": "frequencies", "phase": "phases"}
+    for name, values in (columns | ({"level": "levels of the excitation"} if level else {})).items():
+        text = f"column of the {values}, by its name or its number from 1, if its name does not tell it"
+        group.add_argument(f"--{name}", type=column, metavar="NAME|N", help=text)
+    group.add_argument("--unit", help="unit of the values, such as mm, g or mm/N, if the file does not say it")
+    group.add_argument("--phase-unit", choices=("deg", "rad"), help="unit of the phases, if the file does not say it")
+    if level:
+        group.add_argument("--level-unit", metavar="UNIT", help="unit of the levels, such as N or g, likewise")
+
+
 def add_part_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that choose a part of the record."""
     group = parser.add_argument_group("choosing the part to fit")
     group.add_argument("--begin", type=finite, metavar="S", help="leave out what is before this time (s)")
     group.add_argument("--end", type=finite, metavar="S", help="leave out what is after this time (s)")
+    group.add_argument(
+        "--decimate",
+        type=positive_count,
+        metavar="N",
+        help="keep every N-th sample from the release on, after a filter against aliasing, which takes 13 of those at "
+        "either end",
+    )
     group.add_argument(
         "--release-time",
         type=comma_numbers,
@@ -56,7 +80,14 @@ def read_record(path: str, options: argparse.Namespace) -> Measurement:
         progress=True,
     )
     with located(f"{path}: --begin, --end"):
-        return record.cut(options.begin, options.end)
+        record = record.cut(options.begin, options.end)
+    if options.decimate is None:
+        return record
+    if options.release_time is not None:
+        raise InputError("the record begins after the release with --decimate; give --begin", "--release-time")
+    released = record.cut(record.time[find_release(record.time, record.values).index])
+    with located(f"{path}: --decimate"):
+        return released.decimated(options.decimate)
 
 
 def column(text: str) -> str | int:
@@ -76,6 +107,17 @@ def releases(options: argparse.Namespace, count: int) -> list[float | None]:
 
 def check_no_record_options(options: argparse.Namespace, instead: str) -> None:
     """Refuse the options of a record where there is none, and say what to do ``instead``."""
-    for name in ("column", "time", "unit", "time_unit", "sample_rate", "sensor", "begin", "end", "release_time"):
+    for name in (
+        "column",
+        "time",
+        "unit",
+        "time_unit",
+        "sample_rate",
+        "sensor",
+        "begin",
+        "end",
+        "decimate",
+        "release_time",
+    ):
         if getattr(options, name) is not None:
             raise InputError(f"belongs to the file of a record; {instead}", f"--{name.replace('_', '-')}")

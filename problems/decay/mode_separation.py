@@ -137,7 +137,7 @@ def fit_modes(
     limit = min(MOST_DECAY_MODES, most) if modes is None else whole(modes, "modes", 1, most)
     release = None if release_time is None else number(release_time, "release_time")
     found, ended = search_modes(record, limit, flag(offset, "offset"), release)
-    notes = [*found.notes, *([] if modes is None or not ended else [ended])]
+    notes = [*record.warnings, *found.notes, *([] if modes is None or not ended else [ended])]
     settings: dict[str, Any] = {"modes": modes, "offset": offset, "release_time": release_time}
     joint, fits = _at_once(found, notes, settings)
     again = partial(fit_modes, **settings)
@@ -208,7 +208,9 @@ def isolate_mode(record: Measurement, band: tuple[float, float], *, release_time
         for other in others
         if decay_rate(mode) + decay_rate(other) > 0.3 * 2 * math.pi * abs(mode.frequency - other.frequency)
     ]
-    return IsolatedMode(mode, others, Measurement(mode.time, values, record.name, record.sensor), tuple(close))
+    return IsolatedMode(
+        mode, others, Measurement(mode.time, values, record.name, record.sensor, record.warnings), tuple(close)
+    )
 
 
 def _at_once(

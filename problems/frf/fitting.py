@@ -99,7 +99,9 @@ def fit_frf(
     notes = tuple(merged) if wanted is None or found == wanted else (f"the record supports {found} of {wanted} modes",)
     order = np.argsort(best.frequencies)
     settled = replace(best, frequencies=best.frequencies[order], ratios=best.ratios[order])
-    fit = refined(record, settled, notes, partial(fit_frf, modes=modes, frequencies=frequencies, band=band))
+    fit = refined(
+        record, settled, (*record.notes, *notes), partial(fit_frf, modes=modes, frequencies=frequencies, band=band)
+    )
     if not ((fit.frequencies >= lines[0]) & (fit.frequencies <= lines[-1])).all():
         raise FitError(f"a mode left the band; {FRF_ADVICE}")
     return fit

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import get_args
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.response.linear_frf import FRF_UNITS, FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import array, choice, complex_array, instances, numbers
+from ancf_casadi.support.inputs import array, choice, complex_array, instances, located, numbers
 from ancf_casadi.support.tables import Displayed, counted, spread
+from problems.frf.reading import read_frf
 
 LEAST_LINES = 8
 
@@ -35,6 +37,8 @@ class FrfRecord(Displayed):
         Standard deviations of the complex values, in the shape of the values, positive; they give the weights.
     points : sequence of float, optional
         Arc lengths of the outputs from the clamp, m.
+    notes : tuple of str
+        Decisions of the reader of a file, which a fit repeats.
 
     Raises
     ------
@@ -58,6 +62,7 @@ class FrfRecord(Displayed):
     coherence: Array | None = None
     std: Array | None = None
     points: Sequence[float] | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Validate, and keep arrays."""
@@ -105,6 +110,61 @@ class FrfRecord(Displayed):
             object.__setattr__(self, name, found)
 
     @classmethod
+    def from_file(
+        cls,
+        path: str | Path,
+        kind: FrfKind | None = None,
+        *,
+        column: str | int | None = None,
+        frequency: str | int | None = None,
+        phase: str | int | None = None,
+        unit: str | None = None,
+        phase_unit: str | None = None,
+        points: Sequence[float] | None = None,
+        progress: bool = False,
+    ) -> FrfRecord:
+        """Read functions from a universal file (data set 58), or a MATLAB, HDF5, NPZ or text file.
+
+        Parameters
+        ----------
+        path : str or Path
+            File with complex values, real and imaginary parts, or amplitudes and phases over frequency.
+        kind : str, optional
+            Kind of the functions, if their unit does not tell it.
+        column, frequency, phase : str or int, optional
+            Names or numbers (from 1) of the columns with the amplitudes or real parts of one function, with the
+            frequencies and with the phases, if their names do not tell them; all functions without ``column``.
+        unit, phase_unit : str, optional
+            Unit of the values, such as ``mm/N``, and of the phases, in place of those in the file.
+        points : sequence of float, optional
+            Arc lengths of the outputs from the clamp, m.
+        progress : bool
+            Whether to show a progress bar on a terminal if reading takes more than a second.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read, columns, units or kind are not clear, or as in ``FrfRecord``.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from problems import FrfRecord
+        >>> f = np.linspace(1.0, 3.0, 201)
+        >>> h = 1.0 / (2.0**2 - f**2 + 0.04j * f)  # mm/N
+        >>> table = np.column_stack([f, np.abs(h), np.degrees(np.angle(h))])
+        >>> np.savetxt("tip.csv", table, delimiter=",", header="f (Hz),tip (mm/N),phase (deg)", comments="")
+        >>> FrfRecord.from_file("tip.csv")
+        FrfRecord(receptance, 1 output, 1 input, 201 frequencies, 1 to 3 Hz)
+        """
+        given = read_frf(
+            path, kind, column=column, frequency=frequency, phase=phase, unit=unit, phase_unit=phase_unit,
+            progress=progress,
+        )  # fmt: skip
+        with located(str(path)):
+            return cls(**given, points=points)
+
+    @classmethod
     def mean_of(cls, records: Sequence[FrfRecord]) -> FrfRecord:
         """Return the mean of repeated measurements, with standard deviations from their scatter.
 
@@ -140,7 +200,14 @@ class FrfRecord(Displayed):
         smooth = np.apply_along_axis(moving_mean, 2, variance, 12)
         if not (smooth > 0.0).all():
             raise InputError("are equal, so their scatter is zero; give one of them", "records")
-        return cls(first.frequencies, values.mean(axis=0), first.kind, std=np.sqrt(smooth), points=first.points)
+        return cls(
+            first.frequencies,
+            values.mean(axis=0),
+            first.kind,
+            std=np.sqrt(smooth),
+            points=first.points,
+            notes=first.notes,
+        )
 
     @property
     def unit(self) -> str:
@@ -173,11 +240,11 @@ class FrfRecord(Displayed):
         inside = (self.frequencies >= low) & (self.frequencies <= high)
         if np.count_nonzero(inside) < LEAST_LINES:
             raise InputError(f"has fewer than {LEAST_LINES} frequencies of the record", "band")
-        quality = {
+        quality: dict[str, Any] = {
             name: None if getattr(self, name) is None else getattr(self, name)[:, :, inside]
             for name in ("coherence", "std")
         }
-        return FrfRecord(self.frequencies[inside], self.values[:, :, inside], self.kind, **quality, points=self.points)
+        return replace(self, frequencies=self.frequencies[inside], values=self.values[:, :, inside], **quality)
 
     def names(self) -> list[str]:
         """Return a name of each function, output after output."""

@@ -1,15 +1,16 @@
 """The tables of a fit of a beam: its measurements, one table each, and [fit] with the unknowns.
 
-[[records]] are motions in files, [[curves]] response curves, [[statics]] static tests and [[frequencies]] natural
-frequencies, all three as numbers.
+[[records]] are motions in files, [[curves]] response curves in files or as numbers, [[statics]] static tests and
+[[frequencies]] natural frequencies, both as numbers.
 """
 
 from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from inspect import signature
 from typing import Any
 
@@ -51,12 +52,16 @@ RECORD_KEYS = """\
                 base, load, release, start: if they differ from the tables
   [[predictions]]
                 records to predict with the estimates; the same keys
-  [[curves]]    steady vibration: frequencies (Hz), values (amplitudes),
-                phases (rad), base = {amplitude (m), direction} or load =
-                {force (N), moment (N m)} at level 1, levels, sweep ("up" or
-                "down"), control ("excitation" or "response"), amplitude_std,
-                phase_std, level_std; sensor ("displacement" if not given),
-                point, direction, ...: as above
+  [[curves]]    steady vibration: file, and if its names do not tell them the
+                columns frequency, column (amplitude), phase, level, and unit,
+                phase_unit, level_unit; or frequencies (Hz), values
+                (amplitudes), phases (rad), levels; base = {amplitude (m),
+                direction} or load = {force (N), moment (N m)} at level 1 (if
+                not given: [base] or [load]; else levels in N are a force in x
+                at the tip, and those in m or m/s^2 motions of the base in x);
+                sweep ("up" or "down"), control ("excitation" or "response"),
+                amplitude_std, phase_std, level_std; sensor ("displacement" if
+                neither it nor a unit is given), point, direction, ...: as above
   [[statics]]   beam at rest under loads: loads = [{mass = 1e-3}, ...], one
                 table for each case or a list of tables: mass (kg), or force
                 (N) and moment (N m), and point (m); values of the cases, std,
@@ -78,7 +83,10 @@ RECORD_KEYS = """\
 """
 RECORDS_HELP = DAMPED_HELP + MOTION_KEYS + RECORD_KEYS
 SENSOR = {"point", "direction", "frame", "gravity", "distance"}
-NUMBERS = ("frequencies", "statics", "curves")  # tables with the measured numbers
+NUMBERS = ("frequencies", "statics", "curves")  # tables of values, each made on its own
+CURVE_NUMBERS = {"frequencies", "values", "phases", "levels"}
+CURVE_MADE = {"sensor", "model", "notes"}  # of other keys
+CURVE_READING = {"file", "column", "frequency", "level", "phase", "unit", "level_unit", "phase_unit"}
 UNKNOWN_KEYS = {"std", "offset", "zero"}
 CONFIGURATION = {"length", "axis", "tip_mass", "clamp_stiffness"}
 CHANNEL = {"file", "column", "unit", "sensor", "begin", "end", *SENSOR, *READING, *UNKNOWN_KEYS}
@@ -116,9 +124,10 @@ def read_measurements(given: str | StudyFile) -> Measurements:
         [_record(file, table, source.model, file.where(name)) for table in file.several(name)]
         for name in ("records", "predictions")
     )
-    others: list[Any] = [
+    readers: tuple[Callable[[Any, Model, str], Any], ...] = (_frequencies, _static, partial(_curve, file))
+    others = [
         reader(table, source.model, file.where(name))
-        for name, reader in zip(NUMBERS, (_frequencies, _static, _curve), strict=True)
+        for name, reader in zip(NUMBERS, readers, strict=True)
         for table in file.several(name)
     ]
     settings = {key: fit[key] for key in FIT & fit.keys()}
@@ -177,24 +186,39 @@ def _loads(case: Any, where: str) -> list[PointLoad]:
     ]
 
 
-def _curve(given: Any, model: Model, where: str) -> ResponseRecord:
-    arguments = {name for name in signature(ResponseRecord).parameters if name not in ("sensor", "model")}
-    check_keys(given, {"frequencies", "values"}, {*arguments, "sensor", *SENSOR, *CONFIGURATION}, where)
+def _curve(file: StudyFile, given: Any, model: Model, where: str) -> ResponseRecord:
+    read = isinstance(given, dict) and "file" in given
+    required = {"file"} if read else {"frequencies", "values"}
+    arguments = {name for name in signature(ResponseRecord).parameters} - CURVE_NUMBERS - CURVE_MADE
+    arguments |= CURVE_READING if read else CURVE_NUMBERS
+    check_keys(given, required, {*arguments, "sensor", *SENSOR, *CONFIGURATION}, where)
     own = {key: given[key] for key in arguments & given.keys()}
     own_model = _configuration(given, model, where)
-    for name, kind, keys in (
+    own |= _excitation(file, given, where) | {"model": None if own_model is model else own_model}
+    if not read:
+        return made(own, ResponseRecord, where, sensor=_sensor(given, "displacement", where))
+    path = file.beside(own.pop("file"), f"{where}: file")
+    if "sensor" in given or SENSOR & given.keys():
+        own["sensor"] = _sensor(given, "displacement", where)
+    with located(where):
+        return ResponseRecord.from_file(path, progress=True, **own)
+
+
+def _excitation(file: StudyFile, given: Mapping[str, Any], where: str) -> dict[str, HarmonicBase | HarmonicLoad]:
+    """Return base or load of a curve, at level 1: those of its table, or else of the file."""
+    kinds: tuple[tuple[str, Callable[..., HarmonicBase | HarmonicLoad], set[str]], ...] = (
         ("base", HarmonicBase, {"amplitude", "direction"}),
         ("load", HarmonicLoad, {"force", "moment"}),
-    ):
-        if name in own:  # whose frequency has no effect
-            own[name] = made(own[name], kind, f"{where}: {name}", keys, frequency=1.0)
-    return made(
-        own,
-        ResponseRecord,
-        where,
-        sensor=_sensor(given, "displacement", where),
-        model=None if own_model is model else own_model,
     )
+    found: dict[str, HarmonicBase | HarmonicLoad] = {}
+    for name, kind, keys in kinds:
+        table, place = given.get(name), f"{where}: {name}"
+        if table is None and not {"base", "load"} & given.keys() and name in file.tables:
+            table, place = file.tables[name], file.where(name)
+            table = {key: table[key] for key in keys & set(table)} if isinstance(table, dict) else table
+        if table is not None:  # its frequency has no effect
+            found[name] = made(table, kind, place, keys, frequency=1.0)
+    return found
 
 
 def _laws(given: Any, terms: Sequence[DampingLaw], law: DampingLaw | None) -> tuple[DampingLaw, ...]:

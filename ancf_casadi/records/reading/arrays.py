@@ -1,8 +1,9 @@
 """MATLAB, HDF5 and NumPy files: named arrays of numbers, each of which gives one or more columns.
 
-MATLAB files of version 4 to 7 are read by SciPy, version 7.3 and other HDF5 files by h5py.  Structures, cells, objects
-and links to other files are left out, and pickled objects of NumPy are refused.  Each NumPy array is checked before it
-is read: its header must declare the size that the archive has for it.
+MATLAB files of version 4 to 7 are read by SciPy, version 7.3 and other HDF5 files by h5py.  The fields of structs are
+named by their path, attributes of HDF5 give units and sampling rates, and complex arrays give columns ``real`` and
+``imag``.  Cells, objects and links to other files are left out, and pickled objects of NumPy are refused.  Each NumPy
+array is checked before it is read: its header must declare the size that the archive has for it.
 """
 
 from __future__ import annotations
@@ -10,8 +11,10 @@ from __future__ import annotations
 import io
 import math
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, BinaryIO, cast
 
 import numpy as np
@@ -21,18 +24,23 @@ from numpy.typing import NDArray
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents, RecordedChannel
 from ancf_casadi.records.reading.libraries import read_isolated, readable
-from ancf_casadi.records.reading.worker import check_unpacked
-from ancf_casadi.records.units import parse_unit, unit_in_name
+from ancf_casadi.records.reading.worker import check_unpacked, real_parts
+from ancf_casadi.records.time_axis import is_time
+from ancf_casadi.records.units import parse_unit, unit_of
 
 MOST_CHANNELS = 10_000
 
 
 @np.errstate(all="ignore")  # extended precision may hold larger numbers
-def array_contents(arrays: Iterable[tuple[str, NDArray[Any]]], notes: Iterable[str] = ()) -> Contents:
+def array_contents(
+    arrays: Iterable[tuple[str, NDArray[Any]]],
+    notes: Iterable[str] = (),
+    units: Mapping[str, str] = MappingProxyType({}),
+) -> Contents:
     """Return the columns of named arrays: vectors, and matrices along their longer side; notes name the others."""
     channels: list[RecordedChannel] = []
     remarks = list(notes)
-    for name, array in arrays:
+    for name, array in real_parts(arrays):
         values = np.squeeze(array)
         stamps = values.dtype.kind == "M"
         if stamps:
@@ -54,7 +62,7 @@ def array_contents(arrays: Iterable[tuple[str, NDArray[Any]]], notes: Iterable[s
         if len(channels) + columns.shape[1] > MOST_CHANNELS:
             remarks.append(f"{name!r} has too many columns, and is left out")
             continue
-        symbol, unit = ("s", parse_unit("s")) if stamps else unit_in_name(name)
+        symbol, unit = ("s", parse_unit("s")) if stamps else unit_of(units.get(name, ""), name)
         for k, column in enumerate(columns.T, 1):
             own = name if columns.shape[1] == 1 else f"{name}[{k}]"
             channels.append(RecordedChannel(len(channels) + 1, own, np.array(column, dtype=float), symbol, unit))
@@ -77,7 +85,18 @@ def read_hdf5(path: Path) -> Contents:
     arrays, properties = read_isolated("hdf5", "h5py", path, "HDF5")
     if not arrays:
         raise InputError("has no data sets of numbers", str(path))
-    return array_contents(arrays.items(), properties["notes"])
+    found = array_contents(arrays.items(), properties["notes"], properties["units"])
+    given = properties["rates"]  # of the whole array, of which the channel may be one column
+    names = [channel.name for channel in found.channels]
+    rates = {name: given.get(name) or given.get(name.rpartition("[")[0]) for name in names}
+    if not any(rates.values()) or any(map(is_time, found.channels)):
+        return found
+    timed = [
+        replace(channel, time=np.arange(len(channel.values)) / rate) if (rate := rates[channel.name]) else channel
+        for channel in found.channels
+    ]
+    told = ", ".join(f"{rate:g}" for rate in dict.fromkeys(rates.values()) if rate)
+    return Contents(tuple(timed), (*found.notes, f"times from the sampling rate in an attribute, {told} 1/s"))
 
 
 def read_npz(path: Path) -> Contents:

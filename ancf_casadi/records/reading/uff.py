@@ -1,12 +1,13 @@
-"""Universal files, data set 58 (functions of time), through pyuff.
+"""Universal files, data set 58 (functions of time, and of frequency), through pyuff.
 
 The units are those of the labels; without labels, data set 164 gives the factors to SI units, and without it the values
-are in SI units.
+are in SI units.  Frequency response functions (function type 4) and coherences (6) share one column of frequencies,
+that of the first of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +18,19 @@ from ancf_casadi.records.channel import Contents, RecordedChannel
 from ancf_casadi.records.reading.libraries import library, readable
 from ancf_casadi.records.units import Unit, parse_unit
 
-DATA_TYPES = {8: ("length", "m"), 9: ("force", "N"), 11: ("velocity", "m/s"), 12: ("acceleration", "m/s^2")}
+DATA_TYPES = {
+    8: ("length", "m"), 9: ("force", "N"), 11: ("velocity", "m/s"), 12: ("acceleration", "m/s^2"), 13: ("force", "N"),
+}  # fmt: skip
+OVER_TIME, FREQUENCY_RESPONSE, COHERENCE = 1, 4, 6  # function types
+DIRECTIONS = dict(zip(range(-6, 7), "-RZ -RY -RX -Z -Y -X . X Y Z RX RY RZ".split(), strict=True))
 
 
 def read_uff(path: Path) -> Contents:
-    """Read the time responses of a universal file."""
+    """Read the time responses and the frequency response functions of a universal file."""
     pyuff = library("pyuff", "UFF")
     notes: list[str] = []
     channels: list[RecordedChannel] = []
+    spectra: list[Mapping[str, Any]] = []
     with readable(str(path), "UFF"):
         file = pyuff.UFF(str(path))
         types = [int(kind) for kind in file.get_set_types()]
@@ -34,13 +40,44 @@ def read_uff(path: Path) -> Contents:
             length, force = 1 / float(units["length"]), 1 / float(units["force"])
         for number in [k for k, kind in enumerate(types) if kind == 58][:10_000]:
             function = file.read_sets(number)
-            if int(function["func_type"]) != 1 or np.iscomplexobj(function["data"]):  # function type
-                notes.append(f"data set {number + 1} is no response over time, and is left out")
+            kind = int(function["func_type"])
+            if kind == OVER_TIME and not np.iscomplexobj(function["data"]):
+                channels.append(_channel(len(channels) + 1, function, length, force, str(path)))
+            elif kind in (FREQUENCY_RESPONSE, COHERENCE):
+                spectra.append(function)
+            else:
+                notes.append(f"data set {number + 1} is no response over time or frequency, and is left out")
+        if spectra:
+            axis = np.array(spectra[0]["x"], dtype=float)
+            channels.append(RecordedChannel(len(channels) + 1, "frequency", axis, "Hz", parse_unit("Hz")))
+        for function in spectra:
+            if not np.array_equal(function["x"], axis):
+                notes.append(f"{_name(function)!r} has other frequencies than the first function, and is left out")
                 continue
-            channels.append(_channel(len(channels) + 1, function, length, force, str(path)))
+            channels += _spectral(len(channels) + 1, function, length, force)
     if not channels:
-        raise InputError("has no time responses (data set 58, function type 1)", str(path))
+        raise InputError("has no responses over time or frequency (data set 58, function types 1 and 4)", str(path))
     return Contents(tuple(channels), tuple(notes))
+
+
+def _spectral(number: int, function: Mapping[str, Any], length: float, force: float) -> Iterator[RecordedChannel]:
+    """Yield the columns of a function over frequency: real and imaginary part, or a coherence."""
+    name, values = _name(function), np.asarray(function["data"])
+    reference = f"{function.get('ref_node', 0)} {DIRECTIONS.get(int(function.get('ref_dir', 0)), '?')}"
+    if len(values) != function["num_pts"]:
+        raise InputError(f"{name!r} has {len(values)} of {function['num_pts']} values; it is damaged")
+    if int(function["func_type"]) == COHERENCE:
+        yield RecordedChannel(number, f"{name} coherence", values.real.astype(float), reference=reference)
+        return
+    above, below = (_unit(function, axis, length, force)[0] for axis in ("ordinate", "orddenom"))
+    symbol = f"({above})/({below})" if below else above
+    for k, (part, column) in enumerate((("real", values.real), ("imag", values.imag))):
+        yield RecordedChannel(number + k, f"{name} {part}", column.astype(float), symbol, reference=reference)
+
+
+def _name(function: Mapping[str, Any]) -> str:
+    """Return node and direction of the response of a function over frequency."""
+    return f"node {function.get('rsp_node', 0)} {DIRECTIONS.get(int(function.get('rsp_dir', 0)), '?')}"
 
 
 def _channel(number: int, function: Mapping[str, Any], length: float, force: float, path: str) -> RecordedChannel:
@@ -52,14 +89,19 @@ def _channel(number: int, function: Mapping[str, Any], length: float, force: flo
         raise InputError(
             f"has {len(values)} of {function['num_pts']} values; it is damaged", f"{path}: function {number}"
         )
-    written = str(function.get("ordinate_axis_units_lab", "")).strip()
-    symbol, unit = "", None
-    kind = int(function.get("ordinate_spec_data_type", 0))
-    if written not in ("", "NONE"):
-        symbol, unit = written, parse_unit(written)
-    elif kind in DATA_TYPES:
-        quantity, plain = DATA_TYPES[kind]
-        factor = force if quantity == "force" else length
-        symbol = plain if factor == 1.0 else f"{factor:g} {plain}"
-        unit = Unit(symbol, quantity, factor)
+    symbol, unit = _unit(function, "ordinate", length, force)
     return RecordedChannel(number, name, values, symbol, unit, np.array(function["x"], dtype=float))
+
+
+def _unit(function: Mapping[str, Any], axis: str, length: float, force: float) -> tuple[str, Unit | None]:
+    """Return the unit of the values, or of their denominator: as its label says it, or the kind of data and factors."""
+    written = str(function.get(f"{axis}_axis_units_lab", "")).strip()
+    if written not in ("", "NONE"):
+        return written, parse_unit(written)
+    kind = int(function.get(f"{axis}_spec_data_type", 0))
+    if kind not in DATA_TYPES:
+        return "", None
+    quantity, plain = DATA_TYPES[kind]
+    factor = force if quantity == "force" else length
+    symbol = plain if factor == 1.0 else f"{factor:g} {plain}"
+    return symbol, Unit(symbol, quantity, factor)

@@ -12,8 +12,9 @@ import importlib
 import json
 import math
 import os
+import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,8 @@ from numpy.typing import NDArray
 MOST_DATA_BYTES = 2**30  # bytes that the data of a file may take
 MOST_ITEMS = 10_000
 NUMERIC = {"double", "single", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}
+UNIT_ATTRIBUTE = re.compile(r"units?|unit_string|y[ _]?units?", re.IGNORECASE)
+RATE_ATTRIBUTE = re.compile(r"(?:sampl(?:e|ing)[ _]?)(?:rate|freq|frequency)(?:[ _]?\(?hz\)?)?|fs", re.IGNORECASE)
 Found = tuple[list[tuple[str, NDArray[Any]]], dict[str, Any]]  # named arrays, and properties
 
 
@@ -37,51 +40,114 @@ def check_unpacked(size: int, packed: int) -> None:
         raise Unusable(f"unpacks to more than {MOST_DATA_BYTES >> 20} MB; shorten the record")
 
 
+def real_parts(arrays: Iterable[tuple[str, NDArray[Any]]]) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield the arrays, with real and imaginary part of complex ones as two."""
+    for name, array in arrays:
+        fields = array.dtype.names
+        if array.dtype.kind == "c":
+            yield from ((f"{name} real", array.real), (f"{name} imag", array.imag))
+        elif fields in (("real", "imag"), ("r", "i")):  # complex numbers of HDF5
+            yield from zip((f"{name} real", f"{name} imag"), (array[field] for field in fields), strict=True)
+        else:
+            yield name, array
+
+
 def matlab(path: str) -> Found:
-    """Return the numeric variables of a MATLAB file of version 4 to 7."""
+    """Return the numeric variables of a MATLAB file of version 4 to 7, and the numeric fields of its structs."""
     from scipy.io import loadmat, whosmat
 
     wanted: list[str] = []
     notes: list[str] = []
     size = 0
     for name, shape, kind in whosmat(path, appendmat=False):
-        if kind in NUMERIC and len(wanted) < MOST_ITEMS:
+        if kind in NUMERIC | {"struct"} and len(wanted) < MOST_ITEMS:
             wanted.append(name)
-            size += math.prod(int(n) for n in shape) * np.dtype(kind).itemsize
+            size += math.prod(int(n) for n in shape) * (8 if kind == "struct" else np.dtype(kind).itemsize)
         else:
-            notes.append(f"{name!r} is a {kind}, and is left out; save its fields as variables")
+            notes.append(f"{name!r} is a {kind}, and is left out; save its content as variables")
     check_unpacked(size, os.path.getsize(path))
     found = loadmat(path, variable_names=wanted, appendmat=False) if wanted else {}
-    return [(name, found[name]) for name in wanted if name in found], {"notes": notes}
+    arrays = [one for name in wanted if name in found for one in fields_of(name, found[name])][:MOST_ITEMS]
+    check_unpacked(sum(array.nbytes for _, array in arrays), os.path.getsize(path))
+    return arrays, {"notes": notes}
+
+
+def fields_of(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield the numeric arrays in a struct or struct array of MATLAB, each with its path, such as ``run[2].tip``."""
+    if not isinstance(value, np.ndarray):
+        return
+    if value.dtype.names is None:
+        if value.dtype.kind in "fiuc":
+            yield name, value
+        return
+    for k, one in enumerate(value.ravel(), start=1):
+        own = name if value.size == 1 else f"{name}[{k}]"
+        for field in value.dtype.names:
+            yield from fields_of(f"{own}.{field}", one[field])
 
 
 def hdf5(path: str) -> Found:
-    """Return the numeric data sets of a MATLAB file of version 7.3, or of any HDF5 file."""
+    """Return the numeric data sets of a MATLAB file of version 7.3, or of any HDF5 file, with units and rates."""
     h5py = importlib.import_module("h5py")
 
     arrays: list[tuple[str, NDArray[Any]]] = []
     notes: list[str] = []
+    units: dict[str, str] = {}
+    rates: dict[str, float] = {}
     with h5py.File(path, "r") as file:
-        found: list[Any] = []
+        found: list[tuple[str, Any]] = []
 
         def visit(_: str, item: Any) -> bool | None:
-            if isinstance(item, h5py.Dataset):
-                found.append(item)
+            if isinstance(item, h5py.Dataset) and not item.name.startswith("/#refs#"):
+                found.extend(_elements(file, item, h5py))
             return True if len(found) >= MOST_ITEMS else None
 
         file.visititems(visit)
         total = 0
-        for item in found:
-            name = item.name.strip("/")
-            if name.startswith("#refs#") or item.attrs.get("MATLAB_class", b"") == b"char":
+        for name, item in found[:MOST_ITEMS]:
+            if item.attrs.get("MATLAB_class", b"") == b"char":
                 continue
-            if item.dtype.kind not in "fiu" or item.shape is None or item.external or item.is_virtual:
+            pair = item.dtype.names in (("real", "imag"), ("r", "i")) or item.dtype.kind == "c"
+            if (item.dtype.kind not in "fiu" and not pair) or item.shape is None or item.external or item.is_virtual:
                 notes.append(f"{name!r} has no numbers of its own, and is left out")
                 continue
             total += item.size * item.dtype.itemsize
             check_unpacked(total, os.path.getsize(path))
-            arrays.append((name.replace("/", "."), item[()]))
-    return arrays, {"notes": notes}
+            arrays.append((name, item[()]))
+            if unit := _attribute(item, UNIT_ATTRIBUTE, str):
+                units[name] = unit
+            for owner in (item, item.parent, file):
+                if rate := _attribute(owner, RATE_ATTRIBUTE, float):
+                    rates.setdefault(name, rate)
+    return arrays, {"notes": notes, "units": units, "rates": rates}
+
+
+def _elements(file: Any, item: Any, h5py: Any) -> list[tuple[str, Any]]:
+    """Return a data set with its path; of a field of a struct array of MATLAB, those that it refers to."""
+    name = item.name.strip("/").replace("/", ".")
+    inside, _, field = name.rpartition(".")
+    if h5py.check_ref_dtype(item.dtype) is None or not inside or item.attrs.get("MATLAB_class", b"") == b"cell":
+        return [(name, item)]
+    if item.size > MOST_ITEMS or item.external or item.is_virtual:
+        return [(name, item)]
+    targets = [file[reference] for reference in np.ravel(item[()]) if reference]
+    return [(f"{inside}[{k}].{field}", one) for k, one in enumerate(targets, 1) if isinstance(one, h5py.Dataset)]
+
+
+def _attribute(item: Any, names: re.Pattern[str], kind: type[Any]) -> Any:
+    """Return the text or positive number of an attribute; None if there is none."""
+    for name in item.attrs:
+        if not names.fullmatch(name):
+            continue
+        value = np.ravel(item.attrs[name])
+        if len(value) != 1:
+            continue
+        if kind is float and value.dtype.kind in "fiu" and 0.0 < float(value[0]) < math.inf:
+            return float(value[0])
+        one = value[0].decode("utf-8", "replace") if isinstance(value[0], bytes) else value[0]
+        if kind is str and isinstance(one, str):
+            return one.strip()
+    return None
 
 
 def c3d(path: str) -> Found:
@@ -122,7 +188,7 @@ def main(arguments: Sequence[str]) -> int:
     limit(path)
     try:
         arrays, properties = READERS[kind](path)
-        arrays = [(name, array) for name, array in arrays if array.dtype.kind in "fiu"]
+        arrays = [(name, array) for name, array in real_parts(arrays) if array.dtype.kind in "fiu"]
     except Unusable as error:
         print(json.dumps({"refused": str(error)}))
         return 1

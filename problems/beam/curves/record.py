@@ -24,8 +24,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from types import NoneType
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,16 +35,24 @@ from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.records.response_file import ResponsePoints, read_response
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.response.harmonic_balance.drive import beam_drive
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import array, check_instance, choice, complex_array
+from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, located
 from ancf_casadi.support.tables import Displayed, counted, spread
 
 TIP_DISPLACEMENT = Sensor("displacement")
 
 Sweep = Literal["up", "down"]
 Control = Literal["excitation", "response"]
+
+RATES = {
+    "length": 0,
+    "velocity": 1,
+    "acceleration": 2,
+}  # time derivatives of the base motion, by quantity of the levels
+EXCITED_BY = {"m": tuple(RATES), "N": ("force",), "N m": ("moment",)}  # quantities of levels, by unit of the excitation
 
 CURVE_ERROR = 0.01  # default standard deviation, relative; in rad for a phase
 AMPLITUDE_FLOOR = 1e-3  # default standard deviation of an amplitude, relative to the largest of the record
@@ -82,6 +91,8 @@ class ResponseRecord(Displayed):
         Name in reports.
     model : Model, optional
         The beam in the configuration of the test; that of the fit if not given.
+    notes : tuple of str
+        Decisions of the reader of a file, which a fit repeats.
 
     Raises
     ------
@@ -114,6 +125,7 @@ class ResponseRecord(Displayed):
     level_std: ArrayLike | None = None
     name: str = ""
     model: Model | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Validate, and keep arrays; complex values become amplitudes and phases."""
@@ -128,6 +140,74 @@ class ResponseRecord(Displayed):
             choice(self.sweep, get_args(Sweep), "sweep")
         self._keep_points()
         self._check_order()
+
+    @classmethod
+    def from_file(
+        cls,
+        path: str | Path,
+        column: str | int | None = None,
+        *,
+        frequency: str | int | None = None,
+        level: str | int | None = None,
+        phase: str | int | None = None,
+        unit: str | None = None,
+        level_unit: str | None = None,
+        phase_unit: str | None = None,
+        sensor: Sensor | None = None,
+        base: HarmonicBase | None = None,
+        load: HarmonicLoad | None = None,
+        progress: bool = False,
+        **settings: Any,
+    ) -> ResponseRecord:
+        """Read a response curve from a file.
+
+        Parameters
+        ----------
+        path, column, frequency, level, phase, unit, level_unit, phase_unit, sensor, progress
+            See ``read_response``.
+        base, load : HarmonicBase, HarmonicLoad, optional
+            The excitation, as in ``ResponseRecord``: its size holds where the file has no levels, and is the unit of
+            levels without a unit.  Without either, levels in units of motion are those of a base that moves in x, and
+            levels in N those of a horizontal force at the tip.
+        **settings
+            Other arguments of ``ResponseRecord``: ``sweep``, ``control``, ``model``, ``name``, standard deviations.
+
+        Raises
+        ------
+        InputError
+            As in ``read_response`` and ``ResponseRecord``; or if the excitation is not clear.
+
+        Examples
+        --------
+        >>> from pathlib import Path
+        >>> from problems import ResponseRecord
+        >>> _ = Path("sweep.csv").write_text('''f (Hz),base (mm),tip (mm),phase (deg)
+        ... 1.8,1.0,11.0,-12
+        ... 1.9,1.1,52.0,-91
+        ... ''')
+        >>> record = ResponseRecord.from_file("sweep.csv", sweep="up")
+        >>> record.base.amplitude * record.a
+        array([0.001 , 0.0011])
+        """
+        points = read_response(
+            path, column, frequency=frequency, level=level, phase=phase, unit=unit, level_unit=level_unit,
+            phase_unit=phase_unit, sensor=sensor, progress=progress,
+        )  # fmt: skip
+        with located(str(path)):
+            if points.sensor is None:
+                raise InputError(
+                    f"the reading is in {points.unit}, which no sensor of a beam has; give its scale", "unit"
+                )
+            base, load, levels = _excitation(points, base, load)
+            given: dict[str, Any] = {
+                "name": points.name,
+                "sensor": points.sensor,
+                "base": base,
+                "load": load,
+                "levels": levels,
+            }
+            values = points.frequencies, points.amplitudes, points.phases
+            return cls(*values, notes=points.notes, **(given | settings))
 
     def _keep_points(self) -> None:
         """Keep frequencies, amplitudes, phases, levels and standard deviations as arrays."""
@@ -216,6 +296,31 @@ class ResponseRecord(Displayed):
         name = f"{self.name!r}, " if self.name else ""
         points, range_ = counted(np.size(self.frequencies), "point"), spread(self.frequencies, "Hz")
         return f"{name}{points}, {range_}, {self.sensor.quantity}"
+
+
+def _excitation(
+    points: ResponsePoints, base: HarmonicBase | None, load: HarmonicLoad | None
+) -> tuple[HarmonicBase | None, HarmonicLoad | None, Array | None]:
+    """Return base or load at level 1, and the levels, of the points of a file."""
+    quantity, levels, drive = points.level_quantity, points.levels, None
+    if base is not None or load is not None:
+        drive = beam_drive(base, load)
+    if drive is None and (levels is None or quantity not in (*RATES, "force")):
+        what = "has no levels of the excitation" if levels is None else "has levels that are no motion and no force"
+        raise InputError(f"{what}; give the base motion (base) or the tip load (load) that excites the beam")
+    if levels is None or not quantity:
+        return base, load, levels
+    if drive is not None and quantity not in EXCITED_BY[drive.unit]:
+        raise InputError(f"holds a {quantity}, but the excitation is in {drive.unit}", "level")
+    sizes = levels / (2 * np.pi * points.frequencies) ** RATES.get(quantity, 0)
+    if drive is None:
+        usual = float(np.median(sizes))
+        if not usual > 0.0:
+            raise InputError("must be positive", "level")
+        base = HarmonicBase(usual, 1.0) if quantity in RATES else None
+        load = HarmonicLoad((usual, 0.0), 1.0) if base is None else None
+        drive = beam_drive(base, load)
+    return base, load, sizes / drive.amplitude
 
 
 def _positive(values: ArrayLike, where: str) -> Array:

@@ -242,6 +242,11 @@ class MotionRecord(Displayed):
         return tuple(one for one in self.channels if isinstance(one, Channel))
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes of the readers of files, and faults of the channels."""
+        return tuple(dict.fromkeys(text for channel in self.own_channels for text in channel.measurement.warnings))
+
+    @property
     def own_base(self) -> BaseMotion:
         """Motion of the clamp; fixed if none was given."""
         return FixedBase() if self.base is None else self.base

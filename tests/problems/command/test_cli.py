@@ -35,11 +35,11 @@ from ancf_casadi import (
 from ancf_casadi.export import Document, fmu, load_functions, read_document, write_document
 from ancf_casadi.support.interrupts import ENDING
 from ancf_casadi.version import __version__
-from problems.cli import main
-from problems.command import fit_decay as fit_decay_command
+from problems.cli import COMMANDS, main
 from problems.command import match as match_command
 from problems.command import modes as modes_command
 from problems.command import simulate as simulate_command
+from problems.command.fits import fit_decay as fit_decay_command
 from problems.paper.numbers import PAPER_FILE
 from problems.paper.reproduce import ALL_KINDS
 from problems.schema import records
@@ -297,9 +297,6 @@ def test_version_and_help_import_none_of_the_large_packages(option):
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (run.returncode, run.stderr) == (0, "[]\n")
     assert "ancf-casadi" in run.stdout
-
-
-COMMANDS = "init fit-decay fit-modes fit compare-laws modes match simulate response export study reproduce".split()
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -170,3 +170,40 @@ def test_misuse_is_one_line(run, decay, tmp_path, options, what):
     (line,) = done.err.splitlines()
     assert what in line
     assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+
+
+class TestDecimate:
+    """The option gives the estimates of the same part of the record, whose release it does not smooth."""
+
+    @pytest.mark.parametrize("hold", [0.0, 1.0])
+    def test_the_estimates_are_the_same(self, run, tmp_path, hold):
+        time = np.arange(8000) / 500.0
+        free = np.maximum(time - hold, 0.0)
+        motion = (
+            10.0 * np.exp(-0.2 * free) * np.cos(25.0 * free) + np.random.default_rng(0).normal(size=time.size) * 1e-2
+        )
+        table = np.column_stack([time, motion])
+        np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t_s,x_mm", comments="")
+        data = json.loads(run("fit-decay", "a.csv", "--decimate", "5", "--json").out)
+        begin = data["release_time_s"]
+        assert begin == pytest.approx(hold + 13 * 5 / 500.0, abs=0.02)
+        same = json.loads(run("fit-decay", "a.csv", "--begin", f"{begin}", "--end", f"{time[-66]}", "--json").out)
+        assert data["samples"] < same["samples"] / 4
+        for one, other in zip(data["estimates"], same["estimates"], strict=True):
+            if one["name"] in ("frequency", "damping_ratio", "eta1"):
+                assert one["value"] == pytest.approx(other["value"], abs=0.1 * other["standard_error"])
+                assert one["standard_error"] == pytest.approx(other["standard_error"], rel=0.1)
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            (["--decimate", "0"], "must be a whole number above 0"),
+            (["--decimate", "1000"], "--decimate: factor: 2500 samples are too few"),
+            (["--decimate", "2", "--release-time", "1"], "--release-time: the record begins after the release"),
+        ],
+    )
+    def test_unusable_options_are_refused_in_one_line(self, run, decay, options, message):
+        decay("a.csv", (4.0, 0.01, 1e-3))
+        done = run("fit-decay", "a.csv", *options)
+        (line,) = done.err.strip().splitlines()
+        assert done.code == 2 and message in line

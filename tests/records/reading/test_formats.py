@@ -58,12 +58,12 @@ class TestUniversalFile:
         np.testing.assert_allclose(record.values, 1e-3 * MM, rtol=1e-6, atol=1e-9)
         assert record.sensor.quantity == "acceleration"
 
-    def test_frequency_responses_and_truncated_functions_are_refused(self, tmp_path):
+    def test_other_functions_and_truncated_ones_are_refused(self, tmp_path):
         import pyuff
 
         path = tmp_path / "record.uff"
-        pyuff.UFF(str(path)).write_sets(uff_function(func_type=4, ord_data_type=6, data=MM + 1j * MM), mode="overwrite")
-        with pytest.raises(InputError, match="has no time responses"):
+        pyuff.UFF(str(path)).write_sets(uff_function(func_type=2), mode="overwrite")
+        with pytest.raises(InputError, match="has no responses over time or frequency"):
             read_recording(path)
         pyuff.UFF(str(path)).write_sets(uff_function(), mode="overwrite")
         lines = path.read_text().splitlines(keepends=True)
@@ -90,11 +90,65 @@ class TestMatlab:
         np.testing.assert_allclose(Measurement.from_file(path, "data[2]", unit="mm").values, 1e-3 * MM)
         np.testing.assert_allclose(Measurement.from_file(path, 3).values, -MM)
 
-    def test_structures_are_left_out_and_never_executed(self, tmp_path):
+    def test_structs_and_struct_arrays_are_named_by_their_path(self, tmp_path):
         path = tmp_path / "record.mat"
-        savemat(path, {"run": {"t": TIME}, "cells": np.array([1, "a"], dtype=object)})
+        runs = np.zeros(2, dtype=[("t", object), ("tip_mm", object), ("remark", object)])
+        for k in range(2):
+            runs[k] = (TIME, (k + 1) * MM, "text")
+        savemat(path, {"test": {"time": TIME, "sensors": {"tip_mm": MM, "n": 3.0}}, "runs": runs})
+        recording = read_recording(path, time="test.time")
+        names = [channel.name for channel in recording.channels]
+        assert names == ["test.sensors.tip_mm", "runs[1].t", "runs[1].tip_mm", "runs[2].t", "runs[2].tip_mm"]
+        assert "'test.sensors.n' is a single number, 3" in " ".join(recording.notes)
+        record = Measurement.from_file(path, "runs[2].tip_mm", time="runs[2].t")
+        np.testing.assert_allclose(record.values, 2e-3 * MM)
+
+    def test_cells_are_left_out_and_never_executed(self, tmp_path):
+        path = tmp_path / "record.mat"
+        savemat(path, {"cells": np.array([1, "a"], dtype=object)})
         with pytest.raises(InputError, match="has no channels of numbers"):
             read_recording(path)
+
+    def test_struct_arrays_of_version_7_3_have_the_same_names(self, tmp_path):
+        import h5py
+
+        path = tmp_path / "record.mat"
+        with h5py.File(path, "w") as file:
+            group = file.create_group("runs")
+            group.attrs["MATLAB_class"] = np.bytes_("struct")
+            for name, values in (("t", [TIME, TIME]), ("tip_mm", [MM, 2 * MM])):
+                fields = [file.create_dataset(f"#refs#/{name}{k}", data=own[None]) for k, own in enumerate(values)]
+                references = group.create_dataset(name, (2, 1), dtype=h5py.ref_dtype)
+                references[:, 0] = [own.ref for own in fields]
+        record = Measurement.from_file(path, "runs[2].tip_mm", time="runs[2].t")
+        np.testing.assert_allclose(record.values, 2e-3 * MM)
+
+    @pytest.mark.parametrize("place", ["data set", "group", "file"])
+    def test_attributes_of_hdf5_give_unit_and_sampling_rate(self, tmp_path, place):
+        import h5py
+
+        path = tmp_path / "record.h5"
+        with h5py.File(path, "w") as file:
+            tip = file.create_dataset("run/tip", data=MM)
+            tip.attrs["Units"] = "mm"
+            {"data set": tip, "group": tip.parent, "file": file}[place].attrs["sampling_rate"] = np.array([RATE])
+        record = Measurement.from_file(path)
+        np.testing.assert_allclose(record.time, TIME)
+        np.testing.assert_allclose(record.values, 1e-3 * MM)
+        assert record.notes == ("record.h5: times from the sampling rate in an attribute, 100 1/s",)
+        with h5py.File(path, "a") as file:  # a column of times holds
+            file["run/time"] = 2 * TIME
+        np.testing.assert_allclose(Measurement.from_file(path).time, 2 * TIME)
+
+    @pytest.mark.parametrize("value", [-1.0, np.nan, "fast", [1.0, 2.0]])
+    def test_an_attribute_that_is_no_rate_counts_for_nothing(self, tmp_path, value):
+        import h5py
+
+        path = tmp_path / "record.h5"
+        with h5py.File(path, "w") as file:
+            file.create_dataset("tip_mm", data=MM).attrs["fs"] = value
+        with pytest.raises(InputError, match="give the sampling rate with --sample-rate"):
+            Measurement.from_file(path)
 
     def test_version_7_3(self, tmp_path):
         import h5py

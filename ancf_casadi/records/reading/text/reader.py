@@ -13,7 +13,6 @@ import csv
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -102,10 +101,11 @@ def read_text(path: Path, *, progress: bool = False) -> Contents:
     skipped = numbers[table.first] - 1
     body = first.split(b"\n", skipped)[skipped]
     reader = _Reader(table, str(path))
-    line = skipped + 1
-    for block in chain([body], blocks):
+    line, block = skipped + 1, body
+    for following in blocks:
         reader.read(block, line)
-        line += block.count(b"\n")
+        line, block = line + block.count(b"\n"), following
+    reader.read(reader.without_text(block, line), line)
     return without_unlikely(reader.contents(heading))
 
 
@@ -138,6 +138,7 @@ class _Reader:
     lines: list[Index] = field(default_factory=list)
     faults: dict[int, str] = field(default_factory=dict)
     first_stamps: dict[int, int] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
     def read(self, block: bytes, line: int) -> None:
         """Read a block of complete lines, the first of which has the number ``line``."""
@@ -147,6 +148,20 @@ class _Reader:
         elif len(values):
             self.blocks.append(values)
             self.lines.append(np.arange(line, line + len(values), dtype=np.int32))
+
+    def without_text(self, block: bytes, line: int) -> bytes:
+        """Return the last block without the words at its end, such as ``END``: lines that have no number."""
+        lines = decoded(block).rstrip().split("\n")
+        kept = len(lines)
+        while kept and (not lines[kept - 1].strip() or _is_text(lines[kept - 1], self.table.dialect)):
+            kept -= 1
+        first = next((k for k in range(kept, len(lines)) if lines[k].strip()), None)
+        if first is None:
+            return block
+        self.notes.append(
+            f"line {line + first}, {lines[first].strip()[:40]!r}, and what follows are no numbers: left out"
+        )
+        return block[: sum(len(one) + 1 for one in block.split(b"\n")[:kept])]
 
     def _plain(self, block: bytes) -> Array | None:
         """Return the numbers (rows, width) of a block; None unless all cells are numbers or empty."""
@@ -234,7 +249,13 @@ class _Reader:
                 values = values if k in self.first_stamps else over_midnight(values)
                 symbol, unit = "s", parse_unit("s")
             channels.append(RecordedChannel(k + 1, name, values, symbol, unit, fault=self.faults.get(k, "")))
-        return Contents(tuple(channels), lines=np.concatenate(self.lines))
+        return Contents(tuple(channels), tuple(self.notes), np.concatenate(self.lines))
+
+
+def _is_text(line: str, dialect: Dialect) -> bool:
+    """Return whether a line has words and no number."""
+    kinds = {dialect.kind(cell) for cell in dialect.split(line)}
+    return "word" in kinds and not kinds & {"number", "stamp"} and not is_comment(line)
 
 
 def _filled(block: bytes, delimiter: bytes) -> bytes:

@@ -6,6 +6,7 @@ import pytest
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.reading.text import reader
+from ancf_casadi.records.recording import read_recording
 
 
 @pytest.fixture
@@ -144,3 +145,25 @@ def test_plain_numbers_are_read_in_blocks(csv, monkeypatch, capsys):
     record = Measurement.from_file(csv(text), "x", progress=True)
     assert record.values.tolist() == [k / 7 for k in range(950)]
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("end", ["END\n", "END", "\nOVL;OVL\n\n", "-- end of record --\nTest finished\n", "END;;\n"])
+@pytest.mark.parametrize("comma", [",", "."])
+def test_words_at_the_end_are_left_out_with_a_note(tmp_path, end, comma):
+    path = tmp_path / "a.csv"
+    rows = "".join(f"{0.1 * k:.1f};{k:.2f}\n" for k in range(20)).replace(".", comma)
+    path.write_text("t_s;x_mm\n" + rows + end)
+    recording = read_recording(path)
+    assert recording.channel().values.tolist() == [float(k) for k in range(20)]
+    (note,) = recording.notes
+    first = end.strip().splitlines()[0]
+    assert note == f"line {22 + end.startswith(chr(10))}, {first!r}, and what follows are no numbers: left out"
+
+
+def test_words_in_the_middle_and_below_a_single_column(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("t_s;x_mm\n0;1\n1;2\nOVL\n2;3\n3;3\n")
+    with pytest.raises(InputError, match="line 4: has 1 column where the table has 2"):
+        read_recording(path)
+    path.write_text("x_mm\n0\n1\n2\n3\nEND\n")
+    assert read_recording(path, sample_rate=10.0).channel().values.tolist() == [0.0, 1.0, 2.0, 3.0]

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from ancf_casadi.exceptions import AncfError
+from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.records.recording import read_recording
 
 SIZES = (4_000, 32_000)  # characters; eight times as many may take twice eight times as long
@@ -63,3 +63,15 @@ def test_the_time_grows_as_the_size(tmp_path, cell):
     for place, text in small.items():
         before, after = duration(tmp_path / "a.csv", text), duration(tmp_path / "a.csv", large[place])
         assert after < 16 * before + 0.01, place
+
+
+@pytest.mark.parametrize("missing", [False, True])
+def test_frames_never_count_as_seconds(tmp_path, missing):
+    path = tmp_path / "a.csv"
+    path.write_text("frame,x_mm\n" + "".join(f"{'' if missing and k == 7 else k},{k % 3}\n" for k in range(40)))
+    for column in (None, "frame"):
+        with pytest.raises(InputError, match="--sample-rate"):
+            read_recording(path, time=column)
+    found = read_recording(path, sample_rate=10.0)
+    assert found.time.tolist() == pytest.approx([0.1 * k for k in range(40) if not (missing and k == 7)])
+    assert read_recording(path, time="frame", time_unit="ms").time[1] == pytest.approx(1e-3)  # as the user says

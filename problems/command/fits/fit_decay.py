@@ -18,7 +18,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.files import check_file
 from ancf_casadi.support.inputs import located
-from problems.command.fit_modes import modes_output
+from problems.command.fits.fit_modes import modes_output
 from problems.command.output import (
     Output,
     add_plot,

@@ -13,7 +13,7 @@ from ancf_casadi.export import Document, write_document
 from ancf_casadi.support.inputs import located
 from problems.beam.fitting import fit_beam
 from problems.command.output import Output, add_plot, figure_writers, json_text, new_files
-from problems.schema.records import RECORDS_HELP, read_measurements
+from problems.schema.records import RECORDS_HELP, Measurements, read_measurements
 
 
 def add_fit(parser: argparse.ArgumentParser) -> None:
@@ -25,6 +25,11 @@ def add_fit(parser: argparse.ArgumentParser) -> None:
         metavar="STUDY.toml",
         help="a file with the tables [beam], [[damping]] and [[records]] or other measurements; init writes one",
     )
+    add_fit_outputs(parser)
+
+
+def add_fit_outputs(parser: argparse.ArgumentParser) -> None:
+    """Add the options that name files to write."""
     parser.add_argument(
         "--out", type=Path, metavar="FILE.json", help="write the beam and the law that were found as a JSON document"
     )
@@ -33,7 +38,11 @@ def add_fit(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> Output:
     out, plot = new_files([options.file], options.out, options.plot)
-    given = read_measurements(options.file)
+    return fit_output(options, read_measurements(options.file), out, plot)
+
+
+def fit_output(options: argparse.Namespace, given: Measurements, out: Path | None, plot: Path | None) -> Output:
+    """Return the output of a fit to measurements of a file."""
     with located(f"{options.file}: [fit]"):
         fit = fit_beam(given.model, given.records, given.damping, **given.settings)
     result, texts = fit.to_dict(), [fit.report()]

@@ -1,0 +1,138 @@
+"""``ancf-casadi fit-frf`` and ``fit-response``: fits of files with values over frequency, or one line."""
+
+import json
+
+import numpy as np
+import pytest
+
+from ancf_casadi import (
+    Beam,
+    HarmonicBase,
+    InputError,
+    ModalDamping,
+    Model,
+    natural_modes,
+    periodic_motion,
+    reduce_model,
+)
+from problems.schema.records import read_measurements
+
+F = np.linspace(5.0, 25.0, 401)
+BEAM = """
+[beam]
+length = 0.5
+width = 5e-3
+thickness = 0.5e-3
+density = 8000.0
+elastic_modulus = 210e9
+elements = 4
+
+[[damping]]
+law = "modal"
+ratios = [0.01]
+"""
+
+
+@pytest.fixture
+def functions(tmp_path):
+    """Write a function with modes of 10 and 20 Hz, in mm/N."""
+    rng = np.random.default_rng(0)
+    h = sum(a / (f0**2 - F**2 + 2j * z * f0 * F) for a, f0, z in ((3.0, 10.0, 0.01), (-2.0, 20.0, 0.008)))
+    h = h + 1e-3 * (rng.normal(size=(2, F.size)).T @ [1, 1j])
+    table = np.column_stack([F, np.abs(h), np.degrees(np.angle(h))])
+    np.savetxt(tmp_path / "h.csv", table, delimiter=",", header="f (Hz),tip (mm/N),phase (deg)", comments="")
+    return "h.csv"
+
+
+class TestFitFrf:
+    def test_modes_as_text_json_and_figure(self, run, functions, tmp_path):
+        done = run("fit-frf", functions, "--frequencies", "10,20", "--plot", "fit.png")
+        assert (done.code, done.err) == (0, "")
+        assert "Modes from 1 receptance function" in done.out
+        assert (tmp_path / "fit.png").stat().st_size > 5000
+        data = json.loads(run("fit-frf", functions, "--frequencies", "10", "--band", "5,15", "--json").out)
+        first = data["estimates"][0]
+        assert (first["name"], first["unit"]) == ("frequency_1", "Hz")
+        assert first["value"] == pytest.approx(10.0, abs=4 * first["standard_error"])
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            (["--kind", "mobility"], "the values are in units of mobility and receptance"),
+            (["--unit", "mm"], "h.csv: column 2 'tip (mm/N)': the unit 'mm' is none of such a function"),
+            (["--column", "3"], "h.csv: column 3 'phase (deg)': has amplitudes only"),
+            (["--band", "5"], "--band: must be two frequencies LOW,HIGH"),
+            (["--frequencies", "90"], "h.csv: frequencies: 90 Hz is outside the band"),
+            (["--modes", "0"], "must be a whole number above 0"),
+        ],
+    )
+    def test_unusable_arguments_are_refused_in_one_line(self, run, functions, options, message):
+        done = run("fit-frf", functions, *options)
+        (line,) = done.err.strip().splitlines()
+        assert done.code == 2 and message in line
+
+
+def write_curve(folder, f, y):
+    """Write the beam, and a curve of its tip whose base moves by 0.5 mm."""
+    (folder / "beam.toml").write_text(BEAM)
+    table = np.column_stack([f, np.full(f.size, 0.5), 1e3 * np.abs(y), np.degrees(np.angle(y))])
+    np.savetxt(folder / "c.csv", table, delimiter=",", header="f (Hz),base (mm),tip (mm),phase (deg)", comments="")
+    return "c.csv"
+
+
+@pytest.fixture
+def curve(tmp_path):
+    """Write some curve."""
+    f = np.array([1.82, 1.85, 1.88, 1.91])
+    return write_curve(tmp_path, f, 1e-3 / (1 - (f / 1.88) ** 2 + 0.01j))
+
+
+class TestFitResponse:
+    @pytest.mark.slow
+    def test_the_damping_ratio_is_recovered(self, run, tmp_path):
+        beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8e3, elastic_modulus=210e9, elements=4)
+        modes = natural_modes(Model(beam), count=1)
+        reduced = reduce_model(Model(beam), modes=2, damping=ModalDamping(modes, ratios=[0.006]))
+        f = modes.frequencies[0] * np.array([0.97, 0.99, 0.996, 1.0, 1.004, 1.01, 1.03])
+        y = np.array([periodic_motion(reduced, base=HarmonicBase(5e-4, x)).harmonics(relative=False)[1] for x in f])
+        y = y * (1 + 0.01 * (np.random.default_rng(1).normal(size=(2, f.size)).T @ [1, 1j]))
+        done = run("fit-response", "beam.toml", write_curve(tmp_path, f, y), "--plot", "fit.png", "--json")
+        ratio = json.loads(done.out)["estimates"][0]
+        assert ratio["name"] == "ratio1"
+        assert ratio["value"] == pytest.approx(0.006, abs=4 * ratio["standard_error"])
+        assert (tmp_path / "fit.png").stat().st_size > 5000
+
+    def test_a_file_without_levels_takes_the_excitation_of_the_study(self, tmp_path, curve):
+        table = np.loadtxt(tmp_path / curve, delimiter=",", skiprows=1)
+        np.savetxt(tmp_path / "d.csv", table[:, [0, 2]], delimiter=",", header="f (Hz),tip (mm)", comments="")
+        file = tmp_path / "study.toml"
+        file.write_text(
+            f"{BEAM}\n[base]\namplitude = 5e-4\nfrequency = 2.0\n[[curves]]\nfile = 'd.csv'\nsweep = 'up'\n"
+        )
+        (record,) = read_measurements(str(file)).records
+        assert record.base.amplitude == 5e-4 and record.sweep == "up" and record.phases is None
+        np.testing.assert_allclose(record.amplitudes, 1e-3 * table[:, 2])
+
+    @pytest.mark.parametrize(
+        ("arguments", "message"),
+        [
+            (["absent.csv"], "absent.csv: cannot be read"),
+            (["beam.toml"], "beam.toml: "),
+            (["c.csv", "--level", "tip (mm)"], "has no column of amplitudes"),
+            (["c.csv", "--unit", "furlong"], "unit: 'furlong' is not a known unit"),
+            (["c.csv", "--sensor", "velocity"], "is in mm, a unit of length, but the sensor measures velocity"),
+            (["c.csv", "--sweep", "down"], "frequencies: must decrease in a sweep down"),
+            (["c.csv", "--out", "c.csv"], "c.csv: is an input, which would be lost"),
+        ],
+    )
+    def test_unusable_arguments_are_refused_in_one_line(self, run, curve, arguments, message):
+        done = run("fit-response", "beam.toml", *arguments)
+        (line,) = done.err.strip().splitlines()
+        assert done.code == 2 and message in line
+
+    def test_keys_of_a_curve_in_a_file_are_checked(self, tmp_path, curve):
+        file = tmp_path / "study.toml"
+        for key, message in (("values = [1.0]", "values"), ("model = 1", "model"), ("notes = ['x']", "notes")):
+            file.write_text(f"{BEAM}\n[[curves]]\nfile = 'c.csv'\n{key}\n")
+            with pytest.raises(InputError, match=f"unknown key '{message}'"):
+                read_measurements(str(file))

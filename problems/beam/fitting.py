@@ -265,6 +265,8 @@ def _sorted(
     motions, curves, values = [], [], []
     for one in given:
         if isinstance(one, ResponseRecord):
+            if one.level_unit:
+                raise InputError(f"{one.label}: needs base or load in place of level_unit; or use fit_mode", "records")
             curves.append(one)
         elif isinstance(one, PropertyRecord):
             values.append(one)

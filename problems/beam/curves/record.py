@@ -18,6 +18,9 @@ numbers, so that standard deviations alone tell the tests apart:
 
 and a tenth of ``CURVE_ERROR`` for the controlled number, a or Y, without a floor.  These defaults are proportions: the
 scatter of the residuals sets the size of those that are measured (``residuals``).
+
+Without a beam (``problems.mode``), the levels are amplitudes themselves, in the unit ``level_unit``: of a force, of the
+voltage of a shaker, or of the displacement, velocity or acceleration of the base.
 """
 
 from __future__ import annotations
@@ -37,14 +40,16 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.response.harmonic_balance.drive import beam_drive
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import array, check_instance, choice, complex_array
+from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, flag
 from ancf_casadi.support.tables import Displayed, counted, spread
 
 TIP_DISPLACEMENT = Sensor("displacement")
 
 Sweep = Literal["up", "down"]
 Control = Literal["excitation", "response"]
+LevelUnit = Literal["N", "V", "m", "m/s", "m/s^2"]
 
+BASE_UNITS = ("m", "m/s", "m/s^2")  # of levels that are motions of the base
 CURVE_ERROR = 0.01  # default standard deviation, relative; in rad for a phase
 AMPLITUDE_FLOOR = 1e-3  # default standard deviation of an amplitude, relative to the largest of the record
 
@@ -64,13 +69,14 @@ class ResponseRecord(Displayed):
         pi to a phase relative to the acceleration of the base.
     sensor : Sensor
         The sensor; the horizontal displacement of the tip, in the laboratory and not relative to the base, if not
-        given.
+        given.  Without a beam, its quantity alone counts.
     base : HarmonicBase, optional
         The base motion at level 1: its amplitude and direction.  Its frequency and ramp have no effect.
     load : HarmonicLoad, optional
         The tip load at level 1, instead of a base motion.
     levels : array_like (m,), optional
-        Level of the excitation at each point, a multiple of ``base`` or ``load``; 1 if not given.
+        Level of the excitation at each point, a multiple of ``base`` or ``load``, or in the unit ``level_unit``; 1 if
+        not given.
     sweep : {"up", "down"}, optional
         Direction of the sweep; None for points that were approached in other ways.
     control : {"excitation", "response"}
@@ -82,12 +88,17 @@ class ResponseRecord(Displayed):
         Name in reports.
     model : Model, optional
         The beam in the configuration of the test; that of the fit if not given.
+    level_unit : {"N", "V", "m", "m/s", "m/s^2"}, optional
+        Unit of the levels, instead of ``base`` or ``load``, for a fit without a beam (``fit_mode``): a force, the
+        voltage of a shaker, or displacement, velocity or acceleration of the base.
+    relative : bool
+        Whether the sensor moves with the base, and reads the motion relative to it; only with ``level_unit``.
 
     Raises
     ------
     InputError
         If sizes do not match, a frequency, amplitude, level or standard deviation is not positive and finite, the
-        order contradicts the sweep, or there is not one excitation.
+        order contradicts the sweep, there is not one excitation, or the reading is relative to no base.
 
     Examples
     --------
@@ -114,20 +125,36 @@ class ResponseRecord(Displayed):
     level_std: ArrayLike | None = None
     name: str = ""
     model: Model | None = None
+    level_unit: LevelUnit | None = None
+    relative: bool = False
 
     def __post_init__(self) -> None:
         """Validate, and keep arrays; complex values become amplitudes and phases."""
         check_instance(self.sensor, "sensor", Sensor)
         check_instance(self.name, "name", str)
         check_instance(self.model, "model", Model, NoneType)
-        if self.base is None and self.load is None:
-            raise InputError("give the base motion (base) or the tip load (load) that excites the beam", "base")
-        beam_drive(self.base, self.load)  # refuses what cannot excite a steady vibration
+        self._check_excitation()
         choice(self.control, get_args(Control), "control")
         if self.sweep is not None:
             choice(self.sweep, get_args(Sweep), "sweep")
         self._keep_points()
         self._check_order()
+
+    def _check_excitation(self) -> None:
+        """Check that there is one excitation, and that a relative reading has a base."""
+        if self.level_unit is not None:
+            choice(self.level_unit, get_args(LevelUnit), "level_unit")
+            if self.base is not None or self.load is not None:
+                raise InputError("is that of a base motion or a load; leave one of them out", "level_unit")
+        elif self.base is None and self.load is None:
+            text = (
+                "give the base motion (base) or the tip load (load) that excites the beam, or a level_unit for fit_mode"
+            )
+            raise InputError(text, "base")
+        else:
+            beam_drive(self.base, self.load)  # refuses what cannot excite a steady vibration
+        if flag(self.relative, "relative") and self.level_unit not in BASE_UNITS:
+            raise InputError(f"needs levels of the base, with level_unit one of {', '.join(BASE_UNITS)}", "relative")
 
     def _keep_points(self) -> None:
         """Keep frequencies, amplitudes, phases, levels and standard deviations as arrays."""
@@ -191,10 +218,13 @@ class ResponseRecord(Displayed):
         """Name of the record; sensor, level and sweep if it has none."""
         if self.name:
             return self.name
-        drive = beam_drive(self.base, self.load)
-        size = drive.amplitude * float(np.median(self.a))
-        level = f"{1e3 * size:.3g} mm" if self.base else f"{size:.3g} {drive.unit}"
-        return ", ".join([f"{self.sensor.quantity} {self.sensor.label}", level, *([self.sweep] if self.sweep else [])])
+        size, unit = float(np.median(self.a)), self.level_unit
+        if unit is None:
+            drive = beam_drive(self.base, self.load)
+            size, unit = drive.amplitude * size, drive.unit
+        level = f"{1e3 * size:.3g} mm" if self.base else f"{size:.3g} {unit}"
+        where = f" {self.sensor.label}" if self.level_unit is None else ""
+        return ", ".join([f"{self.sensor.quantity}{where}", level, *([self.sweep] if self.sweep else [])])
 
     @cached_property
     def stds(self) -> Array:

@@ -104,6 +104,12 @@ def fit_from(
     )
 
 
+def reduced(record: Measurement, fit: DecayFit) -> Measurement:
+    """Return the samples of a record that its fit used: from the release on, reduced to the band of the mode."""
+    decay = Measurement(fit.time - fit.time[0], record.values[-len(fit.time) :], sensor=record.sensor)
+    return _thinned(decay, fit.fitted_samples, lambda time: fit.displacement(time + fit.release_time))
+
+
 def _counts(decays: Sequence[Measurement], ω: Sequence[float]) -> list[int]:
     """Return the number of samples that a fit needs of each decay: all, if one of them is short or unevenly sampled.
 

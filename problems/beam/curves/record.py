@@ -214,16 +214,21 @@ class ResponseRecord(Displayed):
         return np.asarray(self.levels)
 
     @property
+    def excitation_unit(self) -> str:
+        """Unit of the levels; empty for multiples of ``base`` or ``load``."""
+        return self.level_unit or ""
+
+    @property
     def label(self) -> str:
         """Name of the record; sensor, level and sweep if it has none."""
         if self.name:
             return self.name
-        size, unit = float(np.median(self.a)), self.level_unit
-        if unit is None:
+        size, unit = float(np.median(self.a)), self.excitation_unit
+        if not unit:
             drive = beam_drive(self.base, self.load)
             size, unit = drive.amplitude * size, drive.unit
         level = f"{1e3 * size:.3g} mm" if self.base else f"{size:.3g} {unit}"
-        where = f" {self.sensor.label}" if self.level_unit is None else ""
+        where = "" if self.level_unit else f" {self.sensor.label}"
         return ", ".join([f"{self.sensor.quantity}{where}", level, *([self.sweep] if self.sweep else [])])
 
     @cached_property

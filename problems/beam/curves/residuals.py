@@ -101,6 +101,10 @@ class CurveResiduals(ABC):
         level of the point.
         """
 
+    @abstractmethod
+    def close(self) -> None:
+        """Forget what is no longer needed once the fit has ended."""
+
     @property
     def failure(self) -> str:
         """Reason why a motion was not found."""

@@ -96,7 +96,9 @@ class ResponseBlock(Block):
         found = []
         for record, own in zip(self.records, motions, strict=True):
             if record.control == "response":
-                found.append(("level", root_mean_square(own.values[:, 2] / record.a - 1)))
+                # the level that the measured amplitude needs, to first order
+                level = own.values[:, 2] + own.slopes[:, 2] / own.slopes[:, 0] * (record.amplitudes - own.values[:, 0])
+                found.append(("level", root_mean_square(level / record.a - 1)))
             else:
                 found.append(("amplitude", root_mean_square(own.values[:, 0] / record.amplitudes - 1)))
         return found

@@ -23,11 +23,13 @@ from ancf_casadi.support.tables import wrapped
 from ancf_casadi.version import __version__
 from problems.command.output import shortened
 
-COMMANDS = {  # each in a module of its name in problems.command; reproduce is in that of study
+MODULES = {"reproduce": "study", "fit_mode": "fits.fit_mode"}  # others are in a module of their name
+COMMANDS = {
     "inspect": "show the channels of a file of measurements, and what a fit would use",
     "init": "write a commented TOML file that runs as it is, to start from",
     "fit-decay": "estimate frequency and damping of one mode from measured decays",
     "fit-modes": "estimate frequency and damping of several modes from one measured decay",
+    "fit-mode": "estimate frequency and damping of one mode from measured decays and response curves together",
     "fit": "estimate a damping law, and properties of the beam, from any mix of measurements",
     "compare-laws": "fit several damping laws to a decay, or to the motion of a beam, and select one",
     "modes": "compute natural frequencies and mode shapes of a beam about its equilibrium",
@@ -70,9 +72,15 @@ class _Subcommand(_Parser):
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Add the options of the subcommand, and parse."""
         name = self.get_default("title").replace("-", "_")
-        module = import_module(f"problems.command.{'study' if name == 'reproduce' else name}")
+        module = import_module(module_of(self.get_default("title")))
         getattr(module, f"add_{name}")(self)
         return super().parse_known_args(args, namespace)
+
+
+def module_of(command: str) -> str:
+    """Return the module of a subcommand."""
+    name = command.replace("-", "_")
+    return f"problems.command.{MODULES.get(name, name)}"
 
 
 def _parser() -> argparse.ArgumentParser:

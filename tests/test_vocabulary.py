@@ -19,7 +19,7 @@ from msgspec import inspect as types
 import ancf_casadi
 import ancf_casadi.export
 import problems
-from problems.cli import COMMANDS
+from problems.cli import COMMANDS, module_of
 from problems.schema.file import FILE_TABLES
 from problems.schema.match import MatchTable
 from problems.schema.motion import AXES, COMPONENTS, READING
@@ -121,9 +121,7 @@ def names_in_commands() -> Iterator[tuple[str, str]]:
     """Yield each option and argument of the subcommands, and its place."""
     for command in COMMANDS:
         parser = argparse.ArgumentParser()
-        name = command.replace("-", "_")
-        module = import_module(f"problems.command.{'study' if name == 'reproduce' else name}")
-        getattr(module, f"add_{name}")(parser)
+        getattr(import_module(module_of(command)), f"add_{command.replace('-', '_')}")(parser)
         for action in parser._actions:
             for option in action.option_strings or [action.dest]:
                 if not re.fullmatch("-[a-z]", option):

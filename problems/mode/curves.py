@@ -11,7 +11,7 @@ import numpy as np
 from ancf_casadi.estimation.block import Account, Evaluation, Fitted
 from ancf_casadi.support.arrays import Array
 from problems.beam.curves.points import CurvePoints
-from problems.beam.curves.record import BASE_UNITS, ResponseRecord
+from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
 from problems.beam.curves.residuals import CurveResiduals, first_weights
 from problems.beam.curves.response_block import ResponseBlock
 from problems.decay.laws import DecayModel
@@ -106,13 +106,13 @@ def curves_of_mode(
     )
 
 
-def constant_unit(motion_unit: str, level_unit: str) -> str:
+def constant_unit(motion_unit: str, excitation_unit: str) -> str:
     """Return the unit of a modal constant: force per mass and level; none for a motion of the base in m."""
-    if level_unit in BASE_UNITS and motion_unit == "m":
+    if excitation_unit in BASE_MOTIONS and motion_unit == "m":
         return ""
-    force = {"m": "m", "m/s": "m", "m/s^2": "m"}.get(level_unit)
+    force = {"m": "m", "m/s": "m", "m/s^2": "m"}.get(excitation_unit)
     if force:
         return f"{motion_unit or '1'}/{force}"
-    if level_unit == "N" and motion_unit == "m":
+    if excitation_unit == "N" and motion_unit == "m":
         return "1/kg"
-    return f"{motion_unit or '1'}/(s^2 {level_unit})"
+    return f"{motion_unit or '1'}/(s^2 {excitation_unit})"

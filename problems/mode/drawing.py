@@ -23,7 +23,7 @@ from problems.mode.oscillator import ModeCurve, motion_amplitudes
 from problems.mode.result import ModeFit
 
 GRID = 240  # frequencies and amplitudes at which levels are computed
-STEADY = 0.02  # relative range of levels that count as one
+ONE_LEVEL = 0.02  # relative range of levels that count as one
 
 
 def mode_figure(fits: Mapping[str, ModeFit]) -> Figure:
@@ -98,7 +98,7 @@ def _draw_branches(
 ) -> None:
     """Draw the computed curve of a record; none if the held quantity varies."""
     fixed = _held(record)
-    if np.ptp(fixed) > STEADY * fixed.mean():
+    if np.ptp(fixed) > ONE_LEVEL * fixed.mean():
         return
     f = np.linspace(record.f.min(), record.f.max(), GRID)
     ones = np.ones(GRID)

@@ -60,7 +60,7 @@ def fit_mode(
     ----------
     records : record, or sequence of records
         Decays: Measurement, or (times, displacements), s and m.  Response curves: ResponseRecord with the unit of its
-        levels (``level_unit``).  All sensors measure the motion of one point, or derivatives of it.
+        levels (``excitation_unit``).  All sensors measure the motion of one point, or derivatives of it.
     law : {"linear", "quadratic", "friction", "power"}
         Damping law, as in ``fit_decay``.
     frequency_law : {"constant", "linear", "quadratic", "power", "logarithmic"}
@@ -90,7 +90,7 @@ def fit_mode(
     >>> f, rng = np.linspace(9.5, 10.5, 41), np.random.default_rng(0)
     >>> receptance = 2.0 / (4 * np.pi**2 * (10.0**2 - f**2 + 0.2j * f))  # modal mass 0.5 kg, damping ratio 1 %
     >>> noise = 1 + 0.01 * (rng.standard_normal(41) + 1j * rng.standard_normal(41))
-    >>> fit = fit_mode(ResponseRecord(f, 0.3 * receptance * noise, levels=np.full(41, 0.3), level_unit="N"))
+    >>> fit = fit_mode(ResponseRecord(f, 0.3 * receptance * noise, levels=np.full(41, 0.3), excitation_unit="N"))
     >>> print(f"{fit.frequency:.2f} Hz, {100 * fit.damping_ratio:.2f} %, {1 / fit.estimates['modal_constant']:.2f} kg")
     10.00 Hz, 1.00 %, 0.50 kg
     """
@@ -133,8 +133,10 @@ def _sorted(records: Any) -> tuple[list[Measurement], list[ResponseRecord]]:
     decays, curves = list[Measurement](), list[ResponseRecord]()
     for k, one in enumerate(given, start=1):
         if isinstance(one, ResponseRecord):
-            if one.level_unit is None:
-                raise InputError(f"record {k}: needs level_unit, the unit of its levels, in place of a beam", "records")
+            if not one.excitation_unit:
+                raise InputError(
+                    f"record {k}: needs excitation_unit, the unit of its levels, in place of a beam", "records"
+                )
             curves.append(one)
         elif isinstance(one, Measurement):
             decays.append(one)
@@ -168,7 +170,7 @@ def _stated(
     reference = first.model.reference if first else top
     sensor = decays[0].sensor if decays else curves[0].sensor
     model = replace(stated, offset=False, drift=False, reference=reference, sensor=sensor)
-    units = list(dict.fromkeys(one.excitation_unit for one in curves))
+    units = list(dict.fromkeys(str(one.excitation_unit) for one in curves))
     names = {unit: "modal_constant" + f"_{k}" * (len(units) > 1) for k, unit in enumerate(units, start=1)}
     starts = [{names.get(name, name): value for name, value in one.items()}
               for one in _starts(model, curves, units, known, first)]  # fmt: skip

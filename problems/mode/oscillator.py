@@ -42,7 +42,7 @@ import numpy as np
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.compilation import evaluated
 from problems.beam.curves.points import CurvePoints, Measured, NoMotionError
-from problems.beam.curves.record import BASE_UNITS, ResponseRecord
+from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
 from problems.decay.laws import DecayModel
 
 MOST_STEPS = 60  # of the search for the closest points
@@ -60,7 +60,7 @@ def force_factor(unit: str, omega: Array) -> ComplexArray:
 def base_factor(record: ResponseRecord) -> ComplexArray:
     """Return the base displacement per level (m,) that the sensor reads; 0 if it reads the relative motion."""
     omega = 2 * math.pi * record.f
-    if record.relative or record.level_unit not in BASE_UNITS or record.sensor.motion_unit != "m":
+    if record.relative or record.excitation_unit not in BASE_MOTIONS or record.sensor.motion_unit != "m":
         return np.zeros(len(omega), dtype=complex)
     return force_factor(record.excitation_unit, omega) / omega**2
 

@@ -25,7 +25,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.tables import Table
 from problems.beam.curves.checks import oriented
-from problems.beam.curves.record import BASE_UNITS, ResponseRecord
+from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
 from problems.decay.law_curve import given_amplitudes, with_bands
 from problems.decay.laws import DECAY_QUANTITIES, DecayModel
 from problems.decay.prediction import DecayingMode, predicted
@@ -41,19 +41,19 @@ USUAL_PARTICIPATION = (0.05, 20.0)  # of a mode that its base drives; beyond, th
 class ModeFit(LeastSquaresResult):
     """A mode identified from free decays and response curves.
 
-    The estimates are those of ``DecayFit``, with the damping ratio at the amplitude ``largest`` if it depends on the
-    amplitude, and ``modal_constant``: force per mass and unit level.  If levels have several units, it has one number
+    The estimates are those of ``DecayFit``, with the damping ratio at ``max_amplitude`` if it depends on the amplitude,
+    and ``modal_constant``: force per mass and unit level.  If levels have several units, its names are numbered, one
     for each unit, in the order of the records.
 
     Parameters
     ----------
     model : DecayModel
         Laws of the mode.
-    stated : DecayModel
+    given : DecayModel
         Laws and equilibrium as they were requested.
     law_names : tuple of str
         Unknowns of the laws.
-    largest : float
+    max_amplitude : float
         Largest amplitude of the records, in the unit of the motion.
     solution : FitSolution
         Blocks of the records with their weights.
@@ -66,7 +66,7 @@ class ModeFit(LeastSquaresResult):
     >>> from problems import ResponseRecord, fit_mode
     >>> f, rng = np.linspace(9.5, 10.5, 41), np.random.default_rng(0)
     >>> y = 1e-4 / (10.0**2 - f**2 + 0.2j * f) * (1 + 0.01 * rng.standard_normal((2, 41)).T @ [1, 1j])
-    >>> fit = fit_mode(ResponseRecord(f, y, level_unit="V"))
+    >>> fit = fit_mode(ResponseRecord(f, y, excitation_unit="V"))
     >>> low, high = fit.intervals()["damping_ratio"]
     >>> bool(low < 0.01 < high)
     True
@@ -76,9 +76,9 @@ class ModeFit(LeastSquaresResult):
     _drawing = "problems.mode.drawing.mode_figure"
 
     model: DecayModel
-    stated: DecayModel
+    given: DecayModel
     law_names: tuple[str, ...]
-    largest: float
+    max_amplitude: float
     solution: FitSolution
     notes: tuple[str, ...] = ()
 
@@ -98,7 +98,7 @@ class ModeFit(LeastSquaresResult):
 
         def of(*x: cs.MX) -> cs.MX:
             law = [x[k] for k in self._laws]
-            every = self.model.quantities(*law, cs.MX(self.largest), cs.MX(0))
+            every = self.model.quantities(*law, cs.MX(self.max_amplitude), cs.MX(0))
             return cs.vertcat(every[kept], *(x[k] for k in others))
 
         return names, units, of
@@ -110,7 +110,7 @@ class ModeFit(LeastSquaresResult):
 
     @property
     def damping_ratio(self) -> float:
-        """Damping ratio, at the amplitude ``largest`` if it depends on the amplitude."""
+        """Damping ratio, at the amplitude ``max_amplitude`` if it depends on the amplitude."""
         return self.estimates["damping_ratio"]
 
     def _ends(self, level: float) -> Array:
@@ -131,7 +131,7 @@ class ModeFit(LeastSquaresResult):
         InputError
             If an amplitude is not positive, or the level is not between 0 and 1.
         """
-        given = np.geomspace(self.largest / 100, self.largest, 60) if amplitudes is None else amplitudes
+        given = np.geomspace(self.max_amplitude / 100, self.max_amplitude, 60) if amplitudes is None else amplitudes
         chosen = given_amplitudes(given)
 
         def against(*x: cs.MX) -> tuple[cs.MX, cs.MX]:
@@ -174,7 +174,11 @@ class ModeFit(LeastSquaresResult):
         block = self.curve_block
         for record, name in zip(block.records, block.constants, strict=True) if block else ():
             value = self.fit.estimates.get(name, block.known.get(name, 1.0) if block else 1.0)
-            if record.level_unit in BASE_UNITS and self.model.unit("amplitude") == "m" and not low < value < high:
+            if (
+                record.excitation_unit in BASE_MOTIONS
+                and self.model.unit("amplitude") == "m"
+                and not low < value < high
+            ):
                 notes.append(
                     f"{name} is {value:.3g}; that of a mode driven by its base is of the order of 1: check the units "
                     "of the levels and of the sensor"
@@ -196,12 +200,12 @@ class ModeFit(LeastSquaresResult):
         """
         check_instance(record, "record", Measurement, ResponseRecord)
         if isinstance(record, Measurement):
-            model = replace(self.stated, reference=self.model.reference, sensor=record.sensor)
+            model = replace(self.given, reference=self.model.reference, sensor=record.sensor)
             noise = [float(np.mean(one.noise)) for one in self.channels if one.unit == record.sensor.unit]
             return predicted([DecayingMode(self.fit, model, self._laws, noise[0] if noise else math.nan)], record)
         block = self.curve_block
         pairs = zip(block.records, block.constants, strict=True) if block else ()
-        names = {one.excitation_unit: name for one, name in pairs}
+        names = {str(one.excitation_unit): name for one, name in pairs}
         if block is None or record.excitation_unit not in names:
             has = f"levels in {', '.join(names)}" if names else "no levels"
             raise InputError(
@@ -231,7 +235,7 @@ class ModeFit(LeastSquaresResult):
             **super().to_dict(),
             "law": self.model.law,
             "frequency_law": self.model.frequency_law,
-            "largest_amplitude": self.largest,
+            "largest_amplitude": self.max_amplitude,
             "against_amplitude": {
                 "amplitude": curve.amplitude.tolist(),
                 "unit": curve.unit,
@@ -245,20 +249,20 @@ class ModeFit(LeastSquaresResult):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without Functions; the solution has the fit, and derives them again."""
-        own = (self.model, self.stated, self.law_names, self.largest, self.solution, self.notes, self.again)
+        own = (self.model, self.given, self.law_names, self.max_amplitude, self.solution, self.notes, self.again)
         return _restored_mode, own
 
 
 def _restored_mode(
     model: DecayModel,
-    stated: DecayModel,
+    given: DecayModel,
     law_names: tuple[str, ...],
-    largest: float,
+    max_amplitude: float,
     solution: FitSolution,
     notes: tuple[str, ...],
     again: Any,
 ) -> ModeFit:
-    return ModeFit(solution.fit, model, stated, law_names, largest, solution, notes, again=again)
+    return ModeFit(solution.fit, model, given, law_names, max_amplitude, solution, notes, again=again)
 
 
 def _renamed(name: str) -> str:

@@ -76,6 +76,16 @@ RECORD_KEYS = """\
                 laws = [[1], [1, 2]]: for compare-laws, the tables [[damping]]
                 of each law (default: each alone, and all together)
 """
+MODE_CURVES_HELP = """\
+Tables of CURVES.toml, in SI units:
+  [[curves]]    one table per response curve: frequencies (Hz), values
+                (amplitudes of the sensor), phases (rad), excitation_unit ("N",
+                "V", or "m", "m/s", "m/s^2" of the base), levels in this unit,
+                relative (true if the sensor moves with the base), sweep ("up"
+                or "down"), control ("excitation" or "response"), sensor
+                ("displacement" if not given, "velocity", "acceleration",
+                "strain"), amplitude_std, phase_std, level_std, name
+"""
 RECORDS_HELP = DAMPED_HELP + MOTION_KEYS + RECORD_KEYS
 SENSOR = {"point", "direction", "frame", "gravity", "distance"}
 NUMBERS = ("frequencies", "statics", "curves")  # tables with the measured numbers
@@ -177,11 +187,18 @@ def _loads(case: Any, where: str) -> list[PointLoad]:
     ]
 
 
-def _curve(given: Any, model: Model, where: str) -> ResponseRecord:
+def read_curves(name: str) -> list[ResponseRecord]:
+    """Read the response curves of a file, which needs no beam."""
+    file = StudyFile.of(name, required={"curves"})
+    return [_curve(table, None, file.where("curves")) for table in file.several("curves")]
+
+
+def _curve(given: Any, model: Model | None, where: str) -> ResponseRecord:
     arguments = {name for name in signature(ResponseRecord).parameters if name not in ("sensor", "model")}
-    check_keys(given, {"frequencies", "values"}, {*arguments, "sensor", *SENSOR, *CONFIGURATION}, where)
+    of_beam = CONFIGURATION if model else set()
+    check_keys(given, {"frequencies", "values"}, {*arguments, "sensor", *SENSOR, *of_beam}, where)
     own = {key: given[key] for key in arguments & given.keys()}
-    own_model = _configuration(given, model, where)
+    own_model = model and _configuration(given, model, where)
     for name, kind, keys in (
         ("base", HarmonicBase, {"amplitude", "direction"}),
         ("load", HarmonicLoad, {"force", "moment"}),

@@ -18,6 +18,7 @@ from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, Quadr
 from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.estimation.block import Account, Evaluation, Fitted
 from ancf_casadi.estimation.solve import LARGEST_SHIFT, meaningful
+from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction import ReducedModel, reduce_model
 from ancf_casadi.reduction.reduced import rebuilt
@@ -25,12 +26,13 @@ from ancf_casadi.response.harmonic_balance.drive import beam_drive
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import known
 from problems.beam.curves.beam_residuals import BeamResponses
-from problems.beam.curves.driven import Driven, driven
+from problems.beam.curves.checks import checked
+from problems.beam.curves.driven import Driven, driven, small_response
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.curves.residuals import first_weights
 from problems.beam.curves.response_block import ResponseBlock
 from problems.beam.properties import Owners
-from problems.beam.unknowns import frequency_name
+from problems.beam.unknowns import frequency_name, mode_of
 
 MODULUS = ("elastic_modulus", "bending_stiffness")  # the strain energy of all elements is proportional to each
 LEVEL_ERROR = 0.01  # relative error of the levels whose effect the result states
@@ -48,6 +50,7 @@ class CurveBlock(ResponseBlock):
     modes: int  # of the motion
     harmonics: int
     refinements: int = 0  # times that modes and harmonics were added
+    notes: tuple[str, ...] = ()  # corrections of phases, and doubts about levels
 
     @property
     def meaningful(self) -> float:
@@ -66,6 +69,22 @@ class CurveBlock(ResponseBlock):
         """Return the block with one mode and two harmonics more, twice at most."""
         return self.finer() if self.refinements < 2 else None
 
+    def checked(self, frequencies: Array) -> Self:
+        """Return the block with the phases of its records as they should be; ``frequencies`` are those of the model."""
+        numbered, notes = [], list[str]()
+        s = self.shared({})
+        for (number, record), system in zip(self.numbered, self.driven({}), strict=True):
+            own = float(frequencies[mode_of(record, frequencies)])
+            try:
+                computed = small_response(system, record, own, s)
+            except NumericsError:  # without damping there is no response at the resonance
+                computed = None
+            if computed is not None:
+                record, found = checked(record, computed)
+                notes += found
+            numbered.append((number, record))
+        return replace(self, numbered=tuple(numbered), notes=tuple(notes))
+
     def finer(self) -> Self:
         """Return the block with one mode and two harmonics more."""
         most = self.model.size - self.model.free.start
@@ -83,7 +102,7 @@ class CurveBlock(ResponseBlock):
             f"estimate by more than {np.abs(fitted.shifts).max():.2g} standard errors"
         )
         names, by_levels = fitted.fit.names, self._level_shifts(fitted)
-        notes = [*self._shift_warnings(worst, by_levels, names), *self.branch_warnings(values, motions)]
+        notes = [*self.notes, *self._shift_warnings(worst, by_levels, names), *self.branch_warnings(values, motions)]
         data = self.data(motions) | {
             "modes": self.modes,
             "harmonics": self.harmonics,

@@ -21,11 +21,11 @@ import numpy as np
 from ancf_casadi.support.arrays import Array, ComplexArray
 from problems.beam.curves.record import ResponseRecord
 
-CERTAIN = 4.0  # standard errors of c that decide its sign
+SIGN_CERTAIN = 4.0  # standard errors of c that decide its sign
 LARGEST_TILT = math.radians(30.0)  # of C from a quarter turn, with which the record counts as of one mode
 LOCKED = math.radians(15.0)  # distance of the phases from that of the resonance, at which all points are there
 LEVELS_APART = 5.0  # ratio of responses per level from which a unit is in doubt
-LEVEL_NAMES = {"N": "force", "V": "voltage", "m": "displacement", "m/s": "velocity", "m/s^2": "acceleration"}
+EXCITATION_NAMES = {"N": "force", "V": "voltage", "m": "displacement", "m/s": "velocity", "m/s^2": "acceleration"}
 UNIT_RATIOS = {9.80665: "g in place of m/s^2", 1000.0: "a unit that differs by a factor of 1000, such as mm"}
 
 
@@ -58,7 +58,7 @@ def seen_mode(record: ResponseRecord) -> SeenMode | None:
     x, covariance = x / scale, inverse @ inverse.T / np.outer(scale, scale) * float(rest @ rest) / (len(rest) - 5)
     c, C = float(x[2]), complex(x[3], x[4])
     across = np.array([-C.imag, C.real]) / max(abs(C), 1e-300)
-    certain = abs(c) > CERTAIN * math.sqrt(covariance[2, 2])
+    certain = abs(c) > SIGN_CERTAIN * math.sqrt(covariance[2, 2])
     if not certain or float(across @ covariance[3:, 3:] @ across) > (abs(C) / 6) ** 2:  # ten degrees
         return None
     C = C.conjugate() if c < 0.0 else C
@@ -92,14 +92,31 @@ def phase_locked(record: ResponseRecord, expected: float) -> bool:
 
 def _phase_note(record: ResponseRecord, mirrored: bool, turn: int) -> str:
     """Return what the phases count from, and what was done."""
-    unit = record.level_unit or ("m" if record.base else "N")
-    name = LEVEL_NAMES[unit]
+    unit = record.excitation_unit or ("m" if record.base else "N")
+    name = EXCITATION_NAMES[unit]
     parts = ["the phases are lags; their sign was changed"] if mirrored else []
     if turn:
         source = {1: "rate of the ", -1: "integral of the "}.get(turn, "negative ") + name
         change = {1: "90 degrees were added", -1: "90 degrees were subtracted"}.get(turn, "180 degrees were added")
         parts.append(f"the phases count from the {source}; {change}")
     return "; ".join(parts)
+
+
+def checked(record: ResponseRecord, model: ResponseRecord) -> tuple[ResponseRecord, list[str]]:
+    """Return a record whose phases count from its excitation, and notes about its phases and its levels.
+
+    ``model`` has the computed response of the same excitation and sensor about the same resonance.
+    """
+    expected = seen_mode(model)
+    if expected is None:
+        return record, []
+    turned, note = oriented(record, expected.phase)
+    notes, seen = [note] if note else [], seen_mode(turned)
+    if seen is not None:
+        ratio = seen.size / expected.size * (expected.omega / seen.omega) ** 2
+        if max(ratio, 1 / ratio) > LEVELS_APART:
+            notes.append(f"{record.label}: {_level_note(ratio, 'that of the model')}")
+    return turned, notes
 
 
 def level_notes(records: Sequence[ResponseRecord], factors: Sequence[ComplexArray | Array]) -> list[str]:
@@ -110,19 +127,18 @@ def level_notes(records: Sequence[ResponseRecord], factors: Sequence[ComplexArra
     pairs = [(one, seen_mode(one), factor) for one, factor in zip(records, factors, strict=True)]
     sizes = [(one, seen.size / float(np.median(np.abs(factor)))) for one, seen, factor in pairs if seen is not None]
     notes = []
-    for unit in {one.level_unit for one, _ in sizes}:
-        own = [(one, size) for one, size in sizes if one.level_unit == unit]
+    for unit in {one.excitation_unit for one, _ in sizes}:
+        own = [(one, size) for one, size in sizes if one.excitation_unit == unit]
         middle = sorted(size for _, size in own)[len(own) // 2]
         for one, size in own:
             ratio = max(size / middle, middle / size)
             if ratio > LEVELS_APART:
-                notes.append(f"{one.label}: {_level_note(size / middle)}")
+                notes.append(f"{one.label}: {_level_note(size / middle, 'that of the other records')}")
     return notes
 
 
-def _level_note(ratio: float) -> str:
+def _level_note(ratio: float, other: str) -> str:
     close = [text for value, text in UNIT_RATIOS.items() if abs(math.log(max(ratio, 1 / ratio) / value)) < 0.3]
-    return (
-        f"its response per level is {ratio:.3g} times that of the other records; check the unit of its levels"
-        + "".join(f" ({text}?)" for text in close)
+    return f"its response per level is {ratio:.3g} times {other}; check the unit of its levels" + "".join(
+        f" ({text}?)" for text in close
     )

@@ -19,8 +19,8 @@ numbers, so that standard deviations alone tell the tests apart:
 and a tenth of ``CURVE_ERROR`` for the controlled number, a or Y, without a floor.  These defaults are proportions: the
 scatter of the residuals sets the size of those that are measured (``residuals``).
 
-Without a beam (``problems.mode``), the levels are amplitudes themselves, in the unit ``level_unit``: of a force, of the
-voltage of a shaker, or of the displacement, velocity or acceleration of the base.
+Without a beam (``problems.mode``), the levels are amplitudes themselves, in the unit ``excitation_unit``: of a force,
+of the voltage of a shaker, or of the displacement, velocity or acceleration of the base.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ TIP_DISPLACEMENT = Sensor("displacement")
 
 Sweep = Literal["up", "down"]
 Control = Literal["excitation", "response"]
-LevelUnit = Literal["N", "V", "m", "m/s", "m/s^2"]
+ExcitationUnit = Literal["", "N", "V", "m", "m/s", "m/s^2"]
 
-BASE_UNITS = ("m", "m/s", "m/s^2")  # of levels that are motions of the base
+BASE_MOTIONS = ("m", "m/s", "m/s^2")  # of levels that are motions of the base
 CURVE_ERROR = 0.01  # default standard deviation, relative; in rad for a phase
 AMPLITUDE_FLOOR = 1e-3  # default standard deviation of an amplitude, relative to the largest of the record
 
@@ -75,8 +75,8 @@ class ResponseRecord(Displayed):
     load : HarmonicLoad, optional
         The tip load at level 1, instead of a base motion.
     levels : array_like (m,), optional
-        Level of the excitation at each point, a multiple of ``base`` or ``load``, or in the unit ``level_unit``; 1 if
-        not given.
+        Level of the excitation at each point, a multiple of ``base`` or ``load``, or in the unit ``excitation_unit``;
+        1 if not given.
     sweep : {"up", "down"}, optional
         Direction of the sweep; None for points that were approached in other ways.
     control : {"excitation", "response"}
@@ -88,11 +88,11 @@ class ResponseRecord(Displayed):
         Name in reports.
     model : Model, optional
         The beam in the configuration of the test; that of the fit if not given.
-    level_unit : {"N", "V", "m", "m/s", "m/s^2"}, optional
+    excitation_unit : {"N", "V", "m", "m/s", "m/s^2"}, optional
         Unit of the levels, instead of ``base`` or ``load``, for a fit without a beam (``fit_mode``): a force, the
         voltage of a shaker, or displacement, velocity or acceleration of the base.
     relative : bool
-        Whether the sensor moves with the base, and reads the motion relative to it; only with ``level_unit``.
+        Whether the sensor moves with the base, and reads the motion relative to it; only with ``excitation_unit``.
 
     Raises
     ------
@@ -125,7 +125,7 @@ class ResponseRecord(Displayed):
     level_std: ArrayLike | None = None
     name: str = ""
     model: Model | None = None
-    level_unit: LevelUnit | None = None
+    excitation_unit: ExcitationUnit = ""
     relative: bool = False
 
     def __post_init__(self) -> None:
@@ -142,19 +142,21 @@ class ResponseRecord(Displayed):
 
     def _check_excitation(self) -> None:
         """Check that there is one excitation, and that a relative reading has a base."""
-        if self.level_unit is not None:
-            choice(self.level_unit, get_args(LevelUnit), "level_unit")
+        choice(self.excitation_unit, get_args(ExcitationUnit), "excitation_unit")
+        if self.excitation_unit:
             if self.base is not None or self.load is not None:
-                raise InputError("is that of a base motion or a load; leave one of them out", "level_unit")
+                raise InputError("is that of a base motion or a load; leave one of them out", "excitation_unit")
         elif self.base is None and self.load is None:
-            text = (
-                "give the base motion (base) or the tip load (load) that excites the beam, or a level_unit for fit_mode"
+            raise InputError(
+                "give the base motion (base) or the tip load (load) that excites the beam, or excitation_unit",
+                "base",
             )
-            raise InputError(text, "base")
         else:
             beam_drive(self.base, self.load)  # refuses what cannot excite a steady vibration
-        if flag(self.relative, "relative") and self.level_unit not in BASE_UNITS:
-            raise InputError(f"needs levels of the base, with level_unit one of {', '.join(BASE_UNITS)}", "relative")
+        if flag(self.relative, "relative") and self.excitation_unit not in BASE_MOTIONS:
+            raise InputError(
+                f"needs a motion of the base: excitation_unit one of {', '.join(BASE_MOTIONS)}", "relative"
+            )
 
     def _keep_points(self) -> None:
         """Keep frequencies, amplitudes, phases, levels and standard deviations as arrays."""
@@ -214,21 +216,16 @@ class ResponseRecord(Displayed):
         return np.asarray(self.levels)
 
     @property
-    def excitation_unit(self) -> str:
-        """Unit of the levels; empty for multiples of ``base`` or ``load``."""
-        return self.level_unit or ""
-
-    @property
     def label(self) -> str:
         """Name of the record; sensor, level and sweep if it has none."""
         if self.name:
             return self.name
-        size, unit = float(np.median(self.a)), self.excitation_unit
+        size, unit = float(np.median(self.a)), str(self.excitation_unit)
         if not unit:
             drive = beam_drive(self.base, self.load)
             size, unit = drive.amplitude * size, drive.unit
         level = f"{1e3 * size:.3g} mm" if self.base else f"{size:.3g} {unit}"
-        where = "" if self.level_unit else f" {self.sensor.label}"
+        where = "" if self.excitation_unit else f" {self.sensor.label}"
         return ", ".join([f"{self.sensor.quantity}{where}", level, *([self.sweep] if self.sweep else [])])
 
     @cached_property

@@ -296,7 +296,9 @@ def test_version_and_help_import_none_of_the_large_packages(option):
     assert "ancf-casadi" in run.stdout
 
 
-COMMANDS = "init fit-decay fit-modes fit compare-laws modes match simulate response export study reproduce".split()
+COMMANDS = (
+    "init fit-decay fit-modes fit-mode fit compare-laws modes match simulate response export study reproduce".split()
+)
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -63,7 +63,7 @@ def response_controlled(one, amplitude, frequencies, constant=1.0, **settings):
     """Return the record of an oscillator whose displacement is held."""
     found = np.array([one.phasor(amplitude, 2 * np.pi * f) for f in frequencies]) / constant
     held = np.full(len(frequencies), amplitude)
-    return ResponseRecord(frequencies, held, -np.angle(found), levels=np.abs(found), level_unit="N",
+    return ResponseRecord(frequencies, held, -np.angle(found), levels=np.abs(found), excitation_unit="N",
                           control="response", **settings)  # fmt: skip
 
 
@@ -85,7 +85,7 @@ def force_controlled(one, level, amplitudes, near, constant=1.0, **settings):
             W = brentq(excess, *sorted((peak, end)), xtol=1e-8 * near)
             points.append((W / (2 * np.pi), A, -np.angle(one.phasor(A, W))))
     f, A, phase = np.array(sorted(points)).T
-    return ResponseRecord(f, A, phase, levels=np.full(len(f), level), level_unit="N", **settings)
+    return ResponseRecord(f, A, phase, levels=np.full(len(f), level), excitation_unit="N", **settings)
 
 
 def noisy(record, rng, noise=0.01, turn=None):
@@ -95,7 +95,7 @@ def noisy(record, rng, noise=0.01, turn=None):
     scatter = {"values": 1.0, "levels": 1.0} | {"levels" if record.control == "response" else "values": rows[0]}
     measured = {"values": scatter["values"] * record.amplitudes, "levels": scatter["levels"] * record.a}
     phases = phases if turn is None else turn(phases)
-    return ResponseRecord(record.f, phases=phases, control=record.control, level_unit=record.level_unit,
+    return ResponseRecord(record.f, phases=phases, control=record.control, excitation_unit=record.excitation_unit,
                           relative=record.relative, sensor=record.sensor, **measured)  # fmt: skip
 
 

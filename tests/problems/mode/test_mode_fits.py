@@ -42,7 +42,7 @@ def steady(unit, relative, quantity, amplitudes, f=F):
 def curve(unit, relative, quantity, amplitudes, f=F, **settings):
     """Return the record of such an oscillator."""
     levels, values = steady(unit, relative, quantity, amplitudes, f)
-    return ResponseRecord(f, values, levels=levels, level_unit=unit, relative=relative, sensor=Sensor(quantity),
+    return ResponseRecord(f, values, levels=levels, excitation_unit=unit, relative=relative, sensor=Sensor(quantity),
                           **settings)  # fmt: skip
 
 
@@ -149,7 +149,7 @@ def test_phases_that_count_from_elsewhere_are_turned_and_named(turn, lag):
     rng = np.random.default_rng(1)
     right = noisy(forced("cubic")[2], rng)
     stated = right.measured_phases + turn * np.pi / 2
-    wrong = ResponseRecord(right.f, right.amplitudes, -stated if lag else stated, levels=right.a, level_unit="N")
+    wrong = ResponseRecord(right.f, right.amplitudes, -stated if lag else stated, levels=right.a, excitation_unit="N")
     fits = [fit_mode(record, **laws) for record in (right, wrong)]
     assert list(fits[1].estimates.values()) == pytest.approx(list(fits[0].estimates.values()), rel=1e-6)
     texts = {
@@ -168,7 +168,7 @@ def test_phases_that_do_not_decide_stay_as_they_are():
     rng = np.random.default_rng(0)
     phases = far.measured_phases + 0.01 * rng.standard_normal(12)
     near = curve("N", False, "displacement", np.full(F.size, 1e-3))
-    far = ResponseRecord(f, far.amplitudes, phases, levels=far.a, level_unit="N")
+    far = ResponseRecord(f, far.amplitudes, phases, levels=far.a, excitation_unit="N")
     assert fit_mode([near, far]).notes == ()
 
 
@@ -199,7 +199,7 @@ def test_amplitudes_without_phases_are_enough():
     bare = []
     for record in forced("micro-slip"):
         own = noisy(record, rng)
-        bare.append(ResponseRecord(own.f, own.amplitudes, levels=own.a, level_unit="N"))
+        bare.append(ResponseRecord(own.f, own.amplitudes, levels=own.a, excitation_unit="N"))
     found, errors = (getattr(fit_mode(bare, **laws), name) for name in ("estimates", "standard_errors"))
     for name, value in {"frequency": 10.0, "frequency_slope": -0.5, "eta1": 0.004 * OMEGA}.items():
         assert found[name] == pytest.approx(value, abs=3.5 * errors[name])
@@ -212,12 +212,12 @@ def test_a_phase_locked_backbone_needs_a_decay_or_the_modal_constant():
     rng = np.random.default_rng(0)
     values, phases = sizes * (1 + 0.005 * rng.standard_normal(5)), 0.01 * rng.standard_normal(5)
     laws = {"law": "linear", "frequency_law": "quadratic"}
-    locked = ResponseRecord(f, values, phases - np.pi / 2, levels=levels, level_unit="N")
+    locked = ResponseRecord(f, values, phases - np.pi / 2, levels=levels, excitation_unit="N")
     with pytest.raises(FitError, match="determine"):
         fit_mode(locked, **laws)
     fit = fit_mode(locked, modal_constant=1.0, **laws)
     assert fit.damping_ratio == pytest.approx(0.003, abs=3.5 * fit.standard_errors["damping_ratio"])
-    reversed_ = ResponseRecord(f, values, phases + np.pi / 2, levels=levels, level_unit="N")
+    reversed_ = ResponseRecord(f, values, phases + np.pi / 2, levels=levels, excitation_unit="N")
     both = fit_mode([decay(one, 0.01), reversed_], **laws)
     assert both.estimates["modal_constant"] == pytest.approx(1.0, abs=3.5 * both.standard_errors["modal_constant"])
     assert "180 degrees were added" in both.notes[0]
@@ -236,13 +236,13 @@ def test_in_response_control_the_error_is_that_of_the_force():
 def test_a_level_in_another_unit_is_said():
     _, laws = CASES["cubic"]
     small, *others = (noisy(record, np.random.default_rng(k)) for k, record in enumerate(forced("cubic")))
-    small = ResponseRecord(small.f, small.amplitudes, small.measured_phases, levels=1e3 * small.a, level_unit="N")
+    small = ResponseRecord(small.f, small.amplitudes, small.measured_phases, levels=1e3 * small.a, excitation_unit="N")
     with pytest.raises(FitError, match=r"its response per level is 0.00[01]\d+ times .* such as mm"):
         fit_mode([small, *others], **laws)
     amplitudes = 0.01 / (1 + (40 * (F / 10 - 1)) ** 2) ** 0.5
     base = curve("m/s^2", True, "displacement", amplitudes)
-    in_g = ResponseRecord(base.f, base.amplitudes, base.measured_phases, levels=base.a / 98.0665, level_unit="m/s^2",
-                          relative=True)  # fmt: skip
+    settings = {"levels": base.a / 98.0665, "excitation_unit": "m/s^2", "relative": True}
+    in_g = ResponseRecord(base.f, base.amplitudes, base.measured_phases, **settings)
     fit = fit_mode(in_g, law="quadratic", frequency_law="quadratic")
     assert any("that of a mode driven by its base is of the order of 1" in note for note in fit.warnings)
 
@@ -251,7 +251,7 @@ def test_a_fit_that_explains_little_is_no_result():
     rng = np.random.default_rng(0)
     values = 1e-3 * (rng.standard_normal((2, 30)).T @ [1, 1j])
     with pytest.raises(FitError):
-        fit_mode(ResponseRecord(np.linspace(9.0, 11.0, 30), values, level_unit="N"))
+        fit_mode(ResponseRecord(np.linspace(9.0, 11.0, 30), values, excitation_unit="N"))
 
 
 def test_a_prediction_of_another_level_and_of_a_decay_is_close():
@@ -262,17 +262,17 @@ def test_a_prediction_of_another_level_and_of_a_decay_is_close():
     assert found.relative_errors["amplitude"] < 0.1 and found.standard_errors["amplitude"] > 0.0
     assert fit.predict(decay(one, 0.005)).relative_errors["displacement"] < 0.05
     with pytest.raises(InputError, match="has levels in V; the fit has levels in N"):
-        fit.predict(ResponseRecord([10.0], [1.0], level_unit="V"))
+        fit.predict(ResponseRecord([10.0], [1.0], excitation_unit="V"))
 
 
 def test_hostile_records_are_refused():
     good = curve("N", False, "displacement", np.full(F.size, 1e-3))
     with pytest.raises(InputError, match="convert them"):
         fit_mode([good, curve("N", False, "strain", np.full(F.size, 1e-3))])
-    with pytest.raises(InputError, match="level_unit"):
-        ResponseRecord([1.0], [1.0], level_unit="kN")
+    with pytest.raises(InputError, match="excitation_unit"):
+        ResponseRecord([1.0], [1.0], excitation_unit="kN")
     with pytest.raises(InputError, match="relative"):
-        ResponseRecord([1.0], [1.0], level_unit="N", relative=True)
+        ResponseRecord([1.0], [1.0], excitation_unit="N", relative=True)
     for bad in ([], [None], 3.0, ["a", "b"]):
         with pytest.raises(InputError):
             fit_mode(bad)

@@ -1,0 +1,1 @@
+"""The subcommands that estimate something from measurements, one file each."""

@@ -37,7 +37,7 @@ from problems.mode.curves import constant_unit, curves_of_mode
 from problems.mode.decays import decay_block, mode_decay, release_unknowns
 from problems.mode.oscillator import motion_amplitudes, reading_factor
 from problems.mode.result import ModeFit
-from problems.mode.start import LEAST_RATIO, Points, from_amplitudes, from_phases, guess_of, law_at, modal_constant_of
+from problems.mode.start import LEAST_RATIO, Points, from_points, guess_of, law_at, modal_constant_of
 
 Decay = Measurement | tuple[Any, Any]
 
@@ -203,18 +203,9 @@ def _starts(
     decay: DecayFit | None,
 ) -> list[dict[str, float]]:
     """Return values by name of the laws, and by unit of the modal constants, to start from."""
-    starts = list[dict[str, float]]()
-    groups = [[Points.of([one], unit) for one in curves if one.excitation_unit == unit] for unit in units]
-    timed = [
-        [one for one in curves if one.excitation_unit == unit and one.measured_phases is not None] for unit in units
-    ]
-    with_phases = [Points.of(own, unit) for own, unit in zip(timed, units, strict=True) if own]
-    if decay is not None:
-        starts.append(decay.fit.estimates)
-    if with_phases:
-        starts.append(from_phases(model, with_phases, known))
-    elif curves:
-        starts.append(from_amplitudes(model, groups))
+    groups = [Points.of([one for one in curves if one.excitation_unit == unit], unit) for unit in units]
+    starts = [] if decay is None else [decay.fit.estimates]
+    starts += [from_points(model, groups, known)] if groups else []
     for start in starts:
         for unit, group in zip(units, groups, strict=True):
             if not start.get(unit, 0.0) > 0.0:

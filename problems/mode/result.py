@@ -142,7 +142,15 @@ class ModeFit(LeastSquaresResult):
     @cached_property
     def agreements(self) -> tuple[Agreement, ...]:
         """Agreement of the records, to first order, on each unknown that several determine; empty for one record."""
-        return agreement_of_parts(self.fit, [mask for mask in self.solution.problem.masks if mask.any()])
+        found = agreement_of_parts(self.fit, [mask for mask in self.solution.problem.masks if mask.any()])
+        return tuple(self._reported(one) for one in found)
+
+    def _reported(self, one: Agreement) -> Agreement:
+        """Return an agreement on an unknown as one on the estimate that it is; others stay as they are."""
+        if one.name == "omega" and self.model.frequency_law != "logarithmic":
+            turn = 2 * math.pi
+            return replace(one, name="frequency", unit="Hz", values=one.values / turn, errors=one.errors / turn)
+        return replace(one, name="damping_ratio") if one.name == "zeta" and self.model.law == "linear" else one
 
     @cached_property
     def accounts(self) -> tuple[Account, ...]:

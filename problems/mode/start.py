@@ -7,12 +7,8 @@ balance of each point
 
 is linear in kappa, in omega^2, in the coefficient of the change of omega(A)^2 with the amplitude, and in those of the
 rate of decay c(A).  Its real and imaginary parts, over |g|, are one regression of all points with phases; exponents and
-corners take the best of a list.  Without phases, the squares of the modulus at the lowest level,
-
-    (W^2)^2 = -omega^4 + 2 (omega^2 - 2 c^2) W^2 + kappa^2 |g|^2,
-
-give a mode whose frequency is constant, and then each point near the resonance its own omega^2, from which follows the
-change with the amplitude.
+corners take the best of a list.  Where no phases were measured, sin(psi) is the response per level over the largest
+one: exact for a rate of decay that does not depend on the amplitude, also on bent curves.
 """
 
 from __future__ import annotations
@@ -26,7 +22,6 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from ancf_casadi.decay.first_guess import DecayGuess
-from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, ComplexArray
 from problems.beam.curves.record import ResponseRecord
 from problems.decay.laws import DECAY_TERMS, DecayModel
@@ -52,13 +47,21 @@ class Points:
         omega, amplitude, g = [], [], []
         for record in records:
             W, A = 2 * math.pi * record.f, motion_amplitudes(record)
-            h = A + 0j
-            if record.measured_phases is not None:
-                h = A * np.exp(1j * (record.measured_phases - record.sensor.derivatives * math.pi / 2))
+            h = A * np.exp(1j * motion_phases(record))
             omega.append(W)
             amplitude.append(A)
             g.append(force_factor(record.excitation_unit, W) * record.a / h)
         return cls(unit, *(np.concatenate(part) for part in (omega, amplitude, g)))
+
+
+def motion_phases(record: ResponseRecord) -> Array:
+    """Return the phases psi of the motion (m,), or about those if they were not measured."""
+    if record.measured_phases is not None:
+        return record.measured_phases - record.sensor.derivatives * math.pi / 2
+    response = record.amplitudes / record.a / (2 * math.pi * record.f) ** record.sensor.derivatives
+    behind = np.arcsin(response / response.max())
+    reference = np.angle(force_factor(record.excitation_unit, 2 * math.pi * record.f))
+    return np.asarray(reference - np.where(record.f < record.f[response.argmax()], behind, math.pi - behind))
 
 
 def guess_of(omega: float, ratio: float, amplitude: float) -> DecayGuess:
@@ -67,8 +70,8 @@ def guess_of(omega: float, ratio: float, amplitude: float) -> DecayGuess:
     return DecayGuess(0, "", length, length, omega, ratio, amplitude, 0.0, 0.0)
 
 
-def from_phases(model: DecayModel, groups: Sequence[Points], known: float | None) -> dict[str, float]:
-    """Return values by name of the laws and, by unit of the level, of the modal constants, from points with phases."""
+def from_points(model: DecayModel, groups: Sequence[Points], known: float | None) -> dict[str, float]:
+    """Return values by name of the laws and, by unit of the level, of the modal constants, from points."""
     best: tuple[float, dict[str, float]] | None = None
     for bending in SHAPES.get(model.frequency_law, ((),)):
         for damping in ((p,) for p in EXPONENT_STARTS) if model.law == "power" else ((),):
@@ -121,66 +124,11 @@ def _regression(
     return float(found.cost), values
 
 
-def from_amplitudes(model: DecayModel, groups: Sequence[Sequence[Points]]) -> dict[str, float]:
-    """Return values by name of the laws and modal constants, from the records of each group, which have no phases."""
-    lowest = min((one for group in groups for one in group), key=lambda one: float(one.amplitude.max()))
-    omega, g = lowest.omega, np.abs(lowest.g)
-    middle = float(np.mean(omega**2))
-    y = omega**2 - middle
-    rows = np.array([np.ones(len(y)), y, g**2]).T / (g**2)[:, None]
-    size = np.linalg.norm(rows, axis=0)
-    if len(y) < 3:
-        raise FitError(f"the curve has {len(y)} points; measure more of the resonance")
-    alpha, beta, square = (np.linalg.lstsq(rows / size, y**2 / g**2)[0] / size).tolist()
-    peak = float(omega[np.argmin(g)])
-    s = middle + beta / 2
-    found = math.sqrt(s) if 0.25 * peak**2 < s < 4 * peak**2 else peak
-    kappa = math.sqrt(square) if square > 0.0 else float(np.median(np.abs(omega**2 - found**2) / g))
-    rate = math.sqrt(max((-alpha - (beta / 2) ** 2) / (4 * found**2), (1e-4 * found) ** 2))
-    rate = min(rate, kappa * float(g.min()) / found)  # that of the peak, or less
-    values = {"omega": found, **_equal_parts(model, rate, found), lowest.unit: kappa}
-    every = [one for group in groups for one in group]
-    for unit in {one.unit for one in every} - {lowest.unit}:
-        values[unit] = modal_constant_of(model, [one for one in every if one.unit == unit], values)
-    if model.bends:
-        values |= _bent(model, every, values, rate)
-    return values
-
-
-def _bent(model: DecayModel, every: Sequence[Points], values: Mapping[str, float], rate: float) -> dict[str, float]:
-    """Return the frequency and its change with the amplitude, from the frequency that each point near a peak has."""
-    squares, amplitudes = [], []
-    for one in every:
-        force, top = values[one.unit] * np.abs(one.g), float(one.omega[np.argmin(np.abs(one.g))])
-        near = np.abs(one.g) < 4 * np.abs(one.g).min()
-        apart = np.sqrt(np.maximum(force**2 - (2 * rate * one.omega) ** 2, 0.0)) * np.where(one.omega > top, -1.0, 1.0)
-        squares.append((one.omega**2 + apart)[near])
-        amplitudes.append(one.amplitude[near])
-    y, A, best = np.concatenate(squares), np.concatenate(amplitudes), (math.inf, dict[str, float]())
-    for shape in SHAPES.get(model.frequency_law, ((),)):
-        rows = np.array([np.ones(len(A)), model.change(A, 1.0, *shape)]).T
-        square, slope = np.linalg.lstsq(rows, y)[0].tolist()
-        left = float(np.sum((rows @ [square, slope] - y) ** 2))
-        if square > 0.0 and left < best[0]:
-            terms = zip(model.frequency_terms, (slope / (2 * square), *shape), strict=True)
-            best = left, {"omega": math.sqrt(square), **dict(terms)}
-    return best[1]
-
-
-def _equal_parts(model: DecayModel, rate: float, omega: float) -> dict[str, float]:
-    """Return the unknowns of the damping with a rate of decay at the amplitude of reference."""
-    guess = guess_of(omega, rate / omega, model.reference)
-    return {u.name: u.guess for u in model.shared(guess) if u.name not in ("omega", *model.frequency_terms)}
-
-
-def modal_constant_of(model: DecayModel, points: Sequence[Points], values: Mapping[str, float]) -> float:
+def modal_constant_of(model: DecayModel, points: Points, values: Mapping[str, float]) -> float:
     """Return the modal constant of points by values of the laws: the median of those of the points."""
-    found = []
-    for one in points:
-        ratio, frequency = law_at(model, one.amplitude, values)
-        square = (2 * math.pi * frequency) ** 2 - one.omega**2
-        found.append(np.abs(square + 2j * ratio * values["omega"] * one.omega) / np.abs(one.g))
-    return float(np.median(np.concatenate(found)))
+    ratio, frequency = law_at(model, points.amplitude, values)
+    square = (2 * math.pi * frequency) ** 2 - points.omega**2
+    return float(np.median(np.abs(square + 2j * ratio * values["omega"] * points.omega) / np.abs(points.g)))
 
 
 def law_at(model: DecayModel, amplitude: Array, values: Mapping[str, float]) -> tuple[Array, Array]:

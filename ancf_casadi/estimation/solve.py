@@ -114,7 +114,7 @@ class FitProblem:
     def fitted(self, evaluations: Sequence[Evaluation], *, first: bool) -> Fit:
         """Return the estimates for the weights of the blocks; ``first`` checks that the data determine them."""
         residuals, scale, count = self.residuals(evaluations), self.scale, sum(self._sizes)
-        if first:
+        if first and sum(self.series) >= len(self.unknowns):  # fewer residuals are refused below
             negligible = scale * math.hypot(*(block.negligible for block in self.blocks))
             check_determined(residuals, self.unknowns, negligible)
         systematic = scale * self.root_mean_square([block.systematic for block in self.blocks])

@@ -25,15 +25,16 @@ from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.estimation.block import Block
 from ancf_casadi.estimation.solve import FitProblem, solve
 from ancf_casadi.estimation.solver.unknown import Unknown, started
-from ancf_casadi.exceptions import FitError, InputError
+from ancf_casadi.exceptions import FitError, InputError, NumericsError
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.support.arrays import root_mean_square
 from ancf_casadi.support.inputs import choice, flag, is_sequence, numbers, physical, shown
 from problems.beam.curves.checks import level_notes, oriented, phase_locked
 from problems.beam.curves.record import ResponseRecord
 from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law
 from problems.decay.result import DecayFit
 from problems.decay.solution import as_record, fit_one
-from problems.mode.curves import constant_unit, curves_of_mode
+from problems.mode.curves import ModeCurveBlock, constant_unit, curves_of_mode
 from problems.mode.decays import decay_block, mode_decay, release_unknowns
 from problems.mode.oscillator import motion_amplitudes, reading_factor
 from problems.mode.result import ModeFit
@@ -191,8 +192,22 @@ def _stated(
         unit = curves[0].sensor.motion_unit
         unknowns += [Unknown(names[one], best[names[one]], best[names[one]], 0.0, unit=constant_unit(unit, one))
                      for one in units if free]  # fmt: skip
-        blocks.append(curves_of_mode(model, curves, shared, names, known))
+        blocks.append(_weighed(curves_of_mode(model, curves, shared, names, known), best))
     return FitProblem(tuple(blocks), tuple(unknowns), robust), starts, model
+
+
+def _weighed(block: ModeCurveBlock, start: Mapping[str, float]) -> ModeCurveBlock:
+    """Return curves with standard deviations as large as residuals at a start: they set the accuracy of the first fit."""
+    try:
+        size = root_mean_square(block.evaluation().at(start)[0])
+    except NumericsError:
+        return block
+    weights = block.weights
+    known = np.zeros(len(weights.lengths), dtype=bool)
+    for group, given in zip(weights.groups, weights.known, strict=True):
+        known[list(group)] = given
+    deviations = np.where(known, weights.deviations, max(size, 1.0) * weights.deviations)
+    return replace(block, weights=replace(weights, deviations=deviations))
 
 
 def _starts(

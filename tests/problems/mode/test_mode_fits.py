@@ -278,7 +278,16 @@ def test_hostile_records_are_refused():
             fit_mode(bad)
     with pytest.raises(InputError, match="release_times"):
         fit_mode(good, release_times=[1.0])
+    with pytest.raises(InputError, match="1 values cannot determine 3 unknowns"):
+        fit_mode(ResponseRecord([9.9], [1e-3], excitation_unit="N"))
     assert math.isfinite(fit_mode(good).frequency)
+
+
+def test_noise_of_a_tenth_is_fitted():
+    """The size of the residuals at the start decides how closely the first fit is solved."""
+    rng = np.random.default_rng(3)
+    fit = fit_mode([noisy(record, rng, 0.1) for record in forced("cubic")], **CASES["cubic"][1])
+    assert fit.frequency == pytest.approx(10.0, abs=4 * fit.standard_errors["frequency"])
 
 
 def test_a_fit_with_most_unknowns_at_bounds_is_no_result():

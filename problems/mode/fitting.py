@@ -197,7 +197,7 @@ def _stated(
 
 
 def _weighed(block: ModeCurveBlock, start: Mapping[str, float]) -> ModeCurveBlock:
-    """Return curves with standard deviations as large as residuals at a start: they set the accuracy of the first fit."""
+    """Return curves with standard deviations as large as residuals at a start, for the accuracy of the first fit."""
     try:
         size = root_mean_square(block.evaluation().at(start)[0])
     except NumericsError:

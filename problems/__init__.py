@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from problems.matching.result import FrequencyMatch
     from problems.matching.unknowns import Global, PerElement, Smooth
     from problems.modal_damping.rayleigh import RayleighFit, fit_rayleigh
+    from problems.mode.fitting import fit_mode
+    from problems.mode.result import ModeFit
     from problems.paper.reproduce import reproduce
     from problems.study.study import StudyReport, run_study
 else:
@@ -52,6 +54,7 @@ __all__ = [
     "LeastChange",
     "MarkerRecord",
     "MeasuredModes",
+    "ModeFit",
     "MonteCarlo",
     "MotionRecord",
     "PerElement",
@@ -70,6 +73,7 @@ __all__ = [
     "fit_decay",
     "fit_decays",
     "fit_frf",
+    "fit_mode",
     "fit_modes",
     "fit_rayleigh",
     "isolate_mode",

@@ -30,6 +30,7 @@ COMMANDS = {  # each in a module of its name in problems.command or its folder f
     "fit-modes": "estimate frequency and damping of several modes from one measured decay",
     "fit-frf": "estimate the modes of measured frequency response functions",
     "fit-response": "estimate a damping law, and properties of the beam, from measured response curves",
+    "fit-mode": "estimate frequency and damping of one mode from measured decays and response curves together",
     "fit": "estimate a damping law, and properties of the beam, from any mix of measurements",
     "compare-laws": "fit several damping laws to a decay, or to the motion of a beam, and select one",
     "modes": "compute natural frequencies and mode shapes of a beam about its equilibrium",
@@ -72,10 +73,7 @@ class _Subcommand(_Parser):
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Add the options of the subcommand, and parse."""
         name = self.get_default("title").replace("-", "_")
-        fits = name.startswith(("fit", "compare"))
-        module = import_module(
-            f"problems.command.{'study' if name == 'reproduce' else f'fits.{name}' if fits else name}"
-        )
+        module = import_module(module_of(self.get_default("title")))
         getattr(module, f"add_{name}")(self)
         return super().parse_known_args(args, namespace)
 

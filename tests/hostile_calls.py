@@ -280,7 +280,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "ResponseRecord": (p.ResponseRecord, {
             "frequencies": grid[:5], "values": [1e-4] * 5, "phases": None, "sensor": a.Sensor(), "base": steady,
             "load": None, "levels": None, "sweep": "up", "control": "excitation", "amplitude_std": None,
-            "phase_std": None, "level_std": None, "name": "",
+            "phase_std": None, "level_std": None, "name": "", "excitation_unit": "", "relative": False,
         }),
         "Smooth": (p.Smooth, {"name": "density", "terms": 2, "relative_bounds": 0.1}),
         "Smoothness": (p.Smoothness, {"weight": 1.0}),
@@ -304,6 +304,10 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         }),
         "fit_frf": (p.fit_frf, {
             "record": p.FrfRecord(grid, frf, "receptance"), "modes": 1, "frequencies": None, "band": None,
+        }),
+        "fit_mode": (p.fit_mode, {
+            "records": [record], "law": "linear", "frequency_law": "constant", "modal_constant": None, "offset": True,
+            "drift": False, "release_times": None, "ratio_bounds": (0.0, 0.9), "robust": False,
         }),
         "fit_modes": (p.fit_modes, {
             "time": instants, "displacement": values + noise, "modes": 1, "offset": True, "release_time": 0.0,

@@ -182,6 +182,10 @@ class Block(ABC):
         """
         return None
 
+    def unexplained(self, fitted: Fitted) -> list[tuple[str, float]]:
+        """Return name and unexplained share of the motion of each record, root mean square; none if unknown."""
+        return []
+
     @abstractmethod
     def account(self, fitted: Fitted) -> Account:
         """Return what a result says of the block."""

@@ -44,6 +44,7 @@ from ancf_casadi.support.arrays import Array, Mask
 LARGEST_SHIFT = 0.1  # largest shift of an estimate by the error of the discretisation, in standard errors
 MOST_REFINEMENTS = 6  # of a block
 LEAST_SHARE = 0.01  # least share 1 - h of the noise that a residual may show
+MOST_UNEXPLAINED = 0.5  # share of the mean square of a motion, beyond which a fit is no result
 OPTIMA_APART = 0.05  # relative difference of unknowns that belong to different optima
 FIT_ADVICE = "start from other guesses, set bounds, or fix some unknowns"
 LEAST_SQUARES_OPTIONS: Mapping[str, Any] = {
@@ -113,7 +114,7 @@ class FitProblem:
     def fitted(self, evaluations: Sequence[Evaluation], *, first: bool) -> Fit:
         """Return the estimates for the weights of the blocks; ``first`` checks that the data determine them."""
         residuals, scale, count = self.residuals(evaluations), self.scale, sum(self._sizes)
-        if first:
+        if first and sum(self.series) >= len(self.unknowns):  # fewer residuals are refused below
             negligible = scale * math.hypot(*(block.negligible for block in self.blocks))
             check_determined(residuals, self.unknowns, negligible)
         systematic = scale * self.root_mean_square([block.systematic for block in self.blocks])
@@ -181,7 +182,7 @@ def solve(problem: FitProblem, starts: Sequence[Mapping[str, float]] = ({},)) ->
         try:
             optima = _optima(problem, evaluations, starts)
             problem, fit, others, evaluations = _reweighted(problem, optima, evaluations)
-            return _refined(problem, fit, others, evaluations)
+            return _checked(_refined(problem, fit, others, evaluations))
         except FitError as error:
             reasons = [one.failure for one in evaluations if one.failure]
             raise FitError("; ".join([str(error), *reasons[:1]]), error.stats) from None
@@ -257,6 +258,24 @@ def _refined(
             break
         problem, fit, others, evaluations = _fitted_again(problem, finer, fit, evaluations)
     return FitSolution(problem, fit, shifts, others, evaluations)
+
+
+def _checked(solution: FitSolution) -> FitSolution:
+    """Return a solution; raise a FitError if it leaves most of a motion, or has most unknowns at bounds."""
+    left = [found for block, fitted in solution.parts for found in block.unexplained(fitted)]
+    unexplained = [f"{name} ({share:.0%})" for name, share in left if share**2 > MOST_UNEXPLAINED]
+    at_bound, count = solution.fit.at_bound, len(solution.fit.names)
+    if unexplained:
+        raise FitError(
+            f"the fit leaves more than half of the motion of {', '.join(unexplained)} unexplained; check the unit of "
+            f"the levels, the phases, and the range of the record, or {FIT_ADVICE}"
+        )
+    if 2 * len(at_bound) > count > 1:
+        raise FitError(
+            f"{len(at_bound)} of {count} unknowns end at their bounds ({', '.join(at_bound)}): the records contradict "
+            f"the model; {FIT_ADVICE}"
+        )
+    return solution
 
 
 def meaningful(shifts: Array, fit: Fit, least: float) -> Array:

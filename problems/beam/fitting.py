@@ -200,7 +200,8 @@ def fit_beam(
         enough = max(mode_of(record, frequencies) for record in curves) + 1 + 2
         count = enough if modes is None else whole(modes, "modes", 1, one.size - one.free.start)
         number, names = whole(harmonics, "harmonics", 1), [unknown.name for unknown in own]
-        blocks.append(curve_block(one, numbered, law, names, first, modes=count, harmonics=number))
+        block = curve_block(one, numbered, law, names, first, modes=count, harmonics=number)
+        blocks.append(block.checked(frequencies))
     blocks += [ValueBlock(record.with_model(models[id(record.model)]), first) for record in values]
     solution = solve(FitProblem(tuple(blocks), own, robust), _starts(own, only_values=not motions and not curves))
     again = partial(fit_beam, model, damping=damping, unknowns=unknowns, fixed=fixed, bounds=bounds, priors=priors,
@@ -268,6 +269,10 @@ def _sorted(
     motions, curves, values = [], [], []
     for one in given:
         if isinstance(one, ResponseRecord):
+            if one.excitation_unit:
+                raise InputError(
+                    f"{one.label}: needs base or load in place of excitation_unit; or use fit_mode", "records"
+                )
             curves.append(one)
         elif isinstance(one, PropertyRecord):
             values.append(one)

@@ -177,7 +177,7 @@ class BeamFit(LeastSquaresResult):
         """Amplitude, phase (rad) and level of the motion closest to each point of each response curve, (3, m) each."""
         parts = [(block, one) for block, one in self.solution.parts if isinstance(block, CurveBlock)]
         motions = [own for _, fitted in parts for own in fitted.evaluation.motions(self.estimates)]
-        return [np.array([one.values for one in own]).T for own in motions]
+        return [own.values.T for own in motions]
 
     @property
     def shifts(self) -> Array:

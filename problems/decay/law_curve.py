@@ -7,7 +7,7 @@ holds for one amplitude at a time.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import casadi as cs
@@ -15,9 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.envelope import DampingCurve, LawCurve, damping_curve
+from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, check_instance
 from ancf_casadi.support.tables import Cell, Table
 from problems.decay.result import DecayFit
@@ -64,17 +66,36 @@ def law_curve(fit: DecayFit, amplitudes: ArrayLike | None = None, *, level: floa
         lowest = max(visible, fit.amplitude / 100)
         chosen = np.geomspace(min(lowest, fit.amplitude / 2), fit.amplitude, 60)
     else:
-        chosen = array(amplitudes, "amplitudes").ravel()
-        if not (chosen > 0.0).all():
-            raise InputError(f"must be positive, got {chosen.min():g}", "amplitudes")
+        chosen = given_amplitudes(amplitudes)
+    return with_bands(
+        fit.fit,
+        lambda *x: fit.model.against_amplitude(chosen, *(x[i] for i in fit.indices)),
+        chosen,
+        level,
+        fit.units["amplitude"],
+    )
+
+
+def with_bands(
+    fit: Fit, against: Callable[..., tuple[cs.MX, cs.MX]], amplitudes: Array, level: float, unit: str
+) -> LawCurve:
+    """Return damping ratio and frequency, which are functions of the unknowns, with the bands of their intervals."""
 
     def both(*x: cs.MX) -> cs.MX:
-        return cs.vertcat(*fit.model.against_amplitude(chosen, *(x[i] for i in fit.indices)))
+        return cs.vertcat(*against(*x))
 
-    values, ends = fit.fit.derived(both)[0], fit.fit.derived_intervals(both, level)
+    values, ends = fit.derived(both)[0], fit.derived_intervals(both, level)
     ratio, frequency = np.split(values, 2)
     ratio_band, frequency_band = np.split(ends, 2)
-    return LawCurve(chosen, ratio, ratio_band, frequency, frequency_band, fit.units["amplitude"])
+    return LawCurve(amplitudes, ratio, ratio_band, frequency, frequency_band, unit)
+
+
+def given_amplitudes(amplitudes: ArrayLike) -> Array:
+    """Return amplitudes as an array (k,); all must be positive."""
+    chosen = array(amplitudes, "amplitudes").ravel()
+    if not (chosen > 0.0).all():
+        raise InputError(f"must be positive, got {chosen.min():g}", "amplitudes")
+    return chosen
 
 
 def amplitude_table(fit: DecayFit) -> Table:

@@ -297,10 +297,10 @@ class DecayModel:
             found["corner_amplitude"] = self.reference * cs.exp(bending[1])
         return cs.vertcat(*(found.get(name, cs.MX(0)) for name in DECAY_QUANTITIES))
 
-    def against_amplitude(self, amplitude: Array, *x: cs.MX) -> tuple[cs.MX, cs.MX]:
+    def against_amplitude(self, amplitude: Array | cs.MX, *x: cs.MX) -> tuple[cs.MX, cs.MX]:
         """Return equivalent damping ratio and frequency (Hz) at amplitudes (m), which are positive."""
         ω, damping, bending, *_ = self._split(x)
-        A = _column(amplitude)
+        A = amplitude if isinstance(amplitude, cs.MX) else _column(amplitude)
         return self._ratio(A, ω, damping), ω / (2 * math.pi) * (1 + self._change(A, bending))
 
     def _damped(self, ω: cs.MX, damping: Symbols) -> cs.MX:

@@ -12,7 +12,7 @@ per change of the modes, to first order, which gives their standard errors from 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import casadi as cs
@@ -20,18 +20,30 @@ import numpy as np
 
 from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.decay.rest import REST_TERMS
+from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import check_instance
+from problems.decay.laws import DecayModel
 from problems.decay.start import of_motion
 
 if TYPE_CHECKING:
     from problems.decay.result import DecayFit
 
 
-def predicted(modes: Sequence[DecayFit], record: Any) -> RecordPrediction:
+@dataclass(frozen=True, eq=False)
+class DecayingMode:
+    """A mode that is known from a fit, and its free decay."""
+
+    fit: Fit
+    model: DecayModel
+    indices: tuple[int, ...]  # positions in ``fit`` of the unknowns of the mode, and of others that do not matter
+    residual_rms: float  # of the records of the same sensor; nan if there is none
+
+
+def predicted(modes: Sequence[DecayFit | DecayingMode], record: Any) -> RecordPrediction:
     """Return the prediction of a decay with modes that were fitted at once."""
     check_instance(record, "record", Measurement)
     fit, sensor = modes[0].fit, modes[0].model.sensor
@@ -46,7 +58,7 @@ def predicted(modes: Sequence[DecayFit], record: Any) -> RecordPrediction:
     def curve(mode: cs.MX, release: cs.MX) -> cs.MX:
         total = cs.MX(0)
         for one, begin, end in zip(modes, ends, ends[1:], strict=False):
-            shared = one.indices[: begin - end]
+            shared = one.indices[: len(one.model.shared(guess))]
             total += one.model.curve(time - time[0], *(mode[k] for k in shared), *cs.vertsplit(release[begin:end]))
         return total
 
@@ -69,6 +81,6 @@ def predicted(modes: Sequence[DecayFit], record: Any) -> RecordPrediction:
         np.nan_to_num(errors),
         time,
         TIME_AXIS,
-        fit.residual_rms,
+        modes[0].residual_rms,
     )
     return RecordPrediction("decay", (channel,))

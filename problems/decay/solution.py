@@ -125,6 +125,12 @@ def _swing(model: DecayModel, guesses: Sequence[DecayGuess]) -> float:
     return max(guess.amplitude * guess.ω**model.sensor.derivatives for guess in guesses)
 
 
+def fitted_part(record: Measurement, fit: DecayFit) -> Measurement:
+    """Return the samples of a record that its fit used: from the release on, reduced to the band of the mode."""
+    decay = Measurement(fit.time - fit.time[0], record.values[-len(fit.time) :], sensor=record.sensor)
+    return reduced(decay, fit.fitted_samples, lambda time: fit.displacement(time + fit.release_time))
+
+
 def reduced_counts(decays: Sequence[Measurement], ω: Sequence[float]) -> list[int]:
     """Return the number of samples that a fit needs of each decay: all, if one of them is short or unevenly sampled.
 

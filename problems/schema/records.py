@@ -81,6 +81,18 @@ RECORD_KEYS = """\
                 laws = [[1], [1, 2]]: for compare-laws, the tables [[damping]]
                 of each law (default: each alone, and all together)
 """
+MODE_CURVES_HELP = """\
+Tables of CURVES.toml, in SI units:
+  [[curves]]    one table per response curve: file (with columns of frequency,
+                amplitude, phase and level), or frequencies (Hz), values
+                (amplitudes of the sensor), phases (rad), levels;
+                excitation_unit of the levels ("N", "V", or "m", "m/s", "m/s^2"
+                of the base; not needed if the file tells it), relative (true
+                if the sensor moves with the base), sweep ("up" or "down"),
+                control ("excitation" or "response"), sensor ("displacement" if
+                not given, "velocity", "acceleration", "strain"),
+                amplitude_std, phase_std, level_std, name
+"""
 RECORDS_HELP = DAMPED_HELP + MOTION_KEYS + RECORD_KEYS
 SENSOR = {"point", "direction", "frame", "gravity", "distance"}
 NUMBERS = ("frequencies", "statics", "curves")  # tables of values, each made on its own
@@ -186,20 +198,29 @@ def _loads(case: Any, where: str) -> list[PointLoad]:
     ]
 
 
-def _curve(file: StudyFile, given: Any, model: Model, where: str) -> ResponseRecord:
+def read_curves(name: str) -> list[ResponseRecord]:
+    """Read the response curves of a file, which needs no beam."""
+    file = StudyFile.of(name, required={"curves"})
+    return [_curve(file, table, None, file.where("curves")) for table in file.several("curves")]
+
+
+def _curve(file: StudyFile, given: Any, model: Model | None, where: str) -> ResponseRecord:
     read = isinstance(given, dict) and "file" in given
     required = {"file"} if read else {"frequencies", "values"}
     arguments = {name for name in signature(ResponseRecord).parameters} - CURVE_NUMBERS - CURVE_MADE
     arguments |= CURVE_READING if read else CURVE_NUMBERS
-    check_keys(given, required, {*arguments, "sensor", *SENSOR, *CONFIGURATION}, where)
+    check_keys(given, required, {*arguments, "sensor", *SENSOR, *(CONFIGURATION if model else ())}, where)
     own = {key: given[key] for key in arguments & given.keys()}
-    own_model = _configuration(given, model, where)
-    own |= _excitation(file, given, where) | {"model": None if own_model is model else own_model}
+    if model is not None:
+        own_model = _configuration(given, model, where)
+        own |= _excitation(file, given, where) | {"model": None if own_model is model else own_model}
     if not read:
         return made(own, ResponseRecord, where, sensor=_sensor(given, "displacement", where))
     path = file.beside(own.pop("file"), f"{where}: file")
     if "sensor" in given or SENSOR & given.keys():
         own["sensor"] = _sensor(given, "displacement", where)
+    if model is None:
+        own.setdefault("excitation_unit", "")
     with located(where):
         return ResponseRecord.from_file(path, progress=True, **own)
 

@@ -16,10 +16,12 @@ from problems import (
     FrfRecord,
     Global,
     MeasuredModes,
+    ResponseRecord,
     fit_beam,
     fit_decay,
     fit_decays,
     fit_frf,
+    fit_mode,
     fit_modes,
     fit_rayleigh,
     load_fit,
@@ -44,6 +46,13 @@ def lines(seed: int) -> FrfRecord:
     return FrfRecord(LINES, 1.0 / (2.0**2 - LINES**2 + 0.04j * LINES) + noise, "receptance")
 
 
+def curve(seed: int) -> ResponseRecord:
+    """Return the response of a mode of 2 Hz to a force, with noise of 1 %."""
+    noise = 1 + 0.01 * np.random.default_rng(seed).standard_normal((2, 21)).T @ [1, 1j]
+    f = np.linspace(1.9, 2.1, 21)
+    return ResponseRecord(f, 0.01 * noise / (2.0**2 - f**2 + 0.08j * f), excitation_unit="N")
+
+
 def frequencies(f: float) -> FrequencyRecord:
     """Return two frequencies of the beam."""
     return FrequencyRecord(Model(BEAM), [f, 5.674 * f], [0.001, 0.01])
@@ -55,6 +64,11 @@ CASES = {  # result of a fit, records for another fit, and a record to predict
     "decay": (lambda: fit_decay(swing(1, ONE)), swing(2, ONE), swing(3, ONE)),
     "decays": (lambda: fit_decays([swing(1, ONE), swing(2, ONE)]), [swing(3, ONE), swing(4, ONE)], swing(5, ONE)),
     "decay modes": (lambda: fit_modes(swing(1, ONE, TWO), modes=2), swing(2, ONE, TWO), swing(3, ONE, TWO)),
+    "mode": (
+        lambda: fit_mode([swing(1, (0.05, 0.25, 12.566)), curve(1)]),
+        [swing(2, (0.05, 0.25, 12.566)), curve(2)],
+        curve(3),
+    ),
     "frequency response": (lambda: fit_frf(lines(1), frequencies=[2.0]), lines(2), lines(3)),
     "rayleigh": (
         lambda: fit_rayleigh(PAIR, (0.02, 0.021, 0.035), ratio_std=0.001),

@@ -1,8 +1,7 @@
-"""Measured response curves as a block of a fit, and the reduced model that is fitted to them.
+"""Measured response curves of a beam as a block of a fit, and the reduced model that is fitted to them.
 
-``residuals`` has the distance of the points to the curves, and their standard deviations.  The beam is the
-reduced model in a few modes, each with several harmonics; a last evaluation with one mode and two harmonics more shows
-the effect of this truncation.
+The beam is the reduced model in a few modes, each with several harmonics; a last evaluation with one mode and two
+harmonics more shows the effect of this truncation.
 """
 
 from __future__ import annotations
@@ -17,22 +16,23 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping
 from ancf_casadi.damping.law import SumOfLaws
-from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted, SeriesWeights
-from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
+from ancf_casadi.estimation.block import Account, Evaluation, Fitted
 from ancf_casadi.estimation.solve import LARGEST_SHIFT, meaningful
+from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction import ReducedModel, reduce_model
 from ancf_casadi.reduction.reduced import rebuilt
 from ancf_casadi.response.harmonic_balance.drive import beam_drive
-from ancf_casadi.support.arrays import Array, root_mean_square
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import known
-from problems.beam.curves.driven import Driven, driven
-from problems.beam.curves.points import Measured, PointMotion
+from problems.beam.curves.beam_residuals import BeamResponses
+from problems.beam.curves.checks import checked
+from problems.beam.curves.driven import Driven, driven, small_response
 from problems.beam.curves.record import ResponseRecord
-from problems.beam.curves.residuals import FREE, Responses, first_weights, response_channels
+from problems.beam.curves.residuals import first_weights
+from problems.beam.curves.response_block import ResponseBlock
 from problems.beam.properties import Owners
-from problems.beam.unknowns import frequency_name
+from problems.beam.unknowns import frequency_name, mode_of
 
 MODULUS = ("elastic_modulus", "bending_stiffness")  # the strain energy of all elements is proportional to each
 LEVEL_ERROR = 0.01  # relative error of the levels whose effect the result states
@@ -40,55 +40,26 @@ LEAST_SHIFT = 1e-4  # relative shift of an estimate that is worth more modes and
 WITHOUT_MODULUS = (FrictionDamping, ModalDamping, QuadraticDamping)  # laws whose forces do not contain the modulus
 
 
-@dataclass(frozen=True, eq=False)
-class CurveBlock(Block):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CurveBlock(ResponseBlock):
     """Measured response curves of a beam in one configuration."""
 
     model: Model
-    numbered: tuple[tuple[int, ResponseRecord], ...]  # with the numbers, from 1, in the names of factors on levels
     law: DampingLaw
-    names: tuple[str, ...]  # of the unknowns of the fit
     first: Mapping[str, float]  # values of the unknown properties by name, SI units
     modes: int  # of the motion
     harmonics: int
-    weights: SeriesWeights  # factors on the standard deviations of amplitudes and levels, and of phases
     refinements: int = 0  # times that modes and harmonics were added
-    looseness: tuple[float, float, float] = (1.0, 1.0, 1.0)  # further factors for amplitudes, phases and levels
-
-    @property
-    def records(self) -> Sequence[ResponseRecord]:
-        """The measurements."""
-        return [record for _, record in self.numbered]
-
-    @property
-    def lengths(self) -> list[list[int]]:
-        """Number of amplitudes and, if they were measured, of phases of each record."""
-        return [[record.f.size] * (1 if record.phases is None else 2) for record in self.records]
-
-    @property
-    def scale(self) -> float:
-        """Geometric mean of the factors on the standard deviations."""
-        return self.weights.scale
-
-    @property
-    def negligible(self) -> float:
-        """Norm of the error of the computation."""
-        return 1e-6 * math.sqrt(sum(self.series))  # accuracy of the computed points, in standard deviations
+    notes: tuple[str, ...] = ()  # corrections of phases, and doubts about levels
 
     @property
     def meaningful(self) -> float:
         """Relative shift of an estimate that is worth more modes and harmonics."""
         return LEAST_SHIFT
 
-    def evaluation(self, before: Evaluation | None = None) -> Responses:
+    def evaluation(self, before: Evaluation | None = None) -> BeamResponses:
         """Return the residuals; the search for each motion starts from the last one."""
-        return Responses(self, before if isinstance(before, Responses) else None)
-
-    def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
-        """Return the block with the factors on the standard deviations that residuals show."""
-        if all(self.weights.known):
-            return None
-        return replace(self, weights=self.weights.improved(self.weights.split(residuals)))
+        return BeamResponses(self, before if isinstance(before, BeamResponses) else None)
 
     def error(self, values: Mapping[str, float], residuals: Array, evaluation: Any) -> Array:
         """Return the error of residuals, from one mode and two harmonics more."""
@@ -98,6 +69,22 @@ class CurveBlock(Block):
         """Return the block with one mode and two harmonics more, twice at most."""
         return self.finer() if self.refinements < 2 else None
 
+    def checked(self, frequencies: Array) -> Self:
+        """Return the block with the phases of its records as they should be; ``frequencies`` are those of the model."""
+        numbered, notes = [], list[str]()
+        s = self.shared({})
+        for (number, record), system in zip(self.numbered, self.driven({}), strict=True):
+            own = float(frequencies[mode_of(record, frequencies)])
+            try:
+                computed = small_response(system, record, own, s)
+            except NumericsError:  # without damping there is no response at the resonance
+                computed = None
+            if computed is not None:
+                record, found = checked(record, computed)
+                notes += found
+            numbered.append((number, record))
+        return replace(self, numbered=tuple(numbered), notes=tuple(notes))
+
     def finer(self) -> Self:
         """Return the block with one mode and two harmonics more."""
         most = self.model.size - self.model.free.start
@@ -105,46 +92,18 @@ class CurveBlock(Block):
             self, modes=min(self.modes + 1, most), harmonics=self.harmonics + 2, refinements=self.refinements + 1
         )
 
-    def channels(self, fitted: Fitted) -> list[PredictedChannel]:
-        """Return computed amplitudes, and phases if they were measured, without standard errors."""
-        motions = fitted.evaluation.motions(fitted.values)
-        found = []
-        for record, own in zip(self.records, motions, strict=True):
-            values = np.array([one.values[:2] for one in own]).T
-            prefix = f"{record.label}: " if len(self.records) > 1 else ""
-            own_channels = response_channels(record, values, np.full(values.shape, math.nan), prefix)
-            found += own_channels if record.measured_phases is not None else own_channels[:1]
-        return found
-
-    def predicted(self, fit: Fit, kind: str) -> RecordPrediction:
-        """Return amplitudes and phases at the levels of the record."""
-        return replace(self, looseness=FREE).evaluation().predicted(fit, kind)
-
     def account(self, fitted: Fitted) -> Account:
         """Return errors of the amplitudes, the effects of truncation and levels, and points without a stable motion."""
         values, worst = fitted.values, meaningful(fitted.shifts, fitted.fit, LEAST_SHIFT)
         motions = fitted.evaluation.motions(values)
-        errors = [
-            root_mean_square(np.array([one.values[0] for one in own]) / record.amplitudes - 1)
-            for record, own in zip(self.records, motions, strict=True)
-        ]
-        lines = [
-            f"{record.label}: {record.f.size} points, {record.f.min():.5g} to {record.f.max():.5g} Hz, "
-            f"root mean square error of the amplitude {100 * error:.2g} %"
-            for record, error in zip(self.records, errors, strict=True)
-        ]
+        lines = self.lines(motions)
         lines.append(
             f"{self.modes} modes with {self.harmonics} harmonics; one mode and two harmonics more shift no "
             f"estimate by more than {np.abs(fitted.shifts).max():.2g} standard errors"
         )
         names, by_levels = fitted.fit.names, self._level_shifts(fitted)
-        notes = [*self._shift_warnings(worst, by_levels, names), *self._branch_warnings(values, motions)]
-        data = {
-            "kind": "response",
-            "records": [
-                {"record": record.label, "points": record.f.size, "relative_error": error}
-                for record, error in zip(self.records, errors, strict=True)
-            ],
+        notes = [*self.notes, *self._shift_warnings(worst, by_levels, names), *self.branch_warnings(values, motions)]
+        data = self.data(motions) | {
             "modes": self.modes,
             "harmonics": self.harmonics,
             "truncation_shifts": [known(shift) for shift in fitted.shifts.tolist()],
@@ -175,47 +134,6 @@ class CurveBlock(Block):
                 "unknowns and give it a prior"
             )
         return notes
-
-    def _branch_warnings(self, values: Mapping[str, float], found: Sequence[Sequence[PointMotion]]) -> list[str]:
-        """Return warnings about points without a stable motion at their level."""
-        notes = []
-        for record, motions, points in zip(self.records, found, self.measured(values), strict=True):
-            if record.control == "response":
-                continue
-            # standard deviations of a level beyond which the level of a point has no motion
-            away = [abs(p.distance(m.values)[2]) > 5.0 for m, p in zip(motions, points, strict=True)]
-            between = [m.slopes[2] < 0.0 and not far for m, far in zip(motions, away, strict=True)]
-            if any(away):
-                notes.append(
-                    f"{record.label}: {sum(away)} of {len(away)} points lie beyond a jump of the fitted curve, the "
-                    f"first at {record.f[away.index(True)]:.5g} Hz; the law, or the level, does not hold there"
-                )
-            if any(between):
-                notes.append(
-                    f"{record.label}: {sum(between)} of {len(between)} points lie between the jumps of the fitted "
-                    f"curve, the first at {record.f[between.index(True)]:.5g} Hz, where no motion is stable if the "
-                    "level is controlled; if the response was controlled, give control='response'"
-                )
-        return notes
-
-    def excitation(self, number: int) -> str | None:
-        """Return the name of the factor on the levels of a record; None if it is known."""
-        return next((name for name in (f"excitation_{number}", "excitation") if name in self.names), None)
-
-    def measured(self, values: Mapping[str, float]) -> list[list[Measured]]:
-        """Return the points of each record, with the levels that belong to values of the unknowns by name."""
-        found = []
-        factors = iter(self.weights.deviations.tolist())
-        for number, record in self.numbered:
-            amplitude = next(factors)
-            phase = 1.0 if record.phases is None else next(factors)
-            deviations = record.stds.T * (np.array([amplitude, phase, amplitude]) * self.looseness)
-            factor = values.get(self.excitation(number) or "", 1.0)
-            phases = np.full(record.f.size, math.nan) if record.measured_phases is None else record.measured_phases
-            rows = np.array([record.amplitudes, phases, factor * record.a]).T
-            pairs = zip(record.f, rows, deviations, strict=True)
-            found.append([Measured(2 * math.pi * f, row, own) for f, row, own in pairs])
-        return found
 
     def driven(self, values: Mapping[str, float]) -> list[Driven]:
         """Return the driven beam of each record, for values of the unknowns by name."""
@@ -293,4 +211,6 @@ def curve_block(
     weights, known = first_weights([record for _, record in numbered]), {*first, *(own.name for own in law.parameters)}
     own = tuple(name for name in names if name in known or name.startswith(("frequency_", "excitation")))
     most = model.size - model.free.start
-    return CurveBlock(model, tuple(numbered), law, own, first, min(modes, most), harmonics, weights)
+    return CurveBlock(
+        tuple(numbered), own, weights, model=model, law=law, first=first, modes=min(modes, most), harmonics=harmonics
+    )

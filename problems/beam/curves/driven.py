@@ -20,9 +20,10 @@ the N samples tau_j of a motion has the fundamental
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as cs
+import numpy as np
 
 from ancf_casadi.dynamics.derivatives.reading import SampledMotion
 from ancf_casadi.dynamics.equations import Equations
@@ -34,6 +35,7 @@ from ancf_casadi.response.harmonic_balance.drive import Drive, beam_drive
 from ancf_casadi.response.harmonic_balance.family import Family
 from ancf_casadi.response.harmonic_balance.fourier import Fourier, fourier
 from ancf_casadi.response.harmonic_balance.system import SecondOrderSystem
+from ancf_casadi.response.onset import linear_response
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import evaluated
 from problems.beam.curves.record import ResponseRecord
@@ -68,6 +70,19 @@ def driven(reduced: ReducedModel, record: ResponseRecord, harmonics: int) -> Dri
     # enough samples for the products of a few harmonics, and for the kink of |v| v
     series = fourier(harmonics, max(32, 6 * harmonics + 2))
     return Driven(reduced_system(reduced, tuned=True), drive, series, _reading(reduced, record, drive, series))
+
+
+def small_response(driven: Driven, record: ResponseRecord, frequency: float, s: Array) -> ResponseRecord:
+    """Return the response to a small level about a natural frequency (Hz), at the spacing of the points of a record."""
+    peak = record.f[int(np.argmax(record.amplitudes / record.a))]
+    values, found = record.f / peak * frequency, []
+    for f in values.tolist():
+        curve, slight = driven.curve(2 * math.pi * f, s), 1e-9 * driven.drive.amplitude
+        response = linear_response(curve.balance, 2 * math.pi * f)
+        z = curve.joined(response[0] + slight * response[1], replace(curve.setting, amplitude=slight))
+        amplitude, phase = driven.read(curve, z)[0]
+        found.append(amplitude / 1e-9 * np.exp(1j * phase))
+    return ResponseRecord(values, np.array(found), sensor=record.sensor, base=record.base, load=record.load)
 
 
 def _reading(reduced: ReducedModel, record: ResponseRecord, drive: Drive, series: Fourier) -> cs.Function:

@@ -37,6 +37,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -59,22 +60,34 @@ class NoMotionError(NumericsError):
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A measured point."""
+    """A measured point, or the m points of a record, whose arrays then begin with m."""
 
-    omega: float  # rad/s
-    values: Array  # amplitude, phase and level, (3,); the phase is nan if it was not measured
-    deviations: Array  # standard deviations of the values, (3,)
+    omega: Any  # rad/s, one or (m,)
+    values: Array  # amplitude, phase and level, (..., 3); the phase is nan if it was not measured
+    deviations: Array  # standard deviations of the values, (..., 3)
 
     @property
     def has_phase(self) -> bool:
         """True if the phase was measured."""
-        return not math.isnan(self.values[1])
+        return not np.isnan(self.values[..., 1]).any()
 
     def distance(self, found: Array) -> Array:
-        """Return a motion's amplitude, phase and level less those measured, in standard deviations, (3,)."""
-        rest = found - self.values
-        rest[1] = math.remainder(rest[1], 2 * math.pi) if self.has_phase else 0.0
+        """Return amplitude, phase and level of motions less those measured, in standard deviations, (..., 3)."""
+        rest, turn = found - self.values, 2 * math.pi
+        rest[..., 1] = rest[..., 1] - turn * np.round(rest[..., 1] / turn) if self.has_phase else 0.0
         return np.asarray(rest / self.deviations)
+
+    def each(self) -> list[Measured]:
+        """Return the points of a record."""
+        return [Measured(*own) for own in zip(np.atleast_1d(self.omega), self.values, self.deviations, strict=True)]
+
+
+@dataclass(frozen=True, eq=False)
+class CurvePoints:
+    """Computed points of a record, each on the curve at its frequency."""
+
+    values: Array  # amplitude, phase and level, (m, 3)
+    slopes: Array  # their derivatives by the parameter of the curve, (m, 3)
 
 
 @dataclass(frozen=True, eq=False)

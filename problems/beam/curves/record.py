@@ -18,10 +18,14 @@ numbers, so that standard deviations alone tell the tests apart:
 
 and a tenth of ``CURVE_ERROR`` for the controlled number, a or Y, without a floor.  These defaults are proportions: the
 scatter of the residuals sets the size of those that are measured (``residuals``).
+
+Without a beam (``problems.mode``), the levels are amplitudes themselves, in the unit ``excitation_unit``: of a force,
+of the voltage of a shaker, or of the displacement, velocity or acceleration of the base.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -39,21 +43,30 @@ from ancf_casadi.records.response_file import ResponsePoints, read_response
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.response.harmonic_balance.drive import beam_drive
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, located
+from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, flag, located
 from ancf_casadi.support.tables import Displayed, counted, spread
 
 TIP_DISPLACEMENT = Sensor("displacement")
 
 Sweep = Literal["up", "down"]
 Control = Literal["excitation", "response"]
+ExcitationUnit = Literal["", "N", "V", "m", "m/s", "m/s^2"]
 
 RATES = {
     "length": 0,
     "velocity": 1,
     "acceleration": 2,
 }  # time derivatives of the base motion, by quantity of the levels
+LEVEL_UNITS: Mapping[str, ExcitationUnit] = {
+    "length": "m",
+    "velocity": "m/s",
+    "acceleration": "m/s^2",
+    "force": "N",
+    "voltage": "V",
+}  # by quantity of the levels
 EXCITED_BY = {"m": tuple(RATES), "N": ("force",), "N m": ("moment",)}  # quantities of levels, by unit of the excitation
 
+BASE_MOTIONS = ("m", "m/s", "m/s^2")  # of levels that are motions of the base
 CURVE_ERROR = 0.01  # default standard deviation, relative; in rad for a phase
 AMPLITUDE_FLOOR = 1e-3  # default standard deviation of an amplitude, relative to the largest of the record
 
@@ -73,13 +86,14 @@ class ResponseRecord(Displayed):
         pi to a phase relative to the acceleration of the base.
     sensor : Sensor
         The sensor; the horizontal displacement of the tip, in the laboratory and not relative to the base, if not
-        given.
+        given.  Without a beam, its quantity alone counts.
     base : HarmonicBase, optional
         The base motion at level 1: its amplitude and direction.  Its frequency and ramp have no effect.
     load : HarmonicLoad, optional
         The tip load at level 1, instead of a base motion.
     levels : array_like (m,), optional
-        Level of the excitation at each point, a multiple of ``base`` or ``load``; 1 if not given.
+        Level of the excitation at each point, a multiple of ``base`` or ``load``, or in the unit ``excitation_unit``;
+        1 if not given.
     sweep : {"up", "down"}, optional
         Direction of the sweep; None for points that were approached in other ways.
     control : {"excitation", "response"}
@@ -91,6 +105,11 @@ class ResponseRecord(Displayed):
         Name in reports.
     model : Model, optional
         The beam in the configuration of the test; that of the fit if not given.
+    excitation_unit : {"N", "V", "m", "m/s", "m/s^2"}, optional
+        Unit of the levels, instead of ``base`` or ``load``, for a fit without a beam (``fit_mode``): a force, the
+        voltage of a shaker, or displacement, velocity or acceleration of the base.
+    relative : bool
+        Whether the sensor moves with the base, and reads the motion relative to it; only with ``excitation_unit``.
     notes : tuple of str
         Decisions of the reader of a file, which a fit repeats.
 
@@ -98,7 +117,7 @@ class ResponseRecord(Displayed):
     ------
     InputError
         If sizes do not match, a frequency, amplitude, level or standard deviation is not positive and finite, the
-        order contradicts the sweep, or there is not one excitation.
+        order contradicts the sweep, there is not one excitation, or the reading is relative to no base.
 
     Examples
     --------
@@ -125,6 +144,8 @@ class ResponseRecord(Displayed):
     level_std: ArrayLike | None = None
     name: str = ""
     model: Model | None = None
+    excitation_unit: ExcitationUnit = ""
+    relative: bool = False
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -132,9 +153,7 @@ class ResponseRecord(Displayed):
         check_instance(self.sensor, "sensor", Sensor)
         check_instance(self.name, "name", str)
         check_instance(self.model, "model", Model, NoneType)
-        if self.base is None and self.load is None:
-            raise InputError("give the base motion (base) or the tip load (load) that excites the beam", "base")
-        beam_drive(self.base, self.load)  # refuses what cannot excite a steady vibration
+        self._check_excitation()
         choice(self.control, get_args(Control), "control")
         if self.sweep is not None:
             choice(self.sweep, get_args(Sweep), "sweep")
@@ -156,6 +175,7 @@ class ResponseRecord(Displayed):
         sensor: Sensor | None = None,
         base: HarmonicBase | None = None,
         load: HarmonicLoad | None = None,
+        excitation_unit: ExcitationUnit | None = None,
         progress: bool = False,
         **settings: Any,
     ) -> ResponseRecord:
@@ -169,6 +189,9 @@ class ResponseRecord(Displayed):
             The excitation, as in ``ResponseRecord``: its size holds where the file has no levels, and is the unit of
             levels without a unit.  Without either, levels in units of motion are those of a base that moves in x, and
             levels in N those of a horizontal force at the tip.
+        excitation_unit : {"", "N", "V", "m", "m/s", "m/s^2"}, optional
+            Unit of the levels for a fit without a beam; empty for that of the file.  A reading in volts then counts as
+            a strain.
         **settings
             Other arguments of ``ResponseRecord``: ``sweep``, ``control``, ``model``, ``name``, standard deviations.
 
@@ -194,20 +217,36 @@ class ResponseRecord(Displayed):
             phase_unit=phase_unit, sensor=sensor, progress=progress,
         )  # fmt: skip
         with located(str(path)):
-            if points.sensor is None:
+            given: dict[str, Any] = {"name": points.name, "sensor": points.sensor or Sensor("strain")}
+            if excitation_unit is not None:
+                given |= {"levels": points.levels, "excitation_unit": _level_unit(points, excitation_unit)}
+            elif points.sensor is None:
                 raise InputError(
                     f"the reading is in {points.unit}, which no sensor of a beam has; give its scale", "unit"
                 )
-            base, load, levels = _excitation(points, base, load)
-            given: dict[str, Any] = {
-                "name": points.name,
-                "sensor": points.sensor,
-                "base": base,
-                "load": load,
-                "levels": levels,
-            }
+            else:
+                base, load, given["levels"] = _excitation(points, base, load)
+            given |= {"base": base, "load": load}
             values = points.frequencies, points.amplitudes, points.phases
             return cls(*values, notes=points.notes, **(given | settings))
+
+    def _check_excitation(self) -> None:
+        """Check that there is one excitation, and that a relative reading has a base."""
+        choice(self.excitation_unit, get_args(ExcitationUnit), "excitation_unit")
+        if self.excitation_unit:
+            if self.base is not None or self.load is not None:
+                raise InputError("is that of a base motion or a load; leave one of them out", "excitation_unit")
+        elif self.base is None and self.load is None:
+            raise InputError(
+                "give the base motion (base) or the tip load (load) that excites the beam, or excitation_unit",
+                "base",
+            )
+        else:
+            beam_drive(self.base, self.load)  # refuses what cannot excite a steady vibration
+        if flag(self.relative, "relative") and self.excitation_unit not in BASE_MOTIONS:
+            raise InputError(
+                f"needs a motion of the base: excitation_unit one of {', '.join(BASE_MOTIONS)}", "relative"
+            )
 
     def _keep_points(self) -> None:
         """Keep frequencies, amplitudes, phases, levels and standard deviations as arrays."""
@@ -271,10 +310,13 @@ class ResponseRecord(Displayed):
         """Name of the record; sensor, level and sweep if it has none."""
         if self.name:
             return self.name
-        drive = beam_drive(self.base, self.load)
-        size = drive.amplitude * float(np.median(self.a))
-        level = f"{1e3 * size:.3g} mm" if self.base else f"{size:.3g} {drive.unit}"
-        return ", ".join([f"{self.sensor.quantity} {self.sensor.label}", level, *([self.sweep] if self.sweep else [])])
+        size, unit = float(np.median(self.a)), str(self.excitation_unit)
+        if not unit:
+            drive = beam_drive(self.base, self.load)
+            size, unit = drive.amplitude * size, drive.unit
+        level = f"{1e3 * size:.3g} mm" if self.base else f"{size:.3g} {unit}"
+        where = "" if self.excitation_unit else f" {self.sensor.label}"
+        return ", ".join([f"{self.sensor.quantity}{where}", level, *([self.sweep] if self.sweep else [])])
 
     @cached_property
     def stds(self) -> Array:
@@ -321,6 +363,16 @@ def _excitation(
         load = HarmonicLoad((usual, 0.0), 1.0) if base is None else None
         drive = beam_drive(base, load)
     return base, load, sizes / drive.amplitude
+
+
+def _level_unit(points: ResponsePoints, given: ExcitationUnit) -> ExcitationUnit:
+    """Return the SI unit of the levels of a file: that of the file, or the given one if the file has none."""
+    found = LEVEL_UNITS.get(points.level_quantity, given)
+    if not found:
+        raise InputError("does not tell the unit of its levels", "excitation_unit")
+    if given not in ("", found):
+        raise InputError(f"is {given}, but the levels of the file are in {found}", "excitation_unit")
+    return found
 
 
 def _positive(values: ArrayLike, where: str) -> Array:

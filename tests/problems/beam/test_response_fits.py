@@ -226,6 +226,37 @@ def test_a_response_that_the_beam_cannot_have_is_named(model, modes, curves):
         fit_beam(model, record, ModalDamping(modes, ratios=[0.01]))
 
 
+@pytest.mark.parametrize(("lag", "turn", "note"), [
+    (False, 2, "the phases count from the negative displacement; 180 degrees were added"),
+    (True, 0, "the phases are lags; their sign was changed"),
+    (False, 3, "the phases count from the rate of the displacement; 90 degrees were added"),
+])  # fmt: skip
+def test_phases_that_count_from_elsewhere_are_turned_before_a_fit(model, modes, lag, turn, note):
+    f = FREQUENCY * modes.frequencies[0] * np.array([0.98, 0.99, 0.995, 1.0, 1.005, 1.01, 1.02])
+    base = HarmonicBase(amplitude=1e-5, frequency=1.0)
+    law = ModalDamping(modes, ratios=[RATIO])
+    computed = swept(model, law, ResponseRecord(f, np.ones(7), base=base), modes=3, frequency_1=FREQUENCY)
+    phases = computed[:, 1] + turn * np.pi / 2
+    record = ResponseRecord(f, computed[:, 0], -phases if lag else phases, base=base)
+    block = curve_block(model, [(1, record)], law, ("ratio1",), {}, modes=3, harmonics=3).checked(modes.frequencies)
+    assert block.notes == (f"{record.label}: {note}",)
+    turned = block.records[0].measured_phases
+    np.testing.assert_allclose(np.exp(1j * turned), np.exp(1j * computed[:, 1]), atol=1e-9)
+    right = ResponseRecord(f, computed[:, 0], computed[:, 1], base=base)
+    same = curve_block(model, [(1, right)], law, ("ratio1",), {}, modes=3, harmonics=3).checked(modes.frequencies)
+    assert same.notes == () and same.records[0] is right
+
+
+def test_a_level_in_another_unit_is_named_before_a_fit(model, modes):
+    f = FREQUENCY * modes.frequencies[0] * np.array([0.98, 0.99, 0.995, 1.0, 1.005, 1.01, 1.02])
+    base, law = HarmonicBase(amplitude=1e-5, frequency=1.0), ModalDamping(modes, ratios=[RATIO])
+    computed = swept(model, law, ResponseRecord(f, np.ones(7), base=base), modes=3, frequency_1=FREQUENCY)
+    record = ResponseRecord(f, 1e3 * computed[:, 0], computed[:, 1], base=base)  # in mm
+    block = curve_block(model, [(1, record)], law, ("ratio1",), {}, modes=3, harmonics=3).checked(modes.frequencies)
+    (note,) = block.notes
+    assert "times that of the model; check the unit of its levels" in note and "such as mm" in note
+
+
 def test_the_modulus_is_a_factor_on_the_stiffness_of_the_model(model, modes, curves):
     """The response of the model with a larger modulus is that of the beam with this modulus."""
     law = curves[0]

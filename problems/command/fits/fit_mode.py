@@ -1,0 +1,78 @@
+"""``ancf-casadi fit-mode``: one mode from measured decays and response curves together."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import get_args
+
+from ancf_casadi.decay.phase import FrequencyLaw
+from ancf_casadi.decay.rest import Rest
+from ancf_casadi.support.inputs import located
+from problems.beam.curves.record import ResponseRecord
+from problems.command.output import Output, add_plot, figure_writers, finite, json_text, new_files
+from problems.command.record_options import (
+    add_part_options,
+    add_record_options,
+    check_no_record_options,
+    read_record,
+    releases,
+)
+from problems.decay.laws import Law
+from problems.mode.fitting import fit_mode
+from problems.schema.records import MODE_CURVES_HELP, read_curves
+
+
+def add_fit_mode(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.set_defaults(run=_run)
+    parser.epilog = MODE_CURVES_HELP
+    parser.add_argument(
+        "files",
+        nargs="+",
+        metavar="FILE",
+        help="record of a free decay, or a file CURVES.toml with response curves in tables [[curves]]",
+    )
+    parser.add_argument("--law", choices=get_args(Law), default="linear", help="damping law (default: linear)")
+    parser.add_argument(
+        "--frequency-law",
+        choices=get_args(FrequencyLaw),
+        default="constant",
+        help="change of the frequency with the amplitude (default: constant)",
+    )
+    parser.add_argument(
+        "--modal-constant",
+        type=finite,
+        metavar="K",
+        help="force per mass and unit level, 1/mass for a force at the sensor, if it is known",
+    )
+    parser.add_argument(
+        "--rest", choices=get_args(Rest), default="constant", help="motion of the rest position (default: constant)"
+    )
+    parser.add_argument("--robust", action="store_true", help="limit the influence of outliers")
+    add_plot(parser, "draw curves, decays, and frequency and damping ratio against amplitude")
+    add_record_options(parser)
+    add_part_options(parser)
+
+
+def _run(options: argparse.Namespace) -> Output:
+    new_files(options.files, options.plot)
+    tables = [path for path in options.files if Path(path).suffix.lower() == ".toml"]
+    files = [path for path in options.files if path not in tables]
+    if not files:
+        check_no_record_options(options, "give the file of a decay too, or leave it out")
+    curves: list[ResponseRecord] = [curve for path in tables for curve in read_curves(path)]
+    decays = [read_record(path, options) for path in files]
+    times = releases(options, len(files)) if files else []
+    with located(", ".join(options.files)):
+        fit = fit_mode(
+            [*decays, *curves],
+            law=options.law,
+            frequency_law=options.frequency_law,
+            modal_constant=options.modal_constant,
+            rest=options.rest,
+            release_times=None if None in times or not times else [time for time in times if time is not None],
+            robust=options.robust,
+        )
+    text = json_text(fit.to_dict()) if options.json else fit.report()
+    return Output(text, figure_writers(options.plot, fit.figure))

@@ -1,0 +1,1 @@
+"""One mode of vibration from decays and response curves together, without a model of the structure."""

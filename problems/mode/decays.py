@@ -1,0 +1,167 @@
+"""Free decays of one mode as a block of a fit.
+
+Each decay has its own amplitude, phase and equilibrium at the release, and shares the laws of the mode.  The decays of
+one kind of sensor share the standard deviation of their noise.  A long record is reduced to the band of the mode, as by
+``fit_decay``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted, SeriesWeights
+from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel
+from ancf_casadi.estimation.solver.unknown import Unknown
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.support.arrays import Array, root_mean_square
+from problems.decay.laws import DecayModel
+from problems.decay.limitations import NOISE_FREE
+from problems.decay.result import DecayFit
+from problems.decay.solution import fitted_part
+
+
+@dataclass(frozen=True, eq=False)
+class ModeDecay:
+    """A free decay of the mode, and its fit alone."""
+
+    label: str
+    decay: Measurement  # from the release on, as it is fitted
+    model: DecayModel
+    names: tuple[str, ...]  # unknowns of the curve, in the order of the model
+    alone: DecayFit
+
+    def curve(self, given: Mapping[str, cs.MX]) -> cs.MX:
+        """Return the decay (m,) for unknowns by name, in the unit of the sensor."""
+        return self.model.curve(self.decay.time, *(given[name] for name in self.names))
+
+
+@dataclass(frozen=True, eq=False)
+class DecayEvaluation:
+    """The residuals of decays."""
+
+    block: DecayBlock
+    failure: str = ""
+
+    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
+        """Return the residuals (m,) for unknowns by name, in standard deviations."""
+        pairs = zip(self.block.decays, self.block.weights.deviations.tolist(), strict=True)
+        parts: cs.MX = cs.vertcat(*((one.curve(given) - cs.DM(one.decay.values)) / std for one, std in pairs))
+        return parts
+
+    def close(self) -> None:
+        """Keep nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class DecayBlock(Block):
+    """Free decays of one mode."""
+
+    decays: tuple[ModeDecay, ...]
+    weights: SeriesWeights
+
+    @property
+    def lengths(self) -> list[list[int]]:
+        """Number of samples of each decay."""
+        return [[len(one.decay.time)] for one in self.decays]
+
+    @property
+    def times(self) -> Array:
+        """Times of the samples after the release, s."""
+        return np.concatenate([one.decay.time for one in self.decays])
+
+    @property
+    def scale(self) -> float:
+        """Geometric mean of the standard deviations."""
+        return self.weights.scale
+
+    @property
+    def negligible(self) -> float:
+        """Norm of the rounding errors."""
+        return float(np.hypot.reduce([
+            NOISE_FREE * root_mean_square(one.decay.values) / std * len(one.decay.time) ** 0.5
+            for one, std in zip(self.decays, self.weights.deviations.tolist(), strict=True)
+        ]))  # fmt: skip
+
+    def evaluation(self, before: Evaluation | None = None) -> DecayEvaluation:
+        """Return the residuals."""
+        return DecayEvaluation(self)
+
+    def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
+        """Return the block with the standard deviations that residuals show."""
+        return replace(self, weights=self.weights.improved(self.weights.split(residuals), robust=robust))
+
+    def unexplained(self, fitted: Fitted) -> list[tuple[str, float]]:
+        """Return the share of each motion about its equilibrium, root mean square, that the curve leaves."""
+        parts = self.weights.split(fitted.residuals)
+        return [
+            (one.label, root_mean_square(rest) / float(np.std(one.decay.values)))
+            for one, rest in zip(self.decays, parts, strict=True)
+        ]
+
+    def account(self, fitted: Fitted) -> Account:
+        """Return size and residual of each decay, and what its own fit says of the record."""
+        parts = [root_mean_square(rest) for rest in self.weights.split(fitted.residuals)]
+        lines, notes, data = [], [], []
+        for one, rest in zip(self.decays, parts, strict=True):
+            unit, alone = one.decay.sensor.unit, one.alone
+            lines.append(
+                f"{one.label}: decay from {alone.release_time:g} s on ({alone.release_reason}), "
+                f"{len(one.decay.time)} samples, residual {rest:.3g} {unit}".rstrip()
+            )
+            notes += [f"{one.label}: {note}" for note in alone.notes]
+            data.append({"record": one.label, "samples": len(one.decay.time), "residual_rms": rest, "unit": unit})
+        return Account(lines, notes, {"kind": "decay", "records": data})
+
+    def channels(self, fitted: Fitted) -> list[PredictedChannel]:
+        """Return measured and computed decays."""
+        found, errors = [], np.split(fitted.errors, np.cumsum([len(one.decay.time) for one in self.decays])[:-1])
+        parts = self.weights.split(fitted.residuals)
+        for one, rest, error, std in zip(self.decays, parts, errors, self.weights.deviations.tolist(), strict=True):
+            y = one.decay.values
+            found.append(PredictedChannel(one.label, one.decay.sensor.unit, y, y + rest, std * error, one.decay.time,
+                                          TIME_AXIS, std))  # fmt: skip
+        return found
+
+
+def decay_block(decays: Sequence[ModeDecay]) -> DecayBlock:
+    """Return decays as a block, whose first weights are the residuals of each decay alone."""
+    groups: dict[tuple[str, float], list[int]] = {}
+    for k, one in enumerate(decays):  # the noise of fewer samples is smaller
+        ratio = round(one.alone.fitted_samples / one.alone.samples, 3)
+        groups.setdefault((one.decay.sensor.quantity, ratio), []).append(k)
+    sizes = np.array([root_mean_square(one.decay.values) for one in decays])
+    own = np.maximum([one.alone.residual_rms for one in decays], NOISE_FREE * sizes)
+    deviations = own.copy()
+    for group in groups.values():
+        deviations[group] = np.sqrt(np.mean(own[group] ** 2))
+    weights = SeriesWeights(
+        lengths=np.array([len(one.decay.time) for one in decays]),
+        deviations=deviations,
+        floors=NOISE_FREE * sizes,
+        groups=tuple(map(tuple, groups.values())),
+        known=(False,) * len(groups),
+    )
+    return DecayBlock(tuple(decays), weights)
+
+
+def mode_decay(
+    number: int, record: Measurement, alone: DecayFit, model: DecayModel, shared: Sequence[str]
+) -> ModeDecay:
+    """Return a decay as its fit alone used it; the names of the unknowns of its release end with its number.
+
+    The model has the amplitude of reference of the mode.
+    """
+    names = tuple(name if name in shared else f"{name}_{number}" for name in alone.fit.names)
+    label = record.name or f"decay {number}"
+    return ModeDecay(label, fitted_part(record, alone), replace(model, sensor=record.sensor), names, alone)
+
+
+def release_unknowns(decay: ModeDecay, shared: Sequence[str]) -> list[Unknown]:
+    """Return the unknowns of a release and its record, from the fit alone."""
+    pairs = zip(decay.names, decay.alone.fit.unknowns, strict=True)
+    return [replace(one, name=name, guess=decay.alone.fit[one.name]) for name, one in pairs if one.name not in shared]

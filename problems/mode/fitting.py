@@ -1,0 +1,234 @@
+"""One mode from free decays and response curves together.
+
+    fit = fit_mode([decay, curve_up, curve_down], law="quadratic", frequency_law="logarithmic")
+
+All records share the laws of the mode: its frequency and its rate of decay against the amplitude.  Each decay adds its
+release (``decays``), each kind of excitation its modal constant (``curves``).  The loop of all fits
+(``ancf_casadi.estimation.solve``) weighs the records by the scatter of their residuals.
+
+The fit starts from the largest decay, and from regressions of the curves (``start``), whichever ends in the better
+optimum.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, get_args
+
+import numpy as np
+
+from ancf_casadi.decay.first_guess import DecayGuess
+from ancf_casadi.decay.phase import FrequencyLaw
+from ancf_casadi.decay.rest import Rest
+from ancf_casadi.estimation.block import Block
+from ancf_casadi.estimation.solve import FitProblem, solve
+from ancf_casadi.estimation.solver.unknown import Unknown, started
+from ancf_casadi.exceptions import FitError, InputError, NumericsError
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.support.arrays import root_mean_square
+from ancf_casadi.support.inputs import choice, flag, is_sequence, numbers, physical, shown
+from problems.beam.curves.checks import level_notes, oriented, phase_locked
+from problems.beam.curves.record import ResponseRecord
+from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law
+from problems.decay.result import DecayFit
+from problems.decay.solution import as_record, fit_one
+from problems.mode.curves import ModeCurveBlock, constant_unit, curves_of_mode
+from problems.mode.decays import decay_block, mode_decay, release_unknowns
+from problems.mode.oscillator import motion_amplitudes, reading_factor
+from problems.mode.result import ModeFit
+from problems.mode.start import LEAST_RATIO, Points, from_points, guess_of, law_at, modal_constant_of
+
+Decay = Measurement | tuple[Any, Any]
+
+
+def fit_mode(
+    records: Decay | ResponseRecord | Sequence[Decay | ResponseRecord],
+    *,
+    law: Law = "linear",
+    frequency_law: FrequencyLaw = "constant",
+    modal_constant: float | None = None,
+    rest: Rest = "constant",
+    release_times: Sequence[float] | None = None,
+    ratio_bounds: tuple[float, float] = RATIO_BOUNDS,
+    robust: bool = False,
+) -> ModeFit:
+    """Fit one mode to free decays and response curves together, without a model of the structure.
+
+    Parameters
+    ----------
+    records : record, or sequence of records
+        Decays: Measurement, or (times, displacements), s and m.  Response curves: ResponseRecord with the unit of its
+        levels (``excitation_unit``).  All sensors measure the motion of one point, or derivatives of it.
+    law : {"linear", "quadratic", "friction", "power"}
+        Damping law, as in ``fit_decay``.
+    frequency_law : {"constant", "linear", "quadratic", "power", "logarithmic"}
+        Frequency against amplitude, as in ``fit_decay``.
+    modal_constant : float, optional
+        Force per mass and unit level: 1/kg (1/mass) for a force at the sensor, without unit for a motion of the base.
+        Estimated if not given, one for each unit of levels.
+    rest, ratio_bounds
+        As in ``fit_decay``.
+    release_times : sequence of float, optional
+        Start of the free decay in each decay, s; detected if not given.
+    robust : bool
+        Whether to use the pseudo-Huber loss, which limits the influence of outliers.
+
+    Raises
+    ------
+    InputError
+        If a record is not usable, sensors measure different motions, or an option is unknown.
+    FitError
+        If the fit does not converge, explains less than half of the motion of a record, ends with most unknowns at
+        bounds, or the records determine combinations of the unknowns only.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from problems import ResponseRecord, fit_mode
+    >>> f, rng = np.linspace(9.5, 10.5, 41), np.random.default_rng(0)
+    >>> receptance = 2.0 / (4 * np.pi**2 * (10.0**2 - f**2 + 0.2j * f))  # modal mass 0.5 kg, damping ratio 1 %
+    >>> noise = 1 + 0.01 * (rng.standard_normal(41) + 1j * rng.standard_normal(41))
+    >>> fit = fit_mode(ResponseRecord(f, 0.3 * receptance * noise, levels=np.full(41, 0.3), excitation_unit="N"))
+    >>> print(f"{fit.frequency:.2f} Hz, {100 * fit.damping_ratio:.2f} %, {1 / fit.estimates['modal_constant']:.2f} kg")
+    10.00 Hz, 1.00 %, 0.50 kg
+    """
+    decays, curves = _sorted(records)
+    choice(law, get_args(Law), "law")
+    choice(frequency_law, get_args(FrequencyLaw), "frequency_law")
+    robust = flag(robust, "robust")
+    known = None if modal_constant is None else physical(modal_constant, "modal_constant")
+    stated = DecayModel(law, rest, frequency_law, ratio_bounds)
+    releases = [None] * len(decays) if release_times is None else numbers(release_times, "release_times")
+    if len(releases) != len(decays):
+        raise InputError(f"has {len(releases)} values for {len(decays)} decays", "release_times")
+    alone = [fit_one(one, stated, release_time=t, robust=robust) for one, t in zip(decays, releases, strict=True)]
+    factors = [reading_factor(one) for one in curves]
+    turned = [oriented(one, float(np.angle(factor[0]))) for one, factor in zip(curves, factors, strict=True)]
+    curves = [one for one, _ in turned]
+    pairs = list(zip(curves, factors, strict=True))
+    notes = (*(note for _, note in turned if note), *level_notes(curves, factors))
+    if not decays and known is None and all(phase_locked(one, float(np.angle(f[0]))) for one, f in pairs):
+        raise FitError(
+            "all points are at the resonance: the records determine zeta/modal_constant, but not zeta and "
+            "modal_constant each; add a decay or points beside the resonance, or give modal_constant"
+        )
+    problem, starts, model = _stated(stated, decays, alone, curves, known, robust)
+    try:
+        solution = solve(problem, starts)
+    except FitError as error:
+        raise FitError("; ".join([*notes, str(error)]), error.stats) from None
+    largest = max([*(one.amplitude for one in alone), *(float(motion_amplitudes(one).max()) for one in curves)])
+    again = partial(fit_mode, law=law, frequency_law=frequency_law, modal_constant=modal_constant,
+                    rest=rest, ratio_bounds=ratio_bounds, robust=robust)  # fmt: skip
+    laws = tuple(one.name for one in model.shared(_guess(model, starts[0])))
+    return ModeFit(solution.fit, model, stated, laws, largest, solution, notes, again=again)
+
+
+def _sorted(records: Any) -> tuple[list[Measurement], list[ResponseRecord]]:
+    """Return the decays and the response curves."""
+    pair = isinstance(records, tuple) and len(records) == 2 and not isinstance(records[0], Measurement | ResponseRecord)
+    given = [records] if pair or not is_sequence(records) else list(records)
+    decays, curves = list[Measurement](), list[ResponseRecord]()
+    for k, one in enumerate(given, start=1):
+        if isinstance(one, ResponseRecord):
+            if not one.excitation_unit:
+                raise InputError(
+                    f"record {k}: needs excitation_unit, the unit of its levels, in place of a beam", "records"
+                )
+            curves.append(one)
+        elif isinstance(one, Measurement):
+            decays.append(one)
+        elif is_sequence(one) and len(one) == 2:
+            decays.append(as_record(*one))
+        else:
+            raise InputError(
+                f"record {k}: must be a Measurement, (times, displacements) or a ResponseRecord, got {shown(one)}",
+                "records",
+            )
+    if not given:
+        raise InputError("must hold at least one record", "records")
+    units = {one.motion_unit for one in [*(own.sensor for own in decays), *(own.sensor for own in curves)]}
+    if len(units) > 1:
+        named = ", ".join(sorted(unit or "strain" for unit in units))
+        raise InputError(f"measure different motions, in {named}; convert them, or fit them apart", "records")
+    return decays, curves
+
+
+def _stated(
+    stated: DecayModel,
+    decays: Sequence[Measurement],
+    alone: Sequence[DecayFit],
+    curves: Sequence[ResponseRecord],
+    known: float | None,
+    robust: bool,
+) -> tuple[FitProblem, list[dict[str, float]], DecayModel]:
+    """Return the problem, the starts of its solution, and the model of the mode."""
+    first = max(alone, key=lambda one: one.amplitude) if alone else None
+    top = max((float(motion_amplitudes(one).max()) for one in curves), default=0.0)
+    reference = first.model.reference if first else top
+    sensor = decays[0].sensor if decays else curves[0].sensor
+    model = replace(stated, rest="zero", reference=reference, sensor=sensor)
+    units = list(dict.fromkeys(str(one.excitation_unit) for one in curves))
+    names = {unit: "modal_constant" + f"_{k}" * (len(units) > 1) for k, unit in enumerate(units, start=1)}
+    starts = [{names.get(name, name): value for name, value in one.items()}
+              for one in _starts(model, curves, units, known, first)]  # fmt: skip
+    best = starts[0]
+    unknowns = started(first.fit.unknowns if first else model.shared(_guess(model, best)), best)
+    shared = tuple(one.name for one in model.shared(_guess(model, best)))
+    unknowns = [one for one in unknowns if one.name in shared]
+    blocks = list[Block]()
+    if alone:
+        parts = [
+            mode_decay(k, one, fit, replace(fit.model, reference=reference), shared)
+            for k, (one, fit) in enumerate(zip(decays, alone, strict=True), start=1)
+        ]
+        blocks.append(decay_block(parts))
+        unknowns += [one for part in parts for one in release_unknowns(part, shared)]
+    if curves:
+        free = tuple(names.values()) if known is None else ()
+        unit = curves[0].sensor.motion_unit
+        unknowns += [Unknown(names[one], best[names[one]], best[names[one]], 0.0, unit=constant_unit(unit, one))
+                     for one in units if free]  # fmt: skip
+        blocks.append(_weighed(curves_of_mode(model, curves, shared, names, known), best))
+    return FitProblem(tuple(blocks), tuple(unknowns), robust), starts, model
+
+
+def _weighed(block: ModeCurveBlock, start: Mapping[str, float]) -> ModeCurveBlock:
+    """Return curves with standard deviations as large as residuals at a start, for the accuracy of the first fit."""
+    try:
+        size = root_mean_square(block.evaluation().at(start)[0])
+    except NumericsError:
+        return block
+    weights = block.weights
+    known = np.zeros(len(weights.lengths), dtype=bool)
+    for group, given in zip(weights.groups, weights.known, strict=True):
+        known[list(group)] = given
+    deviations = np.where(known, weights.deviations, max(size, 1.0) * weights.deviations)
+    return replace(block, weights=replace(weights, deviations=deviations))
+
+
+def _starts(
+    model: DecayModel,
+    curves: Sequence[ResponseRecord],
+    units: Sequence[str],
+    known: float | None,
+    decay: DecayFit | None,
+) -> list[dict[str, float]]:
+    """Return values by name of the laws, and by unit of the modal constants, to start from."""
+    groups = [Points.of([one for one in curves if one.excitation_unit == unit], unit) for unit in units]
+    starts = [] if decay is None else [decay.fit.estimates]
+    starts += [from_points(model, groups, known)] if groups else []
+    for start in starts:
+        for unit, group in zip(units, groups, strict=True):
+            if not start.get(unit, 0.0) > 0.0:
+                start[unit] = modal_constant_of(model, group, start)
+    return starts
+
+
+def _guess(model: DecayModel, start: Mapping[str, float]) -> DecayGuess:
+    """Return the mode of a start as the guess of a decay."""
+    ratio, frequency = law_at(model, np.array([model.reference]), start)
+    return guess_of(2 * math.pi * float(frequency[0]), max(float(ratio[0]), LEAST_RATIO), model.reference)

@@ -1,0 +1,153 @@
+"""The mode as one oscillator under harmonic excitation: response curves in closed form, and the points closest to data.
+
+One mode with the amplitude A of its motion has the frequency omega(A) and the rate of decay c(A) = zeta(A) omega of the
+damping and frequency laws of a free decay (``problems.decay.laws``).  Under a force per mass kappa a sin(W t), its
+steady motion A sin(W t + psi) balances the fundamental,
+
+    (omega(A)^2 - W^2 + 2 i c(A) W) A exp(i psi) = kappa a.
+
+At a frequency W, level a and phase psi are therefore explicit functions of A, also beside folds, where a level belongs
+to three motions: A is the parameter of the curve (``problems.beam.curves.residuals``).  The modal constant kappa is
+1/mass for a force at the sensor.  The base displacement u = a sin(W t) acts as the force -u'' on the motion relative to
+the base, so that
+
+    unit of the level     force per mass                 base displacement
+    N, V                  kappa a
+    m                     kappa W^2 a                    a
+    m/s                   kappa W a, 90 degrees behind   a/W, 90 degrees behind
+    m/s^2                 kappa a, reversed              a/W^2, reversed
+
+with kappa the participation of the mode.  A reading in the laboratory is the sum of A and the base displacement; each
+derivative that the sensor measures multiplies it by i W.
+
+Closest point.  With g(A) = (Y, phi, a) over their standard deviations and the measured point m, Newton's method in
+log A, with exact derivatives, minimises |g - m|^2 for all points at once.  A step that does not reduce the distance of
+a point is halved.  The search begins at the measured amplitude, which decides the branch.
+
+References
+----------
+A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, Wiley (1979), Sections 4.1, 4.2.
+M. Krack, J. Gross, Harmonic Balance for Nonlinear Vibration Problems, Springer (2019).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.support.arrays import Array, ComplexArray
+from ancf_casadi.support.compilation import evaluated
+from problems.beam.curves.points import CurvePoints, Measured, NoMotionError
+from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
+from problems.decay.laws import DecayModel
+
+MOST_STEPS = 60  # of the search for the closest points
+POINTS_CLOSE = 1e-6  # step along a curve, in standard deviations, at which the search ends
+POINTS_CLOSE_ENOUGH = 1e-3  # the same, where rounding keeps further steps from shrinking
+LONGEST_STEP = 0.2  # of log A
+
+
+def force_factor(unit: str, omega: Array) -> ComplexArray:
+    """Return the force per mass and unit modal constant (m,) of a unit level at angular frequencies (m,)."""
+    powers = {"m": omega**2, "m/s": -1j * omega, "m/s^2": -np.ones(len(omega))}
+    return np.asarray(powers.get(unit, np.ones(len(omega))), dtype=complex)
+
+
+def base_factor(record: ResponseRecord) -> ComplexArray:
+    """Return the base displacement per level (m,) that the sensor reads; 0 if it reads the relative motion."""
+    omega = 2 * math.pi * record.f
+    if record.relative or record.excitation_unit not in BASE_MOTIONS or record.sensor.motion_unit != "m":
+        return np.zeros(len(omega), dtype=complex)
+    return force_factor(record.excitation_unit, omega) / omega**2
+
+
+@dataclass(frozen=True, eq=False)
+class ModeCurve:
+    """The response curves of a mode at the frequencies of a record."""
+
+    model: DecayModel  # laws of the mode, without an equilibrium
+    record: ResponseRecord
+    count: int  # unknowns of the laws; the modal constant follows
+
+    @cached_property
+    def function(self) -> cs.Function:
+        """(A (m,), unknowns) -> Y, phi and level, (3 m,), their first and second derivatives by A, and those by x."""
+        record, m = self.record, self.record.f.size
+        W, d = 2 * math.pi * record.f, record.sensor.derivatives
+        A, x = cs.MX.sym("A", m), cs.MX.sym("x", self.count + 1)
+        *law, kappa = cs.vertsplit(x)
+        ratio, frequency = self.model.against_amplitude(A, *law, cs.MX(1), cs.MX(0))
+        real, imaginary = (2 * math.pi * frequency) ** 2 - cs.DM(W**2), 2 * ratio * law[0] * cs.DM(W)
+        factor = force_factor(record.excitation_unit, W)
+        level = A * cs.hypot(real, imaginary) / (kappa * cs.DM(np.abs(factor)))
+        angle = cs.DM(np.angle(factor)) - cs.atan2(imaginary, real)
+        base = base_factor(record)
+        sine = A * cs.sin(angle) + level * cs.DM(base.imag)
+        cosine = A * cs.cos(angle) + level * cs.DM(base.real)
+        amplitude = cs.hypot(cosine, sine) * cs.DM(W**d)
+        g = cs.vertcat(amplitude, cs.atan2(sine, cosine) + d * math.pi / 2, level)
+        one = cs.DM.ones(m)
+        first = cs.jtimes(g, A, one)
+        results = [g, first, cs.jtimes(first, A, one), cs.jacobian(g, x)]
+        return cs.Function("curve", [A, x], [cs.densify(part) for part in results])
+
+    def at(self, amplitude: Array, x: Array) -> tuple[Array, Array, Array, Array]:
+        """Return g (m, 3), its derivatives by A, once and twice, and those by the unknowns, (m, 3, n)."""
+        values, first, second, by_x = evaluated(self.function, amplitude, x)
+        g, once, twice = (part.reshape(3, -1).T for part in (values, first, second))
+        return g, once, twice, by_x.reshape(3, len(amplitude), -1).transpose(1, 0, 2)
+
+    def closest(self, points: Measured, x: Array) -> tuple[Array, CurvePoints, Array]:
+        """Return the amplitudes A (m,) of the motions closest to points, those motions, and their derivatives by x."""
+        log_a, d = np.log(motion_amplitudes(self.record)), self.record.sensor.derivatives
+        log_a = np.maximum(log_a, np.log(1e-6 * self.record.amplitudes / (2 * math.pi * self.record.f) ** d))
+        g, first, second, by_x = self.at(np.exp(log_a), x)
+        resting = np.zeros(len(log_a), dtype=bool)  # points that no step brings closer
+        last = np.full(len(log_a), math.inf)  # step before, in standard deviations
+        for _ in range(MOST_STEPS):
+            A, rest, weight = np.exp(log_a)[:, None], points.distance(g), points.deviations.copy()
+            if not points.has_phase:
+                weight[:, 1] = math.inf
+            slope, bend = A * first / weight, (A * first + A**2 * second) / weight
+            square, before = np.sum(slope**2, axis=1), np.sum(rest**2, axis=1)
+            step = -np.sum(slope * rest, axis=1) / np.maximum(square + np.sum(bend * rest, axis=1), 0.1 * square)
+            size = np.abs(step) * np.sqrt(square)
+            resting |= (size <= POINTS_CLOSE) | ((size > last / 2) & (size <= POINTS_CLOSE_ENOUGH))
+            if resting.all():
+                return np.exp(log_a), CurvePoints(g, first), by_x
+            last = size
+            step = np.where(resting, 0.0, np.clip(step, -LONGEST_STEP, LONGEST_STEP))
+            for _ in range(20):  # halvings
+                g, first, second, by_x = self.at(np.exp(log_a + step), x)
+                # increase of a squared distance that counts as none, relative and absolute
+                worse = np.sum(points.distance(g) ** 2, axis=1) > before * (1 + 1e-9) + 1e-9
+                if not worse.any():
+                    break
+                step = np.where(worse, step / 2, step)
+            else:
+                resting |= worse
+                step = np.where(worse, 0.0, step)
+                g, first, second, by_x = self.at(np.exp(log_a + step), x)
+            log_a = log_a + step
+        raise NoMotionError(f"{self.record.label}: the motion closest to the measured points is not found")
+
+
+def motion_amplitudes(record: ResponseRecord) -> Array:
+    """Return the amplitudes A (m,) of the motion relative to the base, about those if the phases were not measured."""
+    omega = 2 * math.pi * record.f
+    total = record.amplitudes / omega**record.sensor.derivatives
+    base = base_factor(record) * record.a
+    if record.measured_phases is None:
+        return total
+    phases = record.measured_phases - record.sensor.derivatives * math.pi / 2
+    return np.asarray(np.abs(total * np.exp(1j * phases) - base))
+
+
+def reading_factor(record: ResponseRecord) -> ComplexArray:
+    """Return the reading (m,) of the motion that a unit level causes per unit modal constant, times its stiffness."""
+    omega = 2 * math.pi * record.f
+    return np.asarray(force_factor(record.excitation_unit, omega) * (1j * omega) ** record.sensor.derivatives)

@@ -1,0 +1,278 @@
+"""The result of a fit of one mode: its laws, modal constants, and what decays and response curves say of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ancf_casadi.decay.envelope import LawCurve
+from ancf_casadi.estimation.agreement import Agreement, agreement_of_parts
+from ancf_casadi.estimation.block import Account
+from ancf_casadi.estimation.fit import colour_warning
+from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, Quantities, first_order_ends
+from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
+from ancf_casadi.estimation.result import LeastSquaresResult
+from ancf_casadi.estimation.solve import FitSolution
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import check_instance
+from ancf_casadi.support.tables import Table
+from problems.beam.curves.checks import oriented
+from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
+from problems.decay.law_curve import given_amplitudes, with_bands
+from problems.decay.laws import DECAY_QUANTITIES, DecayModel
+from problems.decay.prediction import DecayingMode, predicted
+from problems.decay.takes import OF_RECORD
+from problems.mode.curves import ModeCurveBlock, curves_of_mode
+from problems.mode.oscillator import reading_factor
+
+OF_MODE = tuple(name for name in DECAY_QUANTITIES if name not in OF_RECORD)
+USUAL_PARTICIPATION = (0.05, 20.0)  # of a mode that its base drives; beyond, the unit of the levels is in doubt
+
+
+@dataclass(frozen=True, eq=False)
+class ModeFit(LeastSquaresResult):
+    """A mode identified from free decays and response curves.
+
+    The estimates are those of ``DecayFit``, with the damping ratio at ``max_amplitude`` if it depends on the amplitude,
+    and ``modal_constant``: force per mass and unit level.  If levels have several units, its names are numbered, one
+    for each unit, in the order of the records.
+
+    Parameters
+    ----------
+    model : DecayModel
+        Laws of the mode.
+    given : DecayModel
+        Laws and equilibrium as they were requested.
+    law_names : tuple of str
+        Unknowns of the laws.
+    max_amplitude : float
+        Largest amplitude of the records, in the unit of the motion.
+    solution : FitSolution
+        Blocks of the records with their weights.
+    notes : tuple of str
+        Corrections of phases, and doubts about levels.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from problems import ResponseRecord, fit_mode
+    >>> f, rng = np.linspace(9.5, 10.5, 41), np.random.default_rng(0)
+    >>> y = 1e-4 / (10.0**2 - f**2 + 0.2j * f) * (1 + 0.01 * rng.standard_normal((2, 41)).T @ [1, 1j])
+    >>> fit = fit_mode(ResponseRecord(f, y, excitation_unit="V"))
+    >>> low, high = fit.intervals()["damping_ratio"]
+    >>> bool(low < 0.01 < high)
+    True
+    """
+
+    kind = "mode"
+    _drawing = "problems.mode.drawing.mode_figure"
+
+    model: DecayModel
+    given: DecayModel
+    law_names: tuple[str, ...]
+    max_amplitude: float
+    solution: FitSolution
+    notes: tuple[str, ...] = ()
+
+    @cached_property
+    def _laws(self) -> tuple[int, ...]:
+        """Positions of the unknowns of the laws."""
+        return tuple(self.fit.names.index(name) for name in self.law_names)
+
+    @cached_property
+    def quantities(self) -> tuple[tuple[str, ...], tuple[str, ...], Quantities]:
+        """Names and units of the quantities, and the function from the unknowns to them."""
+        others = [k for k in range(len(self.fit.names)) if k not in self._laws]
+        names = (*OF_MODE, *(_renamed(self.fit.names[k]) for k in others))
+        units = (*map(self.model.unit, OF_MODE), *(self.fit.units[k] for k in others))
+        order = list(DECAY_QUANTITIES)
+        kept = [order.index(name) for name in OF_MODE]
+
+        def of(*x: cs.MX) -> cs.MX:
+            law = [x[k] for k in self._laws]
+            every = self.model.quantities(*law, cs.MX(self.max_amplitude), cs.MX(0))
+            return cs.vertcat(every[kept], *(x[k] for k in others))
+
+        return names, units, of
+
+    @property
+    def frequency(self) -> float:
+        """Natural frequency, Hz, at zero amplitude if it depends on the amplitude."""
+        return self.estimates["frequency"]
+
+    @property
+    def damping_ratio(self) -> float:
+        """Damping ratio, at the amplitude ``max_amplitude`` if it depends on the amplitude."""
+        return self.estimates["damping_ratio"]
+
+    def _ends(self, level: float) -> Array:
+        """Return the intervals (q, 2) of all quantities within their bounds."""
+        names, bounds = self.quantities[0], self.model.bounds
+        own = dict(zip((_renamed(one.name) for one in self.fit.unknowns), self.fit.unknowns, strict=True))
+        limits = [bounds[n] if n in bounds else (own[n].lower, own[n].upper) for n in names]
+        lower, upper = np.array(limits).T[:, :, None]
+        return np.clip(first_order_ends(self.fit, *self._linearised, level), lower, upper)
+
+    def law_curve(self, amplitudes: ArrayLike | None = None, *, level: float = CONFIDENCE_LEVEL) -> LawCurve:
+        """Return damping ratio and frequency against amplitude (k,), with the bands of their intervals.
+
+        Amplitudes are in the unit of the motion; from a hundredth of the largest on if not given.
+
+        Raises
+        ------
+        InputError
+            If an amplitude is not positive, or the level is not between 0 and 1.
+        """
+        given = np.geomspace(self.max_amplitude / 100, self.max_amplitude, 60) if amplitudes is None else amplitudes
+        chosen = given_amplitudes(given)
+
+        def against(*x: cs.MX) -> tuple[cs.MX, cs.MX]:
+            return self.model.against_amplitude(chosen, *(x[k] for k in self._laws), cs.MX(1), cs.MX(0))
+
+        return with_bands(self.fit, against, chosen, level, self.model.unit("amplitude"))
+
+    @cached_property
+    def agreements(self) -> tuple[Agreement, ...]:
+        """Agreement of the records, to first order, on each unknown that several determine; empty for one record."""
+        found = agreement_of_parts(self.fit, [mask for mask in self.solution.problem.masks if mask.any()])
+        return tuple(self._reported(one) for one in found)
+
+    def _reported(self, one: Agreement) -> Agreement:
+        """Return an agreement on an unknown as one on the estimate that it is; others stay as they are."""
+        if one.name == "omega" and self.model.frequency_law != "logarithmic":
+            turn = 2 * math.pi
+            return replace(one, name="frequency", unit="Hz", values=one.values / turn, errors=one.errors / turn)
+        return replace(one, name="damping_ratio") if one.name == "zeta" and self.model.law == "linear" else one
+
+    @cached_property
+    def accounts(self) -> tuple[Account, ...]:
+        """Lines, warnings and data of each kind of record."""
+        return tuple(block.account(fitted) for block, fitted in self.solution.parts)
+
+    @property
+    def channels(self) -> tuple[PredictedChannel, ...]:
+        """Measured and computed values of all records."""
+        return tuple(one for block, fitted in self.solution.parts for one in block.channels(fitted))
+
+    @cached_property
+    def curve_block(self) -> ModeCurveBlock | None:
+        """The response curves; None without any."""
+        found = [block for block in self.solution.problem.blocks if isinstance(block, ModeCurveBlock)]
+        return found[0] if found else None
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Corrections of the records, and limitations of the estimates, one sentence each."""
+        notes: list[str | None] = [
+            *self.notes,
+            *self.fit.warnings,
+            colour_warning(self.fit, noise_free=3.0 * self.fit.systematic),
+        ]
+        notes += [one.warning for one in self.agreements]
+        notes += [note for account in self.accounts for note in account.warnings]
+        low, high = USUAL_PARTICIPATION
+        block = self.curve_block
+        for record, name in zip(block.records, block.constants, strict=True) if block else ():
+            value = self.fit.estimates.get(name, block.known.get(name, 1.0) if block else 1.0)
+            if (
+                record.excitation_unit in BASE_MOTIONS
+                and self.model.unit("amplitude") == "m"
+                and not low < value < high
+            ):
+                notes.append(
+                    f"{name} is {value:.3g}; that of a mode driven by its base is of the order of 1: check the units "
+                    "of the levels and of the sensor"
+                )
+        return tuple(dict.fromkeys(note for note in notes if note))
+
+    def predict(self, record: Any) -> RecordPrediction:
+        """Compute another record of the mode with its estimates, and compare.
+
+        The release and the equilibrium of a decay are fitted.  A point of a response curve is predicted on the branch
+        that its amplitude is nearest to; its levels have a unit that the fit has.
+
+        Raises
+        ------
+        InputError
+            If the record is not usable, or the fit does not have its kind of levels.
+        FitError
+            If its values cannot be computed.
+        """
+        check_instance(record, "record", Measurement, ResponseRecord)
+        if isinstance(record, Measurement):
+            model = replace(self.given, reference=self.model.reference, sensor=record.sensor)
+            noise = [float(np.mean(one.noise)) for one in self.channels if one.unit == record.sensor.unit]
+            return predicted([DecayingMode(self.fit, model, self._laws, noise[0] if noise else math.nan)], record)
+        block = self.curve_block
+        pairs = zip(block.records, block.constants, strict=True) if block else ()
+        names = {str(one.excitation_unit): name for one, name in pairs}
+        if block is None or record.excitation_unit not in names:
+            has = f"levels in {', '.join(names)}" if names else "no levels"
+            raise InputError(
+                f"has levels in {record.excitation_unit or 'parts of a load'}; the fit has {has}", "record"
+            )
+        turned, note = oriented(record, float(np.angle(reading_factor(record)[0])))
+        own = curves_of_mode(self.model, [turned], block.law_names, names, None)
+        own = replace(own, known=block.known, names=tuple(name for name in own.names if name in self.fit.names))
+        found = own.predicted(self.fit, self.kind)
+        return replace(found, notes=(*found.notes, *([note] if note else [])))
+
+    @property
+    def title(self) -> str:
+        """The laws."""
+        return f"mode with {self.model.law} damping, {self.model.frequency_law} frequency"
+
+    def table(self) -> Table:
+        """Return the estimates with units, standard errors and 95 % intervals; notes say what each record shows."""
+        own = super().table()
+        lines = [line for account in self.accounts for line in account.lines]
+        return replace(own, notes=[*own.notes, *lines, *(one.text() for one in self.agreements)])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON: SI units, None for unknown values."""
+        curve = self.law_curve()
+        return {
+            **super().to_dict(),
+            "law": self.model.law,
+            "frequency_law": self.model.frequency_law,
+            "largest_amplitude": self.max_amplitude,
+            "against_amplitude": {
+                "amplitude": curve.amplitude.tolist(),
+                "unit": curve.unit,
+                "damping_ratio": curve.damping_ratio.tolist(),
+                "damping_ratio_band": curve.damping_ratio_band.tolist(),
+                "frequency_hz": curve.frequency.tolist(),
+                "frequency_band_hz": curve.frequency_band.tolist(),
+            },
+            "records": [account.data for account in self.accounts],
+        }
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle without Functions; the solution has the fit, and derives them again."""
+        own = (self.model, self.given, self.law_names, self.max_amplitude, self.solution, self.notes, self.again)
+        return _restored_mode, own
+
+
+def _restored_mode(
+    model: DecayModel,
+    given: DecayModel,
+    law_names: tuple[str, ...],
+    max_amplitude: float,
+    solution: FitSolution,
+    notes: tuple[str, ...],
+    again: Any,
+) -> ModeFit:
+    return ModeFit(solution.fit, model, given, law_names, max_amplitude, solution, notes, again=again)
+
+
+def _renamed(name: str) -> str:
+    """Return the name of a quantity of a release in reports."""
+    return name.replace("e0_", "amplitude_") if name.startswith("e0_") else name

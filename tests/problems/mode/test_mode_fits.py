@@ -1,0 +1,300 @@
+"""One mode from decays and response curves, against oscillators that are simulated without the formula of the fit."""
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from ancf_casadi import FitError, InputError, Measurement, Sensor
+from problems import ResponseRecord, fit_decay, fit_mode
+from problems.decay.laws import DecayModel
+from problems.mode.oscillator import ModeCurve
+from tests.coverage import covers
+from tests.problems.mode import oscillators
+from tests.problems.mode.oscillators import CASES, OMEGA, cubic, noisy, records, truth_of
+
+QUADRATIC = DecayModel("quadratic", False, False, "quadratic")
+X = np.array([OMEGA, 0.5, 3.0, 5.0, 1.5])  # omega, eta1, eta2, frequency_curvature, modal constant
+SQUARE_ROOT = "micro-slip, square root"
+F = np.linspace(9.85, 10.15, 31)
+EXCITATIONS = [
+    ("N", False, "displacement"), ("V", False, "strain"), ("m", False, "velocity"), ("m", True, "displacement"),
+    ("m/s", False, "displacement"), ("m/s^2", False, "acceleration"), ("m/s^2", True, "velocity"),
+]  # fmt: skip
+
+
+def steady(unit, relative, quantity, amplitudes, f=F):
+    """Return levels and complex readings of an oscillator by its balance in complex numbers."""
+    W, (omega, eta1, eta2, k, kappa) = 2 * np.pi * f, X
+    rate = eta1 / 2 + 4 * eta2 * amplitudes * omega / (3 * np.pi)
+    stiffness = (omega * (1 + k * amplitudes**2)) ** 2 - W**2 + 2j * rate * W
+    base = {"m": 1.0, "m/s": 1 / (1j * W), "m/s^2": -1 / W**2}.get(unit)  # displacement per level
+    force = kappa * (1.0 if base is None else W**2 * base)
+    levels = amplitudes * np.abs(stiffness / force)
+    motion = force * levels / stiffness
+    if base is not None and not relative:
+        motion = motion + base * levels
+    return levels, motion * (1j * W) ** {"velocity": 1, "acceleration": 2}.get(quantity, 0)
+
+
+def curve(unit, relative, quantity, amplitudes, f=F, **settings):
+    """Return the record of such an oscillator."""
+    levels, values = steady(unit, relative, quantity, amplitudes, f)
+    return ResponseRecord(f, values, levels=levels, excitation_unit=unit, relative=relative, sensor=Sensor(quantity),
+                          **settings)  # fmt: skip
+
+
+@cache
+def decay(one, size, seconds=8.0, std=2e-5, seed=3):
+    """Return the free decay of an elastic oscillator, integrated in time, with noise."""
+    t = np.arange(0.0, seconds, 0.01)
+    run = solve_ivp(lambda t, y: [y[1], -one.c * y[1] - one.loading(y[0])], (0, t[-1]), [size, 0.0], t_eval=t,
+                    rtol=1e-9, atol=1e-12, method="DOP853")  # fmt: skip
+    return Measurement(t, run.y[0] + std * np.random.default_rng(seed).standard_normal(t.size))
+
+
+@cache
+def forced(name, control="force"):
+    """Return the curves of an oscillator under a held force, or with the response held."""
+    return records(CASES[name][0], control, points=7)
+
+
+@pytest.mark.parametrize(("unit", "relative", "quantity"), EXCITATIONS)
+def test_the_curve_is_the_balance_and_its_derivatives_are_exact(unit, relative, quantity):
+    amplitudes = np.linspace(0.01, 0.03, F.size)
+    levels, values = steady(unit, relative, quantity, amplitudes)
+    own = ModeCurve(QUADRATIC, curve(unit, relative, quantity, amplitudes), 4)
+    g, first, second, by_x = own.at(amplitudes, X)
+    np.testing.assert_allclose(g[:, 2], levels, rtol=1e-12)
+    np.testing.assert_allclose(g[:, 0] * np.exp(1j * g[:, 1]), values, rtol=1e-10)
+    h = 1e-6
+    above, below = (own.at(amplitudes + side * h, X) for side in (1, -1))
+    np.testing.assert_allclose(first, (above[0] - below[0]) / (2 * h), rtol=1e-5, atol=1e-6 * np.abs(first).max())
+    np.testing.assert_allclose(second, (above[1] - below[1]) / (2 * h), rtol=1e-5, atol=1e-6 * np.abs(second).max())
+    for k in range(len(X)):
+        step = np.where(np.arange(len(X)) == k, 1e-6 * X, 0.0)
+        slope = (own.at(amplitudes, X + step)[0] - own.at(amplitudes, X - step)[0]) / (2e-6 * X[k])
+        np.testing.assert_allclose(by_x[:, :, k], slope, rtol=1e-5, atol=1e-6 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize(("unit", "relative", "quantity"), EXCITATIONS)
+def test_known_values_are_recovered_from_any_excitation_and_sensor(unit, relative, quantity):
+    curves = [curve(unit, relative, quantity, size / (1 + (40 * (F / 10 - 1)) ** 2) ** 0.5) for size in (0.003, 0.02)]
+    rng = np.random.default_rng(1)
+    slightly = [noisy(one, rng, 1e-5) for one in curves]
+    fit = fit_mode(slightly, law="quadratic", frequency_law="quadratic")
+    assert fit.warnings == ()
+    expected = {"frequency": 10.0, "eta1": 0.5, "eta2": 3.0, "frequency_curvature": 5.0, "modal_constant": 1.5}
+    for name, value in expected.items():
+        assert fit.estimates[name] == pytest.approx(value, rel=2e-4), name
+    units = {"N": "1/kg", "V": "1/(s^2 V)"}
+    assert fit.units["modal_constant"] == units.get(unit, "")
+    assert fit.units["eta2"] == ("1/strain" if quantity == "strain" else "1/m")
+
+
+def test_the_harmonics_of_the_references_are_those_of_an_integration_in_time():
+    """The simulated oscillator that the other tests rely on: 400 periods, integrated from the computed state."""
+    one, A = cubic(), 0.008
+    W = 0.999 * 2 * np.pi * one.backbone(A, OMEGA)[0]
+    force = one.phasor(A, W)
+
+    def rate(t, y):
+        return [y[1], abs(force) * np.cos(W * t + np.angle(force)) - one.c * y[1] - one.loading(y[0])]
+
+    T = 2 * np.pi / W
+    run = solve_ivp(rate, (0, 60 * T), [A, 0.0], rtol=1e-9, atol=1e-12, t_eval=59 * T + T * np.arange(64) / 64,
+                    method="DOP853")  # fmt: skip
+    assert 2 * np.fft.fft(run.y[0])[1] / 64 == pytest.approx(A, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "control"),
+    [
+        ("cubic", "force"),
+        ("cubic", "response"),
+        ("micro-slip", "force"),
+        *(
+            pytest.param(*one, marks=pytest.mark.slow)
+            for one in (("micro-slip", "response"), *((SQUARE_ROOT, control) for control in ("force", "response")))
+        ),
+    ],
+)
+def test_frequency_and_damping_of_simulated_oscillators_are_recovered(name, control):
+    one, laws = CASES[name]
+    fit = fit_mode(forced(name, control), **laws)
+    curve = fit.law_curve(oscillators.SIZES)
+    frequency, rate = truth_of(one)
+    # the laws are of first order in the shift of 0.5 %
+    np.testing.assert_allclose(curve.frequency, frequency, atol=6e-5)
+    np.testing.assert_allclose(curve.damping_ratio * fit.fit["omega"], rate, rtol=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("control", ["force", "response"])
+@pytest.mark.parametrize("name", ["cubic", "micro-slip"])
+def test_the_bands_hold_the_truth(name, control):
+    one, laws = CASES[name]
+    truth = truth_of(one)
+    hits = np.array([oscillators.held(forced(name, control), laws, truth, seed) for seed in range(20)])
+    for quantity in (0, 1):
+        assert covers(int(hits[:, quantity, 1].sum()), 20)
+
+
+@pytest.mark.parametrize("lag", [False, True])
+@pytest.mark.parametrize("turn", [0, 1, 2, 3])
+def test_phases_that_count_from_elsewhere_are_turned_and_named(turn, lag):
+    _, laws = CASES["cubic"]
+    rng = np.random.default_rng(1)
+    right = noisy(forced("cubic")[2], rng)
+    stated = right.measured_phases + turn * np.pi / 2
+    wrong = ResponseRecord(right.f, right.amplitudes, -stated if lag else stated, levels=right.a, excitation_unit="N")
+    fits = [fit_mode(record, **laws) for record in (right, wrong)]
+    assert list(fits[1].estimates.values()) == pytest.approx(list(fits[0].estimates.values()), rel=1e-6)
+    texts = {
+        0: "",
+        1: "the phases count from the integral of the force; 90 degrees were subtracted",
+        2: "the phases count from the negative force; 180 degrees were added",
+        3: "the phases count from the rate of the force; 90 degrees were added",
+    }
+    named = "; ".join(["the phases are lags; their sign was changed"] * lag + [texts[turn]] * bool(turn))
+    assert fits[1].notes == ((f"{right.label}: {named}",) if named else ())
+
+
+def test_phases_that_do_not_decide_stay_as_they_are():
+    f = np.linspace(5.0, 6.0, 12)  # far below the resonance
+    far = curve("N", False, "displacement", np.full(12, 1e-3), f)
+    rng = np.random.default_rng(0)
+    phases = far.measured_phases + 0.01 * rng.standard_normal(12)
+    near = curve("N", False, "displacement", np.full(F.size, 1e-3))
+    far = ResponseRecord(f, far.amplitudes, phases, levels=far.a, excitation_unit="N")
+    assert fit_mode([near, far]).notes == ()
+
+
+def test_a_decay_alone_gives_what_fit_decay_gives():
+    record = decay(cubic(), 0.01)
+    settings = {"law": "quadratic", "frequency_law": "quadratic"}
+    own, other = fit_mode(record, **settings), fit_decay(record, **settings)
+    for name in ("frequency", "eta1", "frequency_curvature"):
+        assert own.estimates[name] == pytest.approx(other.estimates[name], abs=1e-3 * other.standard_errors[name])
+        assert own.standard_errors[name] == pytest.approx(other.standard_errors[name], rel=1e-3)
+
+
+def test_a_decay_and_a_resonance_together_have_smaller_errors_than_either():
+    one, laws = CASES["cubic"]
+    rng = np.random.default_rng(5)
+    free, driven = decay(one, 0.01, std=5e-5), [noisy(record, rng) for record in forced("cubic")]
+    alone = [fit_mode(free, **laws), fit_mode(driven, **laws)]
+    both = fit_mode([free, *driven], **laws)
+    for name in ("frequency", "damping_ratio", "frequency_curvature"):
+        assert both.standard_errors[name] < 0.95 * min(fit.standard_errors[name] for fit in alone)
+    assert both.estimates["frequency"] == pytest.approx(10.0, abs=3 * both.standard_errors["frequency"])
+    assert {one.name for one in both.agreements} >= {"frequency", "damping_ratio"}
+
+
+def test_amplitudes_without_phases_are_enough():
+    _, laws = CASES["micro-slip"]
+    rng = np.random.default_rng(2)
+    bare = []
+    for record in forced("micro-slip"):
+        own = noisy(record, rng)
+        bare.append(ResponseRecord(own.f, own.amplitudes, levels=own.a, excitation_unit="N"))
+    found, errors = (getattr(fit_mode(bare, **laws), name) for name in ("estimates", "standard_errors"))
+    for name, value in {"frequency": 10.0, "frequency_slope": -0.5, "eta1": 0.004 * OMEGA}.items():
+        assert found[name] == pytest.approx(value, abs=3.5 * errors[name])
+
+
+def test_a_phase_locked_backbone_needs_a_decay_or_the_modal_constant():
+    one, sizes = cubic(), np.array([0.002, 0.004, 0.006, 0.008, 0.01])
+    f, rate = np.array([one.backbone(size, OMEGA) for size in sizes]).T
+    levels = 2 * rate * 2 * np.pi * f * sizes
+    rng = np.random.default_rng(0)
+    values, phases = sizes * (1 + 0.005 * rng.standard_normal(5)), 0.01 * rng.standard_normal(5)
+    laws = {"law": "linear", "frequency_law": "quadratic"}
+    locked = ResponseRecord(f, values, phases - np.pi / 2, levels=levels, excitation_unit="N")
+    with pytest.raises(FitError, match="determine"):
+        fit_mode(locked, **laws)
+    fit = fit_mode(locked, modal_constant=1.0, **laws)
+    assert fit.damping_ratio == pytest.approx(0.003, abs=3.5 * fit.standard_errors["damping_ratio"])
+    reversed_ = ResponseRecord(f, values, phases + np.pi / 2, levels=levels, excitation_unit="N")
+    both = fit_mode([decay(one, 0.01), reversed_], **laws)
+    assert both.estimates["modal_constant"] == pytest.approx(1.0, abs=3.5 * both.standard_errors["modal_constant"])
+    assert "180 degrees were added" in both.notes[0]
+
+
+def test_in_response_control_the_error_is_that_of_the_force():
+    _, laws = CASES["cubic"]
+    rng = np.random.default_rng(0)
+    fit = fit_mode([noisy(record, rng, 0.03) for record in forced("cubic", "response")], **laws)
+    (data,) = (account.data["records"] for account in fit.accounts)
+    assert {one["quantity"] for one in data} == {"level"}
+    assert all(0.015 < one["relative_error"] < 0.05 for one in data)
+    assert "root mean square error of the level" in fit.report()
+
+
+def test_a_level_in_another_unit_is_said():
+    _, laws = CASES["cubic"]
+    small, *others = (noisy(record, np.random.default_rng(k)) for k, record in enumerate(forced("cubic")))
+    small = ResponseRecord(small.f, small.amplitudes, small.measured_phases, levels=1e3 * small.a, excitation_unit="N")
+    with pytest.raises(FitError, match=r"its response per level is 0.00[01]\d+ times .* such as mm"):
+        fit_mode([small, *others], **laws)
+    amplitudes = 0.01 / (1 + (40 * (F / 10 - 1)) ** 2) ** 0.5
+    base = curve("m/s^2", True, "displacement", amplitudes)
+    settings = {"levels": base.a / 98.0665, "excitation_unit": "m/s^2", "relative": True}
+    in_g = ResponseRecord(base.f, base.amplitudes, base.measured_phases, **settings)
+    fit = fit_mode(in_g, law="quadratic", frequency_law="quadratic")
+    assert any("that of a mode driven by its base is of the order of 1" in note for note in fit.warnings)
+
+
+def test_a_fit_that_explains_little_is_no_result():
+    rng = np.random.default_rng(0)
+    values = 1e-3 * (rng.standard_normal((2, 30)).T @ [1, 1j])
+    with pytest.raises(FitError):
+        fit_mode(ResponseRecord(np.linspace(9.0, 11.0, 30), values, excitation_unit="N"))
+
+
+def test_a_prediction_of_another_level_and_of_a_decay_is_close():
+    one, laws = CASES["cubic"]
+    rng = np.random.default_rng(7)
+    fit = fit_mode([noisy(record, rng) for record in forced("cubic")[:2]], **laws)
+    found = fit.predict(noisy(forced("cubic")[2], rng))
+    assert found.relative_errors["amplitude"] < 0.1 and found.standard_errors["amplitude"] > 0.0
+    assert fit.predict(decay(one, 0.005)).relative_errors["displacement"] < 0.05
+    with pytest.raises(InputError, match="has levels in V; the fit has levels in N"):
+        fit.predict(ResponseRecord([10.0], [1.0], excitation_unit="V"))
+
+
+def test_hostile_records_are_refused():
+    good = curve("N", False, "displacement", np.full(F.size, 1e-3))
+    with pytest.raises(InputError, match="convert them"):
+        fit_mode([good, curve("N", False, "strain", np.full(F.size, 1e-3))])
+    with pytest.raises(InputError, match="excitation_unit"):
+        ResponseRecord([1.0], [1.0], excitation_unit="kN")
+    with pytest.raises(InputError, match="relative"):
+        ResponseRecord([1.0], [1.0], excitation_unit="N", relative=True)
+    for bad in ([], [None], 3.0, ["a", "b"]):
+        with pytest.raises(InputError):
+            fit_mode(bad)
+    with pytest.raises(InputError, match="release_times"):
+        fit_mode(good, release_times=[1.0])
+    with pytest.raises(InputError, match="1 values cannot determine 3 unknowns"):
+        fit_mode(ResponseRecord([9.9], [1e-3], excitation_unit="N"))
+    assert math.isfinite(fit_mode(good).frequency)
+
+
+def test_noise_of_a_tenth_is_fitted():
+    """The size of the residuals at the start decides how closely the first fit is solved."""
+    rng = np.random.default_rng(3)
+    fit = fit_mode([noisy(record, rng, 0.1) for record in forced("cubic")], **CASES["cubic"][1])
+    assert fit.frequency == pytest.approx(10.0, abs=4 * fit.standard_errors["frequency"])
+
+
+def test_a_fit_with_most_unknowns_at_bounds_is_no_result():
+    """Points far from the resonance, where no damping is visible, under a law with three terms of it."""
+    f = np.array([8.0, 8.5, 9.0, 9.5, 10.5, 11.0, 11.5, 12.0])
+    values = 1 / (OMEGA**2 - (2 * np.pi * f) ** 2) * (1 + 1e-3 * np.random.default_rng(0).standard_normal(8))
+    ahead = 1e-3 * np.array([3.0, -2.0, 3.0, -2.0, -3.0, 2.0, -3.0, 2.0])
+    record = ResponseRecord(f, np.abs(values), np.where(f < 10.0, 0.0, -np.pi) + ahead, excitation_unit="N")
+    with pytest.raises(FitError, match="3 of 4 unknowns end at their bounds"):
+        fit_mode(record, law="friction", modal_constant=1.0)

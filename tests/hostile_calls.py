@@ -58,7 +58,7 @@ NOT_CALLED = frozenset(
     "BaseMotion DampingLaw TipLoad __version__"  # abstract
     " Backbone Equilibrium LinearFrf Modes PeriodicMotion ReducedModel ReducedTrajectory ResponseCurve Trajectory"
     " DampingCurve LawCurve BeamFunctions MotionFunctions ReducedFunctions DecayFit DecayFits DecayModes"
-    " FrequencyMatch FrfFit"
+    " FrequencyMatch FrfFit ModeFit"
     " IsolatedMode LawComparison MonteCarlo RayleighFit RecordPrediction SavedFit"
     " StudyReport BeamFit".split()  # results, which the package makes
 )

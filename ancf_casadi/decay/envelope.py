@@ -341,5 +341,5 @@ def _noise(
     more = known & (chance < UNLIKELY)
     plain = known & ~more
     mean = power[plain].sum() / rank[plain].sum() if plain.any() else typical
-    own = np.where(more, power / np.maximum(rank, 1), mean)
-    return np.sqrt(np.repeat(own, counts)), left
+    variance = np.where(more, power / np.maximum(rank, 1), mean)
+    return np.sqrt(np.repeat(variance, counts)), left

@@ -193,10 +193,12 @@ def draw_against_amplitude(axes: Sequence[Axes], points: DampingCurve | None, la
             low, high = scale * getattr(law, f"{name}_band").T
             ax.fill_between(law.amplitude / size, low, high, color=COMPUTED, alpha=0.25, lw=0)
             ax.plot(law.amplitude / size, scale * getattr(law, name), lw=1.2, color=COMPUTED, label="law, 95 % band")
-        if points is not None:
+        if points is not None:  # those that noise leaves clear; the others would set the scale
+            errors = points.damping_ratio_errors
+            clear = errors <= max(np.median(np.abs(points.damping_ratio)), 3 * errors.min())
             value, error = scale * getattr(points, name), 1.96 * scale * getattr(points, f"{name}_errors")
-            ax.errorbar(points.amplitude / size, value, yerr=error, fmt="o", ms=2.5, lw=0.7, color=MEASURED,
-                        label="windows", zorder=1)  # fmt: skip
+            ax.errorbar(points.amplitude[clear] / size, value[clear], yerr=error[clear], fmt="o", ms=2.5, lw=0.7,
+                        color=MEASURED, label="windows", zorder=1)  # fmt: skip
         ax.set(xlabel=f"amplitude, {unit}", ylabel=label, xlim=(0.0, None))
         ax.ticklabel_format(axis="y", useOffset=False)
 
@@ -341,5 +343,5 @@ def _noise(
     more = known & (chance < UNLIKELY)
     plain = known & ~more
     mean = power[plain].sum() / rank[plain].sum() if plain.any() else typical
-    own = np.where(more, power / np.maximum(rank, 1), mean)
-    return np.sqrt(np.repeat(own, counts)), left
+    variance = np.where(more, power / np.maximum(rank, 1), mean)
+    return np.sqrt(np.repeat(variance, counts)), left

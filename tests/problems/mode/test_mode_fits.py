@@ -15,7 +15,7 @@ from tests.coverage import covers
 from tests.problems.mode import oscillators
 from tests.problems.mode.oscillators import CASES, OMEGA, cubic, noisy, records, truth_of
 
-QUADRATIC = DecayModel("quadratic", False, False, "quadratic")
+QUADRATIC = DecayModel("quadratic", "zero", "quadratic")
 X = np.array([OMEGA, 0.5, 3.0, 5.0, 1.5])  # omega, eta1, eta2, frequency_curvature, modal constant
 SQUARE_ROOT = "micro-slip, square root"
 F = np.linspace(9.85, 10.15, 31)

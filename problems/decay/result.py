@@ -166,7 +166,7 @@ class DecayFit(LeastSquaresResult):
         return int(self.rows.stop - self.rows.start)
 
     @property
-    def reduced_band(self) -> str:
+    def fitted_band(self) -> str:
         """The band to which a long record was reduced, as text; empty if all samples were fitted."""
         if self.fitted_samples == self.samples:
             return ""
@@ -258,7 +258,7 @@ class DecayFit(LeastSquaresResult):
         rest = REST_TERMS[self.model.rest] or ("offset",)
         shown = ["frequency", "damping_ratio", *self.model.terms, "amplitude", *rest]
         lines = [f"{self.title}, {self.samples} samples from {self.release_time:g} s on; 95 % intervals"]
-        lines += [f"  {self.reduced_band}"] if self.reduced_band else []
+        lines += [f"  {self.fitted_band}"] if self.fitted_band else []
         lines += [f"  {name:<20}{getattr(self, name):>13.6g} {self._uncertainty(name)}" for name in shown]
         lines.append(f"  {'release':<20}{self.release_time:>13.6g} s  ({self.release_reason})")
         lines.append(f"  {'residual_rms':<20}{self.residual_rms:>13.3g} {self.model.sensor.unit}".rstrip())

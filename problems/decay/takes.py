@@ -247,7 +247,7 @@ class DecayModes(DecayFits):
         notes = [
             "low and high are the ends of 95 % intervals",
             f"{first.samples} samples from {first.release_time:g} s on ({first.release_reason})",
-            *([first.reduced_band] if first.reduced_band else []),
+            *([first.fitted_band] if first.fitted_band else []),
             f"the residuals have an rms of {first.residual_rms:.3g} {first.model.sensor.unit}".rstrip(),
         ]
         return Table("modes", self.title, columns, rows, notes)

@@ -41,6 +41,7 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares
 
 from ancf_casadi.estimation.solver.noise import estimated_noise
@@ -140,9 +141,9 @@ def tall_qr(matrix: Array) -> tuple[Array, Array]:
     scaled = matrix / length
     blocks: Array = np.asarray(np.linalg.qr(scaled[:whole].reshape(-1, size, columns), mode="r"))
     triangle = np.linalg.qr(np.concatenate([blocks.reshape(-1, columns), scaled[whole:]]), mode="r")
-    q = scaled @ np.linalg.inv(triangle)
+    q = solve_triangular(triangle, scaled.T, trans=1).T
     correction = np.linalg.cholesky(q.T @ q).T
-    return q @ np.linalg.inv(correction), correction @ triangle * length
+    return solve_triangular(correction, q.T, trans=1).T, correction @ triangle * length
 
 
 def stacked(values: ComplexArray) -> Array:

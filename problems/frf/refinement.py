@@ -29,7 +29,7 @@ from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, concentration
 from ancf_casadi.estimation.solver.unknown import Unknown
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.callbacks import Differentiable, kept
 from problems.decay.limitations import IMPRECISE
 from problems.frf.modal_sum import LARGEST_RATIO, RESIDUAL_POWERS, TrialFit, stacked
@@ -58,6 +58,7 @@ def refine(start: TrialFit) -> tuple[TrialFit, Fit]:
         forward=True,
         series=[k] * (2 * count),
         times=np.tile(start.model.frequencies, 2 * count),
+        noise=root_mean_square(start.weighted_residuals),
         advice=FRF_ADVICE,
     )
     return start.moved(fit.values), fit

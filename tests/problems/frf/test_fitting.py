@@ -16,7 +16,8 @@ from ancf_casadi import (
 from ancf_casadi.estimation.result import FitResult
 from ancf_casadi.plot import rendered
 from problems import FrfRecord, Global, fit_frf, match_frequencies
-from problems.frf import poles
+from problems.frf import fitting, poles
+from problems.frf.modal_sum import tall_qr
 from tests.coverage import covers
 
 
@@ -404,3 +405,48 @@ def test_warnings_name_what_the_functions_cannot_show():
     fit = fit_frf(FrfRecord(f, outside + 1e-7 * complex_noise(rng, outside.shape), "receptance"))
     assert any("many residual terms" in warning for warning in fit.warnings)
     assert fit.frequencies == pytest.approx([12.0], rel=1e-5)
+
+
+def test_a_nonlinear_resonance_is_one_mode_and_the_note_names_it():
+    """Two modes whose frequency falls and whose damping grows with the amplitude: once listed as four modes."""
+    f, rng = np.arange(8.0, 40.0, 0.05), np.random.default_rng(20)
+    values = np.zeros((2, len(f)), dtype=complex)
+    for own, ratio, constants in ((17.3, 0.008, (1.0, 0.6)), (31.0, 0.006, (1.0, -0.8))):
+        h = 1 / (own**2 - f**2 + 2j * ratio * own * f)
+        for _ in range(200):  # the response at each line depends on its amplitude
+            amplitude = 2 * ratio * own**2 * np.abs(h)
+            moved, damped = own * (1 - 0.25 * ratio * amplitude), ratio * (1 + 0.15 * amplitude)
+            h = (h + 1 / (moved**2 - f**2 + 2j * damped * own * f)) / 2
+        values += np.outer(constants, own**2 * h)
+    values = values * (1 + 3e-3 * complex_noise(rng, values.shape)) + 1e-3 * complex_noise(rng, values.shape)
+    fit = fit_frf(FrfRecord(f, values, "receptance"))
+    assert fit.frequencies == pytest.approx([17.28, 30.97], abs=0.05)
+    assert any(note.startswith("one mode near 17.") and "a second pole at 17." in note for note in fit.warnings)
+
+
+def test_bins_of_a_record_with_many_lines_leave_the_estimates_unchanged(monkeypatch):
+    f, rng = np.arange(8.0, 32.0, 0.02), np.random.default_rng(21)
+    modes = [(12.0, 0.02, (1.0, 0.5)), (25.0, 0.03, (0.6, -1.0))]
+    values = modal_sum(f, modes)
+    record = FrfRecord(f, values + 1e-5 * complex_noise(rng, values.shape), "receptance")
+    sizes = []
+    plain = fitting.select_modes
+    monkeypatch.setattr(
+        fitting, "select_modes", lambda selection, model: sizes.append(len(selection.values)) or plain(selection, model)
+    )
+    binned = fit_frf(record, frequencies=[12.1, 24.8])
+    check(binned, modes)
+    monkeypatch.setattr(fitting, "bins", lambda *_: None)
+    every = fit_frf(record, frequencies=[12.1, 24.8])
+    assert 3 * sizes[0] < sizes[1] == len(f)
+    for name, error in every.standard_errors.items():
+        assert abs(binned.estimates[name] - every.estimates[name]) < 1e-3 * error
+
+
+def test_factors_of_a_tall_matrix_are_those_of_householder():
+    matrix = np.random.default_rng(22).normal(size=(5000, 12)) @ np.diag(10.0 ** np.arange(12))
+    matrix[:, 3] = matrix[:, 2] + 1e-7 * matrix[:, 3] / 10.0
+    q, triangle = tall_qr(matrix)
+    np.testing.assert_allclose(q.T @ q, np.eye(12), atol=1e-13)
+    np.testing.assert_allclose(q @ triangle, matrix, rtol=0.0, atol=1e-12 * np.abs(matrix).max())
+    np.testing.assert_allclose(np.tril(triangle, -1), 0.0, atol=0.0)

@@ -241,11 +241,12 @@ class Fit:
         ]
         with np.errstate(invalid="ignore"):
             pairs = np.argwhere(np.triu(np.abs(self.correlations), 1) > CORRELATED).tolist()
-        notes += [
-            f"{self.names[i]} and {self.names[j]} correlate at {self.correlations[i, j]:.3f}: the data determine a "
-            "combination of the two much better than each alone; more data, or one unknown fewer, would help"
-            for i, j in pairs
-        ]
+        if pairs:
+            named = [f"{self.names[i]} and {self.names[j]} ({self.correlations[i, j]:.3f})" for i, j in pairs]
+            notes.append(
+                f"{', '.join(named)} correlate: the data determine a combination of each pair much better than the two "
+                "alone; more data, or fewer unknowns, would help"
+            )
         for k in np.flatnonzero(~self.active_bounds).tolist():
             (low, high), unknown = self.intervals()[k], self.unknowns[k]
             for bound, end in ((unknown.lower, low), (unknown.upper, high)):

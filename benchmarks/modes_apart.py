@@ -54,7 +54,7 @@ def _moving(rng: np.random.Generator, time: Numbers, harmonics: bool) -> Numbers
     """Return a mode of 1 Hz with random laws, and its harmonics."""
     law: Law = rng.choice(list(TERMS))
     frequency_law: FrequencyLaw = rng.choice(["constant", "linear", "quadratic", "power", "logarithmic"])
-    model = DecayModel(law, False, False, frequency_law)
+    model = DecayModel(law, "zero", frequency_law)
     ratio = _between(rng, 0.7, 4.0) / (2 * math.pi * time[-1])
     shares = rng.dirichlet(np.ones(TERMS[law])) * ratio
     damping = [ratio] if law == "linear" else [share * unit for share, unit in zip(shares, UNITS, strict=False)]
@@ -108,13 +108,16 @@ def told_apart(kind: Kind, seed: int) -> tuple[bool, str]:
 def main() -> None:
     """Run the study and print a line for each kind of record."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=int, default=200)
+    parser.add_argument("--runs", type=int, default=200, help="records of each kind")
+    parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args()
     for kind in KINDS:
-        tasks: list[Any] = [partial(told_apart, kind, seed) for seed in range(options.runs)]
+        tasks: list[Any] = [
+            partial(told_apart, kind, seed) for seed in range(options.first, options.first + options.runs)
+        ]
         found = run_all(tasks, jobs=options.jobs)
-        wrong = [f"{seed}: {text}" for seed, (right, text) in enumerate(found) if not right]
+        wrong = [f"{seed}: {text}" for seed, (right, text) in enumerate(found, options.first) if not right]
         print(f"{kind:10} told apart {1 - len(wrong) / options.runs:6.1%}", flush=True)
         for line in islice(wrong, 20):
             print(f"    {line}")

@@ -254,7 +254,8 @@ class TrialFit:
     @cached_property
     def _basis(self) -> Array:
         """Orthonormal basis of the columns of the Jacobian."""
-        return np.linalg.qr(self.jacobian / np.linalg.norm(self.jacobian, axis=0))[0]
+        sizes = np.linalg.norm(self.jacobian, axis=0)
+        return np.linalg.qr(self.jacobian / np.where(sizes > 0.0, sizes, 1.0))[0]  # without noise, a mode may be none
 
 
 def quick_fit(start: TrialFit) -> TrialFit | None:

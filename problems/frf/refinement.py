@@ -21,6 +21,7 @@ as far as X increases it.  The coefficients have the covariance of the linear pr
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -29,6 +30,7 @@ from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, concentration
 from ancf_casadi.estimation.solver.unknown import Unknown
+from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.callbacks import Differentiable, kept
 from problems.decay.limitations import IMPRECISE
@@ -51,16 +53,19 @@ def refine(start: TrialFit) -> tuple[TrialFit, Fit]:
 
     k, count = start.values.shape
     residuals = kept(Differentiable(projected, 2 * k * count, len(unknowns)), "projected")
-    fit = least_squares(
-        lambda *x: residuals(cs.vertcat(*x)),
-        unknowns,
-        gauss_newton=True,
-        forward=True,
-        series=[k] * (2 * count),
-        times=np.tile(start.model.frequencies, 2 * count),
-        noise=root_mean_square(start.weighted_residuals),
-        advice=FRF_ADVICE,
-    )
+    settings: dict[str, Any] = {
+        "gauss_newton": True,
+        "forward": True,
+        "series": [k] * (2 * count),
+        "times": np.tile(start.model.frequencies, 2 * count),
+        "advice": FRF_ADVICE,
+    }
+    try:
+        fit = least_squares(
+            lambda *x: residuals(cs.vertcat(*x)), unknowns, noise=root_mean_square(start.weighted_residuals), **settings
+        )
+    except FitError:  # residuals of rounding alone do not tell where to stop
+        fit = least_squares(lambda *x: residuals(cs.vertcat(*x)), unknowns, **settings)
     return start.moved(fit.values), fit
 
 

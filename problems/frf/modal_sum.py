@@ -254,8 +254,7 @@ class TrialFit:
     @cached_property
     def _basis(self) -> Array:
         """Orthonormal basis of the columns of the Jacobian."""
-        sizes = np.linalg.norm(self.jacobian, axis=0)
-        return np.linalg.qr(self.jacobian / np.where(sizes > 0.0, sizes, 1.0))[0]  # without noise, a mode may be none
+        return np.linalg.qr(self.jacobian / np.linalg.norm(self.jacobian, axis=0))[0]
 
 
 def quick_fit(start: TrialFit) -> TrialFit | None:

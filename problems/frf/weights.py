@@ -63,9 +63,10 @@ def fitted_deviations(residuals: ComplexArray, amplitude: Array, leverage: Array
     squares = np.abs(residuals) ** 2 / np.maximum(1 - leverage, LEAST_REMAINDER)
     floor = (LEAST_STD * np.median(amplitude, axis=0)) ** 2
     variance = np.column_stack([_variance(*columns) for columns in zip(squares.T, amplitude.T**2, strict=True)])
-    variance = np.maximum(variance, np.maximum(floor, np.finfo(float).tiny))
+    floor = np.maximum(floor, np.finfo(float).tiny)
+    variance = np.maximum(variance, floor)
     variance = variance * _slow_factor(np.mean(squares / variance, axis=1))[:, None]
-    return np.sqrt(variance)
+    return np.sqrt(np.maximum(variance, floor))
 
 
 def _variance(squares: Array, power: Array) -> Array:

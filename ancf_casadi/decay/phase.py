@@ -13,9 +13,13 @@ with the relative change delta of the frequency:
     power          k (A/R)^q                     a free exponent
     logarithmic    k ln((A + A_s)/(R + A_s))     clamps, joints and fillings over decades of the amplitude; below the
                                                  corner A_s the frequency is linear in A, so that it stays bounded
+    smooth         sum_j c_j (s_j(A) - s_j(A_2)) no law: steps s_j = A^2/(A^2 + C_j^2), evenly in ln A from 1.5 R to
+                                                 R/S; the unknowns are the values at A_k = R S^(-k/6), k = 0 to 6
 
-R is an amplitude of reference, which keeps the unknowns apart: omega is the frequency at zero amplitude, and at R under
-the logarithmic law.  All is of first order in the damping and in delta: the coefficients of the damping take omega.
+R is an amplitude of reference, which keeps the unknowns apart: omega is the frequency at zero amplitude, at R under the
+logarithmic law, and at A_2 without a law.  S is the span of the amplitudes, the largest over the smallest.  Steps less
+than 2 apart in ln A add up without ripples: six follow a logarithm over three decades to 0.5 % of its change.
+All is of first order in the damping and in delta: the coefficients of the damping take omega.
 
 The integral is one quadrature for all laws of the amplitude.  The time from 0 to the last instant T is divided into
 panels that end at T, T/2, T/4, ..., so that a decay is resolved at any rate up to about 1e4/T.  The integral of the
@@ -43,23 +47,36 @@ from numpy.polynomial import legendre
 
 from ancf_casadi.support.arrays import Array
 
-FrequencyLaw = Literal["constant", "linear", "quadratic", "power", "logarithmic"]
+FrequencyLaw = Literal["constant", "linear", "quadratic", "power", "logarithmic", "smooth"]
 
+NODE_OF_OMEGA = 2  # omega is the smooth frequency at A_2, within the record, where the phase determines it best
 FREQUENCY_TERMS: Mapping[FrequencyLaw, tuple[str, ...]] = {  # unknowns: k, then q, or the logarithm of A_s/R
     "constant": (),
     "linear": ("frequency_slope",),
     "quadratic": ("frequency_curvature",),
     "power": ("frequency_change", "frequency_exponent"),
     "logarithmic": ("frequency_log_slope", "log_corner"),
+    "smooth": tuple(f"frequency_at_{k}" for k in range(7) if k != NODE_OF_OMEGA),
 }
+AMPLITUDE_SPAN = 50.0  # S, if the amplitudes are not known
 PANELS = 15  # of the quadrature
 POINTS = 16  # in a panel
 
 
-def frequency_change(law: FrequencyLaw, amplitude: cs.MX, terms: Sequence[cs.MX], reference: float) -> cs.MX:
+def frequency_change(
+    law: FrequencyLaw, amplitude: cs.MX, terms: Sequence[cs.MX], reference: float, span: float = AMPLITUDE_SPAN
+) -> cs.MX:
     """Return the relative change delta of the frequency at amplitudes (m), given the values of ``FREQUENCY_TERMS``."""
     if law == "constant":
         return 0 * amplitude
+    if law == "smooth":
+        n, square = len(terms), (amplitude / reference) ** 2
+        nodes, steps = span ** (-2 * np.arange(n + 1) / n), np.geomspace(1.5, 1 / span, n) ** 2  # squared
+        values = nodes[:, None] / (nodes[:, None] + steps)
+        middle = values[NODE_OF_OMEGA]
+        heights = np.linalg.inv(np.delete(values - middle, NODE_OF_OMEGA, axis=0))
+        shape = [square / (square + step) - at for step, at in zip(steps.tolist(), middle.tolist(), strict=True)]
+        return cs.mtimes([cs.horzcat(*shape), cs.DM(heights), cs.vertcat(*terms)])
     k, *shape = terms
     if law == "power":
         return k * cs.fmax(amplitude / reference, 1e-12) ** shape[0]  # whose derivative at 0 is infinite for q < 1

@@ -59,10 +59,10 @@ def fit_decay(
     law : {"linear", "quadratic", "friction", "power", "auto"}
         ``linear``: Eq. (9).  ``quadratic``: Eq. (27).  ``friction``: Eq. (27) with friction as a third term.
         ``power``: a force ``eta_p |v|^p`` with a free exponent p.  ``auto``: the best of ``compare_decay_laws``.
-    frequency_law : {"constant", "linear", "quadratic", "power", "logarithmic", "auto"}, optional
+    frequency_law : {"constant", "linear", "quadratic", "power", "logarithmic", "smooth", "auto"}, optional
         Change of the frequency f with the amplitude A: none, f (1 + k A), f (1 + k A^2), f (1 + k A^q),
-        f (1 + k ln(1 + A/A_s)), or the best of ``compare_decay_laws``.  If not given, constant; with the law ``auto``
-        the best.
+        f (1 + k ln(1 + A/A_s)), a smooth function without a law, or the best of ``compare_decay_laws``, which does not
+        try the smooth one.  If not given, constant; with the law ``auto`` the best.
     rest : {"zero", "constant", "drift", "creep", "auto"}, optional
         Rest position: 0, constant, d + v t, d + v (1 - exp(-k t))/k with the rate k (``creep``), or the best of
         ``compare_decay_laws``.  If not given, constant; with the law ``auto`` the best.

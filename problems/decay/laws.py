@@ -8,8 +8,8 @@ unknowns of the mode and their bounds:
     friction    with eta0   omega, eta1, eta2, eta0         also eta0 >= 0
     power       |r'|^p      omega, zeta, exponent           zeta > 0, 0 <= p <= 4
 
-Frequency laws (``ancf_casadi.decay.phase``), with omega the frequency at zero amplitude, and under the logarithmic law
-at the amplitude R of reference:
+Frequency laws (``ancf_casadi.decay.phase``), with omega the frequency at zero amplitude, under the logarithmic law
+at the amplitude R of reference, and without a law at A_2:
 
     constant      omega
     linear        omega (1 + k A)               frequency_slope k
@@ -17,6 +17,8 @@ at the amplitude R of reference:
     power         omega (1 + k (A/R)^q)         frequency_change, k at the release, and frequency_exponent q
     logarithmic   omega (1 + k ln((A + A_s)/(R + A_s)))
                                                 frequency_log_slope of f (1 + k ln(1 + A/A_s)), and corner_amplitude A_s
+    smooth        without a law, through values at seven amplitudes A_k
+                                                frequency_change at the release, relative to zero amplitude
 
 Each release has its own amplitude e0 of the envelope and phase phi, under every law.  With Eq. (9) these are
 r0 = e0 cos(phi) and (v0 + zeta omega r0)/omega_d = -e0 sin(phi).  The ratio zeta of the power law refers to the
@@ -51,7 +53,7 @@ from ancf_casadi.decay.closed_forms import (
     quadratic_envelope,
 )
 from ancf_casadi.decay.first_guess import DecayGuess
-from ancf_casadi.decay.phase import FREQUENCY_TERMS, FrequencyLaw, frequency_change, integral
+from ancf_casadi.decay.phase import AMPLITUDE_SPAN, FREQUENCY_TERMS, FrequencyLaw, frequency_change, integral
 from ancf_casadi.decay.rest import REST_TERMS, Rest, rest_position
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
@@ -103,8 +105,10 @@ DECAY_TERMS: Mapping[Law, tuple[str, ...]] = {  # reported damping coefficients;
     "power": ("eta_p", "exponent"),
 }
 FREQUENCY_REPORTED: Mapping[FrequencyLaw, tuple[str, ...]] = {  # where they are not the unknowns
-    "logarithmic": ("frequency_log_slope", "corner_amplitude")
+    "logarithmic": ("frequency_log_slope", "corner_amplitude"),
+    "smooth": ("frequency_change",),
 }
+NOT_AT_ZERO: tuple[FrequencyLaw, ...] = ("logarithmic", "smooth")  # whose omega is not the frequency at zero amplitude
 DISPLACEMENT = Sensor()
 RATIO_BOUNDS = (0.0, 0.999)
 
@@ -121,6 +125,7 @@ class DecayModel:
     frequency_law: FrequencyLaw = "constant"
     ratio_bounds: tuple[float, float] = RATIO_BOUNDS  # of the linear law
     reference: float = 1.0  # amplitude R of the power laws and of the logarithmic law, m
+    span: float = AMPLITUDE_SPAN  # largest amplitude over the smallest, of the smooth frequency
     sensor: Sensor = DISPLACEMENT
 
     def __post_init__(self) -> None:
@@ -162,6 +167,7 @@ class DecayModel:
             Unknown("frequency_exponent", 1.0, 1.0, *FREQUENCY_EXPONENTS),
             Unknown("frequency_log_slope", turn, turn),
             Unknown("log_corner", -2.0, 1.0, *LOG_CORNERS),
+            *(Unknown(name, 0.0, turn) for name in FREQUENCY_TERMS["smooth"]),
         )
         return [one for one in unknowns if one.name in self.frequency_terms]
 
@@ -219,7 +225,7 @@ class DecayModel:
 
     def _change(self, amplitude: cs.MX, bending: Symbols) -> cs.MX:
         """Return the relative change of the frequency at an amplitude (m)."""
-        return frequency_change(self.frequency_law, amplitude, bending, self.reference)
+        return frequency_change(self.frequency_law, amplitude, bending, self.reference, self.span)
 
     def _ratio(self, amplitude: cs.MX, ω: cs.MX, damping: Symbols) -> cs.MX:
         """Return the equivalent damping ratio at an amplitude (m)."""
@@ -290,9 +296,12 @@ class DecayModel:
         }
         if self.frequency_law == "power":
             found["frequency_change"] = self._change(amplitude, bending)
-        if self.frequency_law == "logarithmic":
-            at_rest = 1 + self._change(cs.MX(0), bending)  # relative to omega, the frequency at R
+        if self.frequency_law in NOT_AT_ZERO:
+            at_rest = 1 + self._change(cs.MX(0), bending)  # relative to omega
             found["frequency"] *= at_rest
+        if self.frequency_law == "smooth":
+            found["frequency_change"] = (1 + self._change(amplitude, bending)) / at_rest - 1
+        if self.frequency_law == "logarithmic":
             found["frequency_log_slope"] /= at_rest
             found["corner_amplitude"] = self.reference * cs.exp(bending[1])
         return cs.vertcat(*(found.get(name, cs.MX(0)) for name in DECAY_QUANTITIES))

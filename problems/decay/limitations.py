@@ -26,6 +26,7 @@ import numpy as np
 import scipy  # its packages are imported on first use
 
 from ancf_casadi.decay.first_guess import DecayGuess, first_guess
+from ancf_casadi.decay.phase import FREQUENCY_TERMS
 from ancf_casadi.decay.rest import REST_TERMS
 from ancf_casadi.decay.spectrum import peak_frequencies
 from ancf_casadi.estimation.agreement import DISAGREE, part_estimates
@@ -42,7 +43,7 @@ FEW_PERIODS = 5  # of free decay, below which there is a warning
 MOST_ORDER, NEAR_ORDER = 5, 0.05  # highest harmonic that is named, and distance of its order from a whole number
 IMPRECISE = 0.1  # relative standard error of the damping ratio beyond which there is a warning
 DAMPING = ("zeta", "eta1", "eta2", "eta0")  # unknowns whose information divides the record, the first that is free
-RELEASE = ("e0", "phase", *REST_TERMS["creep"])  # unknowns of a release, which belong to no mode
+OF_PARTS = ("e0", "phase", *REST_TERMS["creep"], *FREQUENCY_TERMS["smooth"])  # unknowns that a part may not show alone
 
 
 def limitations(decay: DecayFit) -> list[str]:
@@ -137,7 +138,7 @@ def _changing(decay: DecayFit) -> str | None:
     """Return a warning if the two parts of a record disagree on the mode."""
     fit, rows = decay.fit, decay.rows
     time = decay.time if fit.times is None else decay.release_time + fit.times[rows]
-    mode = [k for k in decay.indices if not fit.names[k].startswith(RELEASE) and not fit.active_bounds[k]]
+    mode = [k for k in decay.indices if not fit.names[k].startswith(OF_PARTS) and not fit.active_bounds[k]]
     late = late_part(fit, [rows], 1 / 2)
     early = ~late
     early[: rows.start] = early[rows.stop :] = False

@@ -97,7 +97,10 @@ class DecayFit(LeastSquaresResult):
     )
     frequency_slope = _quantity("frequency_slope", "k in f (1 + k A), 1/m; 0 under the other frequency laws.")
     frequency_curvature = _quantity("frequency_curvature", "k in f (1 + k A^2), 1/m^2; 0 under the other ones.")
-    frequency_change = _quantity("frequency_change", "k (A/R)^q in f (1 + k (A/R)^q) at ``amplitude``; 0 under others.")
+    frequency_change = _quantity(
+        "frequency_change",
+        "Relative change of the frequency at ``amplitude``, power or smooth; 0 under the other laws.",
+    )
     frequency_exponent = _quantity("frequency_exponent", "q in this law; 0 under the other ones.")
     frequency_log_slope = _quantity(
         "frequency_log_slope", "k in f (1 + k ln(1 + A/A_s)), with f at zero amplitude; 0 under the other laws."

@@ -46,7 +46,7 @@ from ancf_casadi.support.inputs import check_instance
 from problems.decay.laws import DecayModel
 from problems.decay.limitations import NOISE_FREE, late_part
 from problems.decay.result import DecayFit
-from problems.decay.start import of_motion, starting_values
+from problems.decay.start import of_motion, span_of, starting_values
 
 LEAST_REDUCED_LENGTH = 2500  # samples to which a longer record is reduced, if the band of the mode needs no more
 LATER_STARTS = (0.25, 0.5, 0.75)  # shares of the information before a later start, for which errors allow
@@ -92,6 +92,8 @@ def fit_from(
     ]
     moving = [of_motion(guess, sensor.derivatives) for guess in guesses]
     model = replace(model, reference=max(guess.amplitude for guess in moving), sensor=sensor)
+    if model.frequency_law == "smooth":
+        model = replace(model, span=span_of(decays, guesses))
     lengths = [len(decay.time) for decay in decays]
     counts = lengths if robust else reduced_counts(decays, [guess.ω for guess in guesses])
     curves: Sequence[Callable[[Array], Array]] = [np.zeros_like] * len(decays)

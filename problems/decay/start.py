@@ -24,12 +24,15 @@ from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.track import Track, losses_of, regression, since_start, track
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.support.arrays import Array
 from problems.decay.laws import DECAY_TERMS, EXPONENTS, DecayModel
 
 SHAPES: Mapping[FrequencyLaw, Sequence[tuple[float]]] = {  # exponents, and logarithms of the corner, to start from
     "power": [(q,) for q in (0.25, 0.5, 1.0, 1.5, 2.0, 3.0)],
     "logarithmic": [(corner,) for corner in (-8.0, -6.0, -5.0, -4.0, -3.0, -2.0, -1.0, 0.0)],
 }
+
+LEAST_SPAN = 3.0  # of amplitudes: at 1, the steps of a smooth frequency would coincide
 
 
 def of_motion(guess: DecayGuess, derivatives: int) -> DecayGuess:
@@ -42,8 +45,7 @@ def starting_values(model: DecayModel, decay: Measurement, guess: DecayGuess) ->
     """Return values of unknowns by name from a record after the release; none if noise hides it too early."""
     time = decay.time
     derivatives = model.sensor.derivatives  # each multiplies the amplitude by about omega and turns the phase
-    about = (decay.values - guess.equilibrium(time)) / guess.ω**derivatives
-    found = track(time, about, guess.ω * math.sqrt(1 - guess.ζ**2))
+    found = _track(time, decay.values, guess, guess.ω**derivatives)
     if len(found.time) < 6:  # twice the unknowns of a regression
         return {}
     ω, bending, φ = _phase(found, model)
@@ -57,7 +59,7 @@ def starting_values(model: DecayModel, decay: Measurement, guess: DecayGuess) ->
 def evident_law(record: Measurement, guess: DecayGuess, laws: Sequence[FrequencyLaw]) -> FrequencyLaw:
     """Return the frequency law that the track of a decay shows; the first if it is too short, or shows none."""
     time = record.time[guess.release :] - record.time[guess.release]
-    found = track(time, record.values[guess.release :] - guess.equilibrium(time), guess.ω * math.sqrt(1 - guess.ζ**2))
+    found = _track(time, record.values[guess.release :], guess)
     if len(found.time) < 6:  # as above
         return laws[0]
     A = found.amplitude
@@ -66,13 +68,26 @@ def evident_law(record: Measurement, guess: DecayGuess, laws: Sequence[Frequency
     return laws[best] if evident(left[0], left[best], len(A), 2, float(A @ A)) else laws[0]
 
 
+def span_of(decays: Sequence[Measurement], guesses: Sequence[DecayGuess]) -> float:
+    """Return the largest amplitude of decays over the smallest that noise leaves visible."""
+    tracks = [_track(decay.time, decay.values, guess) for decay, guess in zip(decays, guesses, strict=True)]
+    amplitudes = np.concatenate([found.amplitude for found in tracks if len(found.time)] or [np.ones(1)])
+    return max(float(amplitudes.max() / amplitudes.min()), LEAST_SPAN)
+
+
+def _track(time: Array, values: Array, guess: DecayGuess, per_amplitude: float = 1.0) -> Track:
+    """Return the oscillation of a decay about its rest position, divided by a unit of the amplitude."""
+    about = (values - guess.equilibrium(time)) / per_amplitude
+    return track(time, about, guess.ω * math.sqrt(1 - guess.ζ**2))
+
+
 def _bent(found: Track, model: DecayModel) -> tuple[float, tuple[float, ...], list[float]]:
     """Return what the best shape of a frequency law leaves of the phase, this shape, and phase, omega and change."""
     A, fits = found.amplitude, []
     for shape in SHAPES.get(model.frequency_law, ((),)):
-        line = [np.ones(len(A)), found.time]
-        if model.bends:
-            line.append(since_start(found.time, model.change(A, 1.0, *shape)))
+        linear = np.eye(len(model.frequency_terms) - len(shape)).tolist()  # unknowns of which the phase is linear
+        changes = [since_start(found.time, model.change(A, *one, *shape)) for one in linear]
+        line = [np.ones(len(A)), found.time, *changes]
         coefficients, left = regression(line, found.phase, A)
         fits.append((left, shape, coefficients))
     return min(fits)
@@ -83,9 +98,10 @@ def _phase(found: Track, model: DecayModel) -> tuple[float, dict[str, float], fl
     A = found.amplitude
     left, _, (φ, ω) = _bent(found, replace(model, frequency_law="constant"))
     if model.bends:
-        less, shape, (φ_0, ω_0, change) = _bent(found, model)
-        if evident(left, less, len(A), 1 + len(shape), float(A @ A)):
-            return ω_0, dict(zip(model.frequency_terms, (change / ω_0, *shape), strict=True)), φ_0
+        less, shape, (φ_0, ω_0, *changes) = _bent(found, model)
+        if evident(left, less, len(A), len(model.frequency_terms), float(A @ A)):
+            bending = (*(change / ω_0 for change in changes), *shape)
+            return ω_0, dict(zip(model.frequency_terms, bending, strict=True)), φ_0
     return ω, {}, φ
 
 

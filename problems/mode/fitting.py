@@ -64,7 +64,7 @@ def fit_mode(
         levels (``excitation_unit``).  All sensors measure the motion of one point, or derivatives of it.
     law : {"linear", "quadratic", "friction", "power"}
         Damping law, as in ``fit_decay``.
-    frequency_law : {"constant", "linear", "quadratic", "power", "logarithmic"}
+    frequency_law : {"constant", "linear", "quadratic", "power", "logarithmic", "smooth"}
         Frequency against amplitude, as in ``fit_decay``.
     modal_constant : float, optional
         Force per mass and unit level: 1/kg (1/mass) for a force at the sensor, without unit for a motion of the base.
@@ -168,9 +168,9 @@ def _stated(
     """Return the problem, the starts of its solution, and the model of the mode."""
     first = max(alone, key=lambda one: one.amplitude) if alone else None
     top = max((float(motion_amplitudes(one).max()) for one in curves), default=0.0)
-    reference = first.model.reference if first else top
+    reference, span = (first.model.reference, first.model.span) if first else (top, stated.span)
     sensor = decays[0].sensor if decays else curves[0].sensor
-    model = replace(stated, rest="zero", reference=reference, sensor=sensor)
+    model = replace(stated, rest="zero", reference=reference, span=span, sensor=sensor)
     units = list(dict.fromkeys(str(one.excitation_unit) for one in curves))
     names = {unit: "modal_constant" + f"_{k}" * (len(units) > 1) for k, unit in enumerate(units, start=1)}
     starts = [{names.get(name, name): value for name, value in one.items()}
@@ -182,7 +182,7 @@ def _stated(
     blocks = list[Block]()
     if alone:
         parts = [
-            mode_decay(k, one, fit, replace(fit.model, reference=reference), shared)
+            mode_decay(k, one, fit, replace(fit.model, reference=reference, span=span), shared)
             for k, (one, fit) in enumerate(zip(decays, alone, strict=True), start=1)
         ]
         blocks.append(decay_block(parts))

@@ -27,7 +27,7 @@ from ancf_casadi.support.tables import Table
 from problems.beam.curves.checks import oriented
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
 from problems.decay.law_curve import given_amplitudes, with_bands
-from problems.decay.laws import DECAY_QUANTITIES, DecayModel
+from problems.decay.laws import DECAY_QUANTITIES, NOT_AT_ZERO, DecayModel
 from problems.decay.prediction import DecayingMode, predicted
 from problems.decay.takes import OF_RECORD
 from problems.mode.curves import ModeCurveBlock, curves_of_mode
@@ -147,7 +147,7 @@ class ModeFit(LeastSquaresResult):
 
     def _reported(self, one: Agreement) -> Agreement:
         """Return an agreement on an unknown as one on the estimate that it is; others stay as they are."""
-        if one.name == "omega" and self.model.frequency_law != "logarithmic":
+        if one.name == "omega" and self.model.frequency_law not in NOT_AT_ZERO:
             turn = 2 * math.pi
             return replace(one, name="frequency", unit="Hz", values=one.values / turn, errors=one.errors / turn)
         return replace(one, name="damping_ratio") if one.name == "zeta" and self.model.law == "linear" else one

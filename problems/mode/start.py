@@ -90,7 +90,9 @@ def _regression(
     weight, middle, none = 1 / np.abs(g), float(np.median(omega)), np.zeros(len(g))
     columns = [np.concatenate([none + 1, none])]
     if model.bends:
-        columns.append(np.concatenate([model.change(A, 1.0, *bending), none]))
+        linear = np.eye(len(model.frequency_terms) - len(bending))
+        columns += [np.concatenate([model.change(A, *one, *bending), none]) for one in linear]
+    first = len(columns)  # of the damping
     names = DECAY_TERMS[model.law] if model.law not in ("linear", "power") else ("zeta",)
     shapes = {
         "zeta": middle * (A / model.reference) ** (p[0] - 1) if p else none + middle,
@@ -109,14 +111,15 @@ def _regression(
     rows = np.array(columns).T * np.tile(weight, 2)[:, None]
     size = np.linalg.norm(rows, axis=0)
     lower = np.zeros(len(columns))
-    lower[1 : 1 + model.bends] = -np.inf
+    lower[1:first] = -np.inf
     found = lsq_linear(rows / size, target * np.tile(weight, 2), (lower, np.full(len(columns), np.inf)))
     x = found.x / size
     square = max(float(x[0]), 1e-6 * middle**2)
     values = {"omega": math.sqrt(square)}
     if model.bends:
-        values |= dict(zip(model.frequency_terms, (float(x[1]) / (2 * square), *bending), strict=True))
-    values |= dict(zip(names, x[1 + model.bends :].tolist(), strict=False))
+        changes = x[1:first] / (2 * square)
+        values |= dict(zip(model.frequency_terms, (*changes.tolist(), *bending), strict=True))
+    values |= dict(zip(names, x[first:].tolist(), strict=False))
     if p:
         values["exponent"] = p[0]
     if known is None:

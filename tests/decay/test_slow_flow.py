@@ -20,6 +20,15 @@ from ancf_casadi.decay.closed_forms import (
 from ancf_casadi.decay.phase import frequency_change, integral
 
 ω, E0 = 11.6, 0.076
+NODES = E0 * 50.0 ** (-np.arange(7) / 6)  # of a smooth frequency
+
+
+def two_steps(A):
+    """Return a change of the frequency in two of the steps of a smooth one, from its value at the third node."""
+    small, large = ([a**2 / (a**2 + c**2) for a in (A, NODES[2])] for c in (0.02 * E0, 1.5 * E0))
+    return 0.01 * (small[0] - small[1]) - 0.02 * (large[0] - large[1])
+
+
 TIME = np.linspace(0.0, 5.0, 101)
 TERMS = [  # eta0 in m/s^2, eta1 in 1/s, eta2 in 1/m: each alone, all pairs, limits, and all signs of a^2/4 - b c
     (0.0, 0.0, 0.0),
@@ -216,10 +225,11 @@ def test_the_phase_near_a_stop_is_that_of_the_stopping_amplitude():
         ("quadratic", (3.0,), lambda A: 3.0 * A**2),
         ("power", (0.01, 0.6), lambda A: 0.01 * (A / E0) ** 0.6),
         ("logarithmic", (-0.004, -3.0), lambda A: -0.004 * np.log((A / E0 + np.exp(-3)) / (1 + np.exp(-3)))),
+        ("smooth", np.delete(two_steps(NODES), 2), two_steps),
     ],
 )
 def test_the_phase_is_the_integral_of_the_frequency(law, terms, expected):
-    """Of a decay over three decades, by an integrator of order 8."""
+    """Of a decay over three decades, by an integrator of order 8; steps have poles near the real amplitudes."""
     rate, time = 0.7, np.linspace(0.0, 10.0, 51)
 
     def change(t):
@@ -230,7 +240,17 @@ def test_the_phase_is_the_integral_of_the_frequency(law, terms, expected):
         lambda t, y: expected(E0 * np.exp(-rate * t)), (0.0, 10.0), [0.0], t_eval=time, method="DOP853", rtol=1e-12,
         atol=1e-16,
     ).y[0]  # fmt: skip
-    np.testing.assert_allclose(found, right, rtol=1e-9, atol=1e-14)
+    np.testing.assert_allclose(found, right, rtol=1e-9, atol=3e-10 if law == "smooth" else 1e-14)
+
+
+def test_a_smooth_frequency_passes_through_its_values_and_is_constant_below_them():
+    amplitudes = np.append(NODES, [1e-5 * E0, 1e-9 * E0])
+    values = np.array([0.01, -0.02, 0.03, 0.0, 0.05, -0.01])  # without that at A_2, which is 0
+    *found, small, smallest = cs.evalf(
+        frequency_change("smooth", cs.MX(cs.DM(amplitudes)), [*map(cs.MX, values)], E0)
+    ).full().ravel()  # fmt: skip
+    np.testing.assert_allclose(found, np.insert(values, 2, 0.0), atol=1e-12)
+    assert small == pytest.approx(smallest, abs=1e-5)
 
 
 def test_a_logarithmic_frequency_is_linear_in_small_amplitudes_and_stays_bounded():

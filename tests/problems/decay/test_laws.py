@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi.exceptions import FitError, InputError
-from problems import compare_decay_laws, fit_decay
+from problems import amplitude_table, compare_decay_laws, fit_decay, law_curve
 from problems.decay import comparison as comparison_module
 from problems.decay import solution
 from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED
@@ -137,6 +137,30 @@ def test_a_clamp_whose_frequency_is_logarithmic_is_told_from_the_other_laws(seed
         assert float(cs.evalf(frequency)) == pytest.approx(truth, rel=2e-4)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_frequency_that_no_law_has_is_found_without_a_law(seed):
+    """A contact opens at 3 mm: -1 % in a step of ln A.  The phase is in closed form: A = A0 exp(-r t)."""
+    rate, opens, noise = 0.35, 0.003, 2e-4
+    amplitude = E0 * np.exp(-rate * TIME)
+    turned = TIME - 0.01 / (3 * rate) * np.log((1 + (E0 / opens) ** 3) / (1 + (amplitude / opens) ** 3))
+    y = amplitude * np.cos(ω * turned + 0.3) + noise * np.random.default_rng(seed).standard_normal(len(TIME))
+    fit = fit_decay(TIME, y, frequency_law="smooth")
+    assert fit.residual_rms == pytest.approx(noise, rel=0.05)
+    assert fit_decay(TIME, y, frequency_law="quadratic").residual_rms > 1.4 * noise
+    amplitudes = np.geomspace(E0, 5e-4, 25)
+    curve = law_curve(fit, amplitudes)
+    truth = F * (1 - 0.01 / (1 + (opens / amplitudes) ** 3))
+    half = np.ptp(curve.frequency_band, axis=1) / 2
+    assert np.mean(np.abs(curve.frequency - truth) < half) > 0.7
+    assert (np.abs(curve.frequency - truth) < 2 * half).all()
+    assert half.max() < 0.4 * 0.01 * F
+    table = amplitude_table(fit)
+    law = np.array([row[table.columns.index("law_frequency_hz")] for row in table.rows], dtype=float)
+    assert law.min() == pytest.approx(0.99 * F, rel=1e-3)
+    assert law.max() > 0.998 * F
+    assert fit.frequency_change == pytest.approx(-0.01, abs=4 * fit.standard_errors["frequency_change"])
+
+
 def test_a_comparison_ends_with_the_neighbours_of_the_best_combination():
     """Of the 16 combinations, the four laws of the damping and of the frequency that meet in the best one."""
     found = compare_decay_laws(TIME, record("quadratic", "linear", 1e-4, 4))
@@ -216,7 +240,7 @@ def test_all_laws_are_combined():
     [
         (
             {"frequency_law": "cubic"},
-            "frequency_law: must be one of constant, linear, quadratic, power, logarithmic, auto, got 'cubic'",
+            "frequency_law: must be one of constant, linear, quadratic, power, logarithmic, smooth, auto, got 'cubic'",
         ),
         ({"law": "auto", "robust": True}, "auto: compares sums of squares; name a law"),
         ({"law": "auto", "frequency_law": "cubic"}, "frequency_law: must be one of"),

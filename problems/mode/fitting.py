@@ -124,7 +124,7 @@ def fit_mode(
     again = partial(fit_mode, law=law, frequency_law=frequency_law, modal_constant=modal_constant,
                     rest=rest, ratio_bounds=ratio_bounds, robust=robust)  # fmt: skip
     laws = tuple(one.name for one in model.shared(_guess(model, starts[0])))
-    return ModeFit(solution.fit, model, stated, laws, largest, solution, notes, again=again)
+    return ModeFit(solution.fit, solution, model, stated, laws, largest, notes, again=again)
 
 
 def _sorted(records: Any) -> tuple[list[Measurement], list[ResponseRecord]]:

@@ -18,7 +18,7 @@ from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.estimation.block import Block
 from ancf_casadi.estimation.determination import certainty
 from ancf_casadi.estimation.prediction import RecordPrediction
-from ancf_casadi.estimation.solved import BlocksResult
+from ancf_casadi.estimation.result import BlocksResult
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array

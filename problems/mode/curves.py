@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ancf_casadi.estimation.block import Account, Evaluation, Fitted
+from ancf_casadi.estimation.block import Evaluation
 from ancf_casadi.support.arrays import Array
 from problems.beam.curves.points import CurvePoints
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
@@ -38,11 +38,6 @@ class ModeCurveBlock(ResponseBlock):
     def evaluation(self, before: Evaluation | None = None) -> ModeResponses:
         """Return the residuals."""
         return ModeResponses(self)
-
-    def account(self, fitted: Fitted) -> Account:
-        """Return errors of amplitudes or levels, and points without a stable motion."""
-        motions = fitted.evaluation.motions(fitted.values)
-        return Account(self.lines(motions), self.branch_warnings(fitted.values, motions), self.data(motions))
 
 
 class ModeResponses(CurveResiduals):

@@ -15,7 +15,7 @@ from ancf_casadi.decay.envelope import LawCurve
 from ancf_casadi.estimation.agreement import Agreement
 from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, Quantities, first_order_ends
 from ancf_casadi.estimation.prediction import RecordPrediction
-from ancf_casadi.estimation.solved import BlocksResult
+from ancf_casadi.estimation.result import BlocksResult
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array

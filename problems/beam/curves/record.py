@@ -41,7 +41,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.response.harmonic_balance.drive import beam_drive
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, flag, located
+from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, flag, located, positive_array
 from ancf_casadi.support.tables import Displayed, counted, spread
 from problems.beam.curves.reading import ExcitationUnit, read_curve
 
@@ -234,7 +234,7 @@ class ResponseRecord(Displayed):
 
     def _keep_points(self) -> None:
         """Keep frequencies, amplitudes, phases, levels and standard deviations as arrays."""
-        frequencies = _positive(self.frequencies, "frequencies")
+        frequencies = positive_array(self.frequencies, "frequencies")
         if frequencies.ndim != 1 or not frequencies.size:
             raise InputError("must be a sequence of frequencies", "frequencies")
         values, phases, measured = self.values, self.phases, complex_array(self.values, "values")
@@ -242,10 +242,10 @@ class ResponseRecord(Displayed):
             if phases is not None:
                 raise InputError("belong to real values; complex values have their own", "phases")
             values, phases = np.abs(measured), np.angle(measured)
-        kept = {"frequencies": frequencies, "values": _positive(values, "values")}
+        kept = {"frequencies": frequencies, "values": positive_array(values, "values")}
         if phases is not None:
             kept["phases"] = array(phases, "phases")
-        kept["levels"] = _positive(np.ones(frequencies.size) if self.levels is None else self.levels, "levels")
+        kept["levels"] = positive_array(np.ones(frequencies.size) if self.levels is None else self.levels, "levels")
         for name, value in kept.items():
             if value.shape != frequencies.shape:
                 raise InputError(f"must be {frequencies.size} numbers, one per frequency, got {value.shape}", name)
@@ -253,7 +253,7 @@ class ResponseRecord(Displayed):
         for name in ("amplitude_std", "phase_std", "level_std"):
             given = getattr(self, name)
             if given is not None:
-                object.__setattr__(self, name, _each(_positive(given, name), frequencies.size, name))
+                object.__setattr__(self, name, positive_array(given, name, frequencies.shape))
 
     def _check_order(self) -> None:
         """Check that the frequencies run in the direction of the sweep."""
@@ -322,17 +322,3 @@ class ResponseRecord(Displayed):
         name = f"{self.name!r}, " if self.name else ""
         points, range_ = counted(np.size(self.frequencies), "point"), spread(self.frequencies, "Hz")
         return f"{name}{points}, {range_}, {self.sensor.quantity}"
-
-
-def _positive(values: ArrayLike, where: str) -> Array:
-    found = array(values, where)
-    if not (found > 0.0).all():
-        raise InputError("must be positive", where)
-    return found
-
-
-def _each(values: Array, count: int, where: str) -> Array:
-    """Return one value for each point."""
-    if values.shape not in ((), (count,)):
-        raise InputError(f"must be one number, or {count}, one per frequency, got {values.shape}", where)
-    return np.broadcast_to(values, (count,)).copy()

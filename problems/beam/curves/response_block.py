@@ -13,7 +13,7 @@ from typing import Self
 
 import numpy as np
 
-from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted, SeriesWeights
+from ancf_casadi.estimation.block import Account, Evaluation, Fitted, SeriesBlock, SeriesWeights
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.support.arrays import Array, root_mean_square
@@ -23,7 +23,7 @@ from problems.beam.curves.residuals import FREE, CurveResiduals, response_channe
 
 
 @dataclass(frozen=True, eq=False)
-class ResponseBlock(Block):
+class ResponseBlock(SeriesBlock):
     """Measured response curves."""
 
     numbered: tuple[tuple[int, ResponseRecord], ...]  # with the numbers, from 1, in the names of factors on levels
@@ -42,11 +42,6 @@ class ResponseBlock(Block):
         return [[record.f.size] * (1 if record.phases is None else 2) for record in self.records]
 
     @property
-    def scale(self) -> float:
-        """Geometric mean of the factors on the standard deviations."""
-        return self.weights.scale
-
-    @property
     def negligible(self) -> float:
         """Norm of the error of the computation."""
         return 1e-6 * math.sqrt(sum(self.series))  # accuracy of the computed points, in standard deviations
@@ -56,10 +51,8 @@ class ResponseBlock(Block):
         """Return the residuals; the search for each motion may start from the last one."""
 
     def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
-        """Return the block with the factors on the standard deviations that residuals show."""
-        if all(self.weights.known):
-            return None
-        return replace(self, weights=self.weights.improved(self.weights.split(residuals)))
+        """Return the block with the factors of the root mean square of residuals, also in a robust fit."""
+        return super().reweighted(residuals, robust=False)
 
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:
         """Return computed amplitudes, and phases if they were measured, without standard errors."""

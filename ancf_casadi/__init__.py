@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from ancf_casadi.mechanics.strain import StrainMeasures
     from ancf_casadi.records.measurement import Measurement
     from ancf_casadi.records.recording import Recording, read_recording
-    from ancf_casadi.records.response_file import ResponsePoints, read_response
     from ancf_casadi.records.sensor import Sensor
     from ancf_casadi.reduction import ReducedModel, ReducedTrajectory, reduce_model, simulate_reduced
     from ancf_casadi.response.backbone import Backbone, backbone
@@ -86,7 +85,6 @@ __all__ = [
     "ReducedModel",
     "ReducedTrajectory",
     "ResponseCurve",
-    "ResponsePoints",
     "SampledBase",
     "SampledLoad",
     "SecondOrderSystem",
@@ -111,7 +109,6 @@ __all__ = [
     "parameter_response",
     "periodic_motion",
     "read_recording",
-    "read_response",
     "reduce_model",
     "run_all",
     "simulate",

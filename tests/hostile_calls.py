@@ -209,11 +209,6 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "read_recording": (a.read_recording, {
             "path": folder / "a.csv", "time": 1, "time_unit": "s", "sample_rate": None, "progress": False,
         }),
-        "read_response": (a.read_response, level_read),
-        "ResponsePoints": (a.ResponsePoints, {
-            "name": "a", "frequencies": grid, "amplitudes": grid, "phases": None, "levels": None, "sensor": None,
-            "unit": "V", "level_quantity": "", "notes": (),
-        }),
         "reduce_model": (a.reduce_model, {
             "model": model, "modes": 1, "damping": law, "markers": (0.3,), "slope_points": None, "drag_points": None,
         }),

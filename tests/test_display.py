@@ -36,7 +36,6 @@ from ancf_casadi import (
     natural_modes,
     periodic_motion,
     read_recording,
-    read_response,
     reduce_model,
     simulate,
     simulate_reduced,
@@ -119,7 +118,6 @@ def made(folder):
     run = simulate(model, damping=law, base=base, duration=0.02)
     force = HarmonicForce(amplitude=0.05, frequency=0.1)
     (folder / "run.csv").write_text("t (s),x (mm)\n0.0,1.5\n0.1,1.4\n0.2,1.3\n")
-    (folder / "sweep.csv").write_text("f (Hz),x (mm)\n1.8,1.5\n1.9,1.4\n")
     (folder / "study.toml").write_text(STUDY)
     errors = (ancf_casadi.EquilibriumError, ancf_casadi.FitError, ancf_casadi.NumericsError)
     drift = np.outer(SWING, (1.0, 0.0))
@@ -132,7 +130,6 @@ def made(folder):
         periodic_motion(system, force=force), backbone(system, amplitude=0.1, points=2),
         frequency_response(system, (0.1, 0.12), force=force), linear_frf(model, law, [1.0, 2.0, 3.0]),
         Sensor("strain", point=0.1), record, read_recording(folder / "run.csv"), damping_curve(record),
-        read_response(folder / "sweep.csv"),
         law_curve(fit_decay(record)), Channel(record), Camera(scale=(0.9, 1.1)), MotionRecord([record], base=base),
         MarkerRecord(TIME, np.column_stack([SWING, SWING])), MeasuredModes((1.9, 10.4), 0.01),
         StaticRecord(model, [PointLoad(force=(1e-3, 0.0))], [0.01], Sensor()), FrequencyRecord(model, [1.9, 10.4]),

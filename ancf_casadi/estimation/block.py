@@ -206,3 +206,21 @@ class Block(ABC):
         own = replace(fit, residuals=residuals, jacobian=jacobian / fit.scale)
         fitted = Fitted(own, slice(None), 1.0, np.zeros(len(fit.names)), evaluation)
         return RecordPrediction(kind, tuple(self.channels(fitted)))
+
+
+class SeriesBlock(Block):
+    """A block whose series of residuals have standard deviations."""
+
+    weights: SeriesWeights
+
+    @property
+    def scale(self) -> float:
+        """Geometric mean of the standard deviations."""
+        return self.weights.scale
+
+    def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
+        """Return the block with the standard deviations that residuals show."""
+        if all(self.weights.known):
+            return None
+        series = self.weights.split(residuals)
+        return replace(self, weights=self.weights.improved(series, robust=robust))  # type: ignore[type-var]

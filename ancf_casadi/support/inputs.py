@@ -236,6 +236,17 @@ def array(values: ArrayLike, where: str, *, finite: bool = True) -> Array:
     return result
 
 
+def positive_array(values: ArrayLike, where: str, shape: tuple[int, ...] | None = None) -> Array:
+    """Return a copy of numbers above zero as an array; with a shape, one number may stand for all."""
+    found = array(values, where)
+    if not (found > 0.0).all():
+        raise InputError("must be positive", where)
+    try:
+        return found if shape is None else np.broadcast_to(found, shape).copy()
+    except ValueError:
+        raise InputError(f"must be one number, or fit the shape {shape} of the values", where) from None
+
+
 def complex_array(values: ArrayLike, where: str) -> ComplexArray:
     """Return a copy of finite numbers, real or complex, as an array."""
     if not is_sequence(values):

@@ -206,7 +206,7 @@ def fit_beam(
     solution = solve(FitProblem(tuple(blocks), own, robust), _starts(own, only_values=not motions and not curves))
     again = partial(fit_beam, model, damping=damping, unknowns=unknowns, fixed=fixed, bounds=bounds, priors=priors,
                     robust=robust, tolerance=tolerance, modes=modes, harmonics=harmonics)  # fmt: skip
-    return BeamFit(solution.fit, given=models[id(model)], guess=law, first=first, solution=solution, again=again)
+    return BeamFit(solution.fit, solution, given=models[id(model)], guess=law, first=first, again=again)
 
 
 @lasting_interrupts()

@@ -15,13 +15,10 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.dynamics.start import held_start, start_jacobians
 from ancf_casadi.dynamics.trajectory import State
-from ancf_casadi.estimation.agreement import Agreement, agreement_of_parts
-from ancf_casadi.estimation.block import Account, Block
+from ancf_casadi.estimation.block import Block
 from ancf_casadi.estimation.determination import certainty
-from ancf_casadi.estimation.fit import colour_warning
-from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
-from ancf_casadi.estimation.result import LeastSquaresResult
-from ancf_casadi.estimation.solve import FitSolution
+from ancf_casadi.estimation.prediction import RecordPrediction
+from ancf_casadi.estimation.result import BlocksResult
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
@@ -48,19 +45,19 @@ from problems.beam.values.records import PropertyRecord
 
 
 @dataclass(frozen=True, eq=False)
-class BeamFit(LeastSquaresResult):
+class BeamFit(BlocksResult):
     """A damping law, and properties of a beam, estimated from any mix of measurements.
 
     Parameters
     ----------
+    solution : FitSolution
+        The blocks of measurements, the estimates, and what the fit found out about them.
     given : Model
         The beam with the first values of its properties.
     guess : DampingLaw
         The law with the first values of its parameters; a sum of no laws if there is none.
     first : mapping
         First values of the unknown properties by name, SI units.
-    solution : FitSolution
-        The blocks of measurements, the estimates, and what the fit found out about them.
 
     Examples
     --------
@@ -84,7 +81,6 @@ class BeamFit(LeastSquaresResult):
     given: Model
     guess: DampingLaw
     first: Mapping[str, float]
-    solution: FitSolution
 
     @property
     def law(self) -> DampingLaw:
@@ -149,22 +145,6 @@ class BeamFit(LeastSquaresResult):
         ends = np.array([fit.intervals(level) for fit in (self.fit, *self.solution.others)])
         return np.stack([np.fmin.reduce(ends[:, :, 0]), np.fmax.reduce(ends[:, :, 1])], axis=1)
 
-    @cached_property
-    def agreements(self) -> tuple[Agreement, ...]:
-        """Agreement of the records, to first order, on each unknown that several determine; empty for one record."""
-        single = [mask for mask in self.solution.problem.masks if mask.any()]
-        return agreement_of_parts(self.fit, single)
-
-    @cached_property
-    def accounts(self) -> tuple[Account, ...]:
-        """Lines, warnings and data of each block of measurements."""
-        return tuple(block.account(fitted) for block, fitted in self.solution.parts)
-
-    @property
-    def channels(self) -> tuple[PredictedChannel, ...]:
-        """Measured and computed values of all records."""
-        return tuple(one for block, fitted in self.solution.parts for one in block.channels(fitted))
-
     @property
     def residuals(self) -> list[Array]:
         """Computed less measured readings of each channel of the motions, in the unit of the sensor."""
@@ -193,14 +173,7 @@ class BeamFit(LeastSquaresResult):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the estimates, one sentence each."""
-        own = self.fit
-        notes: list[str | None] = [self._rigid(note) for note in own.warnings]
-        # systematic errors of a record, up to which residuals may be integration errors
-        notes += [
-            colour_warning(own, noise_free=3.0 * own.systematic),
-            *(one.warning for one in self.agreements),
-        ]
-        notes += [note for account in self.accounts for note in account.warnings]
+        own, notes = self.fit, [self._rigid(note) for note in super().warnings]
         blocks = [block for block in self.solution.problem.blocks if isinstance(block, MotionBlock | CurveBlock)]
         notes += dict.fromkeys(note for block in blocks for _, record in block.numbered for note in record.notes)
         for other in self.solution.others:
@@ -225,7 +198,7 @@ class BeamFit(LeastSquaresResult):
             for name, error in self._products
             if error > 1.0  # relative standard error from which the data leave a product of properties open
         ]
-        return tuple(note for note in notes if note)
+        return tuple(notes)
 
     def _rigid(self, note: str) -> str:
         """Return a note; another one if it says that the clamp is as stiff as its upper bound."""
@@ -329,8 +302,6 @@ class BeamFit(LeastSquaresResult):
         own = super().table()
         notes = [
             *own.notes,
-            *(line for account in self.accounts for line in account.lines),
-            *(one.text() for one in self.agreements),
             *(
                 f"{name} {value:.5g} {PROPERTY_UNITS[name]}, standard error {error:.2g}"
                 for name, (value, error) in self.combinations.items()
@@ -338,10 +309,6 @@ class BeamFit(LeastSquaresResult):
             *(f"{name}: relative standard error {error:.2g}" for name, error in self._products),
         ]
         return replace(own, notes=notes)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle without Functions; the solution has the fit, and derives them again."""
-        return _restored, (self.given, self.guess, self.first, self.solution, self.again)
 
     @property
     def title(self) -> str:
@@ -360,14 +327,7 @@ class BeamFit(LeastSquaresResult):
             },
             "products": [{"product": name, "relative_error": known(error)} for name, error in self._products],
             "scatter": known(self.scatter),
-            "records": [account.data for account in self.accounts],
         }
-
-
-def _restored(
-    given: Model, guess: DampingLaw, first: Mapping[str, float], solution: FitSolution, again: Any
-) -> BeamFit:
-    return BeamFit(solution.fit, given=given, guess=guess, first=first, solution=solution, again=again)
 
 
 def law_name(law: DampingLaw) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from ancf_casadi.export import Document, Identification, write_document
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import located
-from problems.command.output import Output, add_plot, figure_writers, json_text, new_files
+from problems.command.output import Output, add_plot, new_files, result_output
 from problems.matching.frequency_matching import match_frequencies
 from problems.schema.match import MATCH_HELP, read_match
 
@@ -28,8 +28,7 @@ def _run(options: argparse.Namespace) -> Output:
     out, plot = new_files([options.file], options.out, options.plot)
     with located(f"{options.file}: [match]"):
         match = match_frequencies(beam, **request)
-    files = figure_writers(plot, match.figure)
-    if out is not None:
-        document = Document(Model(match.beam), identifications=[Identification.of(match)])
-        files = [partial(write_document, out, document), *files]
-    return Output(json_text(match.to_dict()) if options.json else match.report(), files)
+    if out is None:
+        return result_output(options, match, plot)
+    document = Document(Model(match.beam), identifications=[Identification.of(match)])
+    return result_output(options, match, plot, [partial(write_document, out, document)])

@@ -9,15 +9,7 @@ import numpy as np
 
 from ancf_casadi.support.tables import Table
 from ancf_casadi.vibration.modes import STATIONS, Modes, natural_modes
-from problems.command.output import (
-    Output,
-    add_plot,
-    figure_writers,
-    file_writers,
-    json_text,
-    new_files,
-    positive_count,
-)
+from problems.command.output import Output, add_plot, file_writers, new_files, positive_count, result_output
 from problems.schema.beam import BEAM_HELP, read_beam
 
 
@@ -37,8 +29,7 @@ def _run(options: argparse.Namespace) -> Output:
     model = read_beam(options.file).model
     out, plot = new_files([options.file], options.out, options.plot)
     modes = natural_modes(model, count=options.modes)
-    files = [*file_writers(out, lambda: _shapes(modes).csv()), *figure_writers(plot, modes.figure)]
-    return Output(json_text(modes.to_dict()) if options.json else modes.report(), files)
+    return result_output(options, modes, plot, file_writers(out, lambda: _shapes(modes).csv()))
 
 
 def _shapes(modes: Modes) -> Table:

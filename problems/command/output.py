@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.files import check_file, write_file
-from ancf_casadi.support.tables import to_json
+from ancf_casadi.support.tables import Reported, to_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from ancf_casadi.estimation.comparison import LawComparison
 
 LONGEST = 300  # characters of a refusal, which may show an option as it was typed
 PICTURES = (".png", ".svg", ".pdf")
@@ -93,6 +95,17 @@ def figure_writers(path: Path | None, draw: Callable[[], Figure]) -> list[Callab
         return rendered(draw(), suffix)
 
     return [] if path is None else file_writers(path, lambda: content(path.suffix))
+
+
+def result_output(
+    options: argparse.Namespace,
+    result: Reported | LawComparison[Any],
+    plot: Path | None,
+    files: Sequence[Callable[[], object]] = (),
+) -> Output:
+    """Return a result as text, or with ``--json`` as data, with its figure after other files."""
+    text = json_text(result.to_dict()) if options.json else result.report()
+    return Output(text, [*files, *figure_writers(plot, result.figure)])
 
 
 def new_files(inputs: Sequence[str], *outputs: Path | None) -> tuple[Path | None, ...]:

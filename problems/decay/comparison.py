@@ -34,7 +34,7 @@ LAWS_COMPARED: tuple[Law, ...] = ("linear", "quadratic", "friction", "power")
 EMPIRICAL = math.exp(-3)  # prior probability of the power law, an empirical one: its BIC must be lower by 6
 FREQUENCY_LAWS_COMPARED: tuple[FrequencyLaw, ...] = ("constant", "linear", "quadratic", "logarithmic")
 RESTS_COMPARED: tuple[Rest, ...] = ("constant", "drift", "creep")
-HOPELESS = 100.0  # lag of the criterion beyond which a law is not tried again beside another law; 10 would be clear
+LARGEST_LAG = 100.0  # lag of the criterion beyond which a law is not tried again beside another law; 10 would be clear
 RESPECTS = ("law", "frequency_law", "rest")  # in which combinations differ
 ADDITIVE: Mapping[Law, tuple[str, ...]] = {  # unknowns whose uncertainty may leave the choice of a law open
     law: ("zeta",) if law in ("linear", "power") else terms for law, terms in DECAY_TERMS.items()
@@ -151,14 +151,14 @@ def _next(best: DecayModel, left: Sequence[DecayModel], lags: Mapping[DecayModel
             return replace(model, **{respect: getattr(to, respect)})
 
         own = [model for model in left if switched(best, model) == model]
-        hopeless = {
+        far_behind = {
             model
             for model in own
             for tried, lag in lags.items()
-            if switched(tried, model) == tried and lag - lags.get(switched(tried, best), math.inf) > HOPELESS
+            if switched(tried, model) == tried and lag - lags.get(switched(tried, best), math.inf) > LARGEST_LAG
         }
-        if len(own) > len(hopeless):
-            return [model for model in own if model not in hopeless]
+        if len(own) > len(far_behind):
+            return [model for model in own if model not in far_behind]
     return []
 
 

@@ -16,7 +16,7 @@ from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import array, check_instance
+from ancf_casadi.support.inputs import check_instance, positive_array
 from ancf_casadi.support.tables import Table, known
 from problems.frf.modal_sum import MODAL_SUM_POWERS, ModalSum, TrialFit, quick_fit
 from problems.frf.record import FrfRecord
@@ -118,10 +118,8 @@ class FrfFit(LeastSquaresResult):
 
     def synthesised(self, frequencies: ArrayLike | None = None) -> ComplexArray:
         """Return the fitted functions, (outputs, inputs, k), at given frequencies, Hz, or those of the record."""
-        f = self.record.frequencies if frequencies is None else np.atleast_1d(array(frequencies, "frequencies"))
-        if (f <= 0.0).any():
-            raise InputError("must be positive", "frequencies")
-        values = self.refinement.at(f)
+        f = self.record.frequencies if frequencies is None else positive_array(frequencies, "frequencies")
+        values = self.refinement.at(np.atleast_1d(f))
         return values.T.reshape(self.record.outputs, self.record.inputs, -1)
 
     def measured_modes(self) -> MeasuredModes:

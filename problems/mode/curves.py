@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ancf_casadi.estimation.block import Account, Evaluation, Fitted
+from ancf_casadi.estimation.block import Evaluation
 from ancf_casadi.support.arrays import Array
 from problems.beam.curves.points import CurvePoints
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
@@ -39,11 +39,6 @@ class ModeCurveBlock(ResponseBlock):
         """Return the residuals."""
         return ModeResponses(self)
 
-    def account(self, fitted: Fitted) -> Account:
-        """Return errors of amplitudes or levels, and points without a stable motion."""
-        motions = fitted.evaluation.motions(fitted.values)
-        return Account(self.lines(motions), self.branch_warnings(fitted.values, motions), self.data(motions))
-
 
 class ModeResponses(CurveResiduals):
     """The residuals of a block and their Jacobian."""
@@ -53,7 +48,7 @@ class ModeResponses(CurveResiduals):
     def __init__(self, block: ModeCurveBlock) -> None:
         """Build the curves of the records."""
         self.block = block
-        self._last: list[tuple[Array, CurvePoints, Array]] = []
+        self._last: list[Array] = []  # derivatives of the last motions by the unknowns of each record
 
     def close(self) -> None:
         """Keep the Functions, which are small."""
@@ -66,16 +61,17 @@ class ModeResponses(CurveResiduals):
     def motions(self, values: Mapping[str, float]) -> list[CurvePoints]:
         """Return the motions closest to the points of each record, for values of the unknowns by name."""
         given, block = {**self.block.known, **values}, self.block
-        self._last = [
+        found = [
             curve.closest(points, np.array([given[name] for name in (*block.law_names, constant)]))
             for curve, points, constant in zip(self.curves, block.measured(values), block.constants, strict=True)
         ]
-        return [one for _, one, _ in self._last]
+        self._last = [by_x for _, by_x in found]
+        return [motions for motions, _ in found]
 
     def sensitivities(self, values: Mapping[str, float]) -> list[Array]:
         """Return the derivatives by the unknowns of amplitude, phase and excess of the level, (m, 3, n) each."""
         found, names = [], self.block.names
-        for (_, _, by_x), constant in zip(self._last, self.block.constants, strict=True):
+        for by_x, constant in zip(self._last, self.block.constants, strict=True):
             change = np.zeros((*by_x.shape[:2], len(names)))
             for k, name in enumerate((*self.block.law_names, constant)):
                 if name in names:

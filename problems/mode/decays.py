@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted, SeriesWeights
+from ancf_casadi.estimation.block import Account, Evaluation, Fitted, SeriesBlock, SeriesWeights
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.records.measurement import Measurement
@@ -58,7 +57,7 @@ class DecayEvaluation:
 
 
 @dataclass(frozen=True, eq=False)
-class DecayBlock(Block):
+class DecayBlock(SeriesBlock):
     """Free decays of one mode."""
 
     decays: tuple[ModeDecay, ...]
@@ -75,11 +74,6 @@ class DecayBlock(Block):
         return np.concatenate([one.decay.time for one in self.decays])
 
     @property
-    def scale(self) -> float:
-        """Geometric mean of the standard deviations."""
-        return self.weights.scale
-
-    @property
     def negligible(self) -> float:
         """Norm of the rounding errors."""
         return float(np.hypot.reduce([
@@ -90,10 +84,6 @@ class DecayBlock(Block):
     def evaluation(self, before: Evaluation | None = None) -> DecayEvaluation:
         """Return the residuals."""
         return DecayEvaluation(self)
-
-    def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
-        """Return the block with the standard deviations that residuals show."""
-        return replace(self, weights=self.weights.improved(self.weights.split(residuals), robust=robust))
 
     def unexplained(self, fitted: Fitted) -> list[tuple[str, float]]:
         """Return the share of each motion about its equilibrium, root mean square, that the curve leaves."""

@@ -115,7 +115,7 @@ def fit_mode(
             "all points are at the resonance: the records determine zeta/modal_constant, but not zeta and "
             "modal_constant each; add a decay or points beside the resonance, or give modal_constant"
         )
-    problem, starts, model = _stated(stated, decays, alone, curves, known, robust)
+    problem, starts, model, laws = _stated(stated, decays, alone, curves, known, robust)
     try:
         solution = solve(problem, starts)
     except FitError as error:
@@ -123,8 +123,7 @@ def fit_mode(
     largest = max([*(one.amplitude for one in alone), *(float(motion_amplitudes(one).max()) for one in curves)])
     again = partial(fit_mode, law=law, frequency_law=frequency_law, modal_constant=modal_constant,
                     rest=rest, ratio_bounds=ratio_bounds, robust=robust)  # fmt: skip
-    laws = tuple(one.name for one in model.shared(_guess(model, starts[0])))
-    return ModeFit(solution.fit, model, stated, laws, largest, solution, notes, again=again)
+    return ModeFit(solution.fit, solution, model, stated, laws, largest, notes, again=again)
 
 
 def _sorted(records: Any) -> tuple[list[Measurement], list[ResponseRecord]]:
@@ -164,8 +163,8 @@ def _stated(
     curves: Sequence[ResponseRecord],
     known: float | None,
     robust: bool,
-) -> tuple[FitProblem, list[dict[str, float]], DecayModel]:
-    """Return the problem, the starts of its solution, and the model of the mode."""
+) -> tuple[FitProblem, list[dict[str, float]], DecayModel, tuple[str, ...]]:
+    """Return the problem, the starts of its solution, the model of the mode, and the unknowns of its laws."""
     first = max(alone, key=lambda one: one.amplitude) if alone else None
     top = max((float(motion_amplitudes(one).max()) for one in curves), default=0.0)
     reference, span = (first.model.reference, first.model.span) if first else (top, stated.span)
@@ -176,9 +175,9 @@ def _stated(
     starts = [{names.get(name, name): value for name, value in one.items()}
               for one in _starts(model, curves, units, known, first)]  # fmt: skip
     best = starts[0]
-    unknowns = started(first.fit.unknowns if first else model.shared(_guess(model, best)), best)
-    shared = tuple(one.name for one in model.shared(_guess(model, best)))
-    unknowns = [one for one in unknowns if one.name in shared]
+    own = model.shared(_guess(model, best))
+    shared = tuple(one.name for one in own)
+    unknowns = [one for one in started(first.fit.unknowns if first else own, best) if one.name in shared]
     blocks = list[Block]()
     if alone:
         parts = [
@@ -193,7 +192,7 @@ def _stated(
         unknowns += [Unknown(names[one], best[names[one]], best[names[one]], 0.0, unit=constant_unit(unit, one))
                      for one in units if free]  # fmt: skip
         blocks.append(_weighed(curves_of_mode(model, curves, shared, names, known), best))
-    return FitProblem(tuple(blocks), tuple(unknowns), robust), starts, model
+    return FitProblem(tuple(blocks), tuple(unknowns), robust), starts, model, shared
 
 
 def _weighed(block: ModeCurveBlock, start: Mapping[str, float]) -> ModeCurveBlock:

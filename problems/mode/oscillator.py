@@ -101,8 +101,8 @@ class ModeCurve:
         g, once, twice = (part.reshape(3, -1).T for part in (values, first, second))
         return g, once, twice, by_x.reshape(3, len(amplitude), -1).transpose(1, 0, 2)
 
-    def closest(self, points: Measured, x: Array) -> tuple[Array, CurvePoints, Array]:
-        """Return the amplitudes A (m,) of the motions closest to points, those motions, and their derivatives by x."""
+    def closest(self, points: Measured, x: Array) -> tuple[CurvePoints, Array]:
+        """Return the motions closest to points, and their derivatives by the unknowns (m, 3, n)."""
         log_a, d = np.log(motion_amplitudes(self.record)), self.record.sensor.derivatives
         log_a = np.maximum(log_a, np.log(1e-6 * self.record.amplitudes / (2 * math.pi * self.record.f) ** d))
         g, first, second, by_x = self.at(np.exp(log_a), x)
@@ -118,7 +118,7 @@ class ModeCurve:
             size = np.abs(step) * np.sqrt(square)
             resting |= (size <= POINTS_CLOSE) | ((size > last / 2) & (size <= POINTS_CLOSE_ENOUGH))
             if resting.all():
-                return np.exp(log_a), CurvePoints(g, first), by_x
+                return CurvePoints(g, first), by_x
             last = size
             step = np.where(resting, 0.0, np.clip(step, -LONGEST_STEP, LONGEST_STEP))
             for _ in range(20):  # halvings

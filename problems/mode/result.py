@@ -12,18 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.envelope import LawCurve
-from ancf_casadi.estimation.agreement import Agreement, agreement_of_parts
-from ancf_casadi.estimation.block import Account
-from ancf_casadi.estimation.fit import colour_warning
+from ancf_casadi.estimation.agreement import Agreement
 from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, Quantities, first_order_ends
-from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
-from ancf_casadi.estimation.result import LeastSquaresResult
-from ancf_casadi.estimation.solve import FitSolution
+from ancf_casadi.estimation.prediction import RecordPrediction
+from ancf_casadi.estimation.result import BlocksResult
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
-from ancf_casadi.support.tables import Table
 from problems.beam.curves.checks import oriented
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
 from problems.decay.law_curve import given_amplitudes, with_bands
@@ -38,7 +34,7 @@ USUAL_PARTICIPATION = (0.05, 20.0)  # of a mode that its base drives; beyond, th
 
 
 @dataclass(frozen=True, eq=False)
-class ModeFit(LeastSquaresResult):
+class ModeFit(BlocksResult):
     """A mode identified from free decays and response curves.
 
     The estimates are those of ``DecayFit``, with the damping ratio at ``max_amplitude`` if it depends on the amplitude,
@@ -47,6 +43,8 @@ class ModeFit(LeastSquaresResult):
 
     Parameters
     ----------
+    solution : FitSolution
+        Blocks of the records with their weights.
     model : DecayModel
         Laws of the mode.
     given : DecayModel
@@ -55,8 +53,6 @@ class ModeFit(LeastSquaresResult):
         Unknowns of the laws.
     max_amplitude : float
         Largest amplitude of the records, in the unit of the motion.
-    solution : FitSolution
-        Blocks of the records with their weights.
     notes : tuple of str
         Corrections of phases, and doubts about levels.
 
@@ -79,7 +75,6 @@ class ModeFit(LeastSquaresResult):
     given: DecayModel
     law_names: tuple[str, ...]
     max_amplitude: float
-    solution: FitSolution
     notes: tuple[str, ...] = ()
 
     @cached_property
@@ -142,8 +137,7 @@ class ModeFit(LeastSquaresResult):
     @cached_property
     def agreements(self) -> tuple[Agreement, ...]:
         """Agreement of the records, to first order, on each unknown that several determine; empty for one record."""
-        found = agreement_of_parts(self.fit, [mask for mask in self.solution.problem.masks if mask.any()])
-        return tuple(self._reported(one) for one in found)
+        return tuple(self._reported(one) for one in super().agreements)
 
     def _reported(self, one: Agreement) -> Agreement:
         """Return an agreement on an unknown as one on the estimate that it is; others stay as they are."""
@@ -151,16 +145,6 @@ class ModeFit(LeastSquaresResult):
             turn = 2 * math.pi
             return replace(one, name="frequency", unit="Hz", values=one.values / turn, errors=one.errors / turn)
         return replace(one, name="damping_ratio") if one.name == "zeta" and self.model.law == "linear" else one
-
-    @cached_property
-    def accounts(self) -> tuple[Account, ...]:
-        """Lines, warnings and data of each kind of record."""
-        return tuple(block.account(fitted) for block, fitted in self.solution.parts)
-
-    @property
-    def channels(self) -> tuple[PredictedChannel, ...]:
-        """Measured and computed values of all records."""
-        return tuple(one for block, fitted in self.solution.parts for one in block.channels(fitted))
 
     @cached_property
     def curve_block(self) -> ModeCurveBlock | None:
@@ -171,13 +155,7 @@ class ModeFit(LeastSquaresResult):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Corrections of the records, and limitations of the estimates, one sentence each."""
-        notes: list[str | None] = [
-            *self.notes,
-            *self.fit.warnings,
-            colour_warning(self.fit, noise_free=3.0 * self.fit.systematic),
-        ]
-        notes += [one.warning for one in self.agreements]
-        notes += [note for account in self.accounts for note in account.warnings]
+        notes = [*self.notes, *super().warnings]
         low, high = USUAL_PARTICIPATION
         block = self.curve_block
         for record, name in zip(block.records, block.constants, strict=True) if block else ():
@@ -191,7 +169,7 @@ class ModeFit(LeastSquaresResult):
                     f"{name} is {value:.3g}; that of a mode driven by its base is of the order of 1: check the units "
                     "of the levels and of the sensor"
                 )
-        return tuple(dict.fromkeys(note for note in notes if note))
+        return tuple(dict.fromkeys(notes))
 
     def predict(self, record: Any) -> RecordPrediction:
         """Compute another record of the mode with its estimates, and compare.
@@ -230,12 +208,6 @@ class ModeFit(LeastSquaresResult):
         """The laws."""
         return f"mode with {self.model.law} damping, {self.model.frequency_law} frequency"
 
-    def table(self) -> Table:
-        """Return the estimates with units, standard errors and 95 % intervals; notes say what each record shows."""
-        own = super().table()
-        lines = [line for account in self.accounts for line in account.lines]
-        return replace(own, notes=[*own.notes, *lines, *(one.text() for one in self.agreements)])
-
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON: SI units, None for unknown values."""
         curve = self.law_curve()
@@ -252,25 +224,7 @@ class ModeFit(LeastSquaresResult):
                 "frequency_hz": curve.frequency.tolist(),
                 "frequency_band_hz": curve.frequency_band.tolist(),
             },
-            "records": [account.data for account in self.accounts],
         }
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle without Functions; the solution has the fit, and derives them again."""
-        own = (self.model, self.given, self.law_names, self.max_amplitude, self.solution, self.notes, self.again)
-        return _restored_mode, own
-
-
-def _restored_mode(
-    model: DecayModel,
-    given: DecayModel,
-    law_names: tuple[str, ...],
-    max_amplitude: float,
-    solution: FitSolution,
-    notes: tuple[str, ...],
-    again: Any,
-) -> ModeFit:
-    return ModeFit(solution.fit, model, given, law_names, max_amplitude, solution, notes, again=again)
 
 
 def _renamed(name: str) -> str:

@@ -94,22 +94,20 @@ class CurveBlock(ResponseBlock):
 
     def account(self, fitted: Fitted) -> Account:
         """Return errors of the amplitudes, the effects of truncation and levels, and points without a stable motion."""
-        values, worst = fitted.values, meaningful(fitted.shifts, fitted.fit, LEAST_SHIFT)
-        motions = fitted.evaluation.motions(values)
-        lines = self.lines(motions)
-        lines.append(
+        own, worst = super().account(fitted), meaningful(fitted.shifts, fitted.fit, LEAST_SHIFT)
+        truncation = (
             f"{self.modes} modes with {self.harmonics} harmonics; one mode and two harmonics more shift no "
             f"estimate by more than {np.abs(fitted.shifts).max():.2g} standard errors"
         )
         names, by_levels = fitted.fit.names, self._level_shifts(fitted)
-        notes = [*self.notes, *self._shift_warnings(worst, by_levels, names), *self.branch_warnings(values, motions)]
-        data = self.data(motions) | {
+        notes = [*self.notes, *self._shift_warnings(worst, by_levels, names), *own.warnings]
+        data = own.data | {
             "modes": self.modes,
             "harmonics": self.harmonics,
             "truncation_shifts": [known(shift) for shift in fitted.shifts.tolist()],
             "level_shifts": [known(shift) for shift in by_levels.tolist()],
         }
-        return Account(lines, notes, data)
+        return Account([*own.lines, truncation], notes, data)
 
     def _level_shifts(self, fitted: Fitted) -> Array:
         """Return the shift of each estimate if all levels are larger by ``LEVEL_ERROR``, in standard errors."""

@@ -25,7 +25,6 @@ of the voltage of a shaker, or of the displacement, velocity or acceleration of 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -39,32 +38,17 @@ from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.records.response_file import ResponsePoints, read_response
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.response.harmonic_balance.drive import beam_drive
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, flag, located
+from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, flag, located, positive_array
 from ancf_casadi.support.tables import Displayed, counted, spread
+from problems.beam.curves.reading import ExcitationUnit, read_curve
 
 TIP_DISPLACEMENT = Sensor("displacement")
 
 Sweep = Literal["up", "down"]
 Control = Literal["excitation", "response"]
-ExcitationUnit = Literal["", "N", "V", "m", "m/s", "m/s^2"]
-
-RATES = {
-    "length": 0,
-    "velocity": 1,
-    "acceleration": 2,
-}  # time derivatives of the base motion, by quantity of the levels
-LEVEL_UNITS: Mapping[str, ExcitationUnit] = {
-    "length": "m",
-    "velocity": "m/s",
-    "acceleration": "m/s^2",
-    "force": "N",
-    "voltage": "V",
-}  # by quantity of the levels
-EXCITED_BY = {"m": tuple(RATES), "N": ("force",), "N m": ("moment",)}  # quantities of levels, by unit of the excitation
 
 BASE_MOTIONS = ("m", "m/s", "m/s^2")  # of levels that are motions of the base
 CURVE_ERROR = 0.01  # default standard deviation, relative; in rad for a phase
@@ -183,8 +167,16 @@ class ResponseRecord(Displayed):
 
         Parameters
         ----------
-        path, column, frequency, level, phase, unit, level_unit, phase_unit, sensor, progress
-            See ``read_response``.
+        path : str or Path
+            Text table, MATLAB, HDF5 or NPZ file: frequency, amplitude, and as far as there are such columns, phase and
+            level.
+        column, frequency, level, phase : str or int, optional
+            Names or numbers (from 1) of the columns of amplitudes (or real parts), frequencies, levels and phases;
+            needed only if the names in the file do not tell them.
+        unit, level_unit, phase_unit : str, optional
+            Units of amplitudes, levels and phases, such as ``mm``, ``g`` and ``deg``, in place of those in the file.
+        sensor : Sensor, optional
+            Quantity and place of the sensor; if not given, the unit tells the quantity.
         base, load : HarmonicBase, HarmonicLoad, optional
             The excitation, as in ``ResponseRecord``: its size holds where the file has no levels, and is the unit of
             levels without a unit.  Without either, levels in units of motion are those of a base that moves in x, and
@@ -192,13 +184,15 @@ class ResponseRecord(Displayed):
         excitation_unit : {"", "N", "V", "m", "m/s", "m/s^2"}, optional
             Unit of the levels for a fit without a beam; empty for that of the file.  A reading in volts then counts as
             a strain.
+        progress : bool
+            Whether to show a progress bar on a terminal if reading takes more than a second.
         **settings
             Other arguments of ``ResponseRecord``: ``sweep``, ``control``, ``model``, ``name``, standard deviations.
 
         Raises
         ------
         InputError
-            As in ``read_response`` and ``ResponseRecord``; or if the excitation is not clear.
+            If the file cannot be read, columns, units or excitation are not clear, or as in ``ResponseRecord``.
 
         Examples
         --------
@@ -212,23 +206,13 @@ class ResponseRecord(Displayed):
         >>> record.base.amplitude * record.a
         array([0.001 , 0.0011])
         """
-        points = read_response(
+        given = read_curve(
             path, column, frequency=frequency, level=level, phase=phase, unit=unit, level_unit=level_unit,
-            phase_unit=phase_unit, sensor=sensor, progress=progress,
+            phase_unit=phase_unit, sensor=sensor, base=base, load=load, excitation_unit=excitation_unit,
+            progress=progress,
         )  # fmt: skip
         with located(str(path)):
-            given: dict[str, Any] = {"name": points.name, "sensor": points.sensor or Sensor("strain")}
-            if excitation_unit is not None:
-                given |= {"levels": points.levels, "excitation_unit": _level_unit(points, excitation_unit)}
-            elif points.sensor is None:
-                raise InputError(
-                    f"the reading is in {points.unit}, which no sensor of a beam has; give its scale", "unit"
-                )
-            else:
-                base, load, given["levels"] = _excitation(points, base, load)
-            given |= {"base": base, "load": load}
-            values = points.frequencies, points.amplitudes, points.phases
-            return cls(*values, notes=points.notes, **(given | settings))
+            return cls(**(given | settings))
 
     def _check_excitation(self) -> None:
         """Check that there is one excitation, and that a relative reading has a base."""
@@ -250,7 +234,7 @@ class ResponseRecord(Displayed):
 
     def _keep_points(self) -> None:
         """Keep frequencies, amplitudes, phases, levels and standard deviations as arrays."""
-        frequencies = _positive(self.frequencies, "frequencies")
+        frequencies = positive_array(self.frequencies, "frequencies")
         if frequencies.ndim != 1 or not frequencies.size:
             raise InputError("must be a sequence of frequencies", "frequencies")
         values, phases, measured = self.values, self.phases, complex_array(self.values, "values")
@@ -258,10 +242,10 @@ class ResponseRecord(Displayed):
             if phases is not None:
                 raise InputError("belong to real values; complex values have their own", "phases")
             values, phases = np.abs(measured), np.angle(measured)
-        kept = {"frequencies": frequencies, "values": _positive(values, "values")}
+        kept = {"frequencies": frequencies, "values": positive_array(values, "values")}
         if phases is not None:
             kept["phases"] = array(phases, "phases")
-        kept["levels"] = _positive(np.ones(frequencies.size) if self.levels is None else self.levels, "levels")
+        kept["levels"] = positive_array(np.ones(frequencies.size) if self.levels is None else self.levels, "levels")
         for name, value in kept.items():
             if value.shape != frequencies.shape:
                 raise InputError(f"must be {frequencies.size} numbers, one per frequency, got {value.shape}", name)
@@ -269,7 +253,7 @@ class ResponseRecord(Displayed):
         for name in ("amplitude_std", "phase_std", "level_std"):
             given = getattr(self, name)
             if given is not None:
-                object.__setattr__(self, name, _each(_positive(given, name), frequencies.size, name))
+                object.__setattr__(self, name, positive_array(given, name, frequencies.shape))
 
     def _check_order(self) -> None:
         """Check that the frequencies run in the direction of the sweep."""
@@ -338,52 +322,3 @@ class ResponseRecord(Displayed):
         name = f"{self.name!r}, " if self.name else ""
         points, range_ = counted(np.size(self.frequencies), "point"), spread(self.frequencies, "Hz")
         return f"{name}{points}, {range_}, {self.sensor.quantity}"
-
-
-def _excitation(
-    points: ResponsePoints, base: HarmonicBase | None, load: HarmonicLoad | None
-) -> tuple[HarmonicBase | None, HarmonicLoad | None, Array | None]:
-    """Return base or load at level 1, and the levels, of the points of a file."""
-    quantity, levels, drive = points.level_quantity, points.levels, None
-    if base is not None or load is not None:
-        drive = beam_drive(base, load)
-    if drive is None and (levels is None or quantity not in (*RATES, "force")):
-        what = "has no levels of the excitation" if levels is None else "has levels that are no motion and no force"
-        raise InputError(f"{what}; give the base motion (base) or the tip load (load) that excites the beam")
-    if levels is None or not quantity:
-        return base, load, levels
-    if drive is not None and quantity not in EXCITED_BY[drive.unit]:
-        raise InputError(f"holds a {quantity}, but the excitation is in {drive.unit}", "level")
-    sizes = levels / (2 * np.pi * points.frequencies) ** RATES.get(quantity, 0)
-    if drive is None:
-        usual = float(np.median(sizes))
-        if not usual > 0.0:
-            raise InputError("must be positive", "level")
-        base = HarmonicBase(usual, 1.0) if quantity in RATES else None
-        load = HarmonicLoad((usual, 0.0), 1.0) if base is None else None
-        drive = beam_drive(base, load)
-    return base, load, sizes / drive.amplitude
-
-
-def _level_unit(points: ResponsePoints, given: ExcitationUnit) -> ExcitationUnit:
-    """Return the SI unit of the levels of a file: that of the file, or the given one if the file has none."""
-    found = LEVEL_UNITS.get(points.level_quantity, given)
-    if not found:
-        raise InputError("does not tell the unit of its levels", "excitation_unit")
-    if given not in ("", found):
-        raise InputError(f"is {given}, but the levels of the file are in {found}", "excitation_unit")
-    return found
-
-
-def _positive(values: ArrayLike, where: str) -> Array:
-    found = array(values, where)
-    if not (found > 0.0).all():
-        raise InputError("must be positive", where)
-    return found
-
-
-def _each(values: Array, count: int, where: str) -> Array:
-    """Return one value for each point."""
-    if values.shape not in ((), (count,)):
-        raise InputError(f"must be one number, or {count}, one per frequency, got {values.shape}", where)
-    return np.broadcast_to(values, (count,)).copy()

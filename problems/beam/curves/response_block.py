@@ -9,11 +9,11 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
-from ancf_casadi.estimation.block import Block, Evaluation, Fitted, SeriesWeights
+from ancf_casadi.estimation.block import Account, Evaluation, Fitted, SeriesBlock, SeriesWeights
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.support.arrays import Array, root_mean_square
@@ -23,7 +23,7 @@ from problems.beam.curves.residuals import FREE, CurveResiduals, response_channe
 
 
 @dataclass(frozen=True, eq=False)
-class ResponseBlock(Block):
+class ResponseBlock(SeriesBlock):
     """Measured response curves."""
 
     numbered: tuple[tuple[int, ResponseRecord], ...]  # with the numbers, from 1, in the names of factors on levels
@@ -42,11 +42,6 @@ class ResponseBlock(Block):
         return [[record.f.size] * (1 if record.phases is None else 2) for record in self.records]
 
     @property
-    def scale(self) -> float:
-        """Geometric mean of the factors on the standard deviations."""
-        return self.weights.scale
-
-    @property
     def negligible(self) -> float:
         """Norm of the error of the computation."""
         return 1e-6 * math.sqrt(sum(self.series))  # accuracy of the computed points, in standard deviations
@@ -56,10 +51,8 @@ class ResponseBlock(Block):
         """Return the residuals; the search for each motion may start from the last one."""
 
     def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
-        """Return the block with the factors on the standard deviations that residuals show."""
-        if all(self.weights.known):
-            return None
-        return replace(self, weights=self.weights.improved(self.weights.split(residuals)))
+        """Return the block with the factors of the root mean square of residuals, also in a robust fit."""
+        return super().reweighted(residuals, robust=False)
 
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:
         """Return computed amplitudes, and phases if they were measured, without standard errors."""
@@ -103,25 +96,21 @@ class ResponseBlock(Block):
                 found.append(("amplitude", root_mean_square(own.values[:, 0] / record.amplitudes - 1)))
         return found
 
-    def lines(self, motions: Sequence[CurvePoints]) -> list[str]:
-        """Return the range and the error of each record as text."""
-        return [
-            f"{record.label}: {record.f.size} points, {record.f.min():.5g} to {record.f.max():.5g} Hz, "
-            f"root mean square error of the {name} {100 * error:.2g} %"
-            for record, (name, error) in zip(self.records, self.errors(motions), strict=True)
-        ]
+    def account(self, fitted: Fitted) -> Account:
+        """Return range and error of each record, and points without a stable motion."""
+        motions = fitted.evaluation.motions(fitted.values)
+        lines, records = [], []
+        for record, (name, error) in zip(self.records, self.errors(motions), strict=True):
+            size = record.f.size
+            lines.append(
+                f"{record.label}: {size} points, {record.f.min():.5g} to {record.f.max():.5g} Hz, "
+                f"root mean square error of the {name} {100 * error:.2g} %"
+            )
+            records.append({"record": record.label, "points": size, "quantity": name, "relative_error": error})
+        data = {"kind": "response", "records": records}
+        return Account(lines, self._branch_warnings(fitted.values, motions), data)
 
-    def data(self, motions: Sequence[CurvePoints]) -> dict[str, Any]:
-        """Return the size and the error of each record for JSON."""
-        return {
-            "kind": "response",
-            "records": [
-                {"record": record.label, "points": record.f.size, "quantity": name, "relative_error": error}
-                for record, (name, error) in zip(self.records, self.errors(motions), strict=True)
-            ],
-        }
-
-    def branch_warnings(self, values: Mapping[str, float], motions: Sequence[CurvePoints]) -> list[str]:
+    def _branch_warnings(self, values: Mapping[str, float], motions: Sequence[CurvePoints]) -> list[str]:
         """Return warnings about points without a stable motion at their level."""
         notes = []
         for record, own, points in zip(self.records, motions, self.measured(values), strict=True):

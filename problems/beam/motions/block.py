@@ -23,7 +23,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted, SeriesWeights
+from ancf_casadi.estimation.block import Account, Evaluation, Fitted, SeriesBlock, SeriesWeights
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.solve import LARGEST_SHIFT
@@ -44,7 +44,7 @@ from problems.beam.motions.weights import (
 
 
 @dataclass(frozen=True, eq=False)
-class MotionBlock(Block):
+class MotionBlock(SeriesBlock):
     """Measured motions of a beam in one configuration."""
 
     model: Model
@@ -77,11 +77,6 @@ class MotionBlock(Block):
         return np.concatenate([channel.measurement.time for channel in self.sensors])
 
     @property
-    def scale(self) -> float:
-        """Geometric mean of the standard deviations of the channels."""
-        return self.weights.scale
-
-    @property
     def systematic(self) -> float:
         """Root mean square of the systematic error of the records."""
         return self.weights.root_mean_square(self.weights.floors)
@@ -100,9 +95,9 @@ class MotionBlock(Block):
 
     def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
         """Return the block with the standard deviations that residuals show."""
-        if not robust and (len(self.weights.groups) == 1 or all(self.weights.known)):
+        if not robust and len(self.weights.groups) == 1:
             return None  # one standard deviation for all does not matter
-        return replace(self, weights=self.weights.improved(self.weights.split(residuals), robust=robust))
+        return super().reweighted(residuals, robust=robust)
 
     def error(self, values: Mapping[str, float], residuals: Array, evaluation: Any) -> Array:
         """Return the error of residuals, from one integration of each record at a smaller tolerance."""

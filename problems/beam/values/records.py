@@ -33,6 +33,7 @@ from ancf_casadi.support.inputs import (
     is_sequence,
     located,
     physical,
+    positive_array,
     shown,
     whole,
 )
@@ -344,10 +345,4 @@ def _deviations(given: ArrayLike | None, values: Array) -> Array | None:
         if (values[present] == 0.0).any():
             raise InputError("is needed, because a value of 0 has no relative error", "std")
         return None
-    try:
-        deviations = np.broadcast_to(array(given, "std"), values.shape).copy()
-    except ValueError:
-        raise InputError(f"must be one number, or fit the shape {values.shape} of the values", "std") from None
-    if not (deviations > 0.0).all():
-        raise InputError("must be positive", "std")
-    return deviations
+    return positive_array(given, "std", values.shape)

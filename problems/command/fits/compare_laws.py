@@ -10,7 +10,7 @@ from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located
 from problems.beam.fitting import compare_laws
-from problems.command.output import Output, add_plot, figure_writers, json_text, new_files, positive_count
+from problems.command.output import Output, add_plot, new_files, positive_count, result_output
 from problems.command.record_options import (
     add_part_options,
     add_record_options,
@@ -62,5 +62,4 @@ def _run(options: argparse.Namespace) -> Output:
         record = read_record(options.file, options)
         with located(options.file):
             found = compare_decay_laws(record, release_time=release)
-    text = json_text(found.to_dict()) if options.json else found.report()
-    return Output(text, figure_writers(plot, found.figure))
+    return result_output(options, found, plot)

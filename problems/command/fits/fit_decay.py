@@ -93,7 +93,7 @@ def _run(options: argparse.Namespace) -> Output:
     times = releases(options, count)
     records = [read_record(path, options) for path in options.files]
     if options.modes is not None:
-        return modes_output(options.files[0], records[0], options.modes, times[0], options.plot, options.json)
+        return modes_output(options, options.files[0], records[0], times[0])
     isolated: list[IsolatedMode] = []
     if options.band is not None:
         for path, record, time in zip(options.files, records, times, strict=True):

@@ -8,15 +8,7 @@ from typing import get_args
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.response.linear_frf import FrfKind
 from ancf_casadi.support.inputs import located
-from problems.command.output import (
-    Output,
-    add_plot,
-    comma_numbers,
-    figure_writers,
-    json_text,
-    new_files,
-    positive_count,
-)
+from problems.command.output import Output, add_plot, comma_numbers, new_files, positive_count, result_output
 from problems.command.record_options import add_spectral_options
 from problems.frf.fitting import fit_frf
 from problems.frf.record import FrfRecord
@@ -54,4 +46,4 @@ def _run(options: argparse.Namespace) -> Output:
     record = FrfRecord.from_file(options.file, options.kind, progress=True, **reading)
     with located(options.file):
         fit = fit_frf(record, modes=options.modes, frequencies=options.frequencies, band=options.band)
-    return Output(json_text(fit.to_dict()) if options.json else fit.report(), figure_writers(plot, fit.figure))
+    return result_output(options, fit, plot)

@@ -9,8 +9,7 @@ from typing import get_args
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest import Rest
 from ancf_casadi.support.inputs import located
-from problems.beam.curves.record import ResponseRecord
-from problems.command.output import Output, add_plot, figure_writers, finite, json_text, new_files
+from problems.command.output import Output, add_plot, finite, new_files, result_output
 from problems.command.record_options import (
     add_part_options,
     add_record_options,
@@ -61,7 +60,7 @@ def _run(options: argparse.Namespace) -> Output:
     files = [path for path in options.files if path not in tables]
     if not files:
         check_no_record_options(options, "give the file of a decay too, or leave it out")
-    curves: list[ResponseRecord] = [curve for path in tables for curve in read_curves(path)]
+    curves = [curve for path in tables for curve in read_curves(path)]
     decays = [read_record(path, options) for path in files]
     times = releases(options, len(files)) if files else []
     with located(", ".join(options.files)):
@@ -71,8 +70,7 @@ def _run(options: argparse.Namespace) -> Output:
             frequency_law=options.frequency_law,
             modal_constant=options.modal_constant,
             rest=options.rest,
-            release_times=None if None in times or not times else [time for time in times if time is not None],
+            release_times=[time for time in times if time is not None] or None,
             robust=options.robust,
         )
-    text = json_text(fit.to_dict()) if options.json else fit.report()
-    return Output(text, figure_writers(options.plot, fit.figure))
+    return result_output(options, fit, options.plot)

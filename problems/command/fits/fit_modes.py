@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import located
-from problems.command.output import Output, add_plot, figure_writers, json_text, new_files, positive_count
+from problems.command.output import Output, add_plot, new_files, positive_count, result_output
 from problems.command.record_options import add_part_options, add_record_options, read_record, releases
 from problems.decay.mode_separation import MOST_DECAY_MODES, fit_modes
 
@@ -31,14 +30,11 @@ def _run(options: argparse.Namespace) -> Output:
     new_files([options.file], options.plot)
     (release,) = releases(options, 1)
     record = read_record(options.file, options)
-    return modes_output(options.file, record, options.modes, release, options.plot, options.json)
+    return modes_output(options, options.file, record, release)
 
 
-def modes_output(
-    file: str, record: Measurement, modes: int | None, release: float | None, plot: Path | None, as_json: bool
-) -> Output:
-    """Return the output of a fit of up to ``modes`` modes to the record of a file."""
+def modes_output(options: argparse.Namespace, file: str, record: Measurement, release: float | None) -> Output:
+    """Return the output of a fit of several modes to the record of a file."""
     with located(file):
-        fits = fit_modes(record, modes=modes, release_time=release)
-    text = json_text(fits.to_dict()) if as_json else fits.report()
-    return Output(text, figure_writers(plot, fits.figure))
+        fits = fit_modes(record, modes=options.modes, release_time=release)
+    return result_output(options, fits, options.plot)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from ancf_casadi import HarmonicBase, HarmonicLoad, InputError, Sensor, read_response
+from ancf_casadi import HarmonicBase, HarmonicLoad, InputError, Sensor
 from problems import ResponseRecord
 
 F = np.array([1.80, 1.85, 1.90, 1.95])
@@ -18,13 +18,15 @@ def table(path, head, *columns, delimiter=","):
     return path
 
 
+def without_beam(path, *arguments, excitation_unit="N", **options):
+    return ResponseRecord.from_file(path, *arguments, excitation_unit=excitation_unit, **options)
+
+
 def check(curve, *, levels=FORCE):
     np.testing.assert_allclose(curve.frequencies, F)
     np.testing.assert_allclose(curve.amplitudes, Y, rtol=1e-9)
     np.testing.assert_allclose(curve.phases, PHI, rtol=1e-9)
-    assert (curve.levels is None) == (levels is None)
-    if levels is not None:
-        np.testing.assert_allclose(curve.levels, levels, rtol=1e-9)
+    np.testing.assert_allclose(curve.levels, levels, rtol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -40,9 +42,11 @@ def check(curve, *, levels=FORCE):
     ],
 )
 def test_headings_tell_the_columns_and_their_units(tmp_path, head, columns):
-    curve = read_response(table(tmp_path / "a.csv", head, *columns))
+    curve = without_beam(table(tmp_path / "a.csv", head, *columns))
     check(curve)
-    assert (curve.level_quantity, curve.sensor.quantity, curve.unit) == ("force", "displacement", "m")
+    assert (curve.sensor.quantity, curve.excitation_unit) == ("displacement", "N")
+    beam = ResponseRecord.from_file(tmp_path / "a.csv")
+    np.testing.assert_allclose(beam.a * beam.load.force[0], FORCE)
 
 
 def test_matlab_structs_npz_and_hdf5(tmp_path):
@@ -55,14 +59,14 @@ def test_matlab_structs_npz_and_hdf5(tmp_path):
         for name, values, unit in (("f", F, "Hz"), ("force", FORCE, "N"), ("tip", complex_values, "m")):
             file.create_dataset(name, data=values).attrs["units"] = unit
     for name in ("a.mat", "a.npz", "a.h5"):
-        check(read_response(tmp_path / name))
+        check(without_beam(tmp_path / name))
 
 
 def test_columns_without_names_are_told_by_number(tmp_path):
     path = table(tmp_path / "a.txt", "", F, FORCE, 1e3 * Y, np.degrees(PHI), delimiter=" ")
     with pytest.raises(InputError, match=r"the frequency is in no column that says so .* choose with --frequency"):
-        read_response(path)
-    curve = read_response(path, 3, frequency=1, level=2, phase=4, unit="mm", level_unit="N", phase_unit="deg")
+        without_beam(path)
+    curve = without_beam(path, 3, frequency=1, level=2, phase=4, unit="mm", level_unit="N", phase_unit="deg")
     check(curve)
     assert curve.notes == ("a.txt: column 1 'column 1' has no unit; its frequencies are taken in Hz",)
 
@@ -71,13 +75,13 @@ def test_one_of_several_sensors_with_its_own_phase(tmp_path):
     head = "f_Hz,x_mm,x_deg,y_mm,y_deg"
     path = table(tmp_path / "a.csv", head, F, 2e3 * Y, np.degrees(2 * PHI), 1e3 * Y, np.degrees(PHI))
     with pytest.raises(InputError, match="has 2 columns of amplitudes, 2 'x_mm', 4 'y_mm'; choose with --column"):
-        read_response(path)
-    check(read_response(path, "y_mm"), levels=None)
+        without_beam(path)
+    check(without_beam(path, "y_mm"), levels=np.ones(4))
 
 
 def test_rows_with_gaps_are_left_out_and_said(tmp_path):
     path = table(tmp_path / "a.csv", "f_Hz,x,phase_rad", F, np.where(F == 1.85, np.nan, Y), PHI)
-    curve = read_response(path)
+    curve = without_beam(path)
     np.testing.assert_allclose(curve.frequencies, F[[0, 2, 3]])
     assert curve.notes == (
         "a.csv: no unit is given for 2 'x'; SI units are assumed", "a.csv: 1 rows with a gap are left out",
@@ -100,14 +104,14 @@ def test_rows_with_gaps_are_left_out_and_said(tmp_path):
 )
 def test_what_is_not_clear_is_refused(tmp_path, head, columns, options, message):
     with pytest.raises(InputError, match=message):
-        read_response(table(tmp_path / "a.csv", head, *columns), **options)
+        without_beam(table(tmp_path / "a.csv", head, *columns), **options)
 
 
-def test_volts_have_no_sensor_but_amplitudes(tmp_path):
+def test_volts_are_amplitudes_without_a_beam_only(tmp_path):
     path = table(tmp_path / "a.csv", "f_Hz,x_mV,phase_deg", F, 1e3 * Y, np.degrees(PHI))
-    curve = read_response(path)
-    check(curve, levels=None)
-    assert (curve.sensor, curve.unit) == (None, "V")
+    curve = without_beam(path)
+    check(curve, levels=np.ones(4))
+    assert curve.sensor == Sensor("strain")
     with pytest.raises(InputError, match="the reading is in V, which no sensor of a beam has; give its scale"):
         ResponseRecord.from_file(path, base=HarmonicBase(1e-3, 1.0))
     record = ResponseRecord.from_file(path, unit="2 m", base=HarmonicBase(1e-3, 1.0))

@@ -125,6 +125,7 @@ BENDING: dict[FrequencyLaw, tuple[float, ...]] = {
     "quadratic": (-0.01 / AMPLITUDE**2,),
     "power": (-0.01, 0.6),
     "logarithmic": (-0.004, -3.0),
+    "smooth": (-0.006, -0.003, 0.002, 0.003, 0.0035, 0.004),
 }
 
 

@@ -8,7 +8,9 @@ from typing import get_args
 
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest import Rest
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located
+from problems.beam.curves.record import ResponseRecord
 from problems.command.output import Output, add_plot, finite, new_files, result_output
 from problems.command.record_options import (
     add_part_options,
@@ -28,9 +30,16 @@ def add_fit_mode(parser: argparse.ArgumentParser) -> None:
     parser.epilog = MODE_CURVES_HELP
     parser.add_argument(
         "files",
-        nargs="+",
+        nargs="*",
         metavar="FILE",
         help="record of a free decay, or a file CURVES.toml with response curves in tables [[curves]]",
+    )
+    parser.add_argument(
+        "--curve",
+        nargs="+",
+        default=[],
+        metavar="CURVE",
+        help="files with response curves: frequency, amplitude, level with its unit, and if measured phase",
     )
     parser.add_argument("--law", choices=get_args(Law), default="linear", help="damping law (default: linear)")
     parser.add_argument(
@@ -55,15 +64,19 @@ def add_fit_mode(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> Output:
-    new_files(options.files, options.plot)
+    given = [*options.files, *options.curve]
+    if not given:
+        raise InputError("give the file of a decay, or response curves", "FILE")
+    new_files(given, options.plot)
     tables = [path for path in options.files if Path(path).suffix.lower() == ".toml"]
     files = [path for path in options.files if path not in tables]
     if not files:
         check_no_record_options(options, "give the file of a decay too, or leave it out")
     curves = [curve for path in tables for curve in read_curves(path)]
+    curves += [ResponseRecord.from_file(path, excitation_unit="", progress=True) for path in options.curve]
     decays = [read_record(path, options) for path in files]
     times = releases(options, len(files)) if files else []
-    with located(", ".join(options.files)):
+    with located(", ".join(given)):
         fit = fit_mode(
             [*decays, *curves],
             law=options.law,

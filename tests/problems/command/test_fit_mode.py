@@ -37,6 +37,21 @@ def test_a_decay_and_a_curve_together(run, tmp_path):
     assert done.code == 0 and "modal_constant" in done.out and (tmp_path / "mode.svg").read_text().startswith("<?xml")
 
 
+def test_curves_in_files_need_no_table(run, tmp_path):
+    """A mode of 3 Hz and 2 kg under 100 mN, with its acceleration in g."""
+    omega, W = 6 * np.pi, 2 * np.pi * F
+    values = -(W**2) * 0.1 / 2.0 / (omega**2 - W**2 + 0.02j * omega * W) / 9.80665
+    columns = np.column_stack([F, np.full(F.size, 100.0), np.abs(values), np.degrees(np.angle(values))])
+    np.savetxt(tmp_path / "up.csv", columns, delimiter=",", header="f (Hz),force (mN),tip (g),phase (deg)", comments="")
+    (tmp_path / "curves.toml").write_text('[[curves]]\nfile = "up.csv"\n')
+    for given in (["--curve", "up.csv"], ["curves.toml"]):
+        found = {one["name"]: one["value"] for one in json.loads(run("fit-mode", *given, "--json").out)["estimates"]}
+        assert [found["frequency"], found["damping_ratio"]] == pytest.approx([3.0, 0.01], rel=1e-4)
+        assert found["modal_constant"] == pytest.approx(0.5, rel=1e-4)
+    done = run("fit-mode")
+    assert done.code == 2 and "give the file of a decay, or response curves" in done.err
+
+
 @pytest.mark.parametrize(
     ("table", "options", "code", "text"),
     [

@@ -29,10 +29,12 @@ if TYPE_CHECKING:
         NumericsError,
         SimulationError,
     )
+    from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, RotationalSpring, Spring
     from ancf_casadi.mechanics.beam import Beam, Section
     from ancf_casadi.mechanics.model import Model
     from ancf_casadi.mechanics.point_load import PointLoad
     from ancf_casadi.mechanics.strain import StrainMeasures
+    from ancf_casadi.mechanics.supports import Clamp, Guide, Pin, Roller, Support
     from ancf_casadi.records.measurement import Measurement
     from ancf_casadi.records.recording import Recording, read_recording
     from ancf_casadi.records.sensor import Sensor
@@ -54,17 +56,21 @@ else:
 
 __all__ = [
     "AncfError",
+    "Attachment",
     "Backbone",
     "BaseMotion",
     "Beam",
+    "Clamp",
     "ContinuationError",
     "DampingCurve",
     "DampingLaw",
+    "Dashpot",
     "Equilibrium",
     "EquilibriumError",
     "FitError",
     "FixedBase",
     "FrictionDamping",
+    "Guide",
     "HarmonicBase",
     "HarmonicForce",
     "HarmonicLoad",
@@ -78,21 +84,27 @@ __all__ = [
     "NumericsError",
     "Parameter",
     "PeriodicMotion",
+    "Pin",
     "PointLoad",
+    "PointMass",
     "QuadraticDamping",
     "RayleighDamping",
     "Recording",
     "ReducedModel",
     "ReducedTrajectory",
     "ResponseCurve",
+    "Roller",
+    "RotationalSpring",
     "SampledBase",
     "SampledLoad",
     "SecondOrderSystem",
     "Section",
     "Sensor",
     "SimulationError",
+    "Spring",
     "State",
     "StrainMeasures",
+    "Support",
     "SweepBase",
     "TipLoad",
     "Trajectory",

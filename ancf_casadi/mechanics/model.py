@@ -1,14 +1,21 @@
-"""The beam as one symbolic model: assembly of the elements, the clamp, and points on the beam.
+"""The beam as one symbolic model: assembly of the elements, the supports, and points on the beam.
 
-The nodal coordinates e = (r_0, tau_0, r_1, tau_1, ..., r_n, tau_n), 4 (n + 1) numbers in the laboratory frame, are
-shared by neighbouring elements.  Forces and matrices add up over the elements,
+The nodal coordinates e = (r_0, tau_0, r_1, tau_1, ...), four numbers per node in the laboratory frame, are shared by
+neighbouring elements.  Forces and matrices add up over the elements,
 
-    M e_tt + Q_damp(e, e_t) + Q_e(e) = Q_g,                  Eq. (6), with damping on the left,
+    M e_tt + Q_damp(e, e_t) + Q_e(e) = Q_g,                  Eq. (6), with damping on the left.
 
-and node 0 is clamped in position and slope: the ``free`` coordinates are those of the other nodes.  The Functions of an
-element are mapped over the elements and never expanded here, so graphs stay small and all derivatives stay sparse.
-A tip mass is one more element, at the last node.  With an elastic clamp the base is a node ahead of the first node of
-the beam, which makes 4 (n + 2) coordinates, and the clamp is one more element, between these two nodes.
+Node 0 is the base, b = (r_b, tau_b), whose motion is given.  A beam that a rigid clamp holds at its beginning begins
+with this node; otherwise the base is a node of its own, ahead of those of the beam, to which supports and springs refer
+but no element of the beam.  The supports leave the free coordinates q,
+
+    e = N q + G b.
+
+Each row of N has at most one entry: 1 for a coordinate that is free, and a component of the direction of sliding where a
+node slides.  Forces on the free coordinates are N^T Q, and the resultant on the base is G^T Q.
+
+The Functions of an element are mapped over the elements and never expanded here, so graphs stay small and all
+derivatives stay sparse.  Springs, masses and dashpots are further elements, at their nodes.
 
 The properties P are a matrix with one column (width, thickness, density, elastic modulus) per element.  Every Function
 here is symbolic in P; ``Model.properties`` holds the values of the beam.
@@ -30,8 +37,16 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES, Beam
-from ancf_casadi.mechanics.element import Element, Group, elastic_clamp, element, tip_mass
+from ancf_casadi.mechanics.beam import PROPERTIES, Beam
+from ancf_casadi.mechanics.element import Element, Group, element
+from ancf_casadi.mechanics.point_elements import (
+    dashpot,
+    point_mass,
+    rotary_inertia,
+    rotational_spring,
+    slope_length,
+    spring,
+)
 from ancf_casadi.mechanics.strain import (
     StrainMeasures,
     axial_strain,
@@ -41,11 +56,13 @@ from ancf_casadi.mechanics.strain import (
     hermite_curvature,
     hermite_slope,
 )
+from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import check_instance, number
 from ancf_casadi.support.tables import Displayed
 
 NODE = 4  # coordinates of a node: position and slope
+POINT_INERTIAS = {"tip_mass": point_mass, "mass": point_mass, "rotary_inertia": rotary_inertia}
 At = Callable[[Array], tuple[Any, Any]]  # multiplies an interpolation by coordinates, numbers or symbols: x and y
 
 
@@ -53,8 +70,8 @@ At = Callable[[Array], tuple[Any, Any]]  # multiplies an interpolation by coordi
 class Model(Displayed):
     """A beam as symbolic equations of motion.
 
-    Each Function takes nodal coordinates e (4 n + 4, or 4 n + 8 with an elastic clamp), velocities e_t, and properties
-    P (4, n).
+    Each Function takes nodal coordinates e (4 n + 4, or 4 n + 8 unless a rigid clamp holds the beginning of the beam),
+    velocities e_t, and properties P (4, n).
 
     Parameters
     ----------
@@ -87,10 +104,10 @@ class Model(Displayed):
         """Pickle the model without its Functions, which the receiving process derives again."""
         return Model, (self.beam, self.measures)
 
-    @property
+    @cached_property
     def root(self) -> int:
-        """Number of the beam's first node: 0, or 1 with an elastic clamp."""
-        return int(math.isfinite(self.beam.clamp_stiffness))
+        """Number of the beam's first node: 0 if a rigid clamp holds it, else 1."""
+        return int(Clamp() not in self.beam.supports)
 
     @property
     def size(self) -> int:
@@ -98,9 +115,111 @@ class Model(Displayed):
         return NODE * (self.beam.elements + 1 + self.root)
 
     @property
-    def free(self) -> slice:
-        """The coordinates that are not clamped."""
-        return slice(NODE, self.size)
+    def freedoms(self) -> int:
+        """Number of free coordinates q."""
+        return int(self.free_of.max()) + 1
+
+    def nodes_of(self, point: float) -> Index:
+        """Return the indices of the coordinates of the node at an arc length where one is placed, (4,)."""
+        node = int(np.abs(self.beam.arc - point).argmin()) + self.root
+        return NODE * node + np.arange(NODE)
+
+    @cached_property
+    def _supported(self) -> tuple[Index, Array, Array]:
+        """For each coordinate, the number of the free one that moves it, or -1; its weight; and G, (size, 4)."""
+        weights, G = np.ones(self.size), np.zeros((self.size, NODE))
+        weights[:NODE], G[:NODE] = 0.0, np.eye(NODE)
+        follows = np.arange(self.size)  # the coordinate that stands for the free one
+        for support in self.beam.supports:
+            x, y, first, second = self.nodes_of(support.point)
+            if first < NODE:
+                continue
+            place, angle = self.straight[[x, y]] + support.displacement, math.atan2(*self.straight[[second, first]])
+            turned = np.array([math.cos(angle + support.angle), math.sin(angle + support.angle)])
+            if support.sliding is None:
+                weights[[x, y]], G[[x, y]] = 0.0, np.hstack([np.eye(2), self._seen_from_axis(place)])
+            else:
+                along = np.array(support.sliding)
+                across = np.eye(2) - np.outer(along, along)
+                weights[[x, y]], G[[x, y]] = along, across @ np.hstack([np.eye(2), self._seen_from_axis(place)])
+                follows[[x, y]] = x
+            if not support.turns and not math.isfinite(getattr(support, "stiffness", math.inf)):
+                weights[[first, second]], G[[first, second], 2:] = 0.0, self._seen_from_axis(turned)
+        moving = follows[weights != 0.0]
+        numbers = np.full(self.size, -1)
+        numbers[weights != 0.0] = np.unique(moving, return_inverse=True)[1]
+        return numbers, weights, G
+
+    def _seen_from_axis(self, vector: Array) -> Array:
+        """Return the matrix (2, 2) that takes the slope of the base to a vector that turns with it."""
+        (ax, ay), (x, y) = self.beam.axis, vector.tolist()
+        along, across = ax * x + ay * y, ax * y - ay * x
+        return np.array([[along, -across], [across, along]])
+
+    @property
+    def free_of(self) -> Index:
+        """The number of the free coordinate that moves each nodal coordinate, -1 for one that is held, (size,)."""
+        return self._supported[0]
+
+    @property
+    def weights(self) -> Array:
+        """The entry of N for each nodal coordinate, 0 for one that is held, (size,)."""
+        return self._supported[1]
+
+    @property
+    def G(self) -> Array:
+        """The matrix G, (size, 4)."""
+        return self._supported[2]
+
+    @cached_property
+    def N(self) -> cs.DM:
+        """The matrix N, sparse, (size, N)."""
+        rows = np.flatnonzero(self.weights)
+        places = rows.tolist(), self.free_of[rows].tolist()
+        return cs.DM.triplet(*places, cs.DM(self.weights[rows]), self.size, self.freedoms)
+
+    @cached_property
+    def selects(self) -> bool:
+        """Whether all entries of N are 1 and each free coordinate is a nodal one."""
+        return bool(np.isin(self.weights, (0.0, 1.0)).all()) and self.freedoms == np.count_nonzero(self.weights)
+
+    @cached_property
+    def held_at_base_alone(self) -> bool:
+        """Whether the coordinates of the base are held and no others, so that N and G select."""
+        return self.freedoms == self.size - NODE and bool((self.weights[NODE:] == 1.0).all())
+
+    def of_free(self, values: Any) -> Any:
+        """Return N^T x of forces at all nodes, numbers or symbols, (size, ...): those on the free coordinates.
+
+        For coordinates, velocities or accelerations that the supports allow, this is q.
+        """
+        if self.held_at_base_alone:
+            return values[NODE:] if isinstance(values, np.ndarray) else values[NODE:, :]
+        if not isinstance(values, np.ndarray):
+            return self.N.T @ values
+        total, rows = np.zeros((self.freedoms, *values.shape[1:])), np.flatnonzero(self.weights)
+        np.add.at(total, self.free_of[rows], (self.weights[rows] * values[rows].T).T)
+        return total
+
+    def of_base(self, values: Any) -> Any:
+        """Return G^T x of forces at all nodes, numbers or symbols, (size, ...): their resultant on the base."""
+        if self.held_at_base_alone:
+            return values[:NODE] if isinstance(values, np.ndarray) else values[:NODE, :]
+        return (self.G if isinstance(values, np.ndarray) else cs.sparsify(cs.DM(self.G))).T @ values
+
+    def whole(self, q: Any, base: Any) -> Any:
+        """Return e = N q + G b for numbers or symbols: coordinates, velocities or accelerations, (size, ...)."""
+        symbolic = not isinstance(q, np.ndarray)
+        if self.held_at_base_alone:
+            return cs.vertcat(base, q) if symbolic else np.concatenate([base, q])
+        if symbolic:
+            return self.N @ q + cs.sparsify(cs.DM(self.G)) @ base
+        return (self.weights * q[self.free_of].T).T + self.G @ base
+
+    def moved(self, q: Any) -> Any:
+        """Return N q for numbers or symbols: a motion of all nodes while the base rests, (size, ...)."""
+        none = np.zeros((NODE, *q.shape[1:])) if isinstance(q, np.ndarray) else cs.MX(NODE, q.shape[1])
+        return self.whole(q, none)
 
     @cached_property
     def scale(self) -> Array:
@@ -115,36 +234,83 @@ class Model(Displayed):
 
     @property
     def lumped(self) -> dict[str, float]:
-        """The properties of ``beam.LUMPED`` that the model has, in this order: those of its tip mass and its clamp."""
-        own = {name: value for group in self.groups for name, value in group.lumped.items()}
-        return {name: own[name] for name in LUMPED if name in own}
+        """The lumped properties of the beam by name (``Beam.lumped``)."""
+        return self.beam.lumped
+
+    @cached_property
+    def unloaded(self) -> tuple[Array, Array]:
+        """Position, m, and slope of each node of the beam as manufactured, its beginning at the origin, (n + 1, 2)."""
+        lengths, curvature = self.beam.element_lengths, np.array(self.beam.natural_curvature or [0.0])
+        turn = lengths * curvature
+        angles = np.cumsum(np.concatenate([[0.0], turn]))
+        chords = lengths * np.sinc(turn / (2 * np.pi))
+        middle = (angles[:-1] + angles[1:]) / 2
+        steps = np.column_stack([chords * np.cos(middle), chords * np.sin(middle)])
+        along = np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
+        (ax, ay) = self.beam.axis
+        rotation = np.array([[ax, ay], [-ay, ax]])
+        return along @ rotation, np.column_stack([np.cos(angles), np.sin(angles)]) @ rotation
 
     @cached_property
     def straight(self) -> Array:
-        """Coordinates of the beam as manufactured: straight along its axis, unstretched, clamp at the origin."""
+        """Coordinates of the beam as manufactured, without stress, and of the base, which is at the origin."""
         axis = np.array(self.beam.axis)
-        arc = np.concatenate([np.zeros(self.root), np.linspace(0.0, self.beam.length, self.beam.elements + 1)])
-        return np.column_stack([np.outer(arc, axis), np.tile(axis, (arc.size, 1))]).ravel()
+        if not self.beam.natural_curvature:
+            arc = np.concatenate([np.zeros(self.root), self.beam.arc])
+            return np.column_stack([np.outer(arc, axis), np.tile(axis, (arc.size, 1))]).ravel()
+        nodes = np.hstack(self.unloaded)
+        base = np.array([0.0, 0.0, *axis])
+        return np.concatenate([base, nodes.ravel()]) if self.root else nodes.ravel()
 
     @cached_property
     def element(self) -> Element:
         """The Functions of one beam element."""
-        return element(self.measures)
+        return element(self.measures, curved=bool(self.beam.natural_curvature))
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
-        """The elements of the beam, the clamp if it is elastic, and the tip mass if there is one."""
+        """The elements of the beam, and what is attached to it."""
         beam, n, coordinates = self.beam, self.beam.elements, np.arange(2 * NODE)
-        constants = (beam.element_length, *beam.axis)
+        constants, lumped = self._constants, {}
+        if beam.natural_curvature:
+            lumped = {"natural_curvature": beam.lumped["natural_curvature"]}
         places = NODE * (np.arange(n)[:, None] + self.root) + coordinates
-        groups = [Group(self.element, places, n, constants, {})]
-        if self.root:
-            clamp = {"clamp_stiffness": beam.clamp_stiffness}
-            groups.append(Group(elastic_clamp(), coordinates[None, :], 1, constants, clamp))
-        if beam.tip_mass:
-            tip = self.size - NODE + coordinates[None, :NODE]
-            groups.append(Group(tip_mass(), tip, 0, (), {"tip_mass": beam.tip_mass}))
-        return tuple(groups)
+        groups = [Group(self.element, places, slice(n), constants, lumped)]
+        if self.root and not any(np.abs(self.G[2 + NODE :: NODE]).sum(axis=1)):
+            first = NODE + coordinates[None, :NODE]
+            groups.append(Group(slope_length(), first, slice(1), constants[:3, :1], {}))
+        return (*groups, *(self._attached(name) for name in beam.lumped_places))
+
+    @cached_property
+    def _constants(self) -> Array:
+        """Length and axis of each element and, if the beam is bent, the ratio of its curvature to the largest."""
+        beam = self.beam
+        rows = [beam.element_lengths, *np.outer(beam.axis, np.ones(beam.elements))]
+        if beam.natural_curvature:
+            slopes = self.unloaded[1]
+            middle = slopes[:-1] + slopes[1:]
+            rows[1:] = (middle / np.linalg.norm(middle, axis=1)[:, None]).T
+            rows.append(np.array(beam.natural_curvature) / beam.lumped["natural_curvature"])
+        return np.array(rows)
+
+    def _attached(self, name: str) -> Group:
+        """Return the element of a lumped property of a support or attachment."""
+        owner, number, _, component = self.beam.lumped_places[name]
+        one, none = getattr(self.beam, owner)[number], slice(0)
+        node, lumped = self.nodes_of(one.point), {name: self.beam.lumped[name]}
+        kind = name.rstrip("_0123456789")
+        if kind in POINT_INERTIAS:
+            return Group(POINT_INERTIAS[kind](), node[None], none, np.zeros((0, 1)), lumped)
+        both = np.concatenate([np.arange(NODE), node])[None]
+        place, slope = self.straight[node[:2]], self.straight[node[2:]]
+        if kind in ("clamp_stiffness", "rotational_spring"):
+            angle = getattr(one, "rotation", 0.0)
+            slope = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]) @ slope
+            constants = np.array([*self._seen_from_axis(slope)[:, 0], *self.beam.axis])
+            return Group(rotational_spring(), both, none, constants[:, None], lumped)
+        constants = np.array([*self._seen_from_axis(place)[:, 0], *np.eye(2)[component]])
+        element_of = spring if kind.startswith("spring") else dashpot
+        return Group(element_of(), both, none, constants[:, None], lumped)
 
     @cached_property
     def strain_energy(self) -> cs.Function:
@@ -191,6 +357,11 @@ class Model(Displayed):
         return self._force("friction_force", "e_t", v0=1)
 
     @cached_property
+    def dashpot_force(self) -> cs.Function:
+        """(e_t, P) -> the force of the dashpots, which resists e_t."""
+        return self._force("dashpot_force", "e_t")
+
+    @cached_property
     def mass(self) -> cs.Function:
         """P -> M, Eq. (7), sparse."""
         _, p = self._symbols()
@@ -226,20 +397,23 @@ class Model(Displayed):
             columns.append(np.repeat(group.coordinates, d, axis=1).ravel())
         return np.concatenate(rows), np.concatenate(columns)
 
-    def entries_from(self, first: int) -> tuple[Index, Index, Index]:
-        """Return the places in ``entries`` of those from coordinate ``first`` on, and their rows and columns."""
-        rows, columns = (index - first for index in self.entries)
+    @cached_property
+    def free_entries(self) -> tuple[Index, Index, Index, Array]:
+        """Places in ``entries`` of those that belong to free coordinates, the numbers of these, and N_ik N_jl."""
+        rows, columns = (self.free_of[index] for index in self.entries)
         kept = np.flatnonzero((rows >= 0) & (columns >= 0))
-        return kept, rows[kept], columns[kept]
+        products = np.prod([self.weights[index[kept]] for index in self.entries], axis=0)
+        return kept, rows[kept], columns[kept], products
 
-    def matrix(self, values: cs.MX, first: int = 0) -> cs.MX:
-        """Return the sparse sum of element matrices, ``values`` as in ``entries``, from coordinate ``first`` on."""
-        kept, rows, columns = self.entries_from(first)
-        pairs, target = np.unique(np.column_stack([columns, rows]), axis=0, return_inverse=True)
-        size = self.size - first
-        pattern = cs.Sparsity.triplet(size, size, pairs[:, 1].tolist(), pairs[:, 0].tolist())
-        sums = cs.Sparsity.triplet(len(pairs), values.numel(), target.ravel().tolist(), kept.tolist())
-        return cs.MX(pattern, cs.DM(sums, 1.0) @ values)
+    def matrix(self, values: cs.MX) -> cs.MX:
+        """Return the sparse sum of element matrices, ``values`` as in ``entries``."""
+        rows, columns = self.entries
+        return _summed(values, np.arange(rows.size), rows, columns, self.size, np.ones(rows.size))
+
+    def free_matrix(self, values: cs.MX) -> cs.MX:
+        """Return N^T A N, sparse, of the sum A of element matrices, ``values`` as in ``entries``."""
+        kept, rows, columns, products = self.free_entries
+        return _summed(values, kept, rows, columns, self.freedoms, products)
 
     def interpolation(self, point: float) -> Array:
         """Return S with r(s) = S e, Eq. (2), for the point at arc length ``point`` (m) from the clamp, (2, 4 n + 4).
@@ -258,7 +432,8 @@ class Model(Displayed):
 
     def gauss_points(self, index: int) -> tuple[float, float]:
         """Return the arc lengths of the two Gauss points of an element, m, where the strains are accurate."""
-        first, second = ((index + gauss(2)[0]) * self.beam.element_length).tolist()
+        begin, end = self.beam.arc[index : index + 2]
+        first, second = (begin + gauss(2)[0] * (end - begin)).tolist()
         return first, second
 
     def gauss_slopes(self, e: Array) -> Array:
@@ -271,12 +446,17 @@ class Model(Displayed):
         point = number(point, "point")
         if not 0.0 <= point <= self.beam.length:
             raise InputError(f"the point must be on the beam, 0 to {self.beam.length:g} m, got {point:g}", "point")
-        return min(int(point / self.beam.element_length), self.beam.elements - 1)
+        return min(int(np.searchsorted(self.beam.arc, point, "right")) - 1, self.beam.elements - 1)
+
+    def place_at(self, point: float) -> tuple[int, float]:
+        """Return the number of the element with a point, and the place of the point in it, 0 to 1."""
+        index = self.element_at(point)
+        return index, float((point - self.beam.arc[index]) / self.beam.element_lengths[index])
 
     def _interpolation(self, point: float, functions: Callable[[Any, float], tuple[Any, ...]]) -> Array:
-        index, l = self.element_at(point), self.beam.element_length
+        index, xi = self.place_at(point)
         row, first = np.zeros(self.size // 2), 2 * (index + self.root)
-        row[first : first + 4] = functions(point / l - index, l)
+        row[first : first + 4] = functions(xi, float(self.beam.element_lengths[index]))
         return np.asarray(np.kron(row, np.eye(2)), dtype=np.float64)
 
     def _symbols(self) -> tuple[cs.MX, cs.MX]:
@@ -322,10 +502,19 @@ def curvature_at(model: Model, s: float, at: At) -> Any:
 def axial_strains_near(model: Model, s: float, at: At) -> list[tuple[float, int, Any]]:
     """Return the two elements whose mean axial strains give that at arc length ``s`` (m): weight, number and strain."""
     model.element_at(s)
-    place = s / model.beam.element_length - 0.5
-    index = min(max(int(place), 0), model.beam.elements - 2)
-    pairs = ((1.0 - (place - index), index), (place - index, index + 1))
-    return [(weight, k, _mean_axial_strain(model, k, at)) for weight, k in pairs]
+    middles = (model.beam.arc[:-1] + model.beam.arc[1:]) / 2
+    index = min(max(int(np.searchsorted(middles, s)) - 1, 0), model.beam.elements - 2)
+    place = float((s - middles[index]) / (middles[index + 1] - middles[index]))
+    return [(weight, k, _mean_axial_strain(model, k, at)) for weight, k in ((1.0 - place, index), (place, index + 1))]
+
+
+def _summed(values: cs.MX, kept: Index, rows: Index, columns: Index, size: int, factors: Array) -> cs.MX:
+    """Return the sparse matrix (size, size) with the sums of entries of ``values``, each times its factor."""
+    pairs, target = np.unique(np.column_stack([columns, rows]), axis=0, return_inverse=True)
+    pattern = cs.Sparsity.triplet(size, size, pairs[:, 1].tolist(), pairs[:, 0].tolist())
+    places = target.ravel().tolist(), kept.tolist()
+    incidence = cs.DM.triplet(*places, cs.DM(factors), len(pairs), values.numel())
+    return cs.MX(pattern, incidence @ values)
 
 
 def _mean_axial_strain(model: Model, index: int, at: At) -> Any:

@@ -29,7 +29,7 @@ import scipy.linalg
 import scipy.sparse.linalg
 
 from ancf_casadi.exceptions import EquilibriumError
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import sparse
 from ancf_casadi.vibration.assembly import BANDWIDTH, EPSILON, Position, Structure, refined
@@ -44,7 +44,7 @@ def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array,
     _, stiffness, mass = structure.linearisation(at)
     inertia, product = sparse(mass).tocsr(), structure.stiffness_product(at)
     try:
-        vectors = _vectors(stiffness, mass, product, count)
+        vectors = _vectors(structure.model, stiffness, mass, product, count)
     except np.linalg.LinAlgError:
         return None
     except scipy.sparse.linalg.ArpackError as error:
@@ -57,17 +57,18 @@ def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array,
         eigenvalues[k] = phi @ product(phi)
     if not (eigenvalues > 0.0).all():
         return None
-    order, shapes = np.argsort(eigenvalues), np.zeros((structure.model.size, count))
-    shapes[structure.model.free] = vectors[:, order]
-    return eigenvalues[order], shapes
+    order = np.argsort(eigenvalues)
+    return eigenvalues[order], structure.model.moved(vectors[:, order])
 
 
-def _vectors(stiffness: Array, mass: Array, product: Callable[[Array], Array], count: int) -> Array:
+def _vectors(
+    model: Model, stiffness: Array, mass: Array, product: Callable[[Array], Array], count: int
+) -> Array:
     """Return the eigenvectors of the lowest eigenvalues as columns."""
     size, inertia = mass.shape[1], sparse(mass).tocsr()
-    translation = np.resize([1.0, 0.0, 0.0, 0.0], size)
+    translation, positions = (model.of_free(np.resize(row, model.size)) for row in ([1.0, 0, 0, 0], [1.0, 1.0, 0, 0]))
     total_mass = translation @ (inertia @ translation)
-    shift = 10.0 * EPSILON * stiffness[BANDWIDTH].reshape(-1, NODE)[:, :2].sum() / total_mass  # c in the shift a
+    shift = 10.0 * EPSILON * (stiffness[BANDWIDTH] @ (positions != 0.0)) / total_mass  # c in the shift a
     shifted = stiffness + shift * mass
     factors = scipy.linalg.cholesky_banded(shifted[BANDWIDTH:], lower=True), True
     if 2 * count + 1 >= size:  # too many for Lanczos' method

@@ -235,19 +235,18 @@ def neighbour(structure: Structure, near: Position, support: Array | float = 0.0
     ``support`` (free,) are generalized forces that carry a part of the loads; they are added to the balance R.
     """
     model, at = structure.model, near
-    free, scale = model.free, model.scale[model.free]
     slopes = np.arange(model.size).reshape(-1, NODE)[:, 2:]
     converged = False
     for _ in range(12):
         at = Position.of(at.coordinates)
         force, stiffness, _ = structure.linearisation(at)
-        update = np.zeros(model.size)
         try:
-            update[free] = -refined(factorised(stiffness).solve, structure.stiffness_product(at), force + support)
+            step = -refined(factorised(stiffness).solve, structure.stiffness_product(at), force + support)
         except np.linalg.LinAlgError:
             return None
-        if not np.isfinite(update).all():
+        if not np.isfinite(step).all():
             return None
+        update = model.moved(step)
         if converged:
             return Position(at.coordinates, update)
         at = Position.of(at.coordinates + update)
@@ -255,7 +254,7 @@ def neighbour(structure: Structure, near: Position, support: Array | float = 0.0
         if rotation > 2 * LARGEST_ROTATION:
             return None
         # of a correction, relative to the beam's length (positions) and to 1/2 (slopes)
-        converged = np.abs(update[free] / scale).max() < 1e-11
+        converged = np.abs(update / model.scale).max() < 1e-11
         if converged and rotation > LARGEST_ROTATION:
             return None
     return None

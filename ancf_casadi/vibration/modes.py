@@ -180,14 +180,14 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
     """
     check_instance(model, "model", Model)
     check_instance(equilibrium, "equilibrium", Equilibrium, NoneType)
-    count = whole(count, "count", 1, model.size - model.free.start)
+    count = whole(count, "count", 1, model.freedoms)
     if equilibrium is None:
         equilibrium = static_equilibrium(model)
     if equilibrium.model != model:
         raise InputError("belongs to another model", "equilibrium")
     found = lowest_modes(equilibrium.structure, equilibrium.exact, count)
     if found is None:
-        short = model.beam.element_length < 1.5 * max(model.beam.thickness)
+        short = model.beam.element_lengths.min() < 1.5 * max(model.beam.thickness)
         raise EquilibriumError(
             "the equilibrium is unstable, so it has no modes; a standing beam may be too slender for its weight"
             + (", and elements as short as the beam is thick are unstable in bending: use fewer" if short else "")

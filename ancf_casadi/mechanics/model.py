@@ -179,6 +179,21 @@ class Model(Displayed):
         return cs.DM.triplet(*places, cs.DM(self.weights[rows]), self.size, self.freedoms)
 
     @cached_property
+    def displacement(self) -> Array:
+        """The way of each coordinate from its place without load to that at which a support holds it, (size,)."""
+        base = np.array([0.0, 0.0, *self.beam.axis])
+        return self.G @ base - (self.straight - self.moved(self.of_free(self.straight)))
+
+    @cached_property
+    def is_held(self) -> bool:
+        """Whether the supports, without any springs, hold the beam against all rigid motions."""
+        nodes = self.straight.reshape(-1, 2).copy()
+        turning = np.column_stack([-nodes[:, 1], nodes[:, 0]]).ravel() / self.beam.length
+        motions = np.column_stack([np.resize(row, self.size) for row in ([1.0, 0, 0, 0], [0, 1.0, 0, 0])] + [turning])
+        prevented = motions - self.moved(self.of_free(motions))
+        return int(np.linalg.matrix_rank(prevented[NODE * self.root :])) == 3
+
+    @cached_property
     def selects(self) -> bool:
         """Whether all entries of N are 1 and each free coordinate is a nodal one."""
         return bool(np.isin(self.weights, (0.0, 1.0)).all()) and self.freedoms == np.count_nonzero(self.weights)

@@ -213,11 +213,16 @@ class Structure:
 
     def stiffness_product(self, at: Position) -> Callable[[Array], Array]:
         """Return x -> K x for the free coordinates, summed element by element."""
+        product = self.whole_product(at)
+        return lambda x: product(self.model.moved(x))
+
+    def whole_product(self, at: Position) -> Callable[[Array], Array]:
+        """Return x -> N^T K x for a change of all coordinates, summed element by element."""
         model, size = self.model, self.model.size
         given = [(part, *self.inputs(part, at), relative(at.remainder[part.coordinates])) for part in self.parts]
 
-        def product(x: Array) -> Array:
-            whole, force = model.moved(x), np.zeros((size, 1))
+        def product(whole: Array) -> Array:
+            force = np.zeros((size, 1))
             for part, e, p, c, de in given:
                 (of_force,) = per_element(part.balance.stiffness_product, e, p, c, de, relative(whole[part.coordinates]))
                 force += scatter(part.coordinates, of_force, size)

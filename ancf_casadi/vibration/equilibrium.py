@@ -37,7 +37,7 @@ from ancf_casadi.support.inputs import check_instance, check_size, instances, nu
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Reported, Table, counted
 from ancf_casadi.vibration.assembly import Position, Structure, refined
-from ancf_casadi.vibration.eigensolver import lowest_modes
+from ancf_casadi.vibration.eigensolver import lowest_modes, shift_of
 
 LARGEST_ROTATION = 0.5  # norm of the change of a slope vector in one load step; about the angle, rad
 
@@ -191,12 +191,13 @@ def static_equilibrium(
     acting = _all_loads(force, moment, further)
     rest = Position.of(model.straight)
     weight = -Structure.of(model).linearisation(rest)[0]
+    way = model.displacement
     factor, step, trials = 0.0, 1.0, 0
     while factor < 1.0:
         trials += 1
         s = min(factor + step, 1.0)
         loaded = Structure.of(model, [load.scaled(s) for load in acting])
-        trial = neighbour(loaded, rest, (1.0 - s) * weight)
+        trial = neighbour(loaded, rest, (1.0 - s) * weight, (s - factor) * way)
         if trial is None:
             step /= 2
             # a path that needs smaller steps of the load factor, or more of them, is close to a fold
@@ -229,24 +230,33 @@ def _described(loads: Sequence[PointLoad]) -> str:
     return "; ".join(words) or "no load"
 
 
-def neighbour(structure: Structure, near: Position, support: Array | float = 0.0) -> Position | None:
+def neighbour(
+    structure: Structure, near: Position, support: Array | float = 0.0, way: Array | None = None
+) -> Position | None:
     """Return the equilibrium next to a position; None if Newton's method fails or a slope rotates too far.
 
-    ``support`` (free,) are generalized forces that carry a part of the loads; they are added to the balance R.
+    ``support`` (N,) are generalized forces that carry a part of the loads; they are added to the balance R.  ``way``
+    (size,) is the motion of the supports from the position to the equilibrium; the first correction is that of K.
     """
     model, at = structure.model, near
     slopes = np.arange(model.size).reshape(-1, NODE)[:, 2:]
     converged = False
     for _ in range(12):
         at = Position.of(at.coordinates)
-        force, stiffness, _ = structure.linearisation(at)
+        force, stiffness, mass = structure.linearisation(at)
+        if not model.is_held:
+            stiffness = stiffness + shift_of(model, stiffness, mass) * mass
+        moving = way is not None and bool(way.any())
+        if moving:
+            force = force + structure.whole_product(at)(way)
         try:
             step = -refined(factorised(stiffness).solve, structure.stiffness_product(at), force + support)
         except np.linalg.LinAlgError:
             return None
         if not np.isfinite(step).all():
             return None
-        update = model.moved(step)
+        update = model.moved(step) + way if moving else model.moved(step)
+        way = None
         if converged:
             return Position(at.coordinates, update)
         at = Position.of(at.coordinates + update)

@@ -2,10 +2,11 @@
 
 The free coordinates q, their velocities v and accelerations a obey
 
-    q_t = v,    v_t = a,    0 = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g - Q_tip(e, t)   (rows of the free coordinates).
+    q_t = v,    v_t = a,    0 = N^T (M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g - Q_tip(e, t)),    e = N q + G b.
 
-Position, velocity and acceleration of the clamped node (``excitation``) are part of e, e_t and e_tt; the rows of this
-node give the generalized force of the base on it.  Q_tip is the generalized force of the tip load (``tip_load``).
+Position, velocity and acceleration of the base b (``excitation``) are part of e, e_t and e_tt; G^T times the balance
+gives the generalized force of the base on the beam.  Q_tip is the generalized force of the tip load (``tip_load``).
+The dashpots of the beam are part of the damping.
 
 The damping force has a local part, as sparse as the mesh, and a low-rank part R B diag(d) B^T R^T e_t, which turns with
 the clamp (``damping.law``).  Each integrator keeps its matrices sparse in its own way.
@@ -47,8 +48,8 @@ class Equations:
 
     @property
     def free(self) -> int:
-        """Number of free coordinates."""
-        return self.model.size - NODE
+        """Number N of free coordinates."""
+        return self.model.freedoms
 
     @cached_property
     def projection(self) -> Array:
@@ -133,7 +134,7 @@ class Equations:
         """(slope of the clamp) -> rows of R B of the free coordinates, (N, m)."""
         tau = cs.MX.sym("tau", 2)
         B = turned(cs.MX(cs.DM(self.projection)), self.model.beam.axis, tau)
-        return cs.Function("turned_projection", [tau], [B[self.model.free, :]])
+        return cs.Function("turned_projection", [tau], [self.model.of_free(B)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +160,9 @@ class Balance:
 
     def local_damping(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the local part of the damping force."""
-        return self.equations.law.local_force(self.equations.model, e, e_t, self.properties, self.coefficients)
+        model = self.equations.model
+        force = self.equations.law.local_force(model, e, e_t, self.properties, self.coefficients)
+        return force + model.dashpot_force(e_t, self.properties)
 
     def turned_projection(self, e: cs.MX) -> cs.MX:
         """Return R B, turned with the clamp from the axis of the beam."""
@@ -178,14 +181,14 @@ class Balance:
         """Return the damping force."""
         return self.local_damping(e, e_t) + self.of_low_rank(e, e_t)
 
-    def mass(self) -> cs.MX:
-        """Return M, sparse."""
+    def free_mass(self) -> cs.MX:
+        """Return N^T M N, sparse."""
         model = self.equations.model
         blocks: list[cs.MX] = [
             group.element.mass.map(group.count)(group.properties(self.properties, self.lumped))
             for group in model.groups
         ]
-        return model.matrix(cs.vertcat(*map(cs.vec, blocks)))
+        return model.free_matrix(cs.vertcat(*map(cs.vec, blocks)))
 
     def inertia(self, e_tt: cs.MX) -> cs.MX:
         """Return M e_tt."""
@@ -217,7 +220,7 @@ class Balance:
         if self.projection.numel():
             low_rank = self.of_low_rank(e, e_t)
             forces, lost = forces + low_rank, lost + cs.sum1(e_t * low_rank)
-        return forces, cs.vertcat(lost, cs.sum1(e_t[:NODE, :] * forces[:NODE, :]), supplied)
+        return forces, cs.vertcat(lost, cs.sum1(e_t[:NODE, :] * self.equations.model.of_base(forces)), supplied)
 
     def of_low_rank(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the low-rank part R B diag(d) B^T R^T e_t of the damping force, (4 n + 4, s)."""

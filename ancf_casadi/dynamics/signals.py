@@ -170,7 +170,7 @@ def parameter_signals(equations: Equations) -> tuple[Signal, ...]:
 def state_signals(equilibrium: Equilibrium) -> tuple[Signal, ...]:
     """Return the state (q, v) in order, starting at rest in an equilibrium."""
     model, coordinates = equilibrium.model, []
-    for k in range(model.size)[model.free]:
+    for k in model.first_moved.tolist():
         node, component = divmod(k - NODE * model.root, NODE)
         name, unit, what = COORDINATES[component]
         coordinates.append(Signal(f"{name}_{node}", unit, f"{what}, of node {node}", float(equilibrium.coordinates[k])))

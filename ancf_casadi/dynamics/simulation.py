@@ -204,7 +204,7 @@ def _with_impact(model: Model, solution: SegmentSolution, following: Excitation)
     """Add the work of an impact, a velocity jump of the clamped node where the next piece of the excitation begins."""
     mass = model.mass(model.properties).sparse()
     clamp = following.at(following.begin)[NODE : 2 * NODE]
-    after = np.concatenate([clamp, solution.end.velocities[NODE:]])
+    after = model.whole(model.of_free(solution.end.velocities), clamp)
     energies = [float(velocities @ (mass @ velocities) / 2) for velocities in (solution.end.velocities, after)]
     return replace(solution, end_energies=solution.end_energies + np.array([0.0, energies[1] - energies[0], 0.0]))
 

@@ -160,7 +160,8 @@ def initial_state(model: Model, excitation: Excitation, start: Start | Equilibri
         coordinates = model.straight if start == "straight" else equilibrium_under(model, load).coordinates
     if start == "impact":
         return State(coordinates, np.zeros(model.size))
-    return State(coordinates, rigid_motion(model)(coordinates, velocity).full().ravel())
+    moving = rigid_motion(model)(coordinates, velocity).full().ravel()
+    return State(coordinates, model.whole(model.of_free(moving), velocity))
 
 
 def check_clamp(model: Model, node: Array) -> None:
@@ -195,12 +196,12 @@ def held_start(model: Model, jacobians: tuple[cs.Function, cs.Function], load: A
     """
     p, rate = np.split(load, [len(LOAD_NAMES)])
     coordinates = equilibrium_under(model, p).coordinates
-    lumped = [getattr(model.beam, name) for name in jacobians[0].name_in()[3:]]
+    lumped = [*model.lumped.values()]
     given = coordinates, p, model.properties, *lumped
     found = stiffness, by_p, by_x = jacobians[0](*given)
     factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse()))
     q_p, q_x = -factors.solve(by_p.full()), -factors.solve(by_x.full())
-    velocities = np.concatenate([np.zeros(NODE), q_p @ rate])
+    velocities = model.moved(q_p @ rate)
     change = velocities, rate, *(np.zeros_like(x) for x in given[2:])
     h_q, h_p, h_x = (part.full() for part in jacobians[1](*given, *found, *change))
     v_p, v_x = -factors.solve(h_q @ q_p + h_p), -factors.solve(h_q @ q_x + h_x)
@@ -213,9 +214,10 @@ def start_jacobians(model: Model) -> tuple[cs.Function, cs.Function]:
     properties, lumped = cs.MX.sym("P", *model.properties.shape), [cs.MX.sym(name) for name in model.lumped]
     equations = Equations(model, RayleighDamping())
     parameters = equations.given(properties=cs.vec(properties), lumped=cs.vertcat(cs.MX(0, 1), *lumped))
-    forces = equations.balance(parameters).local(e, still, still, load)[0][model.free]
+    forces = equations.balance(parameters).local(e, still, still, load)[0]
+    forces = model.of_free(forces)
     by_x = cs.horzcat(*(cs.jacobian(forces, x) for x in (properties, *lumped)))
-    outputs = [cs.jacobian(forces, e)[:, model.free], cs.jacobian(forces, load), by_x]
+    outputs = [cs.jacobian(forces, e) @ model.N, cs.jacobian(forces, load), by_x]
     names = ["e", "load", "P", *model.lumped], ["K", "R_p", "R_x"]
     jacobians = cs.Function("start_jacobians", [e, load, properties, *lumped], outputs, *names)
     return jacobians, jacobians.forward(1)

@@ -243,6 +243,17 @@ class Model(Displayed):
         return np.tile([length, length, 0.5, 0.5], self.size // NODE)
 
     @cached_property
+    def free_scale(self) -> Array:
+        """Typical size of each free coordinate, (N,)."""
+        return self.scale[self.first_moved]
+
+    @cached_property
+    def first_moved(self) -> Index:
+        """The first nodal coordinate that each free coordinate moves, (N,)."""
+        moving = np.flatnonzero(self.weights)
+        return np.asarray(moving[np.unique(self.free_of[moving], return_index=True)[1]])
+
+    @cached_property
     def properties(self) -> Array:
         """The properties P of the beam, (4, n)."""
         return np.array([getattr(self.beam, name) for name in PROPERTIES])

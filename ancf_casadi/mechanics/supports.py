@@ -15,7 +15,7 @@ A support may sit away from the place of the unloaded beam: a displacement along
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, final
 
 from ancf_casadi.exceptions import InputError
@@ -50,7 +50,7 @@ class Support(Displayed):
     turns: ClassVar[bool] = True  # whether the beam may turn at the support
 
     point: float
-    displacement: tuple[float, float] = (0.0, 0.0)
+    displacement: tuple[float, float] = field(default=(0.0, 0.0), kw_only=True)
 
     def __post_init__(self) -> None:
         """Validate."""
@@ -78,10 +78,10 @@ class Clamp(Support):
     ----------
     point : float
         Arc length of the clamped point, m.
-    displacement : (float, float)
-        See ``Support``.
     stiffness : float
         Torsional stiffness, N m/rad; infinite for a rigid clamp.
+    displacement : (float, float)
+        See ``Support``.
     rotation : float
         Angle by which the clamp turns the beam from its direction without load, rad, counterclockwise.
 
@@ -102,9 +102,8 @@ class Clamp(Support):
     turns: ClassVar[bool] = False
 
     point: float = 0.0
-    displacement: tuple[float, float] = (0.0, 0.0)
     stiffness: float = math.inf
-    rotation: float = 0.0
+    rotation: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
         """Validate."""
@@ -145,10 +144,12 @@ class Roller(Support):
 
     Parameters
     ----------
-    point, displacement
-        See ``Support``.
+    point : float
+        Arc length of the point, m.
     direction : (float, float)
         Direction of sliding in the laboratory frame, of any length above 0.
+    displacement : (float, float)
+        See ``Support``.
 
     Raises
     ------
@@ -182,10 +183,12 @@ class Guide(Support):
 
     Parameters
     ----------
-    point, displacement
-        See ``Support``.
+    point : float
+        Arc length of the point, m.
     direction : (float, float)
         Direction of sliding in the laboratory frame, of any length above 0.
+    displacement : (float, float)
+        See ``Support``.
     rotation : float
         Angle by which the guide turns the beam from its direction without load, rad, counterclockwise.
 
@@ -204,7 +207,7 @@ class Guide(Support):
     turns: ClassVar[bool] = False
 
     direction: tuple[float, float] = (1.0, 0.0)
-    rotation: float = 0.0
+    rotation: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
         """Validate."""

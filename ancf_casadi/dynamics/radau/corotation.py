@@ -136,7 +136,7 @@ class Corotation:
         size, columns = vectors.shape
         rows = NODE * np.arange(self.links)[:, None, None] + np.arange(2 * NODE)
         places = rows + size * np.arange(columns)[:, None]
-        return self._scaled(_picked(cs.densify(vectors), places, 2 * NODE * columns), -1)
+        return self._scaled(_picked(vectors, places, 2 * NODE * columns), -1)
 
     def _scaled(self, columns: cs.MX, power: int) -> cs.MX:
         """Multiply the first two of each four rows, positions or forces on them, by a power of l."""
@@ -239,4 +239,4 @@ def _running_sum(columns: cs.MX, *, back: bool = False) -> cs.MX:
 
 def _picked(x: cs.MX, places: Index, rows: int) -> cs.MX:
     """Return entries of x as a matrix with ``rows`` rows; places count down the columns, in x and in the result."""
-    return cs.reshape(cs.vec(x).nz[places.ravel().tolist()], rows, places.size // rows)
+    return cs.reshape(cs.vec(cs.densify(x)).nz[places.ravel().tolist()], rows, places.size // rows)

@@ -16,6 +16,7 @@ Allemang 2003, "The modal assurance criterion: twenty years of use and abuse" (M
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from types import NoneType
 from typing import Any
 
@@ -23,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import EquilibriumError, InputError
-from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, check_instance, numbers, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
@@ -45,8 +46,8 @@ class Modes(Reported):
     frequencies : array (m,)
         Natural frequencies, Hz.
     shapes : array (4 n + 4, m)
-        Mass-normalised mode shapes Phi in all nodal coordinates, zero at the clamp.  The larger component of the tip
-        displacement is positive.
+        Mass-normalised mode shapes Phi in all nodal coordinates, zero where the beam is held.  The larger component of the displacement of the
+        tip, or of the reference point if the tip is held, is positive.
 
     Examples
     --------
@@ -81,10 +82,18 @@ class Modes(Reported):
         """Natural frequencies omega, rad/s."""
         return 2 * np.pi * self.frequencies
 
+    @cached_property
+    def reference_points(self) -> tuple[float, ...]:
+        """Arc length of the point of each mode to which amplitudes refer, m: the tip, or, if it is held, another node.
+
+        The other node is the one that moves most, the one nearest to the middle if several do.
+        """
+        return tuple(_reference_point(self.model, phi) for phi in self.shapes.T)
+
     def tip_amplitudes(self) -> Array:
-        """Return the magnitude of each mass-normalised mode shape at the tip, (m,), kg^-1/2."""
-        tip = self.model.interpolation(self.model.beam.length)
-        return np.asarray(np.linalg.norm(tip @ self.shapes, axis=0))
+        """Return the magnitude of each mass-normalised mode shape at its reference point, (m,), kg^-1/2."""
+        pairs = zip(self.reference_points, self.shapes.T, strict=True)
+        return np.array([np.linalg.norm(self.model.interpolation(s) @ phi) for s, phi in pairs])
 
     def modal_coordinate(self, coordinates: Array, mode: int) -> Array:
         """Return the modal coordinate of one mode in a given motion, scaled to the displacement of the tip, (...,), m.
@@ -193,10 +202,20 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
             + (", and elements as short as the beam is thick are unstable in bending: use fewer" if short else "")
         )
     eigenvalues, shapes = found
-    tip = model.interpolation(model.beam.length) @ shapes
-    larger = np.abs(tip).argmax(axis=0)
-    shapes *= np.where(tip[larger, np.arange(count)] < 0, -1.0, 1.0)
+    for phi in shapes.T:
+        moved = model.interpolation(_reference_point(model, phi)) @ phi
+        phi *= -1.0 if moved[np.abs(moved).argmax()] < 0 else 1.0
     return Modes(equilibrium, np.sqrt(eigenvalues) / (2 * np.pi), shapes)
+
+
+def _reference_point(model: Model, phi: Array) -> float:
+    """Return the arc length of the point to which the amplitude of a mode shape (4 n + 4,) refers, m."""
+    beam = model.beam
+    moved = np.linalg.norm(phi.reshape(-1, NODE)[model.root :, :2], axis=1)
+    if all(one.point < beam.length for one in beam.supports):
+        return beam.length
+    most = beam.arc[moved > (1 - 1e-9) * moved.max()]
+    return float(most[np.abs(most - beam.length / 2).argmin()])
 
 
 def mac(first: Array, second: Array) -> Array:

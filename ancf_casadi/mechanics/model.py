@@ -479,7 +479,8 @@ class Model(Displayed):
     def place_at(self, point: float) -> tuple[int, float]:
         """Return the number of the element with a point, and the place of the point in it, 0 to 1."""
         index = self.element_at(point)
-        return index, float((point - self.beam.arc[index]) / self.beam.element_lengths[index])
+        begin, end = self.beam.arc[index : index + 2]
+        return index, float((point - begin) / (end - begin))
 
     def _interpolation(self, point: float, functions: Callable[[Any, float], tuple[Any, ...]]) -> Array:
         index, xi = self.place_at(point)

@@ -174,7 +174,7 @@ class Tangent:
     def _motion(self, z: cs.MX, h: cs.MX, u: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
         """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (3, 3), at the stages."""
         q, v, excitations, _ = cs.vertsplit(u, self.layout.offsets)
-        return stage_motion(z, q, v, h, cs.reshape(excitations, EXCITATION, STAGES))
+        return stage_motion(self.form.equations.model, z, q, v, h, cs.reshape(excitations, EXCITATION, STAGES))
 
     def _balance(self, u: cs.MX) -> Balance:
         return self.form.equations.balance(u[self.layout["parameters"]])

@@ -323,20 +323,19 @@ class Model(Displayed):
 
     def _attached(self, name: str) -> Group:
         """Return the element of a lumped property of a support or attachment."""
-        owner, number, _, component = self.beam.lumped_places[name]
-        one, none = getattr(self.beam, owner)[number], slice(0)
-        node, lumped = self.nodes_of(one.point), {name: self.beam.lumped[name]}
-        kind = name.rstrip("_0123456789")
+        place = self.beam.lumped_places[name]
+        kind, one = place.kind, getattr(self.beam, place.owner)[place.number]
+        none, node, lumped = slice(0), self.nodes_of(one.point), {name: self.beam.lumped[name]}
         if kind in POINT_INERTIAS:
             return Group(POINT_INERTIAS[kind](), node[None], none, np.zeros((0, 1)), lumped)
         both = np.concatenate([np.arange(NODE), node])[None]
-        place, slope = self.straight[node[:2]], self.straight[node[2:]]
+        position, slope = self.straight[node[:2]], self.straight[node[2:]]
         if kind in ("clamp_stiffness", "rotational_spring"):
             angle = getattr(one, "rotation", 0.0)
             slope = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]) @ slope
             constants = np.array([*self._seen_from_axis(slope)[:, 0], *self.beam.axis])
             return Group(rotational_spring(), both, none, constants[:, None], lumped)
-        constants = np.array([*self._seen_from_axis(place)[:, 0], *np.eye(2)[component]])
+        constants = np.array([*self._seen_from_axis(position)[:, 0], *np.eye(2)[place.component or 0]])
         element_of = spring if kind.startswith("spring") else dashpot
         return Group(element_of(), both, none, constants[:, None], lumped)
 

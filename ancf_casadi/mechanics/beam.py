@@ -28,6 +28,7 @@ import numpy as np
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import Attachment
 from ancf_casadi.mechanics.lumped import Place, changed_parts, lumped_places
+from ancf_casadi.mechanics.section import LARGEST_PROPERTY, SMALLEST_PROPERTY, Section
 from ancf_casadi.mechanics.supports import Clamp, Support
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import read_toml
@@ -52,52 +53,6 @@ BEAM_UNITS = {"width": "m", "thickness": "m", "density": "kg/m^3", "elastic_modu
               "natural_curvature": "1/m"}  # fmt: skip
 MINIMUM_ELEMENTS = 2
 MAXIMUM_ELEMENTS = 10_000  # a larger number is taken for a typing error
-# bounds in SI units; products of values beyond them overflow or vanish
-SMALLEST_PROPERTY, LARGEST_PROPERTY = 1e-100, 1e100
-
-
-@dataclass(frozen=True)
-class Section(Displayed):
-    """A rectangular cross-section.
-
-    Parameters
-    ----------
-    width : float
-        Extent out of the plane of motion, m.
-    thickness : float
-        Extent in the plane of motion, m.
-
-    Raises
-    ------
-    InputError
-        If a side is not a positive number, or exceeds 1e100 m.
-
-    Examples
-    --------
-    >>> from ancf_casadi import Section
-    >>> section = Section(width=5e-3, thickness=0.5e-3)
-    >>> print(f"{section.area:.3g} m^2, {section.second_moment:.3g} m^4")
-    2.5e-06 m^2, 5.21e-14 m^4
-    """
-
-    width: float
-    thickness: float
-
-    def __post_init__(self) -> None:
-        """Validate."""
-        for name in ("width", "thickness"):
-            if positive(getattr(self, name), name) > LARGEST_PROPERTY:
-                raise InputError(f"{getattr(self, name):g} m is beyond the range of numbers; check the unit", name)
-
-    @property
-    def area(self) -> float:
-        """Area A = b h, m^2."""
-        return self.width * self.thickness
-
-    @property
-    def second_moment(self) -> float:
-        """Second moment of area I = b h^3 / 12, m^4."""
-        return self.width * self.thickness**3 / 12
 
 
 @dataclass(frozen=True)

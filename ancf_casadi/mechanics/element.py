@@ -17,8 +17,8 @@ With J = ds/de and D = diag(d_i),
 
 Q_v is objective: a rigid motion has no strain rate, hence no damping force.
 
-With a natural curvature kappa_0, the strain of bending is kappa - kappa_0.  What is attached to the beam at a node is an
-element too (``point_elements``).
+With a natural curvature kappa_0, the strain of bending is kappa - kappa_0.  What is attached to the beam at a node is
+an element too (``point_elements``).
 
 References
 ----------

@@ -38,9 +38,7 @@ class Place:
         return float(found if self.component is None else found[self.component])
 
 
-def lumped_places(
-    length: float, supports: Sequence[Support], attachments: Sequence[Attachment]
-) -> dict[str, Place]:
+def lumped_places(length: float, supports: Sequence[Support], attachments: Sequence[Attachment]) -> dict[str, Place]:
     """Return the place of each lumped property of a beam: those of attachments, then those of supports."""
     places = []
     for k, one in enumerate(attachments):

@@ -15,11 +15,14 @@ coordinates (q, u).
 
 A motion may have N instants side by side.  Then q and v are (m, N), a component of r' is (k, N), and so on.
 
+Springs and dashpots join points of the beam to the base, which keeps the places of these points as it turns.  Their
+forces have no resultant.
+
 A damping law combines the forces of ``ReducedMotion`` as it combines those of the full model (``damping.Forces``); they
-are the forces of the motion itself, whatever their arguments.  The strain-rate force is that of bending alone, K_b q_t.
-The tangent stiffness also includes the tension that balances gravity and the acceleration of the clamp, but not the
-tension due to the motion of the beam itself.  The modal (generic) law, R B diag(d) B^T R^T e_t of Eq. (32), turns by
-the rotation phi of the clamp.
+are the forces of the motion itself, whatever their arguments.  The strain-rate force is that of bending, K_b q_t, and
+of the springs.  The tangent stiffness also includes the tension that balances gravity, the acceleration of the base and
+the springs, but not the tension due to the motion of the beam itself.  The modal (generic) law, R B diag(d) B^T R^T e_t
+of Eq. (32), turns by the rotation phi of the base.
 """
 
 from __future__ import annotations
@@ -146,8 +149,8 @@ class ReducedMotion:
         slope, velocity = cs.horzcat(*self.slope), cs.horzcat(*self.slope_velocity)
         moment, mass = cs.DM(projection.mass_moment), projection.total_mass
         relative = cs.sumsqr(_mass_factor(projection) @ velocity) / 2
-        stiffness = cs.DM(projection.springs.coefficients)
-        springs = cs.dot(stiffness, cs.horzcat(*self._away(projection.springs)) ** 2) / 2
+        away = cs.horzcat(*self._away(projection.springs))
+        springs = cs.dot(cs.DM(projection.springs.coefficients) * away, away) / 2
         return (
             relative + mass / 2 * cs.sumsqr(u_t) + cs.dot(u_t, velocity.T @ moment),
             projection.rest_energy + cs.dot(cs.DM(projection.rest_force) + self.bending(self.q) / 2, self.q) + springs,
@@ -175,10 +178,10 @@ class ReducedMotion:
         return _without_resultant(self._stiffness_rate())
 
     def tangent_force(self, q: Expression, v: Expression, properties: Expression) -> Expression:
-        """Return the force of K e_t, under the tension due to gravity and the acceleration of the clamp."""
-        (x, y), gravity = self.slope, self.relative_gravity
-        moment = _columns(self.projection.mass_moment, x)
-        tension = moment * (x * _rows(gravity[0, :], x) + y * _rows(gravity[1, :], x))
+        """Return the force of K e_t, under the tension due to gravity, the acceleration of the base and the springs."""
+        (x, y), gravity, springs = self.slope, self.relative_gravity, self.projection.springs
+        moment, pulled = _columns(self.projection.mass_moment, x), self._on_slopes(springs, *self._away(springs))
+        tension = moment * (x * _rows(gravity[0, :], x) + y * _rows(gravity[1, :], x)) - (x * pulled[0] + y * pulled[1])
         rotations = cs.DM(self.projection.slopes.rotations)
         return _without_resultant(self._stiffness_rate() + rotations.T @ (self.angular_velocity * tension))
 
@@ -243,10 +246,14 @@ class ReducedMotion:
         place_x, place_y = _rotated(self.base[2, :], *(_columns(part, x) for part in joined.places.T))
         return x + turning * place_y, y - turning * place_x
 
+    def _on_slopes(self, joined: Joined, x: Expression, y: Expression) -> tuple[Expression, Expression]:
+        """Return the forces on the slopes, (k,), of springs or dashpots for such ways or rates."""
+        back, (along_x, along_y) = cs.DM(joined.shape.T), joined.coefficients.T
+        return back @ (_columns(along_x, x) * x), back @ (_columns(along_y, y) * y)
+
     def _joined_force(self, joined: Joined, x: Expression, y: Expression) -> Expression:
         """Return the modal forces of springs or dashpots for such ways or rates, (m,)."""
-        along = [_columns(part, x) * own for part, own in zip(joined.coefficients.T, (x, y), strict=True)]
-        return self.modal_force(*(cs.DM(joined.shape.T) @ part for part in along))
+        return self.modal_force(*self._on_slopes(joined, x, y))
 
     def _stiffness_rate(self) -> Expression:
         """Return K_b q_t and the same of the springs, (m,)."""

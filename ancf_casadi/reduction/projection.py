@@ -4,7 +4,7 @@ The slope r' = lambda (cos theta, sin theta) keeps the length lambda it has at r
 
     theta(s, t) = phi(t) + theta_0(s) + sum_k Theta_k(s) q_k(t),
 
-with the rotation phi of the clamp, the angle theta_0 at rest, and the rotation Theta_k of the slope in mode k of the
+with the rotation phi of the base, the angle theta_0 at rest, and the rotation Theta_k of the slope in mode k of the
 full beam.  Integration along the beam gives the positions.  The beam therefore keeps its length exactly, at any
 amplitude, and needs no separate function for the shortening of its projection.
 
@@ -22,10 +22,11 @@ Constants.  With the nodal coordinates e = u + P r', mass, stiffness, gravity an
 once,
 
     P^T M P = R^T R,    P^T M 1,    1^T M 1             inertia and gravity, M of one component,
-    K_b = W^T K W,    f_0 = (dr'/dq)^T P^T Q_e          bending,
+    K_b = int E I Theta'^T Theta' ds + sum_j k_j Theta(s_j)^T Theta(s_j),    f_0 = (dr'/dq)^T P^T Q_e    bending,
 
-with the tangent stiffness K of the straight beam, the displacements W across the straight beam whose slopes are Theta,
-and the elastic force Q_e at rest.  The elastic force f_0 + K_b q is linear in q because the curvature theta' is.
+with the slopes Theta of the modes as rotations of a straight beam, k of the torsional springs between beam and base at
+the points s_j, and the elastic force Q_e at rest, without that of the springs.  The elastic force f_0 + K_b q is linear
+in q because the curvature theta' is.
 
 The drag acts at Gauss points along the whole beam.  With their masses as weights, sums over these points integrate
 polynomials exactly over the mass of the elements.
@@ -48,7 +49,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import Dashpot, PointMass, RotationalSpring, Spring
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import gauss
-from ancf_casadi.mechanics.supports import Clamp
+from ancf_casadi.mechanics.supports import Clamp, Support
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.modes import Modes
 
@@ -78,6 +79,12 @@ class Slopes:
 def nodal_slopes(modes: Modes) -> Slopes:
     """Return the slopes at all nodes and midpoints of the mesh."""
     model, beam = modes.model, modes.model.beam
+    if len(beam.supports) != 1 or any(map(_holds_elsewhere, beam.supports)):
+        raise InputError(
+            "the reduced model takes a beam that one clamp or pin holds at its beginning, and nothing else; "
+            "use the full model",
+            "model",
+        )
     points = np.interp(np.arange(2 * beam.elements + 1) / 2, np.arange(beam.elements + 1), beam.arc)
     interpolation = np.array([model.slope_interpolation(s) for s in points.tolist()])
     rest, change = interpolation @ modes.equilibrium.coordinates, interpolation @ modes.shapes
@@ -99,6 +106,11 @@ def nodal_slopes(modes: Modes) -> Slopes:
         shape=_simpson(model),
         rows=np.arange(root + len(points)),
     )
+
+
+def _holds_elsewhere(support: Support) -> bool:
+    """Return whether a support holds another point than the beginning, or lets it slide, or is displaced."""
+    return support.point > 0.0 or support.sliding is not None or any(support.displacement)
 
 
 def select_points(slopes: Slopes, count: int, rows: Index | None = None) -> Slopes:

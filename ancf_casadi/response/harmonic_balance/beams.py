@@ -194,7 +194,7 @@ def _mirror(model: Model, rest: Array) -> Array:
     if min(ax, ay) > STRAIGHT or not _is_symmetric(model, rest):
         return np.ones(model.freedoms)
     signs = np.tile([1.0, -1.0] if ax > ay else [-1.0, 1.0], model.size // 2)
-    return np.round(model.of_free(signs * model.moved(np.ones(model.freedoms))))
+    return np.asarray(np.round(model.of_free(signs * model.moved(np.ones(model.freedoms)))))
 
 
 def parameters_of(signals: Sequence[Signal], law: DampingLaw) -> tuple[Parameter, ...]:

@@ -272,6 +272,11 @@ class Beam(Displayed):
         return found
 
     @property
+    def tip_is_held(self) -> bool:
+        """Whether a support is at the tip."""
+        return any(one.point == self.length for one in self.supports)
+
+    @property
     def tip_mass(self) -> float:
         """Mass at the tip, kg."""
         return self.lumped.get("tip_mass", 0.0)

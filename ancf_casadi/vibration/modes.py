@@ -212,7 +212,7 @@ def _reference_point(model: Model, phi: Array) -> float:
     """Return the arc length of the point to which the amplitude of a mode shape (4 n + 4,) refers, m."""
     beam = model.beam
     moved = np.linalg.norm(phi.reshape(-1, NODE)[model.root :, :2], axis=1)
-    if all(one.point < beam.length for one in beam.supports):
+    if not beam.tip_is_held:
         return beam.length
     most = beam.arc[moved > (1 - 1e-9) * moved.max()]
     return float(most[np.abs(most - beam.length / 2).argmin()])

@@ -311,7 +311,7 @@ class Beam(Displayed):
 
     @cached_property
     def lumped(self) -> dict[str, float]:
-        """The lumped properties by name: supports and attachments along the beam, then the largest curvature."""
+        """The lumped properties by name: those of attachments and of supports along the beam, then the curvature."""
         found = {name: self._value_at(*place) for name, place in self.lumped_places.items()}
         if self.natural_curvature:
             found["natural_curvature"] = max(self.natural_curvature, key=abs)
@@ -376,9 +376,6 @@ class Beam(Displayed):
             counts = (name, *(f"{name}_{k}" for k in range(2, len(found) + 3)))
             found[next(one for one in counts if one not in found)] = place
 
-        for k, support in enumerate(self.supports):
-            if isinstance(support, Clamp) and math.isfinite(support.stiffness):
-                add("clamp_stiffness", "supports", k, "stiffness", 0)
         for k, one in enumerate(self.attachments):
             if isinstance(one, PointMass):
                 add("tip_mass" if one.point == self.length else "mass", "attachments", k, "mass", 0)
@@ -391,6 +388,9 @@ class Beam(Displayed):
                 for component, direction in enumerate("xy"):
                     if getattr(one, attribute)[component]:
                         add(f"{type(one).__name__.lower()}_{direction}", "attachments", k, attribute, component)
+        for k, support in enumerate(self.supports):
+            if isinstance(support, Clamp) and math.isfinite(support.stiffness):
+                add("clamp_stiffness", "supports", k, "stiffness", 0)
         return found
 
     def _value_at(self, owner: str, number: int, attribute: str, component: int) -> float:
@@ -399,22 +399,20 @@ class Beam(Displayed):
 
     def _with_lumped(self, name: str, value: Any) -> Beam:
         """Return a copy with another value of one lumped property."""
-        if name == "tip_mass" and name not in self.lumped_places:
-            return replace(self, attachments=(*self.attachments, PointMass(self.length, value))) if value else self
         clamps = [k for k, one in enumerate(self.supports) if isinstance(one, Clamp)]
-        if name == "clamp_stiffness" and clamps:
-            place: tuple[str, int, str, int] = ("supports", clamps[0], "stiffness", 0)
-        elif name in self.lumped_places:
-            place = self.lumped_places[name]
+        if name in self.lumped_places:
+            owner, k, attribute, component = self.lumped_places[name]
+        elif name == "tip_mass":
+            return replace(self, attachments=(*self.attachments, _changed(PointMass(self.length, 0.0), name, "mass", value)))
+        elif name == "clamp_stiffness" and clamps:
+            owner, k, attribute, component = "supports", clamps[0], "stiffness", 0
         else:
-            known = sorted({field.name for field in fields(self)} | {*self.lumped_places})
-            raise InputError(f"is not a property of the beam; known are {', '.join(known)}", name)
-        owner, k, attribute, component = place
+            known = {field.name for field in fields(self)} | {*self.lumped_places, "tip_mass", "clamp_stiffness"}
+            raise InputError(f"is not a property of the beam; known are {', '.join(sorted(known))}", name)
         parts = list(getattr(self, owner))
         old = getattr(parts[k], attribute)
         new = tuple(value if j == component else x for j, x in enumerate(old)) if isinstance(old, tuple) else value
-        with located(name):
-            parts[k] = replace(parts[k], **{attribute: new})
+        parts[k] = _changed(parts[k], name, attribute, new)
         return replace(self, **{owner: tuple(parts)})
 
     def _check_points(self) -> None:
@@ -467,6 +465,14 @@ def _spread(value: Any, elements: int, name: str) -> tuple[float, ...]:
             raise InputError(f"has {len(value)} values for {elements} elements", name)
         return tuple(value)
     return (value,) * elements
+
+
+def _changed(part: Any, name: str, attribute: str, value: Any) -> Any:
+    """Return a support or attachment with another value of the attribute that the lumped property ``name`` is."""
+    try:
+        return replace(part, **{attribute: value})
+    except InputError as error:
+        raise InputError(str(error).removeprefix(f"{attribute}: "), name) from None
 
 
 def _nodes_near(places: Sequence[float], n: int) -> list[int]:

@@ -220,7 +220,9 @@ class Model(Displayed):
         """Return G^T x of forces at all nodes, numbers or symbols, (size, ...): their resultant on the base."""
         if self.held_at_base_alone:
             return values[:NODE] if isinstance(values, np.ndarray) else values[:NODE, :]
-        return (self.G if isinstance(values, np.ndarray) else cs.sparsify(cs.DM(self.G))).T @ values
+        if not isinstance(values, np.ndarray):
+            return cs.sparsify(cs.DM(self.G)).T @ values
+        return np.tensordot(self.G.T, values, 1)
 
     def whole(self, q: Any, base: Any) -> Any:
         """Return e = N q + G b for numbers or symbols: coordinates, velocities or accelerations, (size, ...)."""
@@ -229,7 +231,7 @@ class Model(Displayed):
             return cs.vertcat(base, q) if symbolic else np.concatenate([base, q])
         if symbolic:
             return self.N @ q + cs.sparsify(cs.DM(self.G)) @ base
-        return (self.weights * q[self.free_of].T).T + self.G @ base
+        return (self.weights * q[self.free_of].T).T + np.tensordot(self.G, base, 1)
 
     def moved(self, q: Any) -> Any:
         """Return N q for numbers or symbols: a motion of all nodes while the base rests, (size, ...)."""
@@ -477,7 +479,8 @@ class Model(Displayed):
     def place_at(self, point: float) -> tuple[int, float]:
         """Return the number of the element with a point, and the place of the point in it, 0 to 1."""
         index = self.element_at(point)
-        return index, float((point - self.beam.arc[index]) / self.beam.element_lengths[index])
+        begin, end = self.beam.arc[index : index + 2]
+        return index, float((point - begin) / (end - begin))
 
     def _interpolation(self, point: float, functions: Callable[[Any, float], tuple[Any, ...]]) -> Array:
         index, xi = self.place_at(point)

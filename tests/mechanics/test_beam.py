@@ -35,7 +35,7 @@ def test_a_rectangular_section_has_area_bh_and_second_moment_bh3_12():
 def test_a_number_applies_to_all_elements_and_a_sequence_is_kept():
     beam = Beam.uniform(**{**GOOD, "thickness": [1e-3, 2e-3, 3e-3, 4e-3]})
     assert beam.elements == 4
-    assert beam.element_length == 0.125
+    assert beam.element_lengths.tolist() == [0.125] * 4
     assert beam.width == (5e-3,) * 4
     assert beam.thickness == (1e-3, 2e-3, 3e-3, 4e-3)
     assert [section.thickness for section in beam.sections] == [1e-3, 2e-3, 3e-3, 4e-3]
@@ -148,7 +148,7 @@ def test_the_constructor_needs_one_value_per_element():
 
 
 def test_with_rejects_unknown_properties():
-    with pytest.raises(InputError, match=r"^colour: is not a property of a beam; known are axis, clamp_stiffness, "):
+    with pytest.raises(InputError, match=r"^colour: is not a property of the beam; known are attachments, axis, clamp_stiffness, "):
         Beam.uniform(**GOOD).with_(colour="red")
     with pytest.raises(InputError, match=r"^width: has 2 values for 4 elements$"):
         Beam.uniform(**GOOD).with_(width=[1e-3, 1e-3])
@@ -200,7 +200,7 @@ def test_any_positive_numbers_make_a_beam_of_mass_rho_b_h_l(length, width, thick
         axis=axis,
     )
     assert beam.mass == pytest.approx(density * width * thickness * length, rel=1e-12)
-    assert beam.element_length * beam.elements == pytest.approx(length, rel=1e-12)
+    assert beam.element_lengths.sum() == pytest.approx(length, rel=1e-12)
     assert math.hypot(*beam.axis) == pytest.approx(1.0, rel=1e-12)
 
 

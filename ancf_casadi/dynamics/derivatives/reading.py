@@ -79,7 +79,7 @@ class SampledMotion:
             case "strain":
                 return self._strain(s, sensor.distance)
             case "force":
-                x, y = (self._of_clamp(cs.sum1(self._forces[k::NODE, :]), self._forces[k, :]) for k in range(2))
+                x, y = (self._of_clamp(cs.sum1(self._forces[k::NODE, :]), self._on_base[k, :]) for k in range(2))
                 return self._along(sensor, 0.0, (x, y))
             case _:
                 return self._moment
@@ -89,13 +89,19 @@ class SampledMotion:
         return self.balance()
 
     @cached_property
+    def _on_base(self) -> cs.MX:
+        """The generalized force of the base on the beam, (4, s)."""
+        return self.model.of_base(self._forces)
+
+    @cached_property
     def _moment(self) -> cs.MX:
         """The moment of the base on the beam about the clamp, (1, s)."""
         x, y, slope_x, slope_y = (self.e[k::NODE, :] for k in range(NODE))
         fx, fy, hx, hy = (self._forces[k::NODE, :] for k in range(NODE))
         x, y = (part - cs.repmat(part[0, :], part.size1(), 1) for part in (x, y))
         own = slope_x * hy - slope_y * hx
-        return self._of_clamp(cs.sum1(x * fy - y * fx + own), own[0, :])
+        base, (_, _, hx, hy) = self.e[2:NODE, :], cs.vertsplit(self._on_base)
+        return self._of_clamp(cs.sum1(x * fy - y * fx + own), base[0, :] * hy - base[1, :] * hx)
 
     def _of_clamp(self, whole: cs.MX, node: cs.MX) -> cs.MX:
         """Return the balance of the whole beam or, at rest, where a load may hold the beam, of the clamped node."""

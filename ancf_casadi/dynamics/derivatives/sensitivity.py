@@ -79,7 +79,7 @@ class SensitivityProblem:
                 "start",
             )
         if self.lumped and not self.equations.model.lumped:
-            raise InputError("the beam has neither a mass at the tip nor an elastic clamp", "lumped")
+            raise InputError("the beam has no mass, spring, dashpot, elastic clamp or natural curvature", "lumped")
 
     @cached_property
     def layout(self) -> Layout:
@@ -114,7 +114,7 @@ class SensitivityProblem:
             left -= len(steps)
         rest = np.flatnonzero(times < first - SAME_TIME * (last - first))
         orders = self.orders + bool(shifts.size)
-        found = sampled(passages, times, rest, model.size, orders)
+        found = sampled(model, passages, times, rest, orders)
         return MotionRun(
             parameters=parameters,
             times=times,
@@ -176,9 +176,11 @@ class SensitivityProblem:
             return state, jacobian
         moved = self._rigid_motion(state.coordinates, velocity)
         by_coordinates, by_velocity = self._rigid_motion.jacobian()(state.coordinates, velocity, moved)
-        jacobian[free:] += by_coordinates.full()[NODE:, NODE:] @ jacobian[:free]
-        jacobian[free:, layout["base"]] += by_velocity.full()[NODE:] @ excitation.jacobian(0.0)[NODE : 2 * NODE]
-        return State(state.coordinates, state.velocities + moved.full().ravel()), jacobian
+        jacobian[free:] += model.of_free(by_coordinates.full() @ model.moved(jacobian[:free]))
+        by_base = model.of_free(by_velocity.full()) @ excitation.jacobian(0.0)[NODE : 2 * NODE]
+        jacobian[free:, layout["base"]] += by_base
+        rigid = model.whole(model.of_free(moved.full().ravel()), velocity)
+        return State(state.coordinates, state.velocities + rigid), jacobian
 
     def _parts(self, values: Array) -> dict[str, Array]:
         """Return views of the parts of values, or of directions, that are parameters of the equation of motion."""
@@ -191,7 +193,8 @@ class SensitivityProblem:
         rows = properties.reshape(model.properties.shape, order="F")
         changed: dict[str, Any] = {name: row.tolist() for name, row in zip(PROPERTIES, rows, strict=True)}
         if self.lumped:
-            changed |= {name: number(value, name) for name, value in zip(model.lumped, lumped.tolist(), strict=True)}
+            values = {name: number(value, name) for name, value in zip(model.lumped, lumped.tolist(), strict=True)}
+            return Model(model.beam.with_(**changed).with_lumped(values), model.measures)
         return Model(model.beam.with_(**changed), model.measures)
 
     def _pass(
@@ -223,7 +226,8 @@ class SensitivityProblem:
         q, v, a = (cs.MX.sym(name, free) for name in "qva")
         excitation, p = cs.MX.sym("excitation", EXCITATION), cs.MX.sym("p", self.equations.layout.size)
         *node, load = cs.vertsplit(excitation, NODE)
-        motion = [cs.vertcat(part, x) for part, x in zip(node, (q, v, a), strict=True)]
-        forces, _ = Collocation(self.equations).balance(*motion, load, p)
-        jacobian = cs.horzcat(*(cs.jacobian(forces[NODE:], x) for x in (q, v, excitation, p)))
+        model = self.equations.model
+        motion = [model.whole(x, part) for part, x in zip(node, (q, v, a), strict=True)]
+        forces = model.of_free(Collocation(self.equations).balance(*motion, load, p)[0])
+        jacobian = cs.horzcat(*(cs.jacobian(forces, x) for x in (q, v, excitation, p)))
         return cs.Function("force_jacobian", [q, v, a, excitation, p], [jacobian])

@@ -5,8 +5,8 @@ All export formats share these tables, so that a C header, an FMU and a document
     parameters p    gravity, the properties of each element in turn, the parameters of the damping law
     state           free coordinates q and velocities v in the laboratory frame; in the reduced model, whose parameters
                     contain no properties, modal coordinates and their velocities
-    base            displacement (x, y) and rotation of the base, with which all supports and springs move, from its rest
-                    position, their velocities, and their accelerations; a positive rotation turns counterclockwise
+    base            displacement (x, y) and rotation of the base, with which all supports and springs move, their
+                    velocities, and their accelerations; a positive rotation turns counterclockwise
 
 Elements are numbered from 1.  Node i ends element i, and node 0 begins the beam.  Coordinates that a support holds are
 not among q; a node that slides in a slanted direction has one along it.  Names are C identifiers.  The projection B of

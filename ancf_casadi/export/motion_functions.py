@@ -9,9 +9,9 @@ supports (displacement x, y and rotation, then their velocities, then their acce
 
 in which the base b follows from ``base``, and N and G from the supports (``mechanics.model``).
 
-The mass matrix, Eq. (7), depends on p but not on the motion, and couples x and y at slanted rollers only.  ``rhs`` factorises it in
-each call, in linear time.  ``signals`` names every entry of q, v, base and p.  All Functions are MX Functions and
-differentiable.  ``solved_functions`` has ``equilibrium``, ``frequencies`` and ``step``.
+The mass matrix, Eq. (7), depends on p but not on the motion, and couples x and y at slanted rollers only.  ``rhs``
+factorises it in each call, in linear time.  ``signals`` names every entry of q, v, base and p.  All Functions are MX
+Functions and differentiable.  ``solved_functions`` has ``equilibrium``, ``frequencies`` and ``step``.
 """
 
 from __future__ import annotations

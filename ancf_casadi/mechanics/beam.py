@@ -29,6 +29,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, RotationalSpring, Spring
+from ancf_casadi.mechanics.beam_table import PARTS, with_parts
 from ancf_casadi.mechanics.supports import Clamp, Support
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import read_toml
@@ -41,6 +42,7 @@ from ancf_casadi.support.inputs import (
     number,
     positive,
     shown,
+    unit_vector,
     vector,
     whole,
 )
@@ -167,14 +169,8 @@ class Beam(Displayed):
             if len(getattr(self, name)) != len(self.width):
                 raise InputError(f"has {len(getattr(self, name))} values for {len(self.width)} elements", name)
         whole(self.elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
-        axis, gravity = vector(self.axis, "axis"), vector(self.gravity, "gravity")
-        norm = math.hypot(*axis)
-        if norm == 0.0:
-            raise InputError("must not be the zero vector", "axis")
-        if abs(norm - 1.0) > 1e-15:  # a unit vector keeps all its digits
-            axis = axis[0] / norm, axis[1] / norm
-        object.__setattr__(self, "axis", axis)
-        object.__setattr__(self, "gravity", gravity)
+        object.__setattr__(self, "axis", unit_vector(self.axis, "axis"))
+        object.__setattr__(self, "gravity", vector(self.gravity, "gravity"))
         curvature = self.natural_curvature if any(self.natural_curvature) else ()
         if len(curvature) not in (0, self.elements):
             raise InputError(f"has {len(curvature)} values for {self.elements} elements", "natural_curvature")
@@ -246,6 +242,10 @@ class Beam(Displayed):
     def from_toml(cls, path: str | Path) -> Beam:
         """Read a beam from the table ``[beam]`` of a TOML file, with the keys of ``Beam.uniform``.
 
+        Each support is a table ``[[beam.supports]]``, and each attachment a table ``[[beam.attachments]]``, whose key
+        ``kind`` is clamp, pin, roller or guide, or mass, spring, rotational_spring or dashpot, and whose other keys are
+        the fields of its class.  A beam with ``supports = []`` is free.
+
         Raises
         ------
         InputError
@@ -274,10 +274,11 @@ class Beam(Displayed):
         if not isinstance(table, dict):
             raise InputError("has no table [beam]", where)
         required = {"length", "elements", *PROPERTIES}
-        optional = {"axis", "gravity", "tip_mass", "clamp_stiffness", "natural_curvature"}
+        optional = {"axis", "gravity", "tip_mass", "clamp_stiffness", "natural_curvature", *PARTS}
         check_keys(table, required, optional, f"{where}: [beam]")
+        given = with_parts(table, f"{where}: [beam]")
         with located(f"{where}: [beam]"):
-            return cls.uniform(**table)
+            return cls.uniform(**given)
 
     @property
     def elements(self) -> int:
@@ -324,7 +325,7 @@ class Beam(Displayed):
 
     @property
     def clamp_stiffness(self) -> float:
-        """Torsional stiffness of the first clamp, N m/rad; infinite for a rigid clamp."""
+        """Torsional stiffness of the first clamp that is not rigid, N m/rad; infinite if there is none."""
         return self.lumped.get("clamp_stiffness", math.inf)
 
     def with_(self, **changes: Any) -> Beam:
@@ -403,7 +404,9 @@ class Beam(Displayed):
         if name in self.lumped_places:
             owner, k, attribute, component = self.lumped_places[name]
         elif name == "tip_mass":
-            return replace(self, attachments=(*self.attachments, _changed(PointMass(self.length, 0.0), name, "mass", value)))
+            return replace(
+                self, attachments=(*self.attachments, _changed(PointMass(self.length, 0.0), name, "mass", value))
+            )
         elif name == "clamp_stiffness" and clamps:
             owner, k, attribute, component = "supports", clamps[0], "stiffness", 0
         else:

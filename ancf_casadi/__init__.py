@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     )
     from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, RotationalSpring, Spring
     from ancf_casadi.mechanics.beam import Beam, Section
+    from ancf_casadi.mechanics.loads import LineLoad, PointLoad
     from ancf_casadi.mechanics.model import Model
-    from ancf_casadi.mechanics.point_load import PointLoad
     from ancf_casadi.mechanics.strain import StrainMeasures
     from ancf_casadi.mechanics.supports import Clamp, Guide, Pin, Roller, Support
     from ancf_casadi.records.measurement import Measurement
@@ -76,6 +76,7 @@ __all__ = [
     "HarmonicLoad",
     "InputError",
     "LawCurve",
+    "LineLoad",
     "LinearFrf",
     "Measurement",
     "ModalDamping",

@@ -19,6 +19,7 @@ name counts on along the beam, mass_2.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -51,8 +52,9 @@ from ancf_casadi.support.tables import Displayed, counted
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
 BEAM_UNITS = {"width": "m", "thickness": "m", "density": "kg/m^3", "elastic_modulus": "Pa", "tip_mass": "kg",
               "mass": "kg", "rotary_inertia": "kg m^2", "clamp_stiffness": "N m/rad", "rotational_spring": "N m/rad",
-              "spring_x": "N/m", "spring_y": "N/m", "dashpot_x": "N s/m", "dashpot_y": "N s/m",
-              "natural_curvature": "1/m"}  # fmt: skip
+              "spring_x": "N/m", "spring_y": "N/m", "spring_stiffness": "N/m", "dashpot_x": "N s/m",
+              "dashpot_y": "N s/m", "natural_curvature": "1/m"}  # fmt: skip
+LUMPED_KINDS = frozenset(BEAM_UNITS) - {*PROPERTIES}  # names of lumped properties, without numbers
 MINIMUM_ELEMENTS = 2
 MAXIMUM_ELEMENTS = 10_000  # a larger number is taken for a typing error
 # bounds in SI units; products of values beyond them overflow or vanish
@@ -331,7 +333,8 @@ class Beam(Displayed):
     def with_(self, **changes: Any) -> Beam:
         """Return a copy with some fields or lumped properties changed; a number applies to all elements.
 
-        A mass at the tip and the stiffness of a clamp may also be added.
+        A mass at the tip and the stiffness of a clamp may also be added.  What is at the tip stays there if the length
+        changes.
 
         Raises
         ------
@@ -354,6 +357,11 @@ class Beam(Displayed):
         for name in changes.keys() & {*PROPERTIES, "natural_curvature"}:
             if not (name == "natural_curvature" and is_sequence(changes[name]) and not len(changes[name])):
                 changes[name] = _spread(changes[name], self.elements, name)
+        if "length" in changes:  # what is at the tip stays there
+            length = positive(changes["length"], "length")
+            for name in PARTS:
+                own = (replace(one, point=length) if one.point == self.length else one for one in getattr(self, name))
+                changes.setdefault(name, tuple(own))
         beam = replace(self, **changes)
         for name, value in lumped.items():
             beam = beam._with_lumped(name, value)
@@ -460,6 +468,17 @@ class Beam(Displayed):
         wide, thick = (f"{1e3 * min(sizes):.4g}" for sizes in (self.width, self.thickness))
         varies = "" if len({*self.sections}) == 1 else " or more"
         return f"{self.length:.4g} m, {counted(self.elements, 'element')}, {wide} x {thick} mm{varies}"
+
+
+def lumped_kind(name: str) -> str:
+    """Return the name of a lumped property without its number; empty if the name is not that of a lumped property."""
+    kind = re.sub("_[0-9]+$", "", name)
+    return kind if kind in LUMPED_KINDS else ""
+
+
+def unit_of(name: str) -> str:
+    """Return the SI unit of a property; a name may have elements in brackets, or a number."""
+    return BEAM_UNITS[lumped_kind(name) or name.partition("[")[0]]
 
 
 def _spread(value: Any, elements: int, name: str) -> tuple[float, ...]:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     )
     from ancf_casadi.decay.envelope import DampingCurve, LawCurve, damping_curve
     from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
+    from ancf_casadi.dynamics.damped_modes import CriticalLoad, DampedModes, critical_load, damped_modes
     from ancf_casadi.dynamics.derivatives.differentiable import motion
     from ancf_casadi.dynamics.simulation import simulate
     from ancf_casadi.dynamics.tip_load import HarmonicLoad, SampledLoad, TipLoad
@@ -62,6 +63,8 @@ __all__ = [
     "Beam",
     "Clamp",
     "ContinuationError",
+    "CriticalLoad",
+    "DampedModes",
     "DampingCurve",
     "DampingLaw",
     "Dashpot",
@@ -112,6 +115,8 @@ __all__ = [
     "__version__",
     "amplitude_response",
     "backbone",
+    "critical_load",
+    "damped_modes",
     "damping_curve",
     "frequency_response",
     "linear_frf",

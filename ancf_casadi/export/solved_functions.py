@@ -37,6 +37,7 @@ R. Alexander, Diagonally implicit Runge-Kutta methods for stiff O.D.E.'s, SIAM J
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -70,8 +71,8 @@ def scaled(matrix: cs.MX, rows: cs.MX | cs.DM, columns: cs.MX | cs.DM) -> cs.MX:
     return cs.MX(matrix.sparsity(), matrix.nz[:] * rows[row] * columns[column])
 
 
-def free_part(model: Model, matrix: cs.MX | cs.DM) -> cs.MX | cs.DM:
-    """Return N^T A N of a sparse matrix A over all nodes."""
+def free_part(model: Model, matrix: Any) -> Any:
+    """Return N^T A N of a sparse matrix A over all nodes, of numbers or symbols."""
     return matrix[NODE:, NODE:] if model.held_at_base_alone else model.N.T @ matrix @ model.N
 
 

@@ -35,7 +35,7 @@ def lumped_value(beam: Beam, name: str) -> float:
 
 def changed_model(model: Model, properties: Array) -> Model:
     """Return the model with other properties, in the order of ``structure_properties``."""
-    rows = properties[: model.properties.size].reshape(model.properties.shape).tolist()
+    rows: Any = properties[: model.properties.size].reshape(model.properties.shape).tolist()
     lumped = dict(zip(model.lumped, properties[model.properties.size :].tolist(), strict=True))
     beam = model.beam.with_(**dict(zip(PROPERTIES, rows, strict=True))).with_lumped(lumped)
     if "natural_curvature" in lumped:
@@ -47,7 +47,8 @@ def changed_model(model: Model, properties: Array) -> Model:
 def _in_place(support: Support, model: Model, after: Model) -> Support:
     """Return a support of a beam, ``after``, where it holds another one."""
     node = int(np.abs(model.beam.arc - support.point).argmin())
-    (place, slope), (other, turned) = ((part[node] for part in one.unloaded) for one in (model, after))
+    (places, slopes), (others, turns) = model.unloaded, after.unloaded
+    place, slope, other, turned = places[node], slopes[node], others[node], turns[node]
     changes: dict[str, Any] = {"displacement": tuple((support.displacement + place - other).tolist())}
     if isinstance(support, Clamp | Guide):
         sine, cosine = turned[0] * slope[1] - turned[1] * slope[0], turned @ slope

@@ -41,13 +41,8 @@ CONSTANTS = {"bending_stiffness": 1 / 12}
 DRIVEN_BY = {"bending_stiffness": "elastic_modulus", "mass_per_length": "density"}
 PROPERTY_UNITS: Mapping[str, str] = {**BEAM_UNITS, "bending_stiffness": "N m^2", "mass_per_length": "kg/m"}
 CURVATURE = "natural_curvature"
-ELASTIC = (
-    CLAMP_STIFFNESS,
-    "rotational_spring",
-    "spring_x",
-    "spring_y",
-    "spring_stiffness",
-)  # have strain energy of their own
+# parts with strain energy of their own
+ELASTIC = (CLAMP_STIFFNESS, "rotational_spring", "spring_x", "spring_y", "spring_stiffness")
 STIFFNESSES = (CLAMP_STIFFNESS, "elastic_modulus", "bending_stiffness")
 GROUP = re.compile(rf"({'|'.join(PROPERTIES)})\[(\d+)(?::(\d+))?\]")
 

@@ -321,6 +321,8 @@ class FrequencyMatch(FitResult):
             "thickness_m": list(self.beam.thickness),
             "density": list(self.beam.density),
             "elastic_modulus": list(self.beam.elastic_modulus),
+            "tip_mass": self.beam.tip_mass,
+            "clamp_stiffness": self.beam.clamp_stiffness if math.isfinite(self.beam.clamp_stiffness) else None,
             "lumped": self.beam.lumped,
             "max_relative_error": self.max_relative_error,
             "holding": [{"name": name, "multiplier": cost} for name, cost in self.holding],

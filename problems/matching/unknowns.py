@@ -76,7 +76,7 @@ class Global(Displayed):
 
     def __post_init__(self) -> None:
         """Validate."""
-        numbered = (self.name,) if isinstance(self.name, str) and lumped_kind(self.name) else ()
+        numbered = (self.name,) if lumped_kind(str(self.name)) else ()
         _check(self.name, self.relative_bounds, (*PROPERTIES, *sorted(LUMPED_KINDS), *numbered))
 
     def shape(self, elements: int) -> Array:

@@ -161,7 +161,8 @@ class Balance:
         """Return the local part of the damping force."""
         model = self.equations.model
         force = self.equations.law.local_force(model, e, e_t, self.properties, self.coefficients)
-        return force + model.dashpot_force(e_t, self.properties)
+        damped = any(name.startswith("dashpot") for name in self.lumped)
+        return force + model.dashpot_force(e_t, self.properties) if damped else force
 
     def turned_projection(self, e: cs.MX) -> cs.MX:
         """Return R B, turned with the clamp from the axis of the beam."""

@@ -249,3 +249,10 @@ def mac(first: Array, second: Array) -> Array:
         raise InputError(f"must be columns as long as the first, got {second.shape} for {first.shape}", "second")
     cross = (first.T @ second) ** 2
     return np.asarray(cross / np.outer((first**2).sum(axis=0), (second**2).sum(axis=0)))
+
+
+def rigid_modes(model: Model) -> int:
+    """Return the number of modes of a beam that are rigid motions, with frequency 0: none to three."""
+    if model.is_held:
+        return 0
+    return int(np.count_nonzero(natural_modes(model, count=min(3, model.freedoms)).frequencies == 0.0))

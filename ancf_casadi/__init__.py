@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     )
     from ancf_casadi.decay.envelope import DampingCurve, LawCurve, damping_curve
     from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
+    from ancf_casadi.dynamics.damped_modes import CriticalLoad, DampedModes, critical_load, damped_modes
     from ancf_casadi.dynamics.derivatives.differentiable import motion
     from ancf_casadi.dynamics.simulation import simulate
     from ancf_casadi.dynamics.tip_load import HarmonicLoad, SampledLoad, TipLoad
@@ -31,8 +32,8 @@ if TYPE_CHECKING:
     )
     from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, RotationalSpring, Spring
     from ancf_casadi.mechanics.beam import Beam, Section
+    from ancf_casadi.mechanics.loads import LineLoad, PointLoad
     from ancf_casadi.mechanics.model import Model
-    from ancf_casadi.mechanics.point_load import PointLoad
     from ancf_casadi.mechanics.strain import StrainMeasures
     from ancf_casadi.mechanics.supports import Clamp, Guide, Pin, Roller, Support
     from ancf_casadi.records.measurement import Measurement
@@ -62,6 +63,8 @@ __all__ = [
     "Beam",
     "Clamp",
     "ContinuationError",
+    "CriticalLoad",
+    "DampedModes",
     "DampingCurve",
     "DampingLaw",
     "Dashpot",
@@ -76,6 +79,7 @@ __all__ = [
     "HarmonicLoad",
     "InputError",
     "LawCurve",
+    "LineLoad",
     "LinearFrf",
     "Measurement",
     "ModalDamping",
@@ -111,6 +115,8 @@ __all__ = [
     "__version__",
     "amplitude_response",
     "backbone",
+    "critical_load",
+    "damped_modes",
     "damping_curve",
     "frequency_response",
     "linear_frf",

@@ -31,9 +31,9 @@ import numpy as np
 import scipy.sparse
 
 from ancf_casadi.mechanics.element import Element
+from ancf_casadi.mechanics.loads import Load, PointLoad
 from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.mechanics.point_load import PointLoad
-from ancf_casadi.mechanics.strain import hermite, hermite_slope
+from ancf_casadi.mechanics.strain import gauss_pairs, hermite, hermite_slope
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import Buffered
 
@@ -116,16 +116,45 @@ def element_balance(element: Element, constants: int, lumped: int, gravity: tupl
     return ElementBalance(cs.Function("force", [e, p, c], [force]), cs.Function("mass", [p, c], [element.mass(whole)]))
 
 
-@lru_cache(maxsize=1)
-def load_balance() -> ElementBalance:
+@lru_cache(maxsize=2)
+def load_balance(*, follower: bool) -> ElementBalance:
     """Return the balance of an element with c = (xi, l) under a load p = (Fx, Fy, m) at xi; m follows its slope."""
     e, load, c = cs.SX.sym("e", 2 * NODE), cs.SX.sym("load", 3), cs.SX.sym("c", 2)
-    position, slope = (cs.kron(cs.vertcat(*values(*cs.vertsplit(c))).T, cs.SX.eye(2)) for values in (hermite, hermite_slope))
-    tangent = slope @ e
+    tangent = _interpolation(hermite_slope, *cs.vertsplit(c)) @ e
     turn = cs.gradient(cs.atan2(tangent[1], tangent[0]), e)
-    force = -(position.T @ load[:2] + load[2] * turn)
+    force = _interpolation(hermite, *cs.vertsplit(c)).T @ _directed(load[:2], tangent, follower) + load[2] * turn
+    return _loaded(e, load, c, force)
+
+
+@lru_cache(maxsize=2)
+def line_balance(*, follower: bool) -> ElementBalance:
+    """Return the balance of an element with c = (xi_1, xi_2, l) under a force per length p = (qx, qy) between them."""
+    e, load, c = cs.SX.sym("e", 2 * NODE), cs.SX.sym("load", 2), cs.SX.sym("c", 3)
+    first, last, l = cs.vertsplit(c)
+    force = cs.SX.zeros(2 * NODE)
+    for node, weight in gauss_pairs(4):  # approximate for a follower, whose direction is no polynomial
+        xi = first + node * (last - first)
+        own = _directed(load, _interpolation(hermite_slope, xi, l) @ e, follower)
+        force += weight * (last - first) * l * _interpolation(hermite, xi, l).T @ own
+    return _loaded(e, load, c, force)
+
+
+def _interpolation(functions: Callable[[cs.SX, cs.SX], tuple[cs.SX, ...]], xi: cs.SX, l: cs.SX) -> cs.SX:
+    """Return S of Eq. (2), or S', (2, 8)."""
+    return cs.SX(cs.kron(cs.vertcat(*functions(xi, l)).T, cs.SX.eye(2)))
+
+
+def _directed(force: cs.SX, slope: cs.SX, follower: bool) -> cs.SX:
+    """Return a force in the laboratory frame; a follower is given along and across the slope."""
+    if not follower:
+        return force
+    x, y = cs.vertsplit(slope / cs.norm_2(slope))
+    return cs.vertcat(force[0] * x - force[1] * y, force[0] * y + force[1] * x)
+
+
+def _loaded(e: cs.SX, load: cs.SX, c: cs.SX, force: cs.SX) -> ElementBalance:
     mass = cs.Function("mass", [load, c], [cs.DM.zeros(2 * NODE, 2 * NODE)])
-    return ElementBalance(cs.Function("force", [e, load, c], [force]), mass)
+    return ElementBalance(cs.Function("force", [e, load, c], [-force]), mass)
 
 
 def _function(name: str, inputs: list[cs.SX], outputs: list[cs.SX]) -> cs.Function:
@@ -174,6 +203,17 @@ def _beam_parts(model: Model) -> list[EqualElements]:
     return parts
 
 
+def _loaded_elements(model: Model, load: Load) -> list[tuple[int, ...]]:
+    """Return the elements under a load, each with the constants of its balance."""
+    beam = model.beam
+    if isinstance(load, PointLoad):
+        index, xi = model.place_at(load.place(beam))
+        return [(index, xi, beam.element_lengths[index])]
+    begin, end = load.span(beam)
+    xi = np.clip((np.array([[begin], [end]]) - beam.arc[:-1]) / np.diff(beam.arc), 0.0, 1.0)
+    return [(k, *xi[:, k], beam.element_lengths[k]) for k in range(beam.elements) if xi[1, k] > xi[0, k]]
+
+
 @dataclass(frozen=True, eq=False)
 class Structure:
     """A beam and its loads as parts with properties."""
@@ -183,16 +223,18 @@ class Structure:
     properties: Array  # the properties of all parts, (properties,)
 
     @classmethod
-    def of(cls, model: Model, loads: Sequence[PointLoad] = ()) -> Structure:
+    def of(cls, model: Model, loads: Sequence[Load] = ()) -> Structure:
         """Return a model with its own properties, under gravity and loads, whose values follow the properties."""
-        parts, properties, rows = _beam_parts(model), structure_properties(model), []
+        parts, properties = _beam_parts(model), structure_properties(model)
+        rows: dict[ElementBalance, list[tuple[Index, Index, list[float]]]] = {}  # of the loads with the same balance
         for load in loads:
-            index, xi = model.place_at(load.place(model.beam))
-            places = NODE * (index + model.root) + np.arange(2 * NODE)
-            rows.append((places, len(properties) + np.arange(3), [xi, model.beam.element_lengths[index]]))
+            balance_of = load_balance if isinstance(load, PointLoad) else line_balance
+            own = rows.setdefault(balance_of(follower=load.follower), [])
+            given = len(properties) + np.arange(len(load.values))
+            for index, *constants in _loaded_elements(model, load):
+                own.append((NODE * (index + model.root) + np.arange(2 * NODE), given, constants))
             properties = np.concatenate([properties, load.values])
-        if rows:
-            parts.append(EqualElements(load_balance(), *map(np.array, zip(*rows, strict=True))))
+        parts += [EqualElements(balance, *map(np.array, zip(*own, strict=True))) for balance, own in rows.items()]
         return cls(model, tuple(parts), properties)
 
     def inputs(self, part: EqualElements, at: Position) -> tuple[Array, Array, Array]:

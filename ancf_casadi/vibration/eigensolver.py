@@ -57,7 +57,7 @@ def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array,
     for k, phi in enumerate(vectors.T):
         phi /= np.sqrt(phi @ (inertia @ phi))
         eigenvalues[k] = phi @ product(phi)
-    rounding = _rounding(structure.model)
+    rounding = rounding_of(structure.model)
     if not (eigenvalues > -rounding).all():
         return None
     eigenvalues[np.abs(eigenvalues) <= rounding] = 0.0
@@ -65,7 +65,7 @@ def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array,
     return eigenvalues[order], structure.model.moved(vectors[:, order])
 
 
-def _rounding(model: Model) -> float:
+def rounding_of(model: Model) -> float:
     """Return the size below which a squared angular frequency is zero, (rad/s)^2."""
     width, thickness, _, modulus = model.properties
     return 100 * EPSILON * float((modulus * width * thickness).max()) / (model.beam.mass * model.beam.length)

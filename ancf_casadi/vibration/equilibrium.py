@@ -29,8 +29,8 @@ import numpy as np
 import scipy.sparse
 
 from ancf_casadi.exceptions import EquilibriumError
+from ancf_casadi.mechanics.loads import LineLoad, Load, PointLoad
 from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import factorised, sparse
 from ancf_casadi.support.inputs import check_instance, check_size, instances, number, vector
@@ -58,7 +58,7 @@ class Equilibrium(Reported):
         Moment at the tip, counterclockwise, N m.
     remainder : array (4 n + 4,), optional
         The part of the coordinates lost by rounding; zero if not given.
-    loads : tuple of PointLoad
+    loads : tuple of PointLoad or LineLoad
         Further loads.
 
     Examples
@@ -80,10 +80,10 @@ class Equilibrium(Reported):
     tip_force: tuple[float, float] = (0.0, 0.0)
     tip_moment: float = 0.0
     remainder: Array | None = None
-    loads: tuple[PointLoad, ...] = ()
+    loads: tuple[Load, ...] = ()
 
     @property
-    def all_loads(self) -> tuple[PointLoad, ...]:
+    def all_loads(self) -> tuple[Load, ...]:
         """All loads that are not zero."""
         return _all_loads(self.tip_force, self.tip_moment, self.loads)
 
@@ -152,7 +152,7 @@ def static_equilibrium(
     *,
     tip_force: tuple[float, float] = (0.0, 0.0),
     tip_moment: float = 0.0,
-    loads: Sequence[PointLoad] = (),
+    loads: Sequence[Load] = (),
 ) -> Equilibrium:
     """Return the equilibrium reached from the straight beam as gravity and all loads grow together.
 
@@ -164,8 +164,8 @@ def static_equilibrium(
         Force at the tip in the laboratory frame, N.
     tip_moment : float
         Moment at the tip, positive counterclockwise, N m.
-    loads : sequence of PointLoad
-        Further loads, at any points of the beam.
+    loads : sequence of PointLoad or LineLoad
+        Further loads, at any points and along any parts of the beam.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def static_equilibrium(
     force, moment = vector(tip_force, "tip_force"), number(tip_moment, "tip_moment")
     check_size(force, "tip_force")
     check_size(moment, "tip_moment")
-    further = instances(loads, "loads", PointLoad, least=0)
+    further = instances(loads, "loads", PointLoad, LineLoad, least=0)
     acting = _all_loads(force, moment, further)
     rest = Position.of(model.straight)
     weight = -Structure.of(model).linearisation(rest)[0]
@@ -215,19 +215,15 @@ def static_equilibrium(
 
 
 def _all_loads(
-    tip_force: tuple[float, float], tip_moment: float, loads: tuple[PointLoad, ...]
-) -> tuple[PointLoad, ...]:
+    tip_force: tuple[float, float], tip_moment: float, loads: tuple[Load, ...]
+) -> tuple[Load, ...]:
     """Return the loads that are not zero."""
     return tuple(load for load in (PointLoad(tip_force, tip_moment), *loads) if any(load.values))
 
 
-def _described(loads: Sequence[PointLoad]) -> str:
+def _described(loads: Sequence[Load]) -> str:
     """Return the loads in words."""
-    words = []
-    for load in loads:
-        place = "the tip" if load.point is None else f"{load.point:g} m"
-        words.append(f"force {load.force} N and moment {load.moment:g} N m at {place}")
-    return "; ".join(words) or "no load"
+    return "; ".join(load.words for load in loads) or "no load"
 
 
 def neighbour(

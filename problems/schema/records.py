@@ -21,7 +21,7 @@ from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.point_load import PointLoad
+from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.recording import Recording
 from ancf_casadi.records.sensor import Sensor

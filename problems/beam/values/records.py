@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.point_load import PointLoad
+from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.records.sensor import SENSOR_UNITS, Sensor
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import (

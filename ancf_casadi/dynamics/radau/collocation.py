@@ -3,14 +3,14 @@
 Stages.  With the nodes c and the weights A of the method and a step h, the increments Z_i of the free coordinates at
 the stages t + c_i h determine velocities and accelerations there,
 
-    V = A^-1 Z/h,    a = A^-1 (V - v)/h,    0 = R = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g - Q_tip   at each stage,
+    V = A^-1 Z/h,    a = A^-1 (V - v)/h,    0 = R = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g - Q_load   at each stage,
 
 and the last stage is the end of the step.
 
 Newton's method.  T^-1 A^-1 T has one real eigenvalue gamma and one complex pair mu.  If all stages share their
 matrices, a real and a complex banded system in N unknowns, with s = gamma/h and s = mu/h,
 
-    (s^2 M + s D + K) dW = T^-1 R,    D = dQ_damp/de_t,    K = d(Q_damp + Q_e - Q_tip)/de,
+    (s^2 M + s D + K) dW = T^-1 R,    D = dQ_damp/de_t,    K = d(Q_damp + Q_e - Q_load)/de,
 
 replace one system in 3 N (``elimination``).  As the beam turns, K changes by its axial part, which is thousands of
 times stiffer than its bending part; in coordinates that turn with the beam, K hardly changes.  Residuals are therefore

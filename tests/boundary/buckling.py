@@ -46,7 +46,7 @@ def reached(supports, rest, angle, targets):
             step = step / 2 if following is rest else 1.5 * step
             rest = following
         near, bounds = rest, (following.tip[0], rest.tip[0])
-        exact = brentq(lambda x, near=near: angle(pushed(x, near)) - target, *bounds, xtol=1e-13)
+        exact = brentq(lambda x, a=near, b=target: angle(pushed(x, a)) - b, *bounds, xtol=1e-13)
         found.append(pushed(exact, near))
     return found
 

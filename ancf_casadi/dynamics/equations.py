@@ -199,7 +199,7 @@ class Balance:
         return model.elastic_force(e, self.properties) - model.gravity_force(self.properties, self.gravity)
 
     def local(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
-        """Return all forces but the low-rank damping, and the powers lost to the local damping and supplied by the load.
+        """Return all forces but the low-rank damping, and the powers lost to local damping and supplied by the load.
 
         Coordinates, velocities, accelerations and loads have s columns, the forces (4 n + 4, s), the powers (1, s).
         """

@@ -97,7 +97,9 @@ class SemiExplicit:
         e, e_t, e_tt = self._motion
         forces, powers = self._balance.forces(e, e_t, e_tt, excitation[3 * NODE :])
         options = {"is_diff_in": [False] * 3}
-        return cs.Function("energetics", [x, z, excitation], [powers, self.equations.model.of_base(forces), e, e_t], options)
+        return cs.Function(
+            "energetics", [x, z, excitation], [powers, self.equations.model.of_base(forces), e, e_t], options
+        )
 
     def scaled(self, state: State) -> Array:
         """Return x of a state."""

@@ -6,8 +6,8 @@ theta = atan2(tau_y, tau_x), gives the generalized force
 
     Q = S^T F + S'^T h,    h = m (-tau_y, tau_x)/|tau|^2,
 
-and the power F.r_t + h.tau_t.  Like a base motion, a load is a sequence of smooth pieces, and the integrator restarts at
-the end of each.
+and the power F.r_t + h.tau_t.  Like a base motion, a load is a sequence of smooth pieces, and the integrator restarts
+at the end of each.
 
 An integrator whose steps grow while nothing happens could step over a hammer blow.  Within a piece of a sampled load,
 its steps are therefore at most as long as the load, at its fastest in this piece, would take to change by its largest
@@ -290,7 +290,9 @@ class PlacedLoad:
         slope, shape = (part.full()[:, own] for part in (self._slope, self._shape))
         weights = np.hstack([np.kron(slope.T, slope.T), np.kron(slope.T, shape.T)][: 1 + self.place.follower])
         used = np.flatnonzero(weights.any(axis=1))
-        places = own.size**2 * index + used  # the first of ``entries`` are those of one element of the beam after another
+        places = (
+            own.size**2 * index + used
+        )  # the first of ``entries`` are those of one element of the beam after another
         W = cs.sparsify(cs.DM(weights[used]))
         return places.tolist(), lambda e, load: W @ self._derivatives(e, load)
 

@@ -214,9 +214,7 @@ def static_equilibrium(
     return Equilibrium(model, rest.coordinates, force, moment, rest.remainder, further)
 
 
-def _all_loads(
-    tip_force: tuple[float, float], tip_moment: float, loads: tuple[Load, ...]
-) -> tuple[Load, ...]:
+def _all_loads(tip_force: tuple[float, float], tip_moment: float, loads: tuple[Load, ...]) -> tuple[Load, ...]:
     """Return the loads that are not zero."""
     return tuple(load for load in (PointLoad(tip_force, tip_moment), *loads) if any(load.values))
 

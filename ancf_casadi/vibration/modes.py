@@ -46,8 +46,8 @@ class Modes(Reported):
     frequencies : array (m,)
         Natural frequencies, Hz.
     shapes : array (4 n + 4, m)
-        Mass-normalised mode shapes Phi in all nodal coordinates, zero where the beam is held.  The larger component of the displacement of the
-        tip, or of the reference point if the tip is held, is positive.
+        Mass-normalised mode shapes Phi in all nodal coordinates, zero where the beam is held.  The larger component of
+        the displacement of the tip, or of the reference point if the tip is held, is positive.
 
     Examples
     --------

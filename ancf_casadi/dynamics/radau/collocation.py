@@ -145,7 +145,9 @@ class Collocation:
             error += balance.of_low_rank(e[:, -1], deviations[0])
         solved = self._solved(self._real, s.real, self._frames(1).back(real * error, s.turns[-NODE:, :]))
         *shared, _ = vars(s).values()
-        return _function("finish", [*shared, a], [e, model.of_free(e_t[:, -1]), model.of_free(e_tt[:, -1]), solved, powers])
+        return _function(
+            "finish", [*shared, a], [e, model.of_free(e_t[:, -1]), model.of_free(e_tt[:, -1]), solved, powers]
+        )
 
     @cached_property
     def factors(self) -> cs.Function:
@@ -307,7 +309,9 @@ def stage_motion(
 def _selection(model: Model) -> cs.DM:
     """Return the sparse matrix that takes free coordinates to four places per node."""
     places = node_places(model)
-    return cs.DM.triplet(places.tolist(), list(range(places.size)), cs.DM.ones(places.size), model.size - NODE, places.size)
+    return cs.DM.triplet(
+        places.tolist(), list(range(places.size)), cs.DM.ones(places.size), model.size - NODE, places.size
+    )
 
 
 def _lagrange(nodes: Array, x: cs.MX) -> list[cs.MX]:

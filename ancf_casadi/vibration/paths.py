@@ -37,6 +37,7 @@ from numpy.typing import NDArray
 from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.loads import LineLoad, Load, PointLoad
 from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import BandedFactors, factorised
 from ancf_casadi.support.inputs import check_instance, instances, number, positive, whole
@@ -153,7 +154,7 @@ class EquilibriumPath(Reported):
         """Return factor and displacement at both ends and at the critical points."""
         rows: list[tuple[str, float, float, float]] = []
         kinds = {0: "begin", len(self.factors) - 1: "end"}
-        kinds |= {self.equilibria.index(one.equilibrium): one.kind for one in self.critical_points}
+        kinds |= {k: one.kind for k, rest in enumerate(self.equilibria) for one in self.critical_points if one.equilibrium is rest}
         places = self.displacements()
         rows = [(kinds[k], float(self.factors[k]), *map(float, places[k])) for k in sorted(kinds)]
         unstable = np.count_nonzero(~self.stable)
@@ -213,21 +214,14 @@ class _Growing:
         """Return the model with its supports displaced by a multiple."""
         if not self.moves:
             return self.model
-        factor = factor or 1e-200  # a first clamp that is not displaced would have no node of its own
         supports = []
         for one in self.model.beam.supports:
             turned = {"rotation": factor * one.angle} if hasattr(one, "rotation") else {}
             x, y = one.displacement
-            supports.append(replace(one, displacement=(factor * x, factor * y), **turned))
+            own = replace(one, displacement=(factor * x, factor * y), **turned)
+            # a clamp of the beginning that is not displaced would take its node from the model
+            supports.append(replace(own, displacement=(1e-29, 0.0)) if own == Clamp() != one else own)
         return replace(self.model, beam=replace(self.model.beam, supports=tuple(supports)))
-
-    def structure(self, factor: float) -> Structure:
-        """Return the beam and its loads at a factor."""
-        return Structure.of(self.model_at(factor), [load.scaled(factor) for load in self.loads])
-
-    def coordinates(self, q: Array, factor: float) -> Array:
-        """Return the nodal coordinates."""
-        return np.asarray(self.model_at(factor).whole(q, np.array([0.0, 0.0, *self.model.beam.axis])))
 
     def point(self, factor: float, equilibrium: Equilibrium) -> _Point:
         """Return an equilibrium as a point."""
@@ -247,18 +241,27 @@ class _Point:
     remainder: Array  # of all nodal coordinates
 
     @cached_property
-    def at(self) -> Position:
-        return Position(self.growing.coordinates(self.q, self.factor), self.remainder)
+    def equilibrium(self) -> Equilibrium:
+        """The point as a result."""
+        loads, model = tuple(load.scaled(self.factor) for load in self.growing.loads), self.growing.model_at(self.factor)
+        coordinates = model.whole(self.q, np.array([0.0, 0.0, *model.beam.axis]))
+        return Equilibrium(model, coordinates, remainder=self.remainder, loads=loads)
 
     @cached_property
     def structure(self) -> Structure:
-        return self.growing.structure(self.factor)
+        """The beam and its loads."""
+        return Structure.of(self.equilibrium.model, self.equilibrium.loads)
+
+    @property
+    def at(self) -> Position:
+        """The nodal coordinates."""
+        return self.equilibrium.exact
 
     @cached_property
     def balance(self) -> tuple[Array, Array, Array]:
         """The balance R, and K, shifted if the supports do not hold the beam, and M, stored by diagonals."""
         force, stiffness, mass = self.structure.linearisation(self.at)
-        if not self.structure.model.is_held:
+        if not self.growing.model.is_held:
             stiffness = stiffness + shift_of(self.structure.model, stiffness, mass) * mass
         return force, stiffness, mass
 
@@ -337,13 +340,6 @@ class _Point:
             at, away = at.moved(step), away + step
             converged = bool(np.abs(step).max() < CONVERGED)
         return None
-
-    @property
-    def equilibrium(self) -> Equilibrium:
-        """The point as a result."""
-        loads = tuple(load.scaled(self.factor) for load in self.growing.loads)
-        model, coordinates = self.growing.model_at(self.factor), self.at.coordinates
-        return Equilibrium(model, coordinates, remainder=self.remainder, loads=loads)
 
     def determinant_relative_to(self, other: _Point) -> float:
         """Return the determinant of K, relative to its size at another point."""
@@ -446,6 +442,8 @@ def equilibrium_path(
             step /= 2
             continue
         trial, direction = following
+        if abs(trial.factor) > growing.largest:
+            trial = _at_factor(here, trial, float(np.copysign(growing.largest, trial.factor)))
         if (len(path) > 1 or start is None) and trial.negative != here.negative:
             path.append(_root(here, trial, lambda one: one.determinant_relative_to(trial)))
             critical.append(path[-1].critical("limit" if tangent[-1] * direction[-1] < 0.0 else "bifurcation"))
@@ -456,15 +454,24 @@ def equilibrium_path(
             f"the path of equilibria cannot be followed from the factor {here.factor:g}; use a smaller largest factor, "
             "or more elements"
         )
-    return path, critical
+    stable = np.array([one.negative == 0 for one in path])
+    special = {id(one.equilibrium) for one in critical}
+    equilibria = tuple(one.equilibrium for one in path)
+    return EquilibriumPath(
+        model,
+        acting,
+        np.array([one.factor for one in path]),
+        equilibria,
+        stable & ~np.array([id(one) in special for one in equilibria]),
+        tuple(critical),
+        abs(here.factor) >= growing.largest * (1 - 1e-9),
+    )
 
 
 def _next(here: _Point, tangent: Array, step: float, *, counts: bool) -> tuple[_Point, Array] | None:
     """Return the equilibrium one step along a path, and its tangent; None if the step is too long."""
-    growing, row = here.growing, np.append(tangent[:-1] / here.q.size, 0.0)
+    row = np.append(tangent[:-1] / here.q.size, 0.0)
     trial = here.moved(step * tangent).corrected(row)
-    if trial is not None and abs(trial.factor) > growing.largest:
-        trial = _at_factor(here, trial, float(np.copysign(growing.largest, trial.factor)))
     if trial is None:
         return None
     try:
@@ -478,6 +485,7 @@ def _next(here: _Point, tangent: Array, step: float, *, counts: bool) -> tuple[_
     mismatch = abs(way[-1] / _size(way[:-1]) - rates.mean())
     follows = (
         rotation <= LARGEST_ROTATION
+        and abs(way[-1]) <= 2 * LARGEST_STEP
         and direction[:-1] @ tangent[:-1] >= SMALLEST_COSINE * here.q.size
         and mismatch <= LARGEST_MISMATCH * np.abs(rates).max()
         and (passed == 1 or (passed == 0 and (rates.prod() >= 0.0 or not counts)))

@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from ancf_casadi.support.parallel import run_all
     from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
     from ancf_casadi.vibration.modes import Modes, mac, natural_modes
+    from ancf_casadi.vibration.paths import CriticalPoint, EquilibriumPath, equilibrium_path
 else:
     __getattr__, __dir__ = on_first_use(__name__)
 
@@ -64,12 +65,14 @@ __all__ = [
     "Clamp",
     "ContinuationError",
     "CriticalLoad",
+    "CriticalPoint",
     "DampedModes",
     "DampingCurve",
     "DampingLaw",
     "Dashpot",
     "Equilibrium",
     "EquilibriumError",
+    "EquilibriumPath",
     "FitError",
     "FixedBase",
     "FrictionDamping",
@@ -118,6 +121,7 @@ __all__ = [
     "critical_load",
     "damped_modes",
     "damping_curve",
+    "equilibrium_path",
     "frequency_response",
     "linear_frf",
     "mac",

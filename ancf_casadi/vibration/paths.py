@@ -124,15 +124,16 @@ class EquilibriumPath(Reported):
         factor, found = number(factor, "factor"), []
         growing = _Growing(self.model, self.loads, float(np.abs(self.factors).max()))
         points = [growing.point(*pair) for pair in zip(self.factors.tolist(), self.equilibria, strict=True)]
+        steepest = max(1.0, *(_rate(first.chord(last)) for first, last in pairwise(points)))
         for first, last in pairwise(points):
             if (first.factor - factor) * (last.factor - factor) < 0.0:
-                found.append(_at_factor(first, last, factor).equilibrium)
+                found.append(_at_factor(first, last, factor, steepest).equilibrium)
             elif first.factor == factor:
                 found.append(first.equilibrium)
         return (*found, *(one.equilibrium for one in points[-1:] if one.factor == factor))
 
-    def displacements(self, point: float | None = None) -> Array:
-        """Return the displacement (x, y) of a point from the beginning of the path, (k, 2), m.
+    def positions(self, point: float | None = None) -> Array:
+        """Return the position (x, y) of a point, (k, 2), m.
 
         Parameters
         ----------
@@ -140,8 +141,7 @@ class EquilibriumPath(Reported):
             Arc length, m; ``reference_point`` if not given.
         """
         rows = self.model.interpolation(self.reference_point if point is None else point)
-        coordinates = np.array([one.coordinates for one in self.equilibria])
-        return np.asarray((coordinates - coordinates[0]) @ rows.T)
+        return np.array([rows @ one.coordinates for one in self.equilibria])
 
     @cached_property
     def reference_point(self) -> float:
@@ -150,16 +150,20 @@ class EquilibriumPath(Reported):
         moved = (coordinates - coordinates[0]).reshape(len(coordinates), -1, NODE)[:, self.model.root :, :2]
         return float(self.model.beam.arc[np.linalg.norm(moved, axis=2).max(axis=0).argmax()])
 
+    @property
+    def critical_indices(self) -> dict[int, CriticalPoint]:
+        """The critical points by their number in the path, from 0."""
+        own = {id(one.equilibrium): one for one in self.critical_points}
+        return {k: own[id(rest)] for k, rest in enumerate(self.equilibria) if id(rest) in own}
+
     def table(self) -> Table:
-        """Return factor and displacement at both ends and at the critical points."""
-        rows: list[tuple[str, float, float, float]] = []
+        """Return the factor and the position of the reference point at both ends and at the critical points."""
         kinds = {0: "begin", len(self.factors) - 1: "end"}
-        kinds |= {k: one.kind for k, rest in enumerate(self.equilibria) for one in self.critical_points if one.equilibrium is rest}
-        places = self.displacements()
+        kinds |= {k: one.kind for k, one in self.critical_indices.items()}
+        places = self.positions()
         rows = [(kinds[k], float(self.factors[k]), *map(float, places[k])) for k in sorted(kinds)]
-        unstable = np.count_nonzero(~self.stable)
-        title = f"Path of {counted(len(self.factors), 'equilibrium')}, {unstable} of them unstable"
-        note = f"displacement of the point at {self.reference_point:.4g} m"
+        title = f"Path of {len(self.factors)} equilibria, {np.count_nonzero(~self.stable)} of them unstable"
+        note = f"x and y of the point at {self.reference_point:.4g} m"
         return Table("path", title, ("", "factor", "x_m", "y_m"), rows, (note,))
 
     def to_dict(self) -> dict[str, Any]:
@@ -427,7 +431,7 @@ def equilibrium_path(
     if start is None:
         here = growing.point(0.0, static_equilibrium(growing.model_at(0.0)))
         tangent = here.tangent(np.append(np.zeros(model.freedoms), 1.0))
-        step = LARGEST_STEP / abs(float(tangent[-1]))
+        step = _longest_step(tangent)
     else:
         here, step = growing.point(start.factor, start.equilibrium), LARGEST_STEP
         known = here.equilibrium
@@ -435,20 +439,21 @@ def equilibrium_path(
             raise InputError("is no bifurcation of a path of this model under these loads", "start")
         shape = side * known.model.of_free(start.shape) / known.model.free_scale
         tangent = np.append(shape / _size(shape), 0.0)
-    path, critical = [here], []
+    path, critical, steepest = [here], [], max(1.0, abs(float(tangent[-1])))
     while abs(here.factor) < growing.largest and len(path) < points and step > CONVERGED:
-        following = _next(here, tangent, step, counts=len(path) > 1 or start is None)
+        following = _next(here, tangent, step, steepest, counts=len(path) > 1 or start is None)
         if following is None:
             step /= 2
             continue
         trial, direction = following
         if abs(trial.factor) > growing.largest:
-            trial = _at_factor(here, trial, float(np.copysign(growing.largest, trial.factor)))
+            trial = _at_factor(here, trial, float(np.copysign(growing.largest, trial.factor)), steepest)
         if (len(path) > 1 or start is None) and trial.negative != here.negative:
-            path.append(_root(here, trial, lambda one: one.determinant_relative_to(trial)))
+            path.append(_root(here, trial, lambda one: one.determinant_relative_to(trial), steepest))
             critical.append(path[-1].critical("limit" if tangent[-1] * direction[-1] < 0.0 else "bifurcation"))
         path.append(trial)
-        here, tangent, step = trial, direction, min(2 * step, LARGEST_STEP / abs(float(direction[-1])))
+        steepest = max(steepest, abs(float(direction[-1])))
+        here, tangent, step = trial, direction, min(2 * step, _longest_step(direction))
     if len(path) == 1:
         raise EquilibriumError(
             f"the path of equilibria cannot be followed from the factor {here.factor:g}; use a smaller largest factor, "
@@ -468,9 +473,9 @@ def equilibrium_path(
     )
 
 
-def _next(here: _Point, tangent: Array, step: float, *, counts: bool) -> tuple[_Point, Array] | None:
+def _next(here: _Point, tangent: Array, step: float, steepest: float, *, counts: bool) -> tuple[_Point, Array] | None:
     """Return the equilibrium one step along a path, and its tangent; None if the step is too long."""
-    row = np.append(tangent[:-1] / here.q.size, 0.0)
+    row = _row(tangent, steepest)
     trial = here.moved(step * tangent).corrected(row)
     if trial is None:
         return None
@@ -493,25 +498,43 @@ def _next(here: _Point, tangent: Array, step: float, *, counts: bool) -> tuple[_
     return (trial, direction) if follows else None
 
 
+def _longest_step(tangent: Array) -> float:
+    """Return the step by which the factor changes by ``LARGEST_STEP``, at most 1."""
+    return LARGEST_STEP / max(abs(float(tangent[-1])), LARGEST_STEP)
+
+
 def _size(x: Array) -> float:
     """Return the root mean square."""
     return float(np.linalg.norm(x) / np.sqrt(x.size))
 
 
-def _at_factor(first: _Point, last: _Point, factor: float) -> _Point:
+def _row(direction: Array, steepest: float) -> Array:
+    """Return the normal of the planes on which points are sought along a direction.
+
+    The factor counts little where it varies less than at the steepest slope, and nothing where it turns.
+    """
+    return np.append(direction[:-1] / (direction.size - 1), direction[-1] / steepest**2)
+
+
+def _rate(way: Array) -> float:
+    """Return the size of the change of the factor per change of the coordinates."""
+    return abs(float(way[-1])) / _size(way[:-1])
+
+
+def _at_factor(first: _Point, last: _Point, factor: float, steepest: float) -> _Point:
     """Return the point at a factor between two points of a path."""
-    near = _root(first, last, lambda one: one.factor - factor)
+    near = _root(first, last, lambda one: one.factor - factor, steepest)
     row = np.append(np.zeros(first.q.size), 1.0)
     return replace(near, factor=factor).corrected(row) or near
 
 
-def _root(first: _Point, last: _Point, value: Callable[[_Point], float]) -> _Point:
+def _root(first: _Point, last: _Point, value: Callable[[_Point], float], steepest: float) -> _Point:
     """Return the point between two points of a path at which a value of opposite signs there is zero.
 
     The Illinois variant of the regula falsi keeps a bracket; its order is 1.44.
     """
     chord = first.chord(last)
-    row = np.append(chord[:-1] / (chord[:-1] @ chord[:-1]), 0.0)
+    row = _row(chord / _size(chord[:-1]), steepest)
     (a, b), (low, high) = (0.0, 1.0), (value(first), value(last))
     best = last
     for _ in range(60):

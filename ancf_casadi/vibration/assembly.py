@@ -32,7 +32,8 @@ import scipy.sparse
 
 from ancf_casadi.mechanics.element import Element
 from ancf_casadi.mechanics.loads import Load, PointLoad
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.strain import gauss_pairs, hermite, hermite_slope
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import Buffered

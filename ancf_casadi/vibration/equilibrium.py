@@ -30,7 +30,8 @@ import scipy.sparse
 
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.mechanics.loads import LineLoad, Load, PointLoad
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import factorised, sparse
 from ancf_casadi.support.inputs import check_instance, check_size, instances, number, vector

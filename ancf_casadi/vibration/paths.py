@@ -36,7 +36,8 @@ from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.loads import LineLoad, Load, PointLoad
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import BandedFactors, factorised
@@ -247,7 +248,10 @@ class _Point:
     @cached_property
     def equilibrium(self) -> Equilibrium:
         """The point as a result."""
-        loads, model = tuple(load.scaled(self.factor) for load in self.growing.loads), self.growing.model_at(self.factor)
+        loads, model = (
+            tuple(load.scaled(self.factor) for load in self.growing.loads),
+            self.growing.model_at(self.factor),
+        )
         coordinates = model.whole(self.q, np.array([0.0, 0.0, *model.beam.axis]))
         return Equilibrium(model, coordinates, remainder=self.remainder, loads=loads)
 
@@ -326,7 +330,9 @@ class _Point:
     def moved(self, x: Array) -> _Point:
         """Return the point at a distance."""
         q = self.q + self.structure.model.free_scale * x[:-1]
-        return replace(self, q=q, factor=self.factor + self.growing.largest * float(x[-1]), remainder=0.0 * self.remainder)
+        return replace(
+            self, q=q, factor=self.factor + self.growing.largest * float(x[-1]), remainder=0.0 * self.remainder
+        )
 
     def corrected(self, row: Array) -> _Point | None:
         """Return the equilibrium on the plane through the point normal to a row; None if Newton's method fails."""
@@ -435,7 +441,10 @@ def equilibrium_path(
     else:
         here, step = growing.point(start.factor, start.equilibrium), LARGEST_STEP
         known = here.equilibrium
-        if start.kind != "bifurcation" or (known.model, known.loads) != (start.equilibrium.model, start.equilibrium.loads):
+        if start.kind != "bifurcation" or (known.model, known.loads) != (
+            start.equilibrium.model,
+            start.equilibrium.loads,
+        ):
             raise InputError("is no bifurcation of a path of this model under these loads", "start")
         shape = side * known.model.of_free(start.shape) / known.model.free_scale
         tangent = np.append(shape / _size(shape), 0.0)

@@ -244,15 +244,20 @@ class Beam(Displayed):
     @cached_property
     def arc(self) -> Array:
         """Arc length of each node, (n + 1,), m."""
-        n, points = self.elements, sorted({one.point for one in (*self.supports, *self.attachments)})
-        places = [0, *_nodes_near([point / self.length * n for point in points if 0.0 < point < self.length], n), n]
-        known = sorted({0.0, *points, self.length})
-        return np.interp(np.arange(n + 1), places, known)
+        n, inner = self.elements, self._inner_points
+        places = [0, *_nodes_near([point / self.length * n for point in inner], n), n]
+        return np.interp(np.arange(n + 1), places, [0.0, *inner, self.length])
+
+    @property
+    def _inner_points(self) -> list[float]:
+        """The points of supports and attachments between the ends, m, ascending."""
+        points = {one.point for one in self.supports} | {one.point for one in self.attachments}
+        return sorted(points - {0.0, self.length})
 
     @cached_property
     def element_lengths(self) -> Array:
         """Length l of each element, (n,), m."""
-        if len({one.point for one in (*self.supports, *self.attachments)} - {0.0, self.length}):
+        if self._inner_points:
             return np.diff(self.arc)
         return np.full(self.elements, self.length / self.elements)
 
@@ -354,10 +359,10 @@ class Beam(Displayed):
         points = [one.point for one in self.supports]
         if twice := [point for point in points if points.count(point) > 1]:
             raise InputError(f"two supports hold the point at {twice[0]:g} m; give one that holds both", "supports")
-        inner = {one.point for one in (*self.supports, *self.attachments)} - {0.0, self.length}
-        if len(inner) > self.elements - 1:
+        inner = len(self._inner_points)
+        if inner > self.elements - 1:
             raise InputError(
-                f"supports and attachments are at {len(inner)} points between the ends, but the beam has "
+                f"supports and attachments are at {inner} points between the ends, but the beam has "
                 f"{self.elements - 1} nodes there; use more elements",
                 "elements",
             )

@@ -191,8 +191,10 @@ class Beam(Displayed):
         curvature = _spread(natural_curvature, elements, "natural_curvature")
         held: dict[str, Any] = {"supports": supports, "attachments": attachments}
         beam = cls(length=length, axis=axis, gravity=gravity, natural_curvature=curvature, **held, **spread)
-        given = {"tip_mass": (tip_mass, 0.0), "clamp_stiffness": (clamp_stiffness, math.inf)}
-        return beam.with_(**{name: value for name, (value, none) in given.items() if value != none})
+        lumped = {"tip_mass": tip_mass} if tip_mass != 0.0 else {}
+        if clamp_stiffness != math.inf:
+            lumped["clamp_stiffness"] = clamp_stiffness
+        return beam.with_(**lumped)
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Beam:

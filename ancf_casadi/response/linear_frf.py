@@ -46,7 +46,8 @@ from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.banded import BandedFactors
 from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, choice, is_sequence, number, unit_vector

@@ -23,7 +23,8 @@ from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.signals import Signal, parameter_signals
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE, tip_force
 from ancf_casadi.mechanics.attachments import Dashpot, Spring
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.reduction.forces import BASE_SIZE
 from ancf_casadi.reduction.reduced import ReducedModel, reduced_motion
 from ancf_casadi.response.harmonic_balance.drive import BEAM_EXCITATION

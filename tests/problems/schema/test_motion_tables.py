@@ -222,12 +222,12 @@ class TestRecords:
             length = 0.4
             [[frequencies]]
             frequencies = [1.8]
-            supports = [{kind = "pin", point = 0.0}, {kind = "roller", point = 0.5}]
+            supports = [{kind = "pin", point = 0.0}, {kind = "roller", point = 0.5, direction = [0.0, 1.0]}]
             attachments = [{kind = "spring", point = 0.25, stiffness = [0.0, 20.0]}]
             """
         shorter, other = (one.model.beam for one in read_measurements(file(BEAM, mass, text)).records)
         assert (shorter.length, shorter.lumped) == (0.4, {"tip_mass": 1e-3})
-        assert other.supports == (Pin(0.0), Roller(0.5)) and other.lumped == {"spring_y": 20.0}
+        assert other.supports == (Pin(0.0), Roller(0.5, (0.0, 1.0))) and other.lumped == {"spring_y": 20.0}
         wrong = text.replace('"roller"', '"glue"')
         with pytest.raises(InputError, match=r"\[\[frequencies\]\]: supports: 2: kind must be one of clamp"):
             read_measurements(file(BEAM, wrong))

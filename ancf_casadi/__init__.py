@@ -31,9 +31,10 @@ if TYPE_CHECKING:
         SimulationError,
     )
     from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, RotationalSpring, Spring
-    from ancf_casadi.mechanics.beam import Beam, Section
+    from ancf_casadi.mechanics.beam import Beam
     from ancf_casadi.mechanics.loads import LineLoad, PointLoad
     from ancf_casadi.mechanics.model import Model
+    from ancf_casadi.mechanics.section import Section
     from ancf_casadi.mechanics.strain import StrainMeasures
     from ancf_casadi.mechanics.supports import Clamp, Guide, Pin, Roller, Support
     from ancf_casadi.records.measurement import Measurement
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
     from ancf_casadi.support.parallel import run_all
     from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
     from ancf_casadi.vibration.modes import Modes, mac, natural_modes
+    from ancf_casadi.vibration.paths import CriticalPoint, EquilibriumPath, equilibrium_path
 else:
     __getattr__, __dir__ = on_first_use(__name__)
 
@@ -64,12 +66,14 @@ __all__ = [
     "Clamp",
     "ContinuationError",
     "CriticalLoad",
+    "CriticalPoint",
     "DampedModes",
     "DampingCurve",
     "DampingLaw",
     "Dashpot",
     "Equilibrium",
     "EquilibriumError",
+    "EquilibriumPath",
     "FitError",
     "FixedBase",
     "FrictionDamping",
@@ -118,6 +122,7 @@ __all__ = [
     "critical_load",
     "damped_modes",
     "damping_curve",
+    "equilibrium_path",
     "frequency_response",
     "linear_frf",
     "mac",

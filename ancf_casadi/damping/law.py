@@ -22,7 +22,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, number, numbers
 from ancf_casadi.support.tables import Displayed

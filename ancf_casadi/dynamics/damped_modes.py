@@ -57,7 +57,7 @@ GROWING = 1e-7  # real part of a growing mode, relative to |s|; rounding leaves 
 
 @dataclass(frozen=True)
 class DampedModes(Reported):
-    """The damped modes about an equilibrium that are next to rest, in ascending order of \\|s\\|.
+    """The damped modes about an equilibrium that are next to rest, in ascending order of the size of s.
 
     Parameters
     ----------

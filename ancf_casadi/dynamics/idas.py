@@ -45,7 +45,7 @@ from ancf_casadi.dynamics.excitation import EXCITATION, Excitation
 from ancf_casadi.dynamics.segments import ENERGY_STATES, Segment, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 
 DEFAULTS: Mapping[str, Any] = {
@@ -97,7 +97,9 @@ class SemiExplicit:
         e, e_t, e_tt = self._motion
         forces, powers = self._balance.forces(e, e_t, e_tt, excitation[3 * NODE :])
         options = {"is_diff_in": [False] * 3}
-        return cs.Function("energetics", [x, z, excitation], [powers, self.equations.model.of_base(forces), e, e_t], options)
+        return cs.Function(
+            "energetics", [x, z, excitation], [powers, self.equations.model.of_base(forces), e, e_t], options
+        )
 
     def scaled(self, state: State) -> Array:
         """Return x of a state."""

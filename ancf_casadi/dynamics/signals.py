@@ -23,7 +23,7 @@ import numpy as np
 
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.mechanics.beam import BEAM_UNITS, PROPERTIES
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import instances
 from ancf_casadi.support.tables import Displayed, counted

@@ -21,7 +21,7 @@ from ancf_casadi.dynamics.signals import MotionFunctions, Signal, values
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.motion_functions import BeamFunctions
 from ancf_casadi.export.solved_functions import GAMMA
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.reduction.stepping import STEPS_PER_PERIOD
 from ancf_casadi.support.arrays import Array, Index
 

@@ -34,7 +34,8 @@ from ancf_casadi.dynamics.signals import (
     values,
 )
 from ancf_casadi.export.solved_functions import equilibrium_function, free_part, frequencies_function, step_function
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.inputs import check_instance, numbers, whole
 from ancf_casadi.vibration.modes import natural_modes
 

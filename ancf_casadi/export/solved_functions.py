@@ -43,7 +43,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes

@@ -10,10 +10,8 @@ at its beginning, or held by other supports, and carries masses, springs and das
 Where one of these is not at the end of an element, the nearest node moves there, and the nodes between spread evenly.
 The laboratory frame has x to the right and y up.
 
-Lumped properties are those that the beam does not have once per element: masses, stiffnesses, coefficients, and the
-largest natural curvature, which stands for all of them.  Their names are tip_mass, mass, clamp_stiffness,
-rotational_spring, spring_x, spring_y, dashpot_x, dashpot_y, rotary_inertia and natural_curvature; a second one of a
-name counts on along the beam, mass_2.
+Lumped properties (``lumped``) are those that the beam does not have once per element: masses, stiffnesses,
+coefficients, and the largest natural curvature, which stands for all of them.
 """
 
 from __future__ import annotations
@@ -29,8 +27,10 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, RotationalSpring, Spring
+from ancf_casadi.mechanics.attachments import Attachment
 from ancf_casadi.mechanics.beam_table import PARTS, with_parts
+from ancf_casadi.mechanics.lumped import Place, changed_parts, lumped_places
+from ancf_casadi.mechanics.section import LARGEST_PROPERTY, SMALLEST_PROPERTY, Section
 from ancf_casadi.mechanics.supports import Clamp, Support
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import read_toml
@@ -57,52 +57,6 @@ BEAM_UNITS = {"width": "m", "thickness": "m", "density": "kg/m^3", "elastic_modu
 LUMPED_KINDS = frozenset(BEAM_UNITS) - {*PROPERTIES}  # names of lumped properties, without numbers
 MINIMUM_ELEMENTS = 2
 MAXIMUM_ELEMENTS = 10_000  # a larger number is taken for a typing error
-# bounds in SI units; products of values beyond them overflow or vanish
-SMALLEST_PROPERTY, LARGEST_PROPERTY = 1e-100, 1e100
-
-
-@dataclass(frozen=True)
-class Section(Displayed):
-    """A rectangular cross-section.
-
-    Parameters
-    ----------
-    width : float
-        Extent out of the plane of motion, m.
-    thickness : float
-        Extent in the plane of motion, m.
-
-    Raises
-    ------
-    InputError
-        If a side is not a positive number, or exceeds 1e100 m.
-
-    Examples
-    --------
-    >>> from ancf_casadi import Section
-    >>> section = Section(width=5e-3, thickness=0.5e-3)
-    >>> print(f"{section.area:.3g} m^2, {section.second_moment:.3g} m^4")
-    2.5e-06 m^2, 5.21e-14 m^4
-    """
-
-    width: float
-    thickness: float
-
-    def __post_init__(self) -> None:
-        """Validate."""
-        for name in ("width", "thickness"):
-            if positive(getattr(self, name), name) > LARGEST_PROPERTY:
-                raise InputError(f"{getattr(self, name):g} m is beyond the range of numbers; check the unit", name)
-
-    @property
-    def area(self) -> float:
-        """Area A = b h, m^2."""
-        return self.width * self.thickness
-
-    @property
-    def second_moment(self) -> float:
-        """Second moment of area I = b h^3 / 12, m^4."""
-        return self.width * self.thickness**3 / 12
 
 
 @dataclass(frozen=True)
@@ -315,10 +269,15 @@ class Beam(Displayed):
     @cached_property
     def lumped(self) -> dict[str, float]:
         """The lumped properties by name: those of attachments and of supports along the beam, then the curvature."""
-        found = {name: self._value_at(*place) for name, place in self.lumped_places.items()}
+        found = {name: place.value(self.supports, self.attachments) for name, place in self.lumped_places.items()}
         if self.natural_curvature:
             found["natural_curvature"] = max(self.natural_curvature, key=abs)
         return found
+
+    @property
+    def tip_is_held(self) -> bool:
+        """Whether a support is at the tip."""
+        return any(one.point == self.length for one in self.supports)
 
     @property
     def tip_mass(self) -> float:
@@ -364,7 +323,11 @@ class Beam(Displayed):
                 changes.setdefault(name, tuple(own))
         beam = replace(self, **changes)
         for name, value in lumped.items():
-            beam = beam._with_lumped(name, value)
+            if name not in {*beam.lumped_places, "tip_mass", "clamp_stiffness"}:
+                known = sorted(names | {*beam.lumped_places, "tip_mass", "clamp_stiffness"})
+                raise InputError(f"is not a property of the beam; known are {', '.join(known)}", name)
+            supports, attachments = changed_parts(beam.length, beam.supports, beam.attachments, name, value)
+            beam = replace(beam, supports=supports, attachments=attachments)
         return beam
 
     def with_lumped(self, values: Mapping[str, float]) -> Beam:
@@ -377,54 +340,9 @@ class Beam(Displayed):
         return self.with_(natural_curvature=[ratio * own for own in self.natural_curvature], **changes)
 
     @cached_property
-    def lumped_places(self) -> dict[str, tuple[str, int, str, int]]:
-        """Field, number, attribute and component of each lumped property of a support or attachment."""
-        found: dict[str, tuple[str, int, str, int]] = {}
-
-        def add(name: str, *place: Any) -> None:
-            counts = (name, *(f"{name}_{k}" for k in range(2, len(found) + 3)))
-            found[next(one for one in counts if one not in found)] = place
-
-        for k, one in enumerate(self.attachments):
-            if isinstance(one, PointMass):
-                add("tip_mass" if one.point == self.length else "mass", "attachments", k, "mass", 0)
-                if one.rotary_inertia:
-                    add("rotary_inertia", "attachments", k, "rotary_inertia", 0)
-            elif isinstance(one, RotationalSpring):
-                add("rotational_spring", "attachments", k, "stiffness", 0)
-            elif isinstance(one, Spring | Dashpot):
-                attribute = "stiffness" if isinstance(one, Spring) else "coefficient"
-                for component, direction in enumerate("xy"):
-                    if getattr(one, attribute)[component]:
-                        add(f"{type(one).__name__.lower()}_{direction}", "attachments", k, attribute, component)
-        for k, support in enumerate(self.supports):
-            if isinstance(support, Clamp) and math.isfinite(support.stiffness):
-                add("clamp_stiffness", "supports", k, "stiffness", 0)
-        return found
-
-    def _value_at(self, owner: str, number: int, attribute: str, component: int) -> float:
-        value = getattr(getattr(self, owner)[number], attribute)
-        return float(value[component] if isinstance(value, tuple) else value)
-
-    def _with_lumped(self, name: str, value: Any) -> Beam:
-        """Return a copy with another value of one lumped property."""
-        clamps = [k for k, one in enumerate(self.supports) if isinstance(one, Clamp)]
-        if name in self.lumped_places:
-            owner, k, attribute, component = self.lumped_places[name]
-        elif name == "tip_mass":
-            return replace(
-                self, attachments=(*self.attachments, _changed(PointMass(self.length, 0.0), name, "mass", value))
-            )
-        elif name == "clamp_stiffness" and clamps:
-            owner, k, attribute, component = "supports", clamps[0], "stiffness", 0
-        else:
-            known = {field.name for field in fields(self)} | {*self.lumped_places, "tip_mass", "clamp_stiffness"}
-            raise InputError(f"is not a property of the beam; known are {', '.join(sorted(known))}", name)
-        parts = list(getattr(self, owner))
-        old = getattr(parts[k], attribute)
-        new = tuple(value if j == component else x for j, x in enumerate(old)) if isinstance(old, tuple) else value
-        parts[k] = _changed(parts[k], name, attribute, new)
-        return replace(self, **{owner: tuple(parts)})
+    def lumped_places(self) -> dict[str, Place]:
+        """The place of each lumped property of a support or attachment (``mechanics.lumped``)."""
+        return lumped_places(self.length, self.supports, self.attachments)
 
     def _check_points(self) -> None:
         """Refuse supports and attachments that are off the beam, at the same point, or more than the nodes."""
@@ -487,14 +405,6 @@ def _spread(value: Any, elements: int, name: str) -> tuple[float, ...]:
             raise InputError(f"has {len(value)} values for {elements} elements", name)
         return tuple(value)
     return (value,) * elements
-
-
-def _changed(part: Any, name: str, attribute: str, value: Any) -> Any:
-    """Return a support or attachment with another value of the attribute that the lumped property ``name`` is."""
-    try:
-        return replace(part, **{attribute: value})
-    except InputError as error:
-        raise InputError(str(error).removeprefix(f"{attribute}: "), name) from None
 
 
 def _nodes_near(places: Sequence[float], n: int) -> list[int]:

@@ -176,7 +176,9 @@ class LineLoad(Displayed):
     def words(self) -> str:
         """The load in words."""
         kind = "follower force" if self.follower else "force"
-        return f"{kind} {self.force} N/m from {self.begin:g} m to {'the tip' if self.end is None else f'{self.end:g} m'}"
+        return (
+            f"{kind} {self.force} N/m from {self.begin:g} m to {'the tip' if self.end is None else f'{self.end:g} m'}"
+        )
 
 
 Load = PointLoad | LineLoad

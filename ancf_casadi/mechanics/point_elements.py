@@ -16,7 +16,8 @@ The rotary inertia J is that of a slope of length 1, which only rotates.  A mass
 friction acts on it.
 
 Length of the slopes.  The axial strains at the two Gauss points of all elements do not change if all slopes become
-longer by the same amount while the nodes stay.  A clamp or a guide fixes this amount; where no support does, the element
+longer by the same amount while the nodes stay.  A clamp or a guide fixes this amount; where no support does, the
+element
 
     slope length        U = 1/2 E A l (|tau| - 1)^2
 
@@ -51,9 +52,9 @@ def _away(e: cs.SX, alpha: cs.SX, beta: cs.SX) -> cs.SX:
 
 @lru_cache(maxsize=1)
 def spring() -> Element:
-    """Derive the Functions of a spring for e = (r_b, tau_b, r, tau) and p = (alpha, beta, x, y, k): k acts along (x, y).
+    """Derive the Functions of a spring for e = (r_b, tau_b, r, tau) and p = (alpha, beta, x, y, k).
 
-    The undeformed element, of which only the stiffness matters, is any.
+    The stiffness k acts along (x, y).  The undeformed element, of which only the stiffness matters, is any.
     """
     e, e_t, p = _symbols(8, 5)
     along = cs.dot(_away(e, p[0], p[1]), p[2:4])

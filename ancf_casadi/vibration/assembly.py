@@ -32,7 +32,8 @@ import scipy.sparse
 
 from ancf_casadi.mechanics.element import Element
 from ancf_casadi.mechanics.loads import Load, PointLoad
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.strain import gauss_pairs, hermite, hermite_slope
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import Buffered
@@ -64,7 +65,7 @@ class ElementBalance:
     @cached_property
     def stiffness_product(self) -> cs.Function:
         """(e, p, c, de, x) -> (K + (dK/de) de) x, the derivative of the force along x."""
-        e, p, c = given = self._symbols()
+        e, *_ = given = self._symbols()
         de, x = cs.SX.sym("de", self.sizes[0]), cs.SX.sym("x", self.sizes[0])
         along = cs.jtimes(self.force(*given), e, x)
         return _function("stiffness_product", [*given, de, x], [along + cs.jtimes(along, e, de)])
@@ -266,7 +267,9 @@ class Structure:
         def product(whole: Array) -> Array:
             force = np.zeros((size, 1))
             for part, e, p, c, de in given:
-                (of_force,) = per_element(part.balance.stiffness_product, e, p, c, de, relative(whole[part.coordinates]))
+                (of_force,) = per_element(
+                    part.balance.stiffness_product, e, p, c, de, relative(whole[part.coordinates])
+                )
                 force += scatter(part.coordinates, of_force, size)
             return np.asarray(model.of_free(force)[:, 0])
 

@@ -30,7 +30,8 @@ import scipy.sparse
 
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.mechanics.loads import LineLoad, Load, PointLoad
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import factorised, sparse
 from ancf_casadi.support.inputs import check_instance, check_size, instances, number, vector
@@ -214,9 +215,7 @@ def static_equilibrium(
     return Equilibrium(model, rest.coordinates, force, moment, rest.remainder, further)
 
 
-def _all_loads(
-    tip_force: tuple[float, float], tip_moment: float, loads: tuple[Load, ...]
-) -> tuple[Load, ...]:
+def _all_loads(tip_force: tuple[float, float], tip_moment: float, loads: tuple[Load, ...]) -> tuple[Load, ...]:
     """Return the loads that are not zero."""
     return tuple(load for load in (PointLoad(tip_force, tip_moment), *loads) if any(load.values))
 

@@ -148,7 +148,9 @@ def test_the_constructor_needs_one_value_per_element():
 
 
 def test_with_rejects_unknown_properties():
-    with pytest.raises(InputError, match=r"^colour: is not a property of the beam; known are attachments, axis, clamp_stiffness, "):
+    with pytest.raises(
+        InputError, match=r"^colour: is not a property of the beam; known are attachments, axis, clamp_stiffness, "
+    ):
         Beam.uniform(**GOOD).with_(colour="red")
     with pytest.raises(InputError, match=r"^width: has 2 values for 4 elements$"):
         Beam.uniform(**GOOD).with_(width=[1e-3, 1e-3])

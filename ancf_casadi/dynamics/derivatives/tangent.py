@@ -39,7 +39,8 @@ from ancf_casadi.dynamics.equations import Balance
 from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.radau.collocation import RADAU, STAGES, Collocation, stage_motion
 from ancf_casadi.dynamics.radau.stepper import RadauStep
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.support.banded import BandedFactors, lapack_place, lapack_storage
 from ancf_casadi.support.compilation import Buffered

@@ -24,7 +24,8 @@ import numpy as np
 from ancf_casadi.dynamics.derivatives.reading import SampledMotion
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.loads import PointLoad
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.assembly import per_element, scatter, structure_properties

@@ -26,7 +26,7 @@ from ancf_casadi import (
     natural_modes,
 )
 from ancf_casadi.export import Document, write_document
-from ancf_casadi.mechanics.beam_table import PARTS
+from ancf_casadi.mechanics.beam_table import PART_KINDS
 from ancf_casadi.support.inputs import numbers
 from problems import Global, MeasuredModes, PerElement, Smooth
 from problems.schema.beam import BEAM_HELP, read_beam, read_damped
@@ -162,7 +162,7 @@ class TestBeam:
             assert str(caught.value).startswith(f"{path}: [beam]: {message}")
 
     def test_the_help_names_all_fields_of_supports_and_attachments(self):
-        for kinds in PARTS.values():
+        for kinds in PART_KINDS.values():
             for kind, made in kinds.items():
                 own = BEAM_HELP.partition(f'kind = "{kind}"')[2].partition("kind =")[0]
                 assert all(field.name in own for field in fields(made)), kind

@@ -207,14 +207,19 @@ def law_data(law: DampingLaw, model: Model) -> LawData:
     raise InputError(message, "damping")
 
 
-def model_from(beam: BeamData, measures: StrainMeasuresData, where: str) -> Model:
-    """Return the model that a document holds at a place; refuse values that make no beam."""
-    given = asdict(beam)
+def beam_from(data: BeamData) -> Beam:
+    """Return the beam of its fields; refuse values that make no beam."""
+    given = asdict(data)
     for name in PART_KINDS:
         tables: list[dict[str, Any]] = msgspec.to_builtins(given[name])
         given[name] = [{key: math.inf if own is None else own for key, own in one.items()} for one in tables]
+    return Beam(**with_parts(given))
+
+
+def model_from(beam: BeamData, measures: StrainMeasuresData, where: str) -> Model:
+    """Return the model that a document holds at a place; refuse values that make no beam."""
     with located(place(where, "beam")):
-        known = Beam(**with_parts(given))
+        known = beam_from(beam)
     with located(place(where, "strain_measures")):
         return Model(known, StrainMeasures(**asdict(measures)))
 

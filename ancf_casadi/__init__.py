@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from ancf_casadi.support.parallel import run_all
     from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
     from ancf_casadi.vibration.modes import Modes, mac, natural_modes
+    from ancf_casadi.vibration.paths import CriticalPoint, EquilibriumPath, equilibrium_path
 else:
     __getattr__, __dir__ = on_first_use(__name__)
 
@@ -65,12 +66,14 @@ __all__ = [
     "Clamp",
     "ContinuationError",
     "CriticalLoad",
+    "CriticalPoint",
     "DampedModes",
     "DampingCurve",
     "DampingLaw",
     "Dashpot",
     "Equilibrium",
     "EquilibriumError",
+    "EquilibriumPath",
     "FitError",
     "FixedBase",
     "FrictionDamping",
@@ -119,6 +122,7 @@ __all__ = [
     "critical_load",
     "damped_modes",
     "damping_curve",
+    "equilibrium_path",
     "frequency_response",
     "linear_frf",
     "mac",

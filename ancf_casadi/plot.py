@@ -25,6 +25,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES, literal_text, prefixed
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes
+from ancf_casadi.vibration.paths import EquilibriumPath
 
 DATE_FIELDS = {".png": "Software", ".svg": "Date", ".pdf": "CreationDate"}  # metadata that would change from run to run
 DOTS_PER_INCH = 130  # dots per inch
@@ -207,6 +208,30 @@ def equilibrium_figure(equilibria: Mapping[str, Equilibrium]) -> Figure:
     axes.lines[0].set_label("straight")
     axes.lines[-1].set_label("clamp")
     _draw_plane(axes)
+    figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=4)
+    return figure
+
+
+@literal_text
+def path_figure(paths: Mapping[str, EquilibriumPath], point: float | None = None) -> Figure:
+    """Draw the factor against the displacement of a point, by label; unstable parts dashed, critical points marked."""
+    first, figure = next(iter(paths.values())), Figure(figsize=(6.4, 4.6), layout="constrained")
+    axes, point = figure.subplots(), first.reference_point if point is None else point
+    start = first.equilibria[0].position(point)
+    places = {label: 1e3 * (path.positions(point) - start) for label, path in paths.items()}
+    component = int(np.ptp(np.vstack([*places.values()]), axis=0).argmax())
+    for (label, path), (colour, _) in zip(paths.items(), _lines(paths), strict=False):
+        x = places[label][:, component]
+        axes.plot(x, path.factors, "--", color=colour, lw=1.0)
+        for k in np.flatnonzero(path.stable[:-1] | path.stable[1:]):
+            axes.plot(x[k : k + 2], path.factors[k : k + 2], color=colour, lw=2.0)
+        axes.lines[-1].set_label(label or "stable")
+        critical = [*path.critical_indices]
+        axes.plot(x[critical], path.factors[critical], "o", ms=5, color=MEASURED)
+    axes.lines[0].set_label("unstable")
+    axes.lines[-1].set_label("limit point or bifurcation")
+    axes.set(xlabel=f"{'xy'[component]} displacement of the point at {point:.4g} m, mm", ylabel="factor")
+    axes.grid(alpha=0.3)
     figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=4)
     return figure
 

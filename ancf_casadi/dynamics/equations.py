@@ -29,7 +29,8 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import turned
 from ancf_casadi.dynamics.element_forces import ElementFunctions, mapped
 from ancf_casadi.dynamics.tip_load import TIP, LoadPlace, PlacedLoad
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Layout
 
 
@@ -161,7 +162,8 @@ class Balance:
         """Return the local part of the damping force."""
         model = self.equations.model
         force = self.equations.law.local_force(model, e, e_t, self.properties, self.coefficients)
-        return force + model.dashpot_force(e_t, self.properties)
+        damped = any(name.startswith("dashpot") for name in self.lumped)
+        return force + model.dashpot_force(e_t, self.properties) if damped else force
 
     def turned_projection(self, e: cs.MX) -> cs.MX:
         """Return R B, turned with the clamp from the axis of the beam."""

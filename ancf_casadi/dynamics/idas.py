@@ -45,7 +45,7 @@ from ancf_casadi.dynamics.excitation import EXCITATION, Excitation
 from ancf_casadi.dynamics.segments import ENERGY_STATES, Segment, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 
 DEFAULTS: Mapping[str, Any] = {
@@ -165,7 +165,11 @@ class SemiExplicit:
         x, z, excitation = self._symbols
         model, free, W = self.equations.model, self.equations.free, self.element_frequency
         scale = model.free_scale
-        moved = model.of_free(model.straight) + scale * x[:free], scale * W * x[free:], scale * W**2 * z[:free]
+        moved: Sequence[cs.MX] = (
+            model.of_free(model.straight) + scale * x[:free],
+            scale * W * x[free:],
+            scale * W**2 * z[:free],
+        )
         node = cs.vertsplit(excitation[: 3 * NODE], NODE)
         e, e_t, e_tt = (model.whole(part, own) for own, part in zip(node, moved, strict=True))
         return e, e_t, e_tt

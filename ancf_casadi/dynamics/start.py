@@ -32,7 +32,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import NoneType
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import casadi as cs
 import numpy as np
@@ -48,7 +48,8 @@ from ancf_casadi.dynamics.tip_load import TIP, LoadPlace, TipLoad, equilibrium_u
 from ancf_casadi.dynamics.tolerance import check_speed, checked_excitation, expected_travel
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.strain import axial_strain
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, is_one_of, physical, shown
@@ -203,7 +204,7 @@ def held_start(
     p, rate = np.split(load, [len(LOAD_NAMES)])
     coordinates = equilibrium_under(model, p, place).coordinates
     lumped = [*model.lumped.values()]
-    given = coordinates, p, model.properties, *lumped
+    given: Any = coordinates, p, model.properties, *lumped
     found = stiffness, by_p, by_x = jacobians[0](*given)
     factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse()))
     q_p, q_x = -factors.solve(by_p.full()), -factors.solve(by_x.full())

@@ -30,7 +30,8 @@ from ancf_casadi.dynamics.excitation import Excitation
 from ancf_casadi.dynamics.tip_load import TIP, LoadPlace, equilibrium_under
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import EquilibriumError, InputError
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 
 TOLERANCE_PER_TRAVEL = {"idas": 6e-8, "radau": 2e-5}  # per expected travel A/L

@@ -21,7 +21,8 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.mechanics.model import NODE, Model, axial_strains_near, curvature_at
+from ancf_casadi.mechanics.model import Model, axial_strains_near, curvature_at
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, number, whole
 from ancf_casadi.support.tables import Displayed, Reported, Table, counted

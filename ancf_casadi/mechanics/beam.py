@@ -17,6 +17,7 @@ coefficients, and the largest natural curvature, which stands for all of them.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -27,6 +28,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import Attachment
+from ancf_casadi.mechanics.beam_table import PARTS, with_parts
 from ancf_casadi.mechanics.lumped import Place, changed_parts, lumped_places
 from ancf_casadi.mechanics.section import LARGEST_PROPERTY, SMALLEST_PROPERTY, Section
 from ancf_casadi.mechanics.supports import Clamp, Support
@@ -41,6 +43,7 @@ from ancf_casadi.support.inputs import (
     number,
     positive,
     shown,
+    unit_vector,
     vector,
     whole,
 )
@@ -49,8 +52,9 @@ from ancf_casadi.support.tables import Displayed, counted
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
 BEAM_UNITS = {"width": "m", "thickness": "m", "density": "kg/m^3", "elastic_modulus": "Pa", "tip_mass": "kg",
               "mass": "kg", "rotary_inertia": "kg m^2", "clamp_stiffness": "N m/rad", "rotational_spring": "N m/rad",
-              "spring_x": "N/m", "spring_y": "N/m", "dashpot_x": "N s/m", "dashpot_y": "N s/m",
-              "natural_curvature": "1/m"}  # fmt: skip
+              "spring_x": "N/m", "spring_y": "N/m", "spring_stiffness": "N/m", "dashpot_x": "N s/m",
+              "dashpot_y": "N s/m", "natural_curvature": "1/m"}  # fmt: skip
+LUMPED_KINDS = frozenset(BEAM_UNITS) - {*PROPERTIES}  # names of lumped properties, without numbers
 MINIMUM_ELEMENTS = 2
 MAXIMUM_ELEMENTS = 10_000  # a larger number is taken for a typing error
 
@@ -121,14 +125,8 @@ class Beam(Displayed):
             if len(getattr(self, name)) != len(self.width):
                 raise InputError(f"has {len(getattr(self, name))} values for {len(self.width)} elements", name)
         whole(self.elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
-        axis, gravity = vector(self.axis, "axis"), vector(self.gravity, "gravity")
-        norm = math.hypot(*axis)
-        if norm == 0.0:
-            raise InputError("must not be the zero vector", "axis")
-        if abs(norm - 1.0) > 1e-15:  # a unit vector keeps all its digits
-            axis = axis[0] / norm, axis[1] / norm
-        object.__setattr__(self, "axis", axis)
-        object.__setattr__(self, "gravity", gravity)
+        object.__setattr__(self, "axis", unit_vector(self.axis, "axis"))
+        object.__setattr__(self, "gravity", vector(self.gravity, "gravity"))
         curvature = self.natural_curvature if any(self.natural_curvature) else ()
         if len(curvature) not in (0, self.elements):
             raise InputError(f"has {len(curvature)} values for {self.elements} elements", "natural_curvature")
@@ -200,6 +198,10 @@ class Beam(Displayed):
     def from_toml(cls, path: str | Path) -> Beam:
         """Read a beam from the table ``[beam]`` of a TOML file, with the keys of ``Beam.uniform``.
 
+        Each support is a table ``[[beam.supports]]``, and each attachment a table ``[[beam.attachments]]``, whose key
+        ``kind`` is clamp, pin, roller or guide, or mass, spring, rotational_spring or dashpot, and whose other keys are
+        the fields of its class.  A beam with ``supports = []`` is free.
+
         Raises
         ------
         InputError
@@ -228,10 +230,11 @@ class Beam(Displayed):
         if not isinstance(table, dict):
             raise InputError("has no table [beam]", where)
         required = {"length", "elements", *PROPERTIES}
-        optional = {"axis", "gravity", "tip_mass", "clamp_stiffness", "natural_curvature"}
+        optional = {"axis", "gravity", "tip_mass", "clamp_stiffness", "natural_curvature", *PARTS}
         check_keys(table, required, optional, f"{where}: [beam]")
+        given = with_parts(table, f"{where}: [beam]")
         with located(f"{where}: [beam]"):
-            return cls.uniform(**table)
+            return cls.uniform(**given)
 
     @property
     def elements(self) -> int:
@@ -241,15 +244,20 @@ class Beam(Displayed):
     @cached_property
     def arc(self) -> Array:
         """Arc length of each node, (n + 1,), m."""
-        n, points = self.elements, sorted({one.point for one in (*self.supports, *self.attachments)})
-        places = [0, *_nodes_near([point / self.length * n for point in points if 0.0 < point < self.length], n), n]
-        known = sorted({0.0, *points, self.length})
-        return np.interp(np.arange(n + 1), places, known)
+        n, inner = self.elements, self._inner_points
+        places = [0, *_nodes_near([point / self.length * n for point in inner], n), n]
+        return np.interp(np.arange(n + 1), places, [0.0, *inner, self.length])
+
+    @property
+    def _inner_points(self) -> list[float]:
+        """The points of supports and attachments between the ends, m, ascending."""
+        points = {one.point for one in self.supports} | {one.point for one in self.attachments}
+        return sorted(points - {0.0, self.length})
 
     @cached_property
     def element_lengths(self) -> Array:
         """Length l of each element, (n,), m."""
-        if len({one.point for one in (*self.supports, *self.attachments)} - {0.0, self.length}):
+        if self._inner_points:
             return np.diff(self.arc)
         return np.full(self.elements, self.length / self.elements)
 
@@ -272,19 +280,25 @@ class Beam(Displayed):
         return found
 
     @property
+    def tip_is_held(self) -> bool:
+        """Whether a support is at the tip."""
+        return any(one.point == self.length for one in self.supports)
+
+    @property
     def tip_mass(self) -> float:
         """Mass at the tip, kg."""
         return self.lumped.get("tip_mass", 0.0)
 
     @property
     def clamp_stiffness(self) -> float:
-        """Torsional stiffness of the first clamp, N m/rad; infinite for a rigid clamp."""
+        """Torsional stiffness of the first clamp that is not rigid, N m/rad; infinite if there is none."""
         return self.lumped.get("clamp_stiffness", math.inf)
 
     def with_(self, **changes: Any) -> Beam:
         """Return a copy with some fields or lumped properties changed; a number applies to all elements.
 
-        A mass at the tip and the stiffness of a clamp may also be added.
+        A mass at the tip and the stiffness of a clamp may also be added.  What is at the tip stays there if the length
+        changes.
 
         Raises
         ------
@@ -307,6 +321,11 @@ class Beam(Displayed):
         for name in changes.keys() & {*PROPERTIES, "natural_curvature"}:
             if not (name == "natural_curvature" and is_sequence(changes[name]) and not len(changes[name])):
                 changes[name] = _spread(changes[name], self.elements, name)
+        if "length" in changes:  # what is at the tip stays there
+            length = positive(changes["length"], "length")
+            for name in PARTS:
+                own = (replace(one, point=length) if one.point == self.length else one for one in getattr(self, name))
+                changes.setdefault(name, tuple(own))
         beam = replace(self, **changes)
         for name, value in lumped.items():
             if name not in {*beam.lumped_places, "tip_mass", "clamp_stiffness"}:
@@ -340,10 +359,10 @@ class Beam(Displayed):
         points = [one.point for one in self.supports]
         if twice := [point for point in points if points.count(point) > 1]:
             raise InputError(f"two supports hold the point at {twice[0]:g} m; give one that holds both", "supports")
-        inner = {one.point for one in (*self.supports, *self.attachments)} - {0.0, self.length}
-        if len(inner) > self.elements - 1:
+        inner = len(self._inner_points)
+        if inner > self.elements - 1:
             raise InputError(
-                f"supports and attachments are at {len(inner)} points between the ends, but the beam has "
+                f"supports and attachments are at {inner} points between the ends, but the beam has "
                 f"{self.elements - 1} nodes there; use more elements",
                 "elements",
             )
@@ -372,6 +391,17 @@ class Beam(Displayed):
         wide, thick = (f"{1e3 * min(sizes):.4g}" for sizes in (self.width, self.thickness))
         varies = "" if len({*self.sections}) == 1 else " or more"
         return f"{self.length:.4g} m, {counted(self.elements, 'element')}, {wide} x {thick} mm{varies}"
+
+
+def lumped_kind(name: str) -> str:
+    """Return the name of a lumped property without its number; empty if the name is not that of a lumped property."""
+    kind = re.sub("_[0-9]+$", "", name)
+    return kind if kind in LUMPED_KINDS else ""
+
+
+def unit_of(name: str) -> str:
+    """Return the SI unit of a property; a name may have elements in brackets, or a number."""
+    return BEAM_UNITS[lumped_kind(name) or name.partition("[")[0]]
 
 
 def _spread(value: Any, elements: int, name: str) -> tuple[float, ...]:

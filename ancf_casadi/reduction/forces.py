@@ -15,11 +15,14 @@ coordinates (q, u).
 
 A motion may have N instants side by side.  Then q and v are (m, N), a component of r' is (k, N), and so on.
 
+Springs and dashpots join points of the beam to the base, which keeps the places of these points as it turns.  Their
+forces have no resultant.
+
 A damping law combines the forces of ``ReducedMotion`` as it combines those of the full model (``damping.Forces``); they
-are the forces of the motion itself, whatever their arguments.  The strain-rate force is that of bending alone, K_b q_t.
-The tangent stiffness also includes the tension that balances gravity and the acceleration of the clamp, but not the
-tension due to the motion of the beam itself.  The modal (generic) law, R B diag(d) B^T R^T e_t of Eq. (32), turns by
-the rotation phi of the clamp.
+are the forces of the motion itself, whatever their arguments.  The strain-rate force is that of bending, K_b q_t, and
+of the springs.  The tangent stiffness also includes the tension that balances gravity, the acceleration of the base and
+the springs, but not the tension due to the motion of the beam itself.  The modal (generic) law, R B diag(d) B^T R^T e_t
+of Eq. (32), turns by the rotation phi of the base.
 """
 
 from __future__ import annotations
@@ -30,13 +33,14 @@ from functools import cached_property
 from typing import Any
 
 import casadi as cs
+import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.tip_load import tip_force
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.element import SMOOTHING_SPEED
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.reduction.projection import Projection
+from ancf_casadi.reduction.projection import Joined, Projection
 from ancf_casadi.support.arrays import Array
 
 Expression = Any  # SX or MX
@@ -114,6 +118,7 @@ class ReducedMotion:
         moment, mass = cs.DM(self.projection.mass_moment), self.projection.total_mass
         inertia = self.inertia(x_tt, y_tt) - self.modal_force(moment @ gravity[0, :], moment @ gravity[1, :])
         modal = inertia + _columns(self.projection.rest_force, inertia) + self.bending(self.q)
+        modal += self._joined_force(self.projection.springs, *self._away(self.projection.springs))
         return cs.vertcat(modal, moment.T @ x_tt - mass * gravity[0, :], moment.T @ y_tt - mass * gravity[1, :])
 
     def tip_force(self, load: Expression) -> Expression:
@@ -133,7 +138,9 @@ class ReducedMotion:
         properties = cs.SX(cs.DM(model.properties))
         position, velocity = cs.vertcat(self.q, self.base[:2, :]), cs.vertcat(self.v, self.base[3:5, :])
         local = law.local_force(self, position, velocity, properties, parameters)
-        return local + self._low_rank_damping(law, parameters, model)
+        dashpots = self.projection.dashpots
+        resisted = _without_resultant(self._joined_force(dashpots, *self._away_velocity(dashpots)))
+        return local + self._low_rank_damping(law, parameters, model) + resisted
 
     @property
     def energies(self) -> tuple[Expression, Expression, Expression]:
@@ -142,9 +149,11 @@ class ReducedMotion:
         slope, velocity = cs.horzcat(*self.slope), cs.horzcat(*self.slope_velocity)
         moment, mass = cs.DM(projection.mass_moment), projection.total_mass
         relative = cs.sumsqr(_mass_factor(projection) @ velocity) / 2
+        away = cs.horzcat(*self._away(projection.springs))
+        springs = cs.dot(cs.DM(projection.springs.coefficients) * away, away) / 2
         return (
             relative + mass / 2 * cs.sumsqr(u_t) + cs.dot(u_t, velocity.T @ moment),
-            projection.rest_energy + cs.dot(cs.DM(projection.rest_force) + self.bending(self.q) / 2, self.q),
+            projection.rest_energy + cs.dot(cs.DM(projection.rest_force) + self.bending(self.q) / 2, self.q) + springs,
             -cs.dot(self.gravity, slope.T @ moment + mass * u),
         )
 
@@ -157,22 +166,24 @@ class ReducedMotion:
         return cs.vertcat(modal, moment.T @ x + mass * x_t, moment.T @ y + mass * y_t)
 
     def line_inertia_force(self, v: Expression, properties: Expression) -> Expression:
-        """Return the force of int S^T mu r_t dp, which excludes the mass at the tip."""
-        tip, mass = self.projection.slopes.shape[-2:-1], self.projection.tip_mass
-        x, y = self._velocities(tip)
-        return self.inertia_force(v, properties) - self._of_points(tip, mass * x, mass * y)
+        """Return the force of int S^T mu r_t dp, which excludes point masses and rotary inertias."""
+        projection = self.projection
+        shape, moved = projection.lumped_shape, projection.lumped_moved
+        x, y = self._velocities(shape, moved)
+        mass = _columns(projection.lumped_mass, x)
+        return self.inertia_force(v, properties) - self._of_points(shape, mass * x, mass * y, moved)
 
     def strain_rate_force(self, q: Expression, v: Expression, properties: Expression) -> Expression:
-        """Return the force of Q_v in bending, K_b q_t."""
-        return _without_resultant(self.bending(self.v))
+        """Return the force of Q_v in bending, K_b q_t, and in the springs."""
+        return _without_resultant(self._stiffness_rate())
 
     def tangent_force(self, q: Expression, v: Expression, properties: Expression) -> Expression:
-        """Return the force of K e_t, under the tension due to gravity and the acceleration of the clamp."""
-        (x, y), gravity = self.slope, self.relative_gravity
-        moment = _columns(self.projection.mass_moment, x)
-        tension = moment * (x * _rows(gravity[0, :], x) + y * _rows(gravity[1, :], x))
+        """Return the force of K e_t, under the tension due to gravity, the acceleration of the base and the springs."""
+        (x, y), gravity, springs = self.slope, self.relative_gravity, self.projection.springs
+        moment, pulled = _columns(self.projection.mass_moment, x), self._on_slopes(springs, *self._away(springs))
+        tension = moment * (x * _rows(gravity[0, :], x) + y * _rows(gravity[1, :], x)) - (x * pulled[0] + y * pulled[1])
         rotations = cs.DM(self.projection.slopes.rotations)
-        return _without_resultant(self.bending(self.v) + rotations.T @ (self.angular_velocity * tension))
+        return _without_resultant(self._stiffness_rate() + rotations.T @ (self.angular_velocity * tension))
 
     def reference_force(self, v: Expression, properties: Expression) -> Expression:
         """Refuse K e_t with K of the straight beam, which the reduced model does not have."""
@@ -207,19 +218,47 @@ class ReducedMotion:
     def _surface_force(self, factor: Callable[[Expression], Expression]) -> Expression:
         """Return the force of int S^T mu f(|v|^2) v dp."""
         projection = self.projection
-        x, y = self._velocities(projection.drag_shape)
+        moved = np.ones(len(projection.drag_mass))
+        x, y = self._velocities(projection.drag_shape, moved)
         weight = _columns(projection.drag_mass, x) * factor(x**2 + y**2)
-        return self._of_points(projection.drag_shape, weight * x, weight * y)
+        return self._of_points(projection.drag_shape, weight * x, weight * y, moved)
 
-    def _velocities(self, shape: Array) -> tuple[Expression, Expression]:
-        """Return the velocities (d,) of points whose positions are u + ``shape`` (d, k) times the slopes."""
+    def _velocities(self, shape: Array, moved: Array) -> tuple[Expression, Expression]:
+        """Return the rates (d,) of the coordinates ``shape`` (d, k) times the slopes, plus u for those moved (d,)."""
         x, y = (cs.DM(shape) @ part for part in self.slope_velocity)
-        return x + _rows(self.base[3, :], x), y + _rows(self.base[4, :], y)
+        return x + cs.DM(moved) @ self.base[3, :], y + cs.DM(moved) @ self.base[4, :]
 
-    def _of_points(self, shape: Array, x: Expression, y: Expression) -> Expression:
-        """Return the force of forces (x, y) at such points."""
+    def _of_points(self, shape: Array, x: Expression, y: Expression, moved: Array) -> Expression:
+        """Return the force of forces (x, y) on such coordinates."""
         modal = self.modal_force(cs.DM(shape.T) @ x, cs.DM(shape.T) @ y)
-        return cs.vertcat(modal, cs.sum1(x), cs.sum1(y))
+        return cs.vertcat(modal, cs.DM(moved).T @ x, cs.DM(moved).T @ y)
+
+    def _away(self, joined: Joined) -> tuple[Expression, Expression]:
+        """Return the ways of points from their places on the base, (d,)."""
+        x, y = (cs.DM(joined.shape) @ part for part in self.slope)
+        place_x, place_y = _rotated(self.base[2, :], *(_columns(part, x) for part in joined.places.T))
+        return x - place_x, y - place_y
+
+    def _away_velocity(self, joined: Joined) -> tuple[Expression, Expression]:
+        """Return the rates of these ways, (d,)."""
+        x, y = (cs.DM(joined.shape) @ part for part in self.slope_velocity)
+        turning = _rows(self.base[5, :], x)
+        place_x, place_y = _rotated(self.base[2, :], *(_columns(part, x) for part in joined.places.T))
+        return x + turning * place_y, y - turning * place_x
+
+    def _on_slopes(self, joined: Joined, x: Expression, y: Expression) -> tuple[Expression, Expression]:
+        """Return the forces on the slopes, (k,), of springs or dashpots for such ways or rates."""
+        back, (along_x, along_y) = cs.DM(joined.shape.T), joined.coefficients.T
+        return back @ (_columns(along_x, x) * x), back @ (_columns(along_y, y) * y)
+
+    def _joined_force(self, joined: Joined, x: Expression, y: Expression) -> Expression:
+        """Return the modal forces of springs or dashpots for such ways or rates, (m,)."""
+        return self.modal_force(*self._on_slopes(joined, x, y))
+
+    def _stiffness_rate(self) -> Expression:
+        """Return K_b q_t and the same of the springs, (m,)."""
+        springs = self.projection.springs
+        return self.bending(self.v) + self._joined_force(springs, *self._away_velocity(springs))
 
 
 def _mass_factor(projection: Projection) -> cs.DM:

@@ -193,7 +193,7 @@ def reduce_model(
     check_instance(model, "model", Model)
     check_instance(damping, "damping", DampingLaw, NoneType)
     if not isinstance(modes, Modes):
-        modes = natural_modes(model, count=whole(modes, "modes", 1, model.size - model.free.start))
+        modes = natural_modes(model, count=whole(modes, "modes", 1, model.freedoms))
     if modes.model != model:
         raise InputError("belong to another model", "modes")
     law = RayleighDamping() if damping is None else damping

@@ -17,7 +17,7 @@ from ancf_casadi import (
     natural_modes,
     static_equilibrium,
 )
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.nodes import NODE
 from tests.boundary.unit_beam import AXIAL, unit_beam
 
 

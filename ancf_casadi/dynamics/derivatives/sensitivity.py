@@ -43,7 +43,8 @@ from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TIP, LoadPlace, TipLoad
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.beam import PROPERTIES
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.support.compilation import compiled
 from ancf_casadi.support.inputs import number

@@ -44,7 +44,8 @@ from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.radau.corotation import Corotation
 from ancf_casadi.dynamics.radau.elimination import Elimination, node_blocks, node_places
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 
 STAGES = 3

@@ -24,7 +24,7 @@ import numpy as np
 from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.radau.collocation import STAGES, Collocation
 from ancf_casadi.dynamics.segments import SAME_TIME
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import Buffered
 

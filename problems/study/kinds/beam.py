@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, final
 import numpy as np
 from msgspec import Meta
 
-from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.beam import Beam, unit_of
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import located, whole
 from ancf_casadi.vibration.modes import natural_modes
@@ -62,10 +63,13 @@ class BeamProperties(Part):
         notes = [f"{beam.elements} elements; axis {beam.axis}, gravity {beam.gravity} m/s²."]
         if varying:
             notes.append(f"Means over the elements: {', '.join(varying).replace('_', ' ')} vary along the beam.")
-        if beam.tip_mass:
-            notes.append(f"Mass at the tip: {1e3 * beam.tip_mass:.4g} g.")
-        if np.isfinite(beam.clamp_stiffness):
-            notes.append(f"Stiffness of the clamp: {beam.clamp_stiffness:.4g} N m/rad.")
+        notes += [
+            f"{name.replace('_', ' ').capitalize()}: {value:.4g} {unit_of(name)}."
+            for name, value in beam.lumped.items()
+            if value
+        ]
+        if beam.supports != (Clamp(),):
+            notes.append(f"Supports: {', '.join(map(repr, beam.supports)) or 'none'}.")
         table = self.data_table("Properties of the beam", columns, *notes)
         data = {
             **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in ELEMENT_ROWS},

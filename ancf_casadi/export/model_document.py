@@ -42,7 +42,7 @@ from ancf_casadi.export.structs import (
     read,
 )
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.beam_table import PARTS, table_of, with_parts
+from ancf_casadi.mechanics.beam_table import PART_KINDS, table_of, with_parts
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.arrays import Array
@@ -187,7 +187,7 @@ def _check_mesh(law: DampingLaw | None, model: Model) -> None:
 def beam_data(beam: Beam) -> BeamData:
     """Return the fields of a beam."""
     given: dict[str, Any] = {one.name: getattr(beam, one.name) for one in fields(beam)}
-    for name in PARTS:
+    for name in PART_KINDS:
         tables = [table_of(part) for part in given[name]]
         given[name] = [{key: None if own == math.inf else own for key, own in one.items()} for one in tables]
     return data_of(given, BeamData)
@@ -210,7 +210,7 @@ def law_data(law: DampingLaw, model: Model) -> LawData:
 def model_from(beam: BeamData, measures: StrainMeasuresData, where: str) -> Model:
     """Return the model that a document holds at a place; refuse values that make no beam."""
     given = asdict(beam)
-    for name in PARTS:
+    for name in PART_KINDS:
         tables: list[dict[str, Any]] = msgspec.to_builtins(given[name])
         given[name] = [{key: math.inf if own is None else own for key, own in one.items()} for one in tables]
     with located(place(where, "beam")):

@@ -28,9 +28,9 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import Attachment
-from ancf_casadi.mechanics.beam_table import PARTS, with_parts
+from ancf_casadi.mechanics.beam_table import PART_KINDS, with_parts
 from ancf_casadi.mechanics.lumped import Place, changed_parts, lumped_places
-from ancf_casadi.mechanics.section import LARGEST_PROPERTY, SMALLEST_PROPERTY, Section
+from ancf_casadi.mechanics.section import Section, check_elements
 from ancf_casadi.mechanics.supports import Clamp, Support
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import read_toml
@@ -135,7 +135,8 @@ class Beam(Displayed):
             found = instances(getattr(self, name), name, kind, least=0)
             object.__setattr__(self, name, tuple(sorted(found, key=lambda one: one.point)))
         self._check_points()
-        self._check_range()
+        check_elements(self.element_lengths, zip(*(getattr(self, name) for name in PROPERTIES), strict=True))
+        check_size(self.natural_curvature or 0.0, "natural_curvature")
 
     @classmethod
     def uniform(
@@ -191,8 +192,10 @@ class Beam(Displayed):
         curvature = _spread(natural_curvature, elements, "natural_curvature")
         held: dict[str, Any] = {"supports": supports, "attachments": attachments}
         beam = cls(length=length, axis=axis, gravity=gravity, natural_curvature=curvature, **held, **spread)
-        given = {"tip_mass": (tip_mass, 0.0), "clamp_stiffness": (clamp_stiffness, math.inf)}
-        return beam.with_(**{name: value for name, (value, none) in given.items() if value != none})
+        lumped = {"tip_mass": tip_mass} if tip_mass != 0.0 else {}
+        if clamp_stiffness != math.inf:
+            lumped["clamp_stiffness"] = clamp_stiffness
+        return beam.with_(**lumped)
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Beam:
@@ -230,7 +233,7 @@ class Beam(Displayed):
         if not isinstance(table, dict):
             raise InputError("has no table [beam]", where)
         required = {"length", "elements", *PROPERTIES}
-        optional = {"axis", "gravity", "tip_mass", "clamp_stiffness", "natural_curvature", *PARTS}
+        optional = {"axis", "gravity", "tip_mass", "clamp_stiffness", "natural_curvature", *PART_KINDS}
         check_keys(table, required, optional, f"{where}: [beam]")
         given = with_parts(table, f"{where}: [beam]")
         with located(f"{where}: [beam]"):
@@ -323,7 +326,7 @@ class Beam(Displayed):
                 changes[name] = _spread(changes[name], self.elements, name)
         if "length" in changes:  # what is at the tip stays there
             length = positive(changes["length"], "length")
-            for name in PARTS:
+            for name in PART_KINDS:
                 own = (replace(one, point=length) if one.point == self.length else one for one in getattr(self, name))
                 changes.setdefault(name, tuple(own))
         beam = replace(self, **changes)
@@ -366,26 +369,6 @@ class Beam(Displayed):
                 f"{self.elements - 1} nodes there; use more elements",
                 "elements",
             )
-
-    def _check_range(self) -> None:
-        """Reject values whose products overflow or vanish; the usual cause is a wrong unit."""
-        lengths = self.element_lengths.tolist()
-        if not min(lengths):
-            raise InputError(f"{self.length:g} m is beyond the range of numbers; check the units", "length")
-        if self.natural_curvature:
-            check_size(self.natural_curvature, "natural_curvature")
-        values = zip(*(getattr(self, name) for name in PROPERTIES), lengths, strict=True)
-        for k, (b, h, rho, modulus, l) in enumerate(values):
-            terms = {
-                "mass": rho * b * h * l,
-                "axial stiffness": modulus * b * h / l,
-                "bending stiffness": modulus * (b * h * h * h) / 12 / l / l / l,
-            }
-            for name, value in terms.items():
-                if not SMALLEST_PROPERTY <= value <= LARGEST_PROPERTY:
-                    raise InputError(
-                        f"the {name} of element {k + 1} is {value:g}, beyond the range of numbers; check the units"
-                    )
 
     def _summary(self) -> str:
         wide, thick = (f"{1e3 * min(sizes):.4g}" for sizes in (self.width, self.thickness))

@@ -31,7 +31,7 @@ ATTACHMENTS: Mapping[str, type[Attachment]] = {
     "rotational_spring": RotationalSpring,
     "dashpot": Dashpot,
 }
-PARTS: Mapping[str, Mapping[str, type]] = {"supports": SUPPORTS, "attachments": ATTACHMENTS}
+PART_KINDS: Mapping[str, Mapping[str, type]] = {"supports": SUPPORTS, "attachments": ATTACHMENTS}
 
 
 def with_parts(table: Mapping[str, Any], where: str = "") -> dict[str, Any]:
@@ -40,11 +40,11 @@ def with_parts(table: Mapping[str, Any], where: str = "") -> dict[str, Any]:
     A table of another layout raises an ``InputError`` that names it, such as ``[beam]: supports: 2``.
     """
     found = dict(table)
-    for name in PARTS.keys() & table.keys():
+    for name in PART_KINDS.keys() & table.keys():
         place, given = f"{where}: {name}".removeprefix(": "), table[name]
         if not is_sequence(given):
             raise InputError(f"must be a list of tables, got {shown(given)}", place)
-        found[name] = tuple(_part(one, PARTS[name], f"{place}: {k}") for k, one in enumerate(given, start=1))
+        found[name] = tuple(_part(one, PART_KINDS[name], f"{place}: {k}") for k, one in enumerate(given, start=1))
     return found
 
 
@@ -63,5 +63,5 @@ def _part(table: Any, kinds: Mapping[str, type], where: str) -> Any:
 
 def table_of(part: Support | Attachment) -> dict[str, Any]:
     """Return a support or attachment as a table."""
-    kinds = {kind: name for own in PARTS.values() for name, kind in own.items()}
+    kinds = {kind: name for own in PART_KINDS.values() for name, kind in own.items()}
     return {"kind": kinds[type(part)], **{field.name: getattr(part, field.name) for field in fields(part)}}

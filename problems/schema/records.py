@@ -20,7 +20,7 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam_table import PARTS, with_parts
+from ancf_casadi.mechanics.beam_table import PART_KINDS, with_parts
 from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
@@ -102,7 +102,7 @@ CURVE_NUMBERS = {"frequencies", "values", "phases", "levels"}
 CURVE_MADE = {"sensor", "model", "notes"}  # of other keys
 CURVE_READING = {"file", "column", "frequency", "level", "phase", "unit", "level_unit", "phase_unit"}
 UNKNOWN_KEYS = {"std", "offset", "zero"}
-CONFIGURATION = {"length", "axis", "tip_mass", "clamp_stiffness", *PARTS}
+CONFIGURATION = {"length", "axis", "tip_mass", "clamp_stiffness", *PART_KINDS}
 CHANNEL = {"file", "column", "unit", "sensor", "begin", "end", *SENSOR, *READING, *UNKNOWN_KEYS}
 RECORD = {"channels", "release_time", "camera", "base", "load", "release", "start", *CHANNEL, *CONFIGURATION}
 FIT = {"unknowns", "fixed", "bounds", "priors", "robust", "tolerance"}  # of ``fit_beam``

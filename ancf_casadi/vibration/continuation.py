@@ -3,13 +3,12 @@
 The equilibria R(q, s) = 0 under the factor s form paths, along which s may decrease, as in snap-through.  With free
 coordinates q relative to their typical sizes, the tangent (q', s') of a path and the next equilibrium satisfy
 
-    K q' + R_s s' = 0,    |q'| = 1,    R = 0,    q'.(dq - step q') + s' (ds - step s')/c^2 = 0,    R_s = dR/ds,
+    K q' + R_s s' = 0,    |q'| = 1,    R = 0,    q'.(dq - step q') = 0,    R_s = dR/ds.
 
-with the steepest slope c = max |s'| so far, at least 1.  Lengths are measured in the coordinates alone (root mean
-square), which vary smoothly where s turns; the second term keeps the digits of s where hardly anything but s varies, as
-in a column before it buckles.  A step is halved if Newton's method fails, if the tangent or a slope turns too far, if
-the factor does not follow its slopes at both ends, or if the step passes more than one critical point.  So the path is
-followed instead of jumping to another one.
+Lengths are measured in the coordinates alone (root mean square), which vary smoothly where s turns.  Where s varies
+much more than they do, as in a column before it buckles, ds = step s' replaces the last equation.  A step is halved if
+Newton's method fails, if the tangent or a slope turns too far, if the factor does not follow its slopes at both ends,
+or if the step passes more than one critical point.  So the path is followed instead of jumping to another one.
 
 The bordered systems are solved with the banded factors of K and refined with exact products
 (``ancf_casadi.vibration.assembly``).
@@ -41,6 +40,7 @@ from ancf_casadi.vibration.equilibrium import LARGEST_ROTATION, Equilibrium
 LARGEST_STEP = 0.05  # change of the factor per step, relative to the largest factor, and first step along a branch
 DIFFERENCE = 1e-4  # of the factor, relative to the largest, for the derivative where supports move
 CONVERGED = 1e-11  # last correction of Newton's method relative to the sizes of the unknowns, and shortest step
+STIFF = 1e3  # slope above which points are sought at given factors, which rounding of q would change by 1e-13 or more
 SMALLEST_COSINE = 0.98  # of the angle between the tangents at both ends of a step
 LARGEST_MISMATCH = 0.1  # of the change of the factor and the mean slope, relative to the larger slope
 
@@ -205,11 +205,9 @@ class Point:
         return np.append(way, (other.factor - self.factor) / self.growing.largest)
 
 
-def next_point(
-    here: Point, tangent: Array, step: float, steepest: float, *, regular: bool
-) -> tuple[Point, Array] | None:
+def next_point(here: Point, tangent: Array, step: float, *, regular: bool) -> tuple[Point, Array] | None:
     """Return the equilibrium one step along a path, and its tangent; None if the step is too long."""
-    row = _normal(tangent, steepest)
+    row = _normal(tangent)
     trial = here.moved(step * tangent).corrected(row)
     if trial is None:
         return None
@@ -242,38 +240,32 @@ def size_of(x: Array) -> float:
     return float(np.linalg.norm(x) / np.sqrt(x.size))
 
 
-def _normal(direction: Array, steepest: float) -> Array:
-    """Return the normal of the planes on which points are sought along a direction.
-
-    The factor counts little where it varies less than at the steepest slope, and nothing where it turns.
-    """
-    return np.append(direction[:-1] / (direction.size - 1), direction[-1] / steepest**2)
-
-
-def rate_of(way: Array) -> float:
-    """Return the size of the change of the factor per change of the coordinates."""
-    return abs(float(way[-1])) / size_of(way[:-1])
+def _normal(direction: Array) -> Array:
+    """Return the normal of the planes on which points are sought along a direction."""
+    if abs(direction[-1]) > STIFF * size_of(direction[:-1]):
+        return np.append(np.zeros(direction.size - 1), 1.0)
+    return np.append(direction[:-1], 0.0)
 
 
-def at_factor(first: Point, last: Point, factor: float, steepest: float) -> Point:
+def at_factor(first: Point, last: Point, factor: float) -> Point:
     """Return the point at a factor between two points of a path."""
-    near = _root(first, last, lambda one: one.factor - factor, steepest)
+    near = _root(first, last, lambda one: one.factor - factor)
     row = np.append(np.zeros(first.q.size), 1.0)
     return replace(near, factor=factor).corrected(row) or near
 
 
-def critical_between(first: Point, last: Point, steepest: float) -> Point:
+def critical_between(first: Point, last: Point) -> Point:
     """Return the critical point between two points of a path with determinants of opposite signs."""
-    return _root(first, last, lambda one: one.determinant_relative_to(last), steepest)
+    return _root(first, last, lambda one: one.determinant_relative_to(last))
 
 
-def _root(first: Point, last: Point, value: Callable[[Point], float], steepest: float) -> Point:
+def _root(first: Point, last: Point, value: Callable[[Point], float]) -> Point:
     """Return the point between two points of a path at which a value of opposite signs there is zero.
 
     The Illinois variant of the regula falsi keeps a bracket; its order is 1.44.
     """
     chord = first.chord(last)
-    row = _normal(chord / size_of(chord[:-1]), steepest)
+    row = _normal(chord)
     (a, b), (low, high) = (0.0, 1.0), (value(first), value(last))
     best = last
     for _ in range(60):

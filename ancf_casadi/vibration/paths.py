@@ -38,7 +38,6 @@ from ancf_casadi.vibration.continuation import (
     critical_between,
     longest_step,
     next_point,
-    rate_of,
     size_of,
 )
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
@@ -114,10 +113,9 @@ class EquilibriumPath(Reported):
         factor, found = number(factor, "factor"), []
         growing = Growing(self.model, self.loads, float(np.abs(self.factors).max()))
         points = [growing.point(*pair) for pair in zip(self.factors.tolist(), self.equilibria, strict=True)]
-        steepest = max(1.0, *(rate_of(first.chord(last)) for first, last in pairwise(points)))
         for first, last in pairwise(points):
             if (first.factor - factor) * (last.factor - factor) < 0.0:
-                found.append(at_factor(first, last, factor, steepest).equilibrium)
+                found.append(at_factor(first, last, factor).equilibrium)
             elif first.factor == factor:
                 found.append(first.equilibrium)
         return (*found, *(one.equilibrium for one in points[-1:] if one.factor == factor))
@@ -256,24 +254,23 @@ def equilibrium_path(
     here, tangent, step = _beginning(growing) if start is None else _crossing(growing, start, side)
     factors, equilibria, stable = [here.factor], [here.equilibrium], [start is None and here.negative == 0]
     critical: list[CriticalPoint] = []
-    steepest, regular = max(1.0, abs(float(tangent[-1]))), start is None
+    regular = start is None
     while abs(here.factor) < growing.largest and len(factors) <= most_steps + len(critical) and step > CONVERGED:
-        following = next_point(here, tangent, step, steepest, regular=regular)
+        following = next_point(here, tangent, step, regular=regular)
         if following is None:
             step /= 2
             continue
         trial, direction = following
         if abs(trial.factor) > growing.largest:
-            trial = at_factor(here, trial, math.copysign(growing.largest, trial.factor), steepest)
+            trial = at_factor(here, trial, math.copysign(growing.largest, trial.factor))
         found = [trial]
         if regular and trial.negative != here.negative:
-            found.insert(0, critical_between(here, trial, steepest))
+            found.insert(0, critical_between(here, trial))
             critical.append(_critical(found[0], "limit" if tangent[-1] * direction[-1] < 0.0 else "bifurcation"))
         factors += [one.factor for one in found]
         equilibria += [one.equilibrium for one in found]
         stable += [one is trial and trial.negative == 0 for one in found]
-        here, tangent, regular = trial, direction, True
-        steepest, step = max(steepest, abs(float(direction[-1]))), min(2 * step, longest_step(direction))
+        here, tangent, step, regular = trial, direction, min(2 * step, longest_step(direction)), True
     if len(factors) == 1:
         raise EquilibriumError(
             f"the path of equilibria has no point after the factor {here.factor:g}; use more elements, or a smaller "

@@ -21,6 +21,7 @@ H. B. Keller, Lectures on Numerical Methods in Bifurcation Problems, Springer (1
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -150,24 +151,25 @@ class Point:
         unit = Structure.of(model, [load.scaled(largest) for load in self.growing.loads])
         return replace(unit, parts=unit.parts[len(model.groups) :]).linearisation(self.at)[0]
 
-    def solve(self, row: Array, right: Array) -> Array:
-        """Return the solution x of K (scale x_q) + rate x_s = right_q, row x = right_s."""
-        scale, product = self.structure.model.free_scale, self.structure.stiffness_product(self.at)
-        by_rate = self.factors.solve(self.rate) / scale
+    def solve(self, rows: Array, columns: Array, right: Array) -> Array:
+        """Return the solution (x, y) of K (scale x) + columns y = right[:N], rows (x, y) = right[N:]."""
+        scale, product, N = self.structure.model.free_scale, self.structure.stiffness_product(self.at), self.q.size
+        by_columns = self.factors.solve(columns) / scale[:, None]
+        complement = rows[:, N:] - rows[:, :N] @ by_columns
 
         def approximate(right: Array) -> Array:
-            x = self.factors.solve(right[:-1]) / scale
-            s = (right[-1] - row[:-1] @ x) / (row[-1] - row[:-1] @ by_rate)
-            return np.append(x - s * by_rate, s)
+            x = self.factors.solve(right[:N]) / scale
+            y = np.linalg.solve(complement, right[N:] - rows[:, :N] @ x)
+            return np.append(x - by_columns @ y, y)
 
         def exact(x: Array) -> Array:
-            return np.append(product(scale * x[:-1]) + x[-1] * self.rate, row @ x)
+            return np.append(product(scale * x[:N]) + columns @ x[N:], rows @ x)
 
         return refined(approximate, exact, right)
 
     def tangent(self, row: Array) -> Array:
         """Return the tangent of the path whose product with a row is positive."""
-        direction = self.solve(row, np.append(np.zeros(self.q.size), 1.0))
+        direction = self.solve(row[None], self.rate[:, None], np.append(np.zeros(self.q.size), 1.0))
         return np.asarray(direction / size_of(direction[:-1]))
 
     def moved(self, x: Array) -> Point:
@@ -177,22 +179,42 @@ class Point:
             self, q=q, factor=self.factor + self.growing.largest * float(x[-1]), remainder=0.0 * self.remainder
         )
 
-    def corrected(self, row: Array) -> Point | None:
-        """Return the equilibrium on the plane through the point normal to a row; None if Newton's method fails."""
-        at, away, converged = self, np.zeros(self.q.size + 1), False
+    def corrected(self, row: Array, null: Array | None = None) -> Point | None:
+        """Return the equilibrium on the plane through the point normal to a row; None if Newton's method fails.
+
+        Next to a bifurcation rounding would move it along the null vector of K, (N,).  If this is given, it does not
+        move along the vector; a force in its direction, zero on a path that the other one crosses symmetrically,
+        replaces this unknown.
+        """
+        nulls = np.zeros((0, self.q.size)) if null is None else null[None]
+        m, scale = 1 + len(nulls), self.structure.model.free_scale
+        rows = np.zeros((m, self.q.size + m))
+        rows[0, : row.size], rows[1:, : self.q.size] = row, nulls * scale
+        at, away, converged = self, np.zeros(self.q.size + m), False
         for _ in range(12):
             try:
-                step = -at.solve(row, np.append(at.balance[0], row @ away))
+                columns = np.column_stack([at.rate, *nulls])
+                push = nulls.T @ away[row.size :]
+                step = -at.solve(rows, columns, np.append(at.balance[0] + push, rows @ away))
             except np.linalg.LinAlgError:
                 return None
             if not np.isfinite(step).all():
                 return None
+            change, away = step[: row.size], away + step
             if converged:
-                model, factor = at.structure.model, at.factor + self.growing.largest * float(step[-1])
-                return replace(at, factor=factor, remainder=model.moved(model.free_scale * step[:-1]))
-            at, away = at.moved(step), away + step
-            converged = bool(np.abs(step).max() < CONVERGED)
+                factor = at.factor + self.growing.largest * float(change[-1])
+                return replace(at, factor=factor, remainder=at.structure.model.moved(scale * change[:-1]))
+            at = at.moved(change)
+            converged = bool(np.abs(change).max() < CONVERGED)
         return None
+
+    def null_vector(self) -> Array:
+        """Return the eigenvector of K next to zero, of unit length, by inverse iteration."""
+        vector = np.random.default_rng(0).standard_normal(self.q.size)
+        for _ in range(3):
+            vector = self.factors.solve(vector)
+            vector /= np.linalg.norm(vector)
+        return vector
 
     def determinant_relative_to(self, other: Point) -> float:
         """Return the determinant of K, relative to its size at another point."""
@@ -205,8 +227,11 @@ class Point:
         return np.append(way, (other.factor - self.factor) / self.growing.largest)
 
 
-def next_point(here: Point, tangent: Array, step: float, *, regular: bool) -> tuple[Point, Array] | None:
-    """Return the equilibrium one step along a path, and its tangent; None if the step is too long."""
+def next_point(here: Point, tangent: Array, step: float, *, regular: bool) -> tuple[list[Point], Array] | None:
+    """Return the critical point, if any, and the equilibrium one step along a path, and the tangent at the latter.
+
+    None if the step is too long.  The step ends at the largest factor.  ``regular`` is False at a bifurcation.
+    """
     row = _normal(tangent)
     trial = here.moved(step * tangent).corrected(row)
     if trial is None:
@@ -227,7 +252,14 @@ def next_point(here: Point, tangent: Array, step: float, *, regular: bool) -> tu
         and mismatch <= LARGEST_MISMATCH * np.abs(rates).max()
         and (passed == 1 or (passed == 0 and (rates.prod() >= 0.0 or not regular)))
     )
-    return (trial, direction) if follows else None
+    if follows and abs(trial.factor) > here.growing.largest:
+        trial = at_factor(here, trial, math.copysign(here.growing.largest, trial.factor))
+    if not follows or trial is None:
+        return None
+    if not regular or trial.negative == here.negative:
+        return [trial], direction
+    critical = _critical_between(here, trial, limit=bool(rates.prod() < 0.0))
+    return None if critical is None else ([critical, trial], direction)
 
 
 def longest_step(tangent: Array) -> float:
@@ -247,33 +279,32 @@ def _normal(direction: Array) -> Array:
     return np.append(direction[:-1], 0.0)
 
 
-def at_factor(first: Point, last: Point, factor: float) -> Point:
-    """Return the point at a factor between two points of a path."""
+def at_factor(first: Point, last: Point, factor: float) -> Point | None:
+    """Return the point at a factor between two points of a path; None if Newton's method fails."""
     near = _root(first, last, lambda one: one.factor - factor)
     row = np.append(np.zeros(first.q.size), 1.0)
-    return replace(near, factor=factor).corrected(row) or near
+    return near and replace(near, factor=factor).corrected(row)
 
 
-def critical_between(first: Point, last: Point) -> Point:
-    """Return the critical point between two points of a path with determinants of opposite signs."""
-    return _root(first, last, lambda one: one.determinant_relative_to(last))
+def _critical_between(first: Point, last: Point, *, limit: bool) -> Point | None:
+    """Return the limit point or bifurcation between two points of a path, whose determinants have opposite signs."""
+    return _root(first, last, lambda one: one.determinant_relative_to(last), deflate=not limit)
 
 
-def _root(first: Point, last: Point, value: Callable[[Point], float]) -> Point:
+def _root(first: Point, last: Point, value: Callable[[Point], float], *, deflate: bool = False) -> Point | None:
     """Return the point between two points of a path at which a value of opposite signs there is zero.
 
     The Illinois variant of the regula falsi keeps a bracket; its order is 1.44.
     """
     chord = first.chord(last)
-    row = _normal(chord)
+    row, point = _normal(chord), last
     (a, b), (low, high) = (0.0, 1.0), (value(first), value(last))
-    best = last
     for _ in range(60):
         x = b - high * (b - a) / (high - low)
-        point = first.moved(x * chord).corrected(row)
-        if point is None:
-            break
-        best, own, change = point, value(point), abs(x - b)
+        trial = first.moved(x * chord).corrected(row, point.null_vector() if deflate else None)
+        if trial is None:
+            return None
+        point, own, change = trial, value(trial), abs(x - b)
         if own * high < 0.0:
             a, low = b, high
         else:
@@ -281,4 +312,4 @@ def _root(first: Point, last: Point, value: Callable[[Point], float]) -> Point:
         b, high = x, own
         if own == 0.0 or change < CONVERGED:
             break
-    return best
+    return point

@@ -11,7 +11,6 @@ sign of the determinant shows divergence alone; ``critical_load`` finds flutter 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -35,7 +34,6 @@ from ancf_casadi.vibration.continuation import (
     Growing,
     Point,
     at_factor,
-    critical_between,
     longest_step,
     next_point,
     size_of,
@@ -109,13 +107,26 @@ class EquilibriumPath(Reported):
     complete: bool
 
     def at(self, factor: float) -> tuple[Equilibrium, ...]:
-        """Return all equilibria of the path at a factor, in the order of the path."""
+        """Return all equilibria of the path at a factor, in the order of the path.
+
+        Raises
+        ------
+        InputError
+            If the factor is not a number.
+        EquilibriumError
+            If an equilibrium is so close to a bifurcation that it is not found.
+        """
         factor, found = number(factor, "factor"), []
         growing = Growing(self.model, self.loads, float(np.abs(self.factors).max()))
         points = [growing.point(*pair) for pair in zip(self.factors.tolist(), self.equilibria, strict=True)]
         for first, last in pairwise(points):
             if (first.factor - factor) * (last.factor - factor) < 0.0:
-                found.append(at_factor(first, last, factor).equilibrium)
+                between = at_factor(first, last, factor)
+                if between is None:
+                    raise EquilibriumError(
+                        f"no equilibrium was found at the factor {factor:g}, next to a critical point"
+                    )
+                found.append(between.equilibrium)
             elif first.factor == factor:
                 found.append(first.equilibrium)
         return (*found, *(one.equilibrium for one in points[-1:] if one.factor == factor))
@@ -260,17 +271,13 @@ def equilibrium_path(
         if following is None:
             step /= 2
             continue
-        trial, direction = following
-        if abs(trial.factor) > growing.largest:
-            trial = at_factor(here, trial, math.copysign(growing.largest, trial.factor))
-        found = [trial]
-        if regular and trial.negative != here.negative:
-            found.insert(0, critical_between(here, trial))
+        found, direction = following
+        if len(found) == 2:
             critical.append(_critical(found[0], "limit" if tangent[-1] * direction[-1] < 0.0 else "bifurcation"))
         factors += [one.factor for one in found]
         equilibria += [one.equilibrium for one in found]
-        stable += [one is trial and trial.negative == 0 for one in found]
-        here, tangent, step, regular = trial, direction, min(2 * step, longest_step(direction)), True
+        stable += [one is found[-1] and one.negative == 0 for one in found]
+        here, tangent, step, regular = found[-1], direction, min(2 * step, longest_step(direction)), True
     if len(factors) == 1:
         raise EquilibriumError(
             f"the path of equilibria has no point after the factor {here.factor:g}; use more elements, or a smaller "
@@ -301,11 +308,7 @@ def _crossing(growing: Growing, start: CriticalPoint, side: int) -> tuple[Point,
 
 
 def _critical(point: Point, kind: Literal["limit", "bifurcation"]) -> CriticalPoint:
-    """Return a point as a critical one, with the null vector of K by inverse iteration."""
-    model, shape = point.structure.model, np.random.default_rng(0).standard_normal(point.q.size)
-    for _ in range(3):
-        shape = point.factors.solve(shape)
-        shape /= np.linalg.norm(shape)
-    moved = model.moved(shape)
+    """Return a point as a critical one."""
+    moved = point.structure.model.moved(point.null_vector())
     places = moved.reshape(-1, NODE)[:, :2]
     return CriticalPoint(point.factor, kind, point.equilibrium, moved / places.flat[np.abs(places).argmax()])

@@ -30,7 +30,8 @@ import numpy as np
 import scipy.linalg
 
 from ancf_casadi.mechanics.loads import Load
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import BandedFactors, factorised

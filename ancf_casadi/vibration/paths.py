@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.loads import LineLoad, Load, PointLoad
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, instances, number, positive, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
@@ -147,7 +148,7 @@ class EquilibriumPath(Reported):
         """Arc length of the node that moves most, m."""
         coordinates = np.array([one.coordinates for one in self.equilibria])
         moved = (coordinates - coordinates[0]).reshape(len(coordinates), -1, NODE)[:, self.model.root :, :2]
-        return float(self.model.beam.arc[np.linalg.norm(moved, axis=2).max(axis=0).argmax()])
+        return float(self.model.beam.node_points[np.linalg.norm(moved, axis=2).max(axis=0).argmax()])
 
     @property
     def critical_indices(self) -> dict[int, CriticalPoint]:

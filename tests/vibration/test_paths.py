@@ -112,7 +112,7 @@ def deflection(rest):
 
 @pytest.mark.parametrize("w", TOGGLE)
 def test_a_toggle_frame_snaps_through_as_williams_found(snap, w):
-    nearest = min(snap.at(TOGGLE[w]), key=lambda rest: abs(deflection(rest) - w))
+    nearest = min(snap.equilibria_at(TOGGLE[w]), key=lambda rest: abs(deflection(rest) - w))
     force = np.interp(w, [deflection(rest) for rest in snap.equilibria], snap.factors)
     assert force == pytest.approx(TOGGLE[w], rel=0.03)
     assert deflection(nearest) == pytest.approx(w, rel=1e-4)
@@ -128,13 +128,19 @@ def test_the_limit_points_of_the_toggle_frame_are_found(snap):
 
 
 def test_three_equilibria_at_one_force_are_reported(snap):
-    low, middle, high = snap.at(33.0)
+    low, middle, high = snap.equilibria_at(33.0)
     assert [rest.is_stable for rest in (low, middle, high)] == [True, False, True]
     assert deflection(low) < TOGGLE_LIMITS[0][0] < deflection(middle) < TOGGLE_LIMITS[1][0] < deflection(high)
     assert max(unbalance(rest) for rest in (low, middle, high)) < 1e-9
     assert all(rest.loads[0].force[1] == -16.5 for rest in (low, middle, high))
-    assert len(snap.at(20.0)) == len(snap.at(50.0)) == len(snap.at(0.0)) == len(snap.at(100.0)) == 1
-    assert snap.at(101.0) == snap.at(-1.0) == ()
+    assert (
+        len(snap.equilibria_at(20.0))
+        == len(snap.equilibria_at(50.0))
+        == len(snap.equilibria_at(0.0))
+        == len(snap.equilibria_at(100.0))
+        == 1
+    )
+    assert snap.equilibria_at(101.0) == snap.equilibria_at(-1.0) == ()
 
 
 def test_equilibria_between_limit_points_are_unstable_and_all_others_stable(snap):
@@ -155,13 +161,13 @@ def test_no_limit_point_is_jumped_over_whatever_the_largest_factor(snap, largest
 
 
 def test_natural_modes_about_both_stable_shapes_of_the_toggle_frame(snap):
-    low, _, high = snap.at(33.0)
+    low, _, high = snap.equilibria_at(33.0)
     lowest = [natural_modes(rest.model, count=1, equilibrium=rest).frequencies[0] for rest in (low, high)]
     for rest, frequency in zip((low, high), lowest, strict=True):
         stiffness = np.linalg.eigvalsh(rest.stiffness.toarray())[0]
         assert frequency > 0.0 < stiffness
     with pytest.raises(EquilibriumError, match="unstable"):
-        natural_modes(snap.model, equilibrium=snap.at(33.0)[1])
+        natural_modes(snap.model, equilibrium=snap.equilibria_at(33.0)[1])
 
 
 EULER = {  # P L^2/EI
@@ -220,7 +226,7 @@ def buckled():
 def test_a_column_bends_as_the_elastica_to_both_sides(buckled, angle):
     factor, x, y = COLUMN[angle]
     for path, sign in zip(buckled[1], (1.0, -1.0), strict=True):
-        (rest,) = path.at(factor)
+        (rest,) = path.equilibria_at(factor)
         assert rest.tip == pytest.approx([x, sign * y], abs=1e-4)
         assert rest.tip_angle == pytest.approx(sign * math.radians(angle), abs=1e-3)
         assert rest.is_stable
@@ -256,7 +262,7 @@ def test_a_clamped_beam_under_a_central_force_hardens_without_critical_points():
     assert path.critical_points == ()
     assert path.stable.all()
     for force, (sag, axial) in CENTRE_FORCE.items():
-        (rest,) = path.at(force)
+        (rest,) = path.equilibria_at(force)
         pull = model.elastic_force(rest.coordinates, model.properties).full().ravel()
         assert (-rest.position(10.0)[1], -pull[0]) == pytest.approx((sag, axial), rel=1e-4)
 
@@ -268,7 +274,7 @@ def test_a_strip_buckled_by_a_support_vibrates_about_its_buckled_state(support, 
     assert start.factor == pytest.approx(factor_of(0), rel=1e-5)
     bent = equilibrium_path(model, start=start)
     for rise, omega in reference.items():
-        (rest,) = bent.at(factor_of(rise))
+        (rest,) = bent.equilibria_at(factor_of(rise))
         assert rest.position(0.5)[1] / 2e-4 == pytest.approx(rise, rel=1e-4)
         modes = natural_modes(rest.model, count=3, equilibrium=rest)
         assert modes.angular_frequencies == pytest.approx(omega, rel=1e-4)
@@ -283,7 +289,7 @@ def test_each_equilibrium_has_the_supports_of_its_factor():
     assert path.factors[-1] == 1.0
     assert path.equilibria[-1].model == model
     assert max(unbalance(rest) for rest in path.equilibria) < 1e-6
-    (half,) = path.at(0.5)
+    (half,) = path.equilibria_at(0.5)
     assert half.model.beam.supports == (
         Clamp(displacement=(0.0, 0.05)),
         Clamp(1.0, 20.0, rotation=0.5, displacement=(-0.025, 0.0)),

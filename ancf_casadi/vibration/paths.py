@@ -107,7 +107,7 @@ class EquilibriumPath(Reported):
     critical_points: tuple[CriticalPoint, ...]
     complete: bool
 
-    def at(self, factor: float) -> tuple[Equilibrium, ...]:
+    def equilibria_at(self, factor: float) -> tuple[Equilibrium, ...]:
         """Return all equilibria of the path at a factor, in the order of the path.
 
         Raises
@@ -249,9 +249,9 @@ def equilibrium_path(
     >>> straight = equilibrium_path(Model(beam), loads=push, largest=2.0)
     >>> buckled = straight.critical_points[0]
     >>> print(f"{buckled.kind} at {buckled.factor:.3f}")
-    bifurcation at 1.080
+    bifurcation at 1.079
     >>> bent = equilibrium_path(Model(beam), loads=push, largest=2.0, start=buckled)
-    >>> [one.is_stable for one in (*straight.at(1.5), *bent.at(1.5))]
+    >>> [one.is_stable for one in (*straight.equilibria_at(1.5), *bent.equilibria_at(1.5))]
     [False, True]
     """
     check_instance(model, "model", Model)

@@ -31,9 +31,10 @@ if TYPE_CHECKING:
         SimulationError,
     )
     from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, RotationalSpring, Spring
-    from ancf_casadi.mechanics.beam import Beam, Section
+    from ancf_casadi.mechanics.beam import Beam
     from ancf_casadi.mechanics.loads import LineLoad, PointLoad
     from ancf_casadi.mechanics.model import Model
+    from ancf_casadi.mechanics.section import Section
     from ancf_casadi.mechanics.strain import StrainMeasures
     from ancf_casadi.mechanics.supports import Clamp, Guide, Pin, Roller, Support
     from ancf_casadi.records.measurement import Measurement

@@ -45,7 +45,7 @@ from ancf_casadi.dynamics.excitation import EXCITATION, Excitation
 from ancf_casadi.dynamics.segments import ENERGY_STATES, Segment, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 
 DEFAULTS: Mapping[str, Any] = {
@@ -97,7 +97,9 @@ class SemiExplicit:
         e, e_t, e_tt = self._motion
         forces, powers = self._balance.forces(e, e_t, e_tt, excitation[3 * NODE :])
         options = {"is_diff_in": [False] * 3}
-        return cs.Function("energetics", [x, z, excitation], [powers, self.equations.model.of_base(forces), e, e_t], options)
+        return cs.Function(
+            "energetics", [x, z, excitation], [powers, self.equations.model.of_base(forces), e, e_t], options
+        )
 
     def scaled(self, state: State) -> Array:
         """Return x of a state."""
@@ -162,8 +164,12 @@ class SemiExplicit:
         """The coordinates e, e_t and e_tt."""
         x, z, excitation = self._symbols
         model, free, W = self.equations.model, self.equations.free, self.element_frequency
-        scale = model.free_scale
-        moved = model.of_free(model.straight) + scale * x[:free], scale * W * x[free:], scale * W**2 * z[:free]
+        scale, origin = cs.DM(model.free_scale), cs.DM(model.of_free(model.straight))
+        moved = (
+            origin + scale * x[:free],
+            scale * W * x[free:],
+            scale * W**2 * z[:free],
+        )
         node = cs.vertsplit(excitation[: 3 * NODE], NODE)
         e, e_t, e_tt = (model.whole(part, own) for own, part in zip(node, moved, strict=True))
         return e, e_t, e_tt

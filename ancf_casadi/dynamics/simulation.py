@@ -36,7 +36,8 @@ from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TipLoad
 from ancf_casadi.dynamics.tolerance import default_tolerance
 from ancf_casadi.dynamics.trajectory import IntegratorUse, State, Trajectory
 from ancf_casadi.exceptions import InputError, SimulationError
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.compilation import compiled
 from ancf_casadi.support.inputs import check_instance, choice, flag, physical, positive_or_infinite, whole
 from ancf_casadi.support.interrupts import noted_interrupts

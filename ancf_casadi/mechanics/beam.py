@@ -10,10 +10,8 @@ at its beginning, or held by other supports, and carries masses, springs and das
 Where one of these is not at the end of an element, the nearest node moves there, and the nodes between spread evenly.
 The laboratory frame has x to the right and y up.
 
-Lumped properties are those that the beam does not have once per element: masses, stiffnesses, coefficients, and the
-largest natural curvature, which stands for all of them.  Their names are tip_mass, mass, clamp_stiffness,
-rotational_spring, spring_x, spring_y, dashpot_x, dashpot_y, rotary_inertia and natural_curvature; a second one of a
-name counts on along the beam, mass_2.
+Lumped properties (``lumped``) are those that the beam does not have once per element: masses, stiffnesses,
+coefficients, and the largest natural curvature, which stands for all of them.
 """
 
 from __future__ import annotations
@@ -28,7 +26,10 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, RotationalSpring, Spring
+from ancf_casadi.mechanics.attachments import Attachment
+from ancf_casadi.mechanics.beam_table import PART_KINDS, with_parts
+from ancf_casadi.mechanics.lumped import Place, changed_parts, lumped_places
+from ancf_casadi.mechanics.section import Section, check_elements
 from ancf_casadi.mechanics.supports import Clamp, Support
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import read_toml
@@ -41,64 +42,15 @@ from ancf_casadi.support.inputs import (
     number,
     positive,
     shown,
+    unit_vector,
     vector,
     whole,
 )
 from ancf_casadi.support.tables import Displayed, counted
 
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
-BEAM_UNITS = {"width": "m", "thickness": "m", "density": "kg/m^3", "elastic_modulus": "Pa", "tip_mass": "kg",
-              "mass": "kg", "rotary_inertia": "kg m^2", "clamp_stiffness": "N m/rad", "rotational_spring": "N m/rad",
-              "spring_x": "N/m", "spring_y": "N/m", "dashpot_x": "N s/m", "dashpot_y": "N s/m",
-              "natural_curvature": "1/m"}  # fmt: skip
 MINIMUM_ELEMENTS = 2
 MAXIMUM_ELEMENTS = 10_000  # a larger number is taken for a typing error
-# bounds in SI units; products of values beyond them overflow or vanish
-SMALLEST_PROPERTY, LARGEST_PROPERTY = 1e-100, 1e100
-
-
-@dataclass(frozen=True)
-class Section(Displayed):
-    """A rectangular cross-section.
-
-    Parameters
-    ----------
-    width : float
-        Extent out of the plane of motion, m.
-    thickness : float
-        Extent in the plane of motion, m.
-
-    Raises
-    ------
-    InputError
-        If a side is not a positive number, or exceeds 1e100 m.
-
-    Examples
-    --------
-    >>> from ancf_casadi import Section
-    >>> section = Section(width=5e-3, thickness=0.5e-3)
-    >>> print(f"{section.area:.3g} m^2, {section.second_moment:.3g} m^4")
-    2.5e-06 m^2, 5.21e-14 m^4
-    """
-
-    width: float
-    thickness: float
-
-    def __post_init__(self) -> None:
-        """Validate."""
-        for name in ("width", "thickness"):
-            if positive(getattr(self, name), name) > LARGEST_PROPERTY:
-                raise InputError(f"{getattr(self, name):g} m is beyond the range of numbers; check the unit", name)
-
-    @property
-    def area(self) -> float:
-        """Area A = b h, m^2."""
-        return self.width * self.thickness
-
-    @property
-    def second_moment(self) -> float:
-        """Second moment of area I = b h^3 / 12, m^4."""
-        return self.width * self.thickness**3 / 12
 
 
 @dataclass(frozen=True)
@@ -167,14 +119,8 @@ class Beam(Displayed):
             if len(getattr(self, name)) != len(self.width):
                 raise InputError(f"has {len(getattr(self, name))} values for {len(self.width)} elements", name)
         whole(self.elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
-        axis, gravity = vector(self.axis, "axis"), vector(self.gravity, "gravity")
-        norm = math.hypot(*axis)
-        if norm == 0.0:
-            raise InputError("must not be the zero vector", "axis")
-        if abs(norm - 1.0) > 1e-15:  # a unit vector keeps all its digits
-            axis = axis[0] / norm, axis[1] / norm
-        object.__setattr__(self, "axis", axis)
-        object.__setattr__(self, "gravity", gravity)
+        object.__setattr__(self, "axis", unit_vector(self.axis, "axis"))
+        object.__setattr__(self, "gravity", vector(self.gravity, "gravity"))
         curvature = self.natural_curvature if any(self.natural_curvature) else ()
         if len(curvature) not in (0, self.elements):
             raise InputError(f"has {len(curvature)} values for {self.elements} elements", "natural_curvature")
@@ -183,7 +129,8 @@ class Beam(Displayed):
             found = instances(getattr(self, name), name, kind, least=0)
             object.__setattr__(self, name, tuple(sorted(found, key=lambda one: one.point)))
         self._check_points()
-        self._check_range()
+        check_elements(self.element_lengths, zip(*(getattr(self, name) for name in PROPERTIES), strict=True))
+        check_size(self.natural_curvature or 0.0, "natural_curvature")
 
     @classmethod
     def uniform(
@@ -239,12 +186,18 @@ class Beam(Displayed):
         curvature = _spread(natural_curvature, elements, "natural_curvature")
         held: dict[str, Any] = {"supports": supports, "attachments": attachments}
         beam = cls(length=length, axis=axis, gravity=gravity, natural_curvature=curvature, **held, **spread)
-        given = {"tip_mass": (tip_mass, 0.0), "clamp_stiffness": (clamp_stiffness, math.inf)}
-        return beam.with_(**{name: value for name, (value, none) in given.items() if value != none})
+        lumped = {"tip_mass": tip_mass} if tip_mass != 0.0 else {}
+        if clamp_stiffness != math.inf:
+            lumped["clamp_stiffness"] = clamp_stiffness
+        return beam.with_(**lumped)
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Beam:
         """Read a beam from the table ``[beam]`` of a TOML file, with the keys of ``Beam.uniform``.
+
+        Each support is a table ``[[beam.supports]]``, and each attachment a table ``[[beam.attachments]]``, whose key
+        ``kind`` is clamp, pin, roller or guide, or mass, spring, rotational_spring or dashpot, and whose other keys are
+        the fields of its class.  A beam with ``supports = []`` is free.
 
         Raises
         ------
@@ -274,10 +227,11 @@ class Beam(Displayed):
         if not isinstance(table, dict):
             raise InputError("has no table [beam]", where)
         required = {"length", "elements", *PROPERTIES}
-        optional = {"axis", "gravity", "tip_mass", "clamp_stiffness", "natural_curvature"}
+        optional = {"axis", "gravity", "tip_mass", "clamp_stiffness", "natural_curvature", *PART_KINDS}
         check_keys(table, required, optional, f"{where}: [beam]")
+        given = with_parts(table, f"{where}: [beam]")
         with located(f"{where}: [beam]"):
-            return cls.uniform(**table)
+            return cls.uniform(**given)
 
     @property
     def elements(self) -> int:
@@ -287,15 +241,20 @@ class Beam(Displayed):
     @cached_property
     def arc(self) -> Array:
         """Arc length of each node, (n + 1,), m."""
-        n, points = self.elements, sorted({one.point for one in (*self.supports, *self.attachments)})
-        places = [0, *_nodes_near([point / self.length * n for point in points if 0.0 < point < self.length], n), n]
-        known = sorted({0.0, *points, self.length})
-        return np.interp(np.arange(n + 1), places, known)
+        n, inner = self.elements, self._inner_points
+        places = [0, *_nodes_near([point / self.length * n for point in inner], n), n]
+        return np.interp(np.arange(n + 1), places, [0.0, *inner, self.length])
+
+    @property
+    def _inner_points(self) -> list[float]:
+        """The points of supports and attachments between the ends, m, ascending."""
+        points = {one.point for one in self.supports} | {one.point for one in self.attachments}
+        return sorted(points - {0.0, self.length})
 
     @cached_property
     def element_lengths(self) -> Array:
         """Length l of each element, (n,), m."""
-        if len({one.point for one in (*self.supports, *self.attachments)} - {0.0, self.length}):
+        if self._inner_points:
             return np.diff(self.arc)
         return np.full(self.elements, self.length / self.elements)
 
@@ -312,10 +271,15 @@ class Beam(Displayed):
     @cached_property
     def lumped(self) -> dict[str, float]:
         """The lumped properties by name: those of attachments and of supports along the beam, then the curvature."""
-        found = {name: self._value_at(*place) for name, place in self.lumped_places.items()}
+        found = {name: place.value(self.supports, self.attachments) for name, place in self.lumped_places.items()}
         if self.natural_curvature:
             found["natural_curvature"] = max(self.natural_curvature, key=abs)
         return found
+
+    @property
+    def tip_is_held(self) -> bool:
+        """Whether a support is at the tip."""
+        return any(one.point == self.length for one in self.supports)
 
     @property
     def tip_mass(self) -> float:
@@ -324,13 +288,14 @@ class Beam(Displayed):
 
     @property
     def clamp_stiffness(self) -> float:
-        """Torsional stiffness of the first clamp, N m/rad; infinite for a rigid clamp."""
+        """Torsional stiffness of the first clamp that is not rigid, N m/rad; infinite if there is none."""
         return self.lumped.get("clamp_stiffness", math.inf)
 
     def with_(self, **changes: Any) -> Beam:
         """Return a copy with some fields or lumped properties changed; a number applies to all elements.
 
-        A mass at the tip and the stiffness of a clamp may also be added.
+        A mass at the tip and the stiffness of a clamp may also be added.  What is at the tip stays there if the length
+        changes.
 
         Raises
         ------
@@ -353,9 +318,18 @@ class Beam(Displayed):
         for name in changes.keys() & {*PROPERTIES, "natural_curvature"}:
             if not (name == "natural_curvature" and is_sequence(changes[name]) and not len(changes[name])):
                 changes[name] = _spread(changes[name], self.elements, name)
+        if "length" in changes:  # what is at the tip stays there
+            length = positive(changes["length"], "length")
+            for name in PART_KINDS:
+                own = (replace(one, point=length) if one.point == self.length else one for one in getattr(self, name))
+                changes.setdefault(name, tuple(own))
         beam = replace(self, **changes)
         for name, value in lumped.items():
-            beam = beam._with_lumped(name, value)
+            if name not in {*beam.lumped_places, "tip_mass", "clamp_stiffness"}:
+                known = sorted(names | {*beam.lumped_places, "tip_mass", "clamp_stiffness"})
+                raise InputError(f"is not a property of the beam; known are {', '.join(known)}", name)
+            supports, attachments = changed_parts(beam.length, beam.supports, beam.attachments, name, value)
+            beam = replace(beam, supports=supports, attachments=attachments)
         return beam
 
     def with_lumped(self, values: Mapping[str, float]) -> Beam:
@@ -368,52 +342,9 @@ class Beam(Displayed):
         return self.with_(natural_curvature=[ratio * own for own in self.natural_curvature], **changes)
 
     @cached_property
-    def lumped_places(self) -> dict[str, tuple[str, int, str, int]]:
-        """Field, number, attribute and component of each lumped property of a support or attachment."""
-        found: dict[str, tuple[str, int, str, int]] = {}
-
-        def add(name: str, *place: Any) -> None:
-            counts = (name, *(f"{name}_{k}" for k in range(2, len(found) + 3)))
-            found[next(one for one in counts if one not in found)] = place
-
-        for k, one in enumerate(self.attachments):
-            if isinstance(one, PointMass):
-                add("tip_mass" if one.point == self.length else "mass", "attachments", k, "mass", 0)
-                if one.rotary_inertia:
-                    add("rotary_inertia", "attachments", k, "rotary_inertia", 0)
-            elif isinstance(one, RotationalSpring):
-                add("rotational_spring", "attachments", k, "stiffness", 0)
-            elif isinstance(one, Spring | Dashpot):
-                attribute = "stiffness" if isinstance(one, Spring) else "coefficient"
-                for component, direction in enumerate("xy"):
-                    if getattr(one, attribute)[component]:
-                        add(f"{type(one).__name__.lower()}_{direction}", "attachments", k, attribute, component)
-        for k, support in enumerate(self.supports):
-            if isinstance(support, Clamp) and math.isfinite(support.stiffness):
-                add("clamp_stiffness", "supports", k, "stiffness", 0)
-        return found
-
-    def _value_at(self, owner: str, number: int, attribute: str, component: int) -> float:
-        value = getattr(getattr(self, owner)[number], attribute)
-        return float(value[component] if isinstance(value, tuple) else value)
-
-    def _with_lumped(self, name: str, value: Any) -> Beam:
-        """Return a copy with another value of one lumped property."""
-        clamps = [k for k, one in enumerate(self.supports) if isinstance(one, Clamp)]
-        if name in self.lumped_places:
-            owner, k, attribute, component = self.lumped_places[name]
-        elif name == "tip_mass":
-            return replace(self, attachments=(*self.attachments, _changed(PointMass(self.length, 0.0), name, "mass", value)))
-        elif name == "clamp_stiffness" and clamps:
-            owner, k, attribute, component = "supports", clamps[0], "stiffness", 0
-        else:
-            known = {field.name for field in fields(self)} | {*self.lumped_places, "tip_mass", "clamp_stiffness"}
-            raise InputError(f"is not a property of the beam; known are {', '.join(sorted(known))}", name)
-        parts = list(getattr(self, owner))
-        old = getattr(parts[k], attribute)
-        new = tuple(value if j == component else x for j, x in enumerate(old)) if isinstance(old, tuple) else value
-        parts[k] = _changed(parts[k], name, attribute, new)
-        return replace(self, **{owner: tuple(parts)})
+    def lumped_places(self) -> dict[str, Place]:
+        """The place of each lumped property of a support or attachment (``mechanics.lumped``)."""
+        return lumped_places(self.length, self.supports, self.attachments)
 
     def _check_points(self) -> None:
         """Refuse supports and attachments that are off the beam, at the same point, or more than the nodes."""
@@ -425,33 +356,13 @@ class Beam(Displayed):
         points = [one.point for one in self.supports]
         if twice := [point for point in points if points.count(point) > 1]:
             raise InputError(f"two supports hold the point at {twice[0]:g} m; give one that holds both", "supports")
-        inner = {one.point for one in (*self.supports, *self.attachments)} - {0.0, self.length}
-        if len(inner) > self.elements - 1:
+        inner = len(self._inner_points)
+        if inner > self.elements - 1:
             raise InputError(
-                f"supports and attachments are at {len(inner)} points between the ends, but the beam has "
+                f"supports and attachments are at {inner} points between the ends, but the beam has "
                 f"{self.elements - 1} nodes there; use more elements",
                 "elements",
             )
-
-    def _check_range(self) -> None:
-        """Reject values whose products overflow or vanish; the usual cause is a wrong unit."""
-        lengths = self.element_lengths.tolist()
-        if not min(lengths):
-            raise InputError(f"{self.length:g} m is beyond the range of numbers; check the units", "length")
-        if self.natural_curvature:
-            check_size(self.natural_curvature, "natural_curvature")
-        values = zip(*(getattr(self, name) for name in PROPERTIES), lengths, strict=True)
-        for k, (b, h, rho, modulus, l) in enumerate(values):
-            terms = {
-                "mass": rho * b * h * l,
-                "axial stiffness": modulus * b * h / l,
-                "bending stiffness": modulus * (b * h * h * h) / 12 / l / l / l,
-            }
-            for name, value in terms.items():
-                if not SMALLEST_PROPERTY <= value <= LARGEST_PROPERTY:
-                    raise InputError(
-                        f"the {name} of element {k + 1} is {value:g}, beyond the range of numbers; check the units"
-                    )
 
     def _summary(self) -> str:
         wide, thick = (f"{1e3 * min(sizes):.4g}" for sizes in (self.width, self.thickness))
@@ -465,14 +376,6 @@ def _spread(value: Any, elements: int, name: str) -> tuple[float, ...]:
             raise InputError(f"has {len(value)} values for {elements} elements", name)
         return tuple(value)
     return (value,) * elements
-
-
-def _changed(part: Any, name: str, attribute: str, value: Any) -> Any:
-    """Return a support or attachment with another value of the attribute that the lumped property ``name`` is."""
-    try:
-        return replace(part, **{attribute: value})
-    except InputError as error:
-        raise InputError(str(error).removeprefix(f"{attribute}: "), name) from None
 
 
 def _nodes_near(places: Sequence[float], n: int) -> list[int]:

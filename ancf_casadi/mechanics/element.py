@@ -17,8 +17,11 @@ With J = ds/de and D = diag(d_i),
 
 Q_v is objective: a rigid motion has no strain rate, hence no damping force.
 
-With a natural curvature kappa_0, the strain of bending is kappa - kappa_0.  What is attached to the beam at a node is an
-element too (``point_elements``).
+With a natural curvature kappa_0, the strains s are those beyond the strains of an arc of curvature kappa_0 in the same
+measures, so that the beam as manufactured is free of stress on any mesh.  (Its cubics miss the arc by a strain of
+(kappa_0 l)^4/480, whose tension can exceed the buckling load of a thin beam.)
+
+What is attached to the beam at a node is an element too (``point_elements``).
 
 References
 ----------
@@ -39,6 +42,7 @@ from ancf_casadi.mechanics.strain import StrainMeasures, axial_strains, bending_
 from ancf_casadi.support.arrays import Array, Index
 
 ELEMENT_PROPERTIES = 7  # width, thickness, density, elastic modulus, length, x and y of the axis
+SINC_TERMS = 8  # of the series of sin(x)/x, exact to rounding up to x = 1.5
 SMOOTHING_SPEED = 1e-9  # m/s; |v| is smoothed below this speed, because it has no derivative at rest
 
 
@@ -46,13 +50,14 @@ SMOOTHING_SPEED = 1e-9  # m/s; |v| is smoothed below this speed, because it has 
 class Element:
     """The CasADi Functions of one element: a piece of the beam, or what is attached to it.
 
-    They are those of ``Model`` with the same names, for coordinates e (d), velocities e_t (d) and the properties p of
+    But for the first, they are those of ``Model`` with the same names, for coordinates e (d), velocities e_t (d) and the properties p of
     one element, in SI units; the matrices are (d, d).  A beam element has d = 8 and p = (width, thickness, density,
     elastic modulus, length, x and y of the axis); for the others see ``point_elements``.  The force
     with the tangent stiffness, that with the stiffness of the undeformed element and the strain-rate force are to be
     multiplied by a time (s), the drag by a coefficient in 1/m, and the friction by one in m/s^2.
     """
 
+    scaled_strains: cs.Function  # (e, p) -> d_i^(1/2) s_i, whose squares add up to 2 U
     strain_energy: cs.Function
     elastic_force: cs.Function
     tangent_stiffness: cs.Function
@@ -81,11 +86,16 @@ def element(measures: StrainMeasures, *, curved: bool = False) -> Element:
     mu = density * area
 
     eps, kappa = axial_strains(units * e, l, measures), bending_strains(units * e, l, measures)
+    straight = cs.vertcat(0, 0, *axis, *(l * component for component in axis), *axis)
     if curved:
-        natural = p[ELEMENT_PROPERTIES] * p[ELEMENT_PROPERTIES + 1]
-        # the normal part of each pair of ``small`` strains is the first
-        every = 2 if measures.curvature == "small" else 1
-        kappa = [(strain - natural, w) if k % every == 0 else (strain, w) for k, (strain, w) in enumerate(kappa)]
+        arc = _arc(l, p[ELEMENT_PROPERTIES] * p[ELEMENT_PROPERTIES + 1])
+        before = [axial_strains(arc, l, measures), bending_strains(arc, l, measures)]
+        eps, kappa = (
+            [(strain - own, w) for (strain, w), (own, _) in zip(strains, without, strict=True)]
+            for strains, without in zip((eps, kappa), before, strict=True)
+        )
+        (ax, ay) = axis
+        straight = cs.kron(cs.SX.eye(4), cs.blockcat([[ax, -ay], [ay, ax]])) @ (arc / units)
     d = cs.vertcat(
         *(elastic_modulus * area * l * w for _, w in eps),
         *(elastic_modulus * area * thickness**2 / 12 * l * w for _, w in kappa),
@@ -99,7 +109,7 @@ def element(measures: StrainMeasures, *, curved: bool = False) -> Element:
     # of drag and friction; approximate: |v| v and v/|v| are not polynomials
     return derived_element(
         inputs=(e, e_t, p),
-        straight=cs.vertcat(0, 0, *axis, *(l * component for component in axis), *axis),
+        straight=straight,
         strains=cs.vertcat(*(strain for strain, _ in eps + kappa)),
         weights=d,
         mass=mass,
@@ -107,6 +117,15 @@ def element(measures: StrainMeasures, *, curved: bool = False) -> Element:
         gravity=mu * l * cs.repmat(units, 1, 2) * unit_weight,
         surface=[(shape_matrix(xi) @ cs.diag(units), w * mu * l) for xi, w in gauss_pairs(4)],
     )
+
+
+def _arc(l: cs.SX, curvature: cs.SX) -> cs.SX:
+    """Return the coordinates of an arc of length ``l``, scaled to an element of length 1, seen from its middle."""
+    half = l * curvature / 2
+    square, chord = half * half, cs.SX(1)
+    for k in range(SINC_TERMS, 0, -1):  # sin(half)/half
+        chord = 1 - square / (2 * k * (2 * k + 1)) * chord
+    return l * cs.vertcat(0, 0, cs.cos(half), -cs.sin(half), chord, 0, cs.cos(half), cs.sin(half))
 
 
 def derived_element(
@@ -139,6 +158,7 @@ def derived_element(
     friction_force = sum((side @ v / cs.sqrt(cs.sumsqr(v) + v0**2) for side, v in moving), 0 * e_t)
 
     outputs: dict[str, tuple[list[cs.SX], Any]] = {
+        "scaled_strains": ([e, p], cs.sqrt(d) * s),
         "strain_energy": ([e, p], cs.dot(d, s**2) / 2),
         "elastic_force": ([e, p], elastic_force),
         "tangent_stiffness": ([e, p], tangent_stiffness),

@@ -16,7 +16,8 @@ The rotary inertia J is that of a slope of length 1, which only rotates.  A mass
 friction acts on it.
 
 Length of the slopes.  The axial strains at the two Gauss points of all elements do not change if all slopes become
-longer by the same amount while the nodes stay.  A clamp or a guide fixes this amount; where no support does, the element
+longer by the same amount while the nodes stay.  A clamp or a guide fixes this amount; where no support does, the
+element
 
     slope length        U = 1/2 E A l (|tau| - 1)^2
 
@@ -26,6 +27,7 @@ does, at one node.  It takes part in no stretching or bending of the beam.
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import casadi as cs
 
@@ -36,10 +38,14 @@ def _symbols(coordinates: int, properties: int) -> tuple[cs.SX, cs.SX, cs.SX]:
     return cs.SX.sym("e", coordinates), cs.SX.sym("e_t", coordinates), cs.SX.sym("p", properties)
 
 
-def _attached(inputs: tuple[cs.SX, cs.SX, cs.SX], strains: cs.SX, weights: cs.SX, **parts: cs.SX) -> Element:
+def _attached(inputs: tuple[cs.SX, cs.SX, cs.SX], strains: cs.SX, weights: cs.SX, **parts: Any) -> Element:
     """Derive the Functions of a massless element, unless ``parts`` say otherwise."""
     size = inputs[0].numel()
-    none = {"mass": cs.SX.zeros(size, size), "line_mass": cs.SX.zeros(size, size), "gravity": cs.SX.zeros(size, 2)}
+    none: dict[str, Any] = {
+        "mass": cs.SX.zeros(size, size),
+        "line_mass": cs.SX.zeros(size, size),
+        "gravity": cs.SX.zeros(size, 2),
+    }
     return derived_element(inputs=inputs, strains=strains, weights=weights, **{**none, **parts})
 
 
@@ -51,9 +57,9 @@ def _away(e: cs.SX, alpha: cs.SX, beta: cs.SX) -> cs.SX:
 
 @lru_cache(maxsize=1)
 def spring() -> Element:
-    """Derive the Functions of a spring for e = (r_b, tau_b, r, tau) and p = (alpha, beta, x, y, k): k acts along (x, y).
+    """Derive the Functions of a spring for e = (r_b, tau_b, r, tau) and p = (alpha, beta, x, y, k).
 
-    The undeformed element, of which only the stiffness matters, is any.
+    The stiffness k acts along (x, y).  The undeformed element, of which only the stiffness matters, is any.
     """
     e, e_t, p = _symbols(8, 5)
     along = cs.dot(_away(e, p[0], p[1]), p[2:4])

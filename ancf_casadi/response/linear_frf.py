@@ -46,7 +46,8 @@ from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.banded import BandedFactors
 from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, choice, is_sequence, number, unit_vector
@@ -218,9 +219,10 @@ def linear_frf(
         Displacement, velocity or acceleration per force, or absolute or relative displacement per displacement of the
         base.
     points : float or sequence of float, optional
-        Arc lengths of the responding points from the clamp, m; the tip if not given.
+        Arc lengths of the responding points, m; if not given, the tip, or if it is held the point of mode 1 in
+        ``Modes.reference_points``.
     load_points : float or sequence of float, optional
-        Arc lengths of the points at which a force acts, m; the tip if not given.
+        Arc lengths of the points at which a force acts, m; as ``points`` if not given.
     direction : (float, float), optional
         Direction of the responses, of any positive length; across the axis of the beam at its clamp if not given, in
         the direction of x for a hanging beam.
@@ -258,11 +260,13 @@ def linear_frf(
     axis = model.beam.axis
     response_direction = unit_vector((-axis[1], axis[0]) if direction is None else direction, "direction")
     input_direction = response_direction if load_direction is None else unit_vector(load_direction, "load_direction")
-    responding, loaded = _points(model, points, "points"), () if moved else _points(model, load_points, "load_points")
     law = damping or RayleighDamping()
+    given = {name: _points(model, own, name) for name, own in (("points", points), ("load_points", load_points))}
     rest = equilibrium or static_equilibrium(model)
     # resonances in the frequencies that are chosen if none are given
-    modes = natural_modes(model, count=min(5, model.size - NODE), equilibrium=rest)
+    modes = natural_modes(model, count=min(5, model.freedoms), equilibrium=rest)
+    responding, loaded = (own or modes.reference_points[:1] for own in given.values())
+    loaded = () if moved else loaded
     f = _chosen(modes, law) if frequencies is None else _frequencies(frequencies)
 
     rows = _rows(model, responding, response_direction)
@@ -281,9 +285,9 @@ def linear_frf(
 
 
 def _points(model: Model, given: Any, where: str) -> tuple[float, ...]:
-    """Return arc lengths of points on the beam."""
+    """Return arc lengths of points on the beam; empty if they are not given."""
     if given is None:
-        return (model.beam.length,)
+        return ()
     values = tuple(number(s, where) for s in given) if is_sequence(given) else (number(given, where),)
     if not values:
         raise InputError("is empty; give at least one arc length", where)
@@ -312,7 +316,7 @@ def _chosen(modes: Modes, law: DampingLaw) -> Array:
 
 def _rows(model: Model, points: Sequence[float], direction: tuple[float, float]) -> Array:
     """Return the rows S of points along a direction, (points, free)."""
-    return np.array([np.array(direction) @ model.interpolation(s)[:, model.free] for s in points])
+    return np.array([model.of_free(np.array(direction) @ model.interpolation(s)) for s in points])
 
 
 def _responses(
@@ -329,13 +333,11 @@ def _responses(
     entries = terms.tangents(e, cs.MX.zeros(model.size), cs.MX.zeros(LOAD_SIZE))
     _, D, M = (cs.evalf(model.matrix(values)).sparse() for values in entries)
     B, d = law.projection(model), cs.evalf(cs.densify(terms.modal_coefficients)).full()
-    resisted, moved = (part[model.free] for part in (D @ translation + B @ (d * (B.T @ translation)), M @ translation))
+    resisted, moved = map(model.of_free, (D @ translation + B @ (d * (B.T @ translation)), M @ translation))
     _, stiffness, mass = rest.structure.linearisation(rest.exact)
-    coo, damping = D.tocoo(), np.zeros_like(stiffness)
-    rows, columns = coo.row - NODE, coo.col - NODE
-    inside = (rows >= 0) & (columns >= 0)
-    np.add.at(damping, (BANDWIDTH + rows[inside] - columns[inside], columns[inside]), coo.data[inside])
-    B, found = B[model.free], []
+    own, damping = cs.evalf(model.free_matrix(entries[1])).sparse().tocoo(), np.zeros_like(stiffness)
+    np.add.at(damping, (BANDWIDTH + own.row - own.col, own.col), own.data)
+    B, found = model.of_free(B), []
     for ω in 2 * np.pi * f:
         storage = np.zeros((3 * BANDWIDTH + 1, stiffness.shape[1]), dtype=complex, order="F")
         storage[BANDWIDTH:] = stiffness + 1j * ω * damping - ω**2 * mass

@@ -219,6 +219,8 @@ def unit_vector(value: Any, where: str) -> tuple[float, float]:
     length = math.hypot(x, y)
     if length == 0.0:
         raise InputError("must not be the zero vector", where)
+    if abs(length - 1.0) <= 1e-15:  # a unit vector keeps all its digits
+        return x, y
     return x / length, y / length
 
 

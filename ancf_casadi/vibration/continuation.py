@@ -39,7 +39,7 @@ from ancf_casadi.vibration.eigensolver import shift_of
 from ancf_casadi.vibration.equilibrium import LARGEST_ROTATION, Equilibrium
 
 LARGEST_STEP = 0.05  # change of the factor per step, relative to the largest factor, and first step along a branch
-DIFFERENCE = 1e-4  # of the factor, relative to the largest, for the derivative where supports move
+FACTOR_STEP = 1e-4  # of the factor, relative to the largest, for the derivative where supports move
 CONVERGED = 1e-11  # last correction of Newton's method relative to the sizes of the unknowns, and shortest step
 STIFF = 1e3  # slope above which points are sought at given factors, which rounding of q would change by 1e-13 or more
 SMALLEST_COSINE = 0.98  # of the angle between the tangents at both ends of a step
@@ -145,8 +145,8 @@ class Point:
         """The derivative of R with respect to s/largest, (N,)."""
         largest = self.growing.largest
         if self.growing.moves:
-            ends = (replace(self, factor=self.factor + sign * DIFFERENCE * largest) for sign in (1.0, -1.0))
-            return np.subtract(*(one.balance[0] for one in ends)) / (2 * DIFFERENCE)
+            ends = (replace(self, factor=self.factor + sign * FACTOR_STEP * largest) for sign in (1.0, -1.0))
+            return np.subtract(*(one.balance[0] for one in ends)) / (2 * FACTOR_STEP)
         model = self.structure.model
         unit = Structure.of(model, [load.scaled(largest) for load in self.growing.loads])
         return replace(unit, parts=unit.parts[len(model.groups) :]).linearisation(self.at)[0]

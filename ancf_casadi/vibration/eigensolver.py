@@ -78,9 +78,7 @@ def shift_of(model: Model, stiffness: Array, mass: Array) -> float:
     return float(10.0 * EPSILON * (stiffness[BANDWIDTH] @ (positions != 0.0)) / total_mass)  # c in the shift a
 
 
-def _vectors(
-    model: Model, stiffness: Array, mass: Array, product: Callable[[Array], Array], count: int
-) -> Array:
+def _vectors(model: Model, stiffness: Array, mass: Array, product: Callable[[Array], Array], count: int) -> Array:
     """Return the eigenvectors of the lowest eigenvalues as columns."""
     size, inertia, shift = mass.shape[1], sparse(mass).tocsr(), shift_of(model, stiffness, mass)
     shifted = stiffness + shift * mass

@@ -30,7 +30,8 @@ import scipy.sparse
 
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.mechanics.loads import LineLoad, Load, PointLoad
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import factorised, sparse
 from ancf_casadi.support.inputs import check_instance, check_size, instances, number, vector
@@ -191,17 +192,23 @@ def static_equilibrium(
     acting = _all_loads(force, moment, further)
     rest = Position.of(model.straight)
     weight = -Structure.of(model).linearisation(rest)[0]
-    way = model.displacement
+    way = model.displacement if model.displacement.any() else None
     factor, step, trials = 0.0, 1.0, 0
     while factor < 1.0:
         trials += 1
         s = min(factor + step, 1.0)
         loaded = Structure.of(model, [load.scaled(s) for load in acting])
-        trial = neighbour(loaded, rest, (1.0 - s) * weight, (s - factor) * way)
+        trial = neighbour(loaded, rest, (1.0 - s) * weight, None if way is None else (s - factor) * way)
         if trial is None:
             step /= 2
             # a path that needs smaller steps of the load factor, or more of them, is close to a fold
             if step < 1e-5 or trials > 500:
+                if not model.is_held:
+                    raise EquilibriumError(
+                        f"no static equilibrium was found beyond {factor:.4g} of the load ({_described(acting)}, "
+                        f"gravity {model.beam.gravity} m/s^2): the supports do not hold the beam against rigid "
+                        "motions. Hold it, turn it to where it hangs, or simulate its motion from start='straight'"
+                    )
                 raise EquilibriumError(
                     f"no static equilibrium was found beyond {factor:.4g} of the load ({_described(acting)}, "
                     f"gravity {model.beam.gravity} m/s^2). Either an element bends by more than half a "
@@ -214,9 +221,7 @@ def static_equilibrium(
     return Equilibrium(model, rest.coordinates, force, moment, rest.remainder, further)
 
 
-def _all_loads(
-    tip_force: tuple[float, float], tip_moment: float, loads: tuple[Load, ...]
-) -> tuple[Load, ...]:
+def _all_loads(tip_force: tuple[float, float], tip_moment: float, loads: tuple[Load, ...]) -> tuple[Load, ...]:
     """Return the loads that are not zero."""
     return tuple(load for load in (PointLoad(tip_force, tip_moment), *loads) if any(load.values))
 
@@ -242,8 +247,7 @@ def neighbour(
         force, stiffness, mass = structure.linearisation(at)
         if not model.is_held:
             stiffness = stiffness + shift_of(model, stiffness, mass) * mass
-        moving = way is not None and bool(way.any())
-        if moving:
+        if way is not None:
             force = force + structure.whole_product(at)(way)
         try:
             step = -refined(factorised(stiffness).solve, structure.stiffness_product(at), force + support)
@@ -251,8 +255,7 @@ def neighbour(
             return None
         if not np.isfinite(step).all():
             return None
-        update = model.moved(step) + way if moving else model.moved(step)
-        way = None
+        update, way = model.moved(step) + (0.0 if way is None else way), None
         if converged:
             return Position(at.coordinates, update)
         at = Position.of(at.coordinates + update)

@@ -39,7 +39,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.banded import BandedFactors, factorised, sparse
 from ancf_casadi.vibration.assembly import BANDWIDTH, EqualElements, Position, Structure, per_element
-from ancf_casadi.vibration.eigensolver import lowest_modes
+from ancf_casadi.vibration.eigensolver import lowest_modes, shift_of
 from ancf_casadi.vibration.equilibrium import neighbour
 from ancf_casadi.vibration.modes import Modes
 
@@ -106,8 +106,10 @@ class ModalState:
 
     @cached_property
     def stiffness_factors(self) -> BandedFactors:
-        """Factors of the stiffness K of the free coordinates."""
-        return factorised(self._matrices[0])
+        """Factors of the stiffness K of the free coordinates, shifted as for the modes if the beam is not held."""
+        stiffness, mass = self._matrices
+        shift = 0.0 if self.model.is_held else shift_of(self.model, stiffness, mass)
+        return factorised(stiffness + shift * mass if shift else stiffness)
 
     @cached_property
     def pencil_solvers(self) -> list[Callable[[Array], Array]]:

@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import EquilibriumError, InputError
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, check_instance, numbers, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
@@ -46,8 +47,8 @@ class Modes(Reported):
     frequencies : array (m,)
         Natural frequencies, Hz.
     shapes : array (4 n + 4, m)
-        Mass-normalised mode shapes Phi in all nodal coordinates, zero where the beam is held.  The larger component of the displacement of the
-        tip, or of the reference point if the tip is held, is positive.
+        Mass-normalised mode shapes Phi in all nodal coordinates, zero where the beam is held.  The larger component of
+        the displacement of the tip, or of the reference point if the tip is held, is positive.
 
     Examples
     --------
@@ -212,7 +213,7 @@ def _reference_point(model: Model, phi: Array) -> float:
     """Return the arc length of the point to which the amplitude of a mode shape (4 n + 4,) refers, m."""
     beam = model.beam
     moved = np.linalg.norm(phi.reshape(-1, NODE)[model.root :, :2], axis=1)
-    if all(one.point < beam.length for one in beam.supports):
+    if not beam.tip_is_held:
         return beam.length
     most = beam.arc[moved > (1 - 1e-9) * moved.max()]
     return float(most[np.abs(most - beam.length / 2).argmin()])
@@ -249,3 +250,10 @@ def mac(first: Array, second: Array) -> Array:
         raise InputError(f"must be columns as long as the first, got {second.shape} for {first.shape}", "second")
     cross = (first.T @ second) ** 2
     return np.asarray(cross / np.outer((first**2).sum(axis=0), (second**2).sum(axis=0)))
+
+
+def rigid_modes(model: Model) -> int:
+    """Return the number of modes of a beam that are rigid motions, with frequency 0: none to three."""
+    if model.is_held:
+        return 0
+    return int(np.count_nonzero(natural_modes(model, count=min(3, model.freedoms)).frequencies == 0.0))

@@ -7,7 +7,7 @@ import pytest
 from ancf_casadi import Beam, Model
 from ancf_casadi.dynamics.equations import as_it_is
 from ancf_casadi.dynamics.radau.corotation import Corotation
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.nodes import NODE
 
 BEAM = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9, "elements": 6}
 

@@ -7,7 +7,7 @@ import pytest
 from ancf_casadi import Beam, Model, static_equilibrium
 from ancf_casadi.dynamics.equations import as_it_is
 from ancf_casadi.dynamics.radau.elimination import Elimination, node_blocks, node_places
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.vibration.modes import natural_modes
 
 BEAM = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
@@ -38,7 +38,9 @@ def test_solution_is_that_of_the_dense_matrix(elements, more, s, rank):
     places = np.zeros((model.size - NODE, len(A)))
     places[node_places(model), np.arange(len(A))] = 1.0
     elimination = Elimination(parts, model.size - NODE, rank, as_it_is)
-    factors = elimination.factors(cs.vertcat(real, imaginary)[: 48 * parts, :], cs.MX(cs.DM(places @ V)), cs.MX(cs.DM(d)), s)
+    factors = elimination.factors(
+        cs.vertcat(real, imaginary)[: 48 * parts, :], cs.MX(cs.DM(places @ V)), cs.MX(cs.DM(d)), s
+    )
     assert factors.numel() == elimination.layout.size
     right = np.random.default_rng(0).normal(size=(len(A), 2)) / model.scale[free][:, None]
     found = places.T @ cs.evalf(elimination.solve(factors, cs.MX(cs.DM(places @ right[:, :parts])))).full()

@@ -148,7 +148,9 @@ def test_the_constructor_needs_one_value_per_element():
 
 
 def test_with_rejects_unknown_properties():
-    with pytest.raises(InputError, match=r"^colour: is not a property of the beam; known are attachments, axis, clamp_stiffness, "):
+    with pytest.raises(
+        InputError, match=r"^colour: is not a property of the beam; known are attachments, axis, clamp_stiffness, "
+    ):
         Beam.uniform(**GOOD).with_(colour="red")
     with pytest.raises(InputError, match=r"^width: has 2 values for 4 elements$"):
         Beam.uniform(**GOOD).with_(width=[1e-3, 1e-3])
@@ -160,7 +162,7 @@ def test_with_rejects_unknown_properties():
         ("length = 0.5", "{path}: has no table [beam]"),
         ("beam = 3", "{path}: has no table [beam]"),
         (TOML.replace("width = 5e-3", ""), "{path}: [beam]: the key 'width' is missing"),
-        (TOML + "colour = 'red'", "{path}: [beam]: unknown key 'colour'; known are axis, clamp_stiffness, density"),
+        (TOML + "colour = 'red'", "{path}: [beam]: unknown key 'colour'; known are attachments, axis, clamp_stiffness, density"),
         (TOML.replace("5e-3\nthickness", "-5e-3\nthickness"), "{path}: [beam]: width: must be positive, got -0.005"),
         (TOML.replace("[0, 1]", "{x = 0, y = 1}"), "{path}: [beam]: axis: must be a pair of numbers (x, y), got {"),
         ("[beam", "{path}: is not TOML ("),

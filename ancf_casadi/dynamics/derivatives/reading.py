@@ -31,7 +31,8 @@ from functools import cached_property, partial
 import casadi as cs
 
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.mechanics.model import NODE, Model, axial_strains_near, curvature_at
+from ancf_casadi.mechanics.model import Model, axial_strains_near, curvature_at
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.sensor import AT_CLAMP, Sensor
 from ancf_casadi.support.arrays import Array
 

@@ -23,7 +23,8 @@ from ancf_casadi.dynamics.radau.collocation import QUINTIC, RADAU, powers
 from ancf_casadi.dynamics.radau.stepper import RadauStep
 from ancf_casadi.dynamics.segments import SAME_TIME
 from ancf_casadi.exceptions import SimulationError
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.interrupts import interrupted
 

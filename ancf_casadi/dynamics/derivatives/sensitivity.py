@@ -39,11 +39,12 @@ from ancf_casadi.dynamics.start import (
     rigid_motion,
     start_jacobians,
 )
-from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TipLoad
+from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TIP, LoadPlace, TipLoad
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.beam import PROPERTIES
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.support.compilation import compiled
 from ancf_casadi.support.inputs import number
@@ -148,7 +149,12 @@ class SensitivityProblem:
 
     @cached_property
     def _start_jacobians(self) -> tuple[cs.Function, cs.Function]:
-        return start_jacobians(self.equations.model)
+        return start_jacobians(self.equations.model, self._held_at)
+
+    @property
+    def _held_at(self) -> LoadPlace:
+        """Where a load holds the beam until its release."""
+        return TIP if self.held or isinstance(self.start, Equilibrium) else self.equations.place
 
     @cached_property
     def _rigid_motion(self) -> cs.Function:
@@ -168,7 +174,7 @@ class SensitivityProblem:
                 if isinstance(start, Equilibrium):
                     own_load = np.array([*start.tip_force, start.tip_moment])
                 load = np.concatenate([own_load, np.zeros(LOAD_SIZE)])
-            state, held = held_start(model, self._start_jacobians, load)
+            state, held = held_start(model, self._start_jacobians, load, self._held_at)
             sizes = model.properties.size, len(self.equations.model.lumped), len(START_LOAD_NAMES)
             given = slice(layout["properties"].start, layout["start"].stop)
             jacobian[:, given] = held[:, np.repeat([True, self.lumped, self.held], sizes)]

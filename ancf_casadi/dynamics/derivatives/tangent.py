@@ -39,7 +39,8 @@ from ancf_casadi.dynamics.equations import Balance
 from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.radau.collocation import RADAU, STAGES, Collocation, stage_motion
 from ancf_casadi.dynamics.radau.stepper import RadauStep
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.support.banded import BandedFactors, lapack_place, lapack_storage
 from ancf_casadi.support.compilation import Buffered
@@ -256,7 +257,7 @@ def _sampled(
     times, orders = run.times[samples], weights.shape[1]
     own = np.moveaxis(weights[samples], 2, 0)
     b += np.einsum("soim,isod->md", clamp_jacobians(passage.excitation, times, orders), model.of_base(own))
-    return np.einsum("soe,isod->eid", sample_weights(step, times, orders), model.of_free(own))
+    return np.asarray(np.einsum("soe,isod->eid", sample_weights(step, times, orders), model.of_free(own)))
 
 
 def _bound(function: cs.Function) -> StepFunction:

@@ -3,14 +3,14 @@
 Stages.  With the nodes c and the weights A of the method and a step h, the increments Z_i of the free coordinates at
 the stages t + c_i h determine velocities and accelerations there,
 
-    V = A^-1 Z/h,    a = A^-1 (V - v)/h,    0 = R = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g - Q_tip   at each stage,
+    V = A^-1 Z/h,    a = A^-1 (V - v)/h,    0 = R = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g - Q_load   at each stage,
 
 and the last stage is the end of the step.
 
 Newton's method.  T^-1 A^-1 T has one real eigenvalue gamma and one complex pair mu.  If all stages share their
 matrices, a real and a complex banded system in N unknowns, with s = gamma/h and s = mu/h,
 
-    (s^2 M + s D + K) dW = T^-1 R,    D = dQ_damp/de_t,    K = d(Q_damp + Q_e - Q_tip)/de,
+    (s^2 M + s D + K) dW = T^-1 R,    D = dQ_damp/de_t,    K = d(Q_damp + Q_e - Q_load)/de,
 
 replace one system in 3 N (``elimination``).  As the beam turns, K changes by its axial part, which is thousands of
 times stiffer than its bending part; in coordinates that turn with the beam, K hardly changes.  Residuals are therefore
@@ -44,7 +44,8 @@ from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.radau.corotation import Corotation
 from ancf_casadi.dynamics.radau.elimination import Elimination, node_blocks, node_places
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 
 STAGES = 3
@@ -145,7 +146,9 @@ class Collocation:
             error += balance.of_low_rank(e[:, -1], deviations[0])
         solved = self._solved(self._real, s.real, self._frames(1).back(real * error, s.turns[-NODE:, :]))
         *shared, _ = vars(s).values()
-        return _function("finish", [*shared, a], [e, model.of_free(e_t[:, -1]), model.of_free(e_tt[:, -1]), solved, powers])
+        return _function(
+            "finish", [*shared, a], [e, model.of_free(e_t[:, -1]), model.of_free(e_tt[:, -1]), solved, powers]
+        )
 
     @cached_property
     def factors(self) -> cs.Function:
@@ -307,7 +310,9 @@ def stage_motion(
 def _selection(model: Model) -> cs.DM:
     """Return the sparse matrix that takes free coordinates to four places per node."""
     places = node_places(model)
-    return cs.DM.triplet(places.tolist(), list(range(places.size)), cs.DM.ones(places.size), model.size - NODE, places.size)
+    return cs.DM.triplet(
+        places.tolist(), list(range(places.size)), cs.DM.ones(places.size), model.size - NODE, places.size
+    )
 
 
 def _lagrange(nodes: Array, x: cs.MX) -> list[cs.MX]:

@@ -32,7 +32,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.element_forces import mapped, side_by_side
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.strain import gauss, hermite_slope
 from ancf_casadi.support.arrays import Array, Index
 

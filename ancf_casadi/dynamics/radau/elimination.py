@@ -27,7 +27,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.element_forces import ELEMENTS_PER_CALL
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Index, Layout
 
 BLOCK_ENTRIES = NODE**2

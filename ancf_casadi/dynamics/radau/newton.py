@@ -24,7 +24,7 @@ import numpy as np
 from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.radau.collocation import STAGES, Collocation
 from ancf_casadi.dynamics.segments import SAME_TIME
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import Buffered
 
@@ -59,7 +59,11 @@ class StepArrays:
         self.excitations = np.zeros((STAGES, EXCITATION))
         self.increments, self.corrections = np.zeros((STAGES, free)), np.zeros((STAGES, free))
         self.turns = np.zeros(form.stages.numel_out(2))
-        self.reference, self.reference_q, self.reference_excitation = np.zeros(size), np.zeros(free), np.zeros(EXCITATION)
+        self.reference, self.reference_q, self.reference_excitation = (
+            np.zeros(size),
+            np.zeros(free),
+            np.zeros(EXCITATION),
+        )
         self.real, self.pair = (np.zeros(form.factors.numel_out(k)) for k in range(2))
         self.parameters = parameters
 

@@ -134,7 +134,8 @@ def made(folder):
     errors = (ancf_casadi.EquilibriumError, ancf_casadi.FitError, ancf_casadi.NumericsError)
     drift = np.outer(SWING, (1.0, 0.0))
     found = [
-        beam, beam.sections[0], model, model.measures, PointLoad(force=(0.0, 1e-3)), *set_up(beam), Parameter("k", 2.0, "N/m", "k"),
+        beam, beam.sections[0], model, model.measures, PointLoad(force=(0.0, 1e-3)), *set_up(beam),
+        Parameter("k", 2.0, "N/m", "k"),
         law, QuadraticDamping(eta2=0.1), FrictionDamping(eta0=1e-4), ModalDamping(modes, (0.01, 0.003, 0.003)),
         ancf_casadi.FixedBase(), base, SweepBase(5e-3, (1.0, 2.0), stop=9.0), SampledBase(TIME, drift), force,
         HarmonicLoad(force=(1e-3, 0.0), frequency=2.0), SampledLoad(TIME, drift), rest, modes, run, run.state(-1),

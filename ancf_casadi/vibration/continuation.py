@@ -282,23 +282,26 @@ def _normal(direction: Array) -> Array:
 
 def at_factor(first: Point, last: Point, factor: float) -> Point | None:
     """Return the point at a factor between two points of a path; None if Newton's method fails."""
-    near = _root(first, last, lambda one: one.factor - factor)
+    near = _root(first, last, lambda one: one.factor - factor, _normal(first.chord(last)))
     row = np.append(np.zeros(first.q.size), 1.0)
     return near and replace(near, factor=factor).corrected(row)
 
 
 def _critical_between(first: Point, last: Point, *, limit: bool) -> Point | None:
     """Return the limit point or bifurcation between two points of a path, whose determinants have opposite signs."""
-    return _root(first, last, lambda one: one.determinant_relative_to(last), deflate=not limit)
+    chord = first.chord(last)
+    row = np.append(chord[:-1], 0.0) if limit else _normal(chord)
+    return _root(first, last, lambda one: one.determinant_relative_to(last), row, deflate=not limit)
 
 
-def _root(first: Point, last: Point, value: Callable[[Point], float], *, deflate: bool = False) -> Point | None:
+def _root(
+    first: Point, last: Point, value: Callable[[Point], float], row: Array, *, deflate: bool = False
+) -> Point | None:
     """Return the point between two points of a path at which a value of opposite signs there is zero.
 
     The Illinois variant of the regula falsi keeps a bracket; its order is 1.44.
     """
-    chord = first.chord(last)
-    row, point = _normal(chord), last
+    chord, point = first.chord(last), last
     (a, b), (low, high) = (0.0, 1.0), (value(first), value(last))
     for _ in range(60):
         x = b - high * (b - a) / (high - low)

@@ -62,7 +62,16 @@ class CriticalPoint(Displayed):
 
     Examples
     --------
-    See ``equilibrium_path``.
+    A strip between two clamps buckles as they approach each other:
+
+    >>> from ancf_casadi import Beam, Clamp, Model, equilibrium_path
+    >>> beam = Beam.uniform(length=0.3, width=0.02, thickness=1e-3, density=7800.0, elastic_modulus=210e9, elements=8,
+    ...                     gravity=(0.0, 0.0), supports=(Clamp(), Clamp(0.3, displacement=(0.0, 2e-5))))
+    >>> (buckling,) = equilibrium_path(Model(beam)).critical_points
+    >>> buckling.kind, round(2e-5 * buckling.factor, 8)
+    ('bifurcation', 1.098e-05)
+    >>> buckling.shape.shape == buckling.equilibrium.coordinates.shape
+    True
     """
 
     factor: float
@@ -94,7 +103,16 @@ class EquilibriumPath(Reported):
 
     Examples
     --------
-    See ``equilibrium_path``.
+    A shallow frame snaps through; half of it is enough:
+
+    >>> from ancf_casadi import Beam, Clamp, Guide, Model, PointLoad, equilibrium_path
+    >>> half = Beam.uniform(length=0.2, width=0.01, thickness=1e-3, density=7800.0, elastic_modulus=210e9, elements=4,
+    ...                     axis=(1.0, 0.04), supports=(Clamp(), Guide(0.2, direction=(0.0, 1.0))))
+    >>> path = equilibrium_path(Model(half), loads=[PointLoad((0.0, -20.0))])
+    >>> [(one.kind, round(one.factor, 2)) for one in path.critical_points]
+    [('limit', 0.31), ('limit', -0.09)]
+    >>> [rest.is_stable for rest in path.at(0.2)]
+    [True, False, True]
     """
 
     _drawing = "ancf_casadi.plot.path_figure"
@@ -107,7 +125,7 @@ class EquilibriumPath(Reported):
     critical_points: tuple[CriticalPoint, ...]
     complete: bool
 
-    def at(self, factor: float) -> tuple[Equilibrium, ...]:
+    def equilibria_at(self, factor: float) -> tuple[Equilibrium, ...]:
         """Return all equilibria of the path at a factor, in the order of the path.
 
         Raises
@@ -249,9 +267,9 @@ def equilibrium_path(
     >>> straight = equilibrium_path(Model(beam), loads=push, largest=2.0)
     >>> buckled = straight.critical_points[0]
     >>> print(f"{buckled.kind} at {buckled.factor:.3f}")
-    bifurcation at 1.080
+    bifurcation at 1.079
     >>> bent = equilibrium_path(Model(beam), loads=push, largest=2.0, start=buckled)
-    >>> [one.is_stable for one in (*straight.at(1.5), *bent.at(1.5))]
+    >>> [one.is_stable for one in (*straight.equilibria_at(1.5), *bent.equilibria_at(1.5))]
     [False, True]
     """
     check_instance(model, "model", Model)

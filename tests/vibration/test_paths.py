@@ -12,7 +12,6 @@ from ancf_casadi import (
     EquilibriumError,
     Guide,
     InputError,
-    LineLoad,
     Model,
     Pin,
     PointLoad,
@@ -202,15 +201,23 @@ def test_a_column_that_may_sway_buckles_at_the_displacement_of_its_end_by_euler(
     assert 1e8 * 2e-7 * buckling.factor == pytest.approx(math.pi**2, rel=1e-4)
 
 
-def test_the_factor_of_a_bifurcation_has_nine_digits():
-    """The discrete beam buckles where the lowest eigenvalue vanishes, which a finer search of its own finds."""
+def test_the_factor_of_a_bifurcation_does_not_depend_on_the_steps():
     loads = [PointLoad((-(math.pi**2), 0.0))]
-    supports = (Pin(0.0), Roller(1.0))
-    factors = [
-        equilibrium_path(column(supports=supports), loads=loads, largest=largest).critical_points[0].factor
-        for largest in (1.01, 1.3, 2.7)
-    ]
+    model = column(supports=(Pin(0.0), Roller(1.0)))
+    paths = [equilibrium_path(model, loads=loads, largest=largest) for largest in (1.01, 1.3, 2.7)]
+    factors = [path.critical_points[0].factor for path in paths]
     assert factors == pytest.approx([factors[0]] * 3, rel=1e-9)
+
+
+@pytest.mark.parametrize("axis", [(0.6, 0.8), (0.7, -0.3)])
+def test_the_factor_of_a_bifurcation_does_not_depend_on_the_axis(axis):
+    """Along x the forces across are exactly zero; in other directions they are rounded, and K is next to singular."""
+    factors = []
+    for own in ((1.0, 0.0), axis):
+        force = -(math.pi**2) / 4 * np.array(own) / np.linalg.norm(own)
+        path = equilibrium_path(model_of(1.0, 1e6, axis=own), loads=[PointLoad(tuple(force))], largest=2.0)
+        factors += [one.factor for one in path.critical_points]
+    assert factors == pytest.approx([factors[0]] * 2, rel=1e-8)
 
 
 @pytest.fixture(scope="module")
@@ -298,15 +305,15 @@ def test_each_equilibrium_has_the_supports_of_its_factor():
     assert half.position(1.0) == pytest.approx([0.975, 0.0], abs=1e-15)
 
 
-def test_a_pressure_that_follows_the_beam_buckles_a_ring_segment():
-    """Half a ring with pinned feet under a normal pressure: q R^3/EI = 3, Timoshenko & Gere 1961, Section 7.3."""
-    feet = (Pin(0.0), Pin(math.pi))
-    model = model_of(1.0, 1e8, length=math.pi, elements=32, axis=(0.0, 1.0), natural_curvature=-1.0, supports=feet)
-    path = equilibrium_path(model, loads=[LineLoad((0.0, -1.0), follower=True)], largest=4.0)
-    buckling = path.critical_points[0]
-    assert buckling.kind == "bifurcation"
-    assert buckling.factor == pytest.approx(3.0, rel=1e-4)
-    assert path.stable.tolist() == (path.factors < buckling.factor).tolist()
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.45])
+def test_a_column_under_a_force_that_partly_follows_it_diverges(share):
+    """Bolotin 1963: cos(P L^2/EI)^(1/2) = -share/(1 - share) for the share of the force that follows the tip."""
+    loads = [PointLoad((share - 1.0, 0.0)), PointLoad((-share, 0.0), follower=True)]
+    path = equilibrium_path(column(), loads=loads, largest=8.0)
+    (divergence,) = path.critical_points
+    assert divergence.kind == "bifurcation"
+    assert divergence.factor == pytest.approx(math.acos(-share / (1 - share)) ** 2, rel=1e-4)
+    assert path.stable.tolist() == (path.factors < divergence.factor).tolist()
 
 
 def test_a_path_shows_as_text_plain_data_and_a_figure(snap, buckled):

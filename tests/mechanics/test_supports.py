@@ -21,6 +21,7 @@ from ancf_casadi import (
     RayleighDamping,
     Roller,
     RotationalSpring,
+    SampledBase,
     Spring,
     natural_modes,
     simulate,
@@ -282,6 +283,27 @@ def test_the_energy_of_a_pushed_beam_is_balanced(name, method):
     assert size > 1e-5
     assert abs(run.balance_error).max() < 1e-4 * size
     assert (np.diff(run.dissipated_energy) > 0.0).all()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        *MOTIONS.values(),
+        {"supports": (Clamp(0.0, 0.5), Clamp(0.5, displacement=(-2e-3, 1e-3), rotation=0.05))},
+        {"supports": (Pin(0.0), Roller(0.5, (1.0, 0.2))), "natural_curvature": 3.0},
+        {"supports": (Clamp(0.2),)},
+    ],
+    ids=[*MOTIONS, "displaced", "bent", "held in the middle"],
+)
+def test_the_energy_of_a_beam_on_a_base_that_moves_and_turns_is_balanced(changes):
+    """The base does the work of all supports, springs and dashpots."""
+    time = np.linspace(0.0, 0.2, 41)
+    path = 0.01 * np.sin(np.outer(time, [20.0, 15.0])) ** 2
+    base = SampledBase(time, path, 0.3 * np.sin(12.0 * time) ** 2)
+    beam, law = strip(5, **THICK, **WEIGHTLESS, **changes), RayleighDamping(alpha=0.1, beta=1e-4)
+    run = simulate(Model(beam), damping=law, base=base, duration=0.15, sample_rate=200.0, tolerance=1e-9)
+    assert abs(run.balance_error).max() < 1e-6 * max(abs(run.base_work).max(), run.energy.max())
+    assert abs(run.base_work).max() > 0.1 or not beam.supports
 
 
 def test_a_dashpot_dissipates_the_work_of_its_force():

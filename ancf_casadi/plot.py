@@ -21,6 +21,7 @@ from ancf_casadi.estimation.figures import draw_autocorrelation
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import PROPERTIES, Beam
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.set_up import draw_set_up
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES, literal_text, prefixed
 from ancf_casadi.vibration.equilibrium import Equilibrium
@@ -176,8 +177,7 @@ def _draw_shapes(axes: Axes, runs: Mapping[str, Motion]) -> None:
             name = f"{label}, " if label else ""
             axes.plot(*_shape(run.model, run.coordinates[row]), color=MEASURED if alone and row == 0 else colour,
                       label=f"{name}at {run.time[row]:.4g} s" if row in (0, last) else None, **styles[row])  # fmt: skip
-        axes.plot(*(1e3 * run.coordinates[[-1], :2]).T, "s", ms=5, color=MEASURED)
-    axes.lines[-1].set_label("clamp")
+        draw_set_up(axes, run.model, run.coordinates[-1])
     _draw_plane(axes)
     axes.set_title(f"shape of the beam at {len(rows)} instants", fontsize="medium")
     axes.figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=3 if alone else 2)
@@ -198,15 +198,14 @@ def _draw_plane(axes: Axes) -> None:
 
 @literal_text
 def equilibrium_figure(equilibria: Mapping[str, Equilibrium]) -> Figure:
-    """Draw the beam at rest, by label, and straight."""
+    """Draw the beam at rest and without load, by label, with its supports and attachments."""
     figure = Figure(figsize=(6.4, 5.6), layout="constrained")
     axes = figure.subplots()
     for (label, rest), (colour, dash) in zip(equilibria.items(), _lines(equilibria), strict=False):
         axes.plot(*_shape(rest.model, rest.model.straight), color=MEASURED, ls=":", lw=0.8)
         axes.plot(*_shape(rest.model, rest.coordinates), color=colour, ls=dash, lw=2.0, label=label or "at rest")
-        axes.plot(0.0, 0.0, "s", ms=5, color=MEASURED)
-    axes.lines[0].set_label("straight")
-    axes.lines[-1].set_label("clamp")
+        draw_set_up(axes, rest.model, rest.coordinates)
+    axes.lines[0].set_label("without load")
     _draw_plane(axes)
     figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=4)
     return figure
@@ -271,6 +270,7 @@ def _draw_mode(axes: Axes, k: int, results: Mapping[str, Modes]) -> None:
         # largest displacement in a drawn mode, relative to the length of the beam
         rest, swing = modes.equilibrium.coordinates, 1e3 * 0.15 * modes.model.beam.length / size
         axes.plot(*_shape(modes.model, rest), ls=":", lw=0.8, color=MEASURED)
+        draw_set_up(axes, modes.model, rest)
         for side, width in ((1.0, 1.5), (-1.0, 0.5)):
             axes.plot(*_shape(modes.model, rest + side * swing * modes.shapes[:, k]), lw=width, color=colour, ls=dash,
                       label=label if label and side > 0.0 else None)  # fmt: skip

@@ -164,8 +164,12 @@ class SemiExplicit:
         """The coordinates e, e_t and e_tt."""
         x, z, excitation = self._symbols
         model, free, W = self.equations.model, self.equations.free, self.element_frequency
-        scale = model.free_scale
-        moved = model.of_free(model.straight) + scale * x[:free], scale * W * x[free:], scale * W**2 * z[:free]
+        scale, origin = cs.DM(model.free_scale), cs.DM(model.of_free(model.straight))
+        moved = (
+            origin + scale * x[:free],
+            scale * W * x[free:],
+            scale * W**2 * z[:free],
+        )
         node = cs.vertsplit(excitation[: 3 * NODE], NODE)
         e, e_t, e_tt = (model.whole(part, own) for own, part in zip(node, moved, strict=True))
         return e, e_t, e_tt

@@ -32,7 +32,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import NoneType
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import casadi as cs
 import numpy as np
@@ -204,7 +204,7 @@ def held_start(
     p, rate = np.split(load, [len(LOAD_NAMES)])
     coordinates = equilibrium_under(model, p, place).coordinates
     lumped = [*model.lumped.values()]
-    given = coordinates, p, model.properties, *lumped
+    given: Any = coordinates, p, model.properties, *lumped
     found = stiffness, by_p, by_x = jacobians[0](*given)
     factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse()))
     q_p, q_x = -factors.solve(by_p.full()), -factors.solve(by_x.full())

@@ -22,7 +22,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, final
+from typing import Any, TypeVar, final
 
 import casadi as cs
 import numpy as np
@@ -37,6 +37,7 @@ from ancf_casadi.support.inputs import check_size, number, physical, positive_or
 from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 
+S = TypeVar("S", cs.SX, cs.MX)
 LOAD_SIZE = 3  # components of a load: force x and y, N, and moment, N m
 
 
@@ -248,7 +249,7 @@ class SampledLoad(TipLoad):
         return (*found, _nothing(math.inf))
 
 
-def point_force(slope: cs.MX, load: cs.MX, *, follower: bool) -> tuple[cs.MX, cs.MX]:
+def point_force(slope: S, load: S, *, follower: bool) -> tuple[S, S]:
     """Return F and h, (2, s), of loads (3, s) at a point with slopes (2, s)."""
     x, y = slope[0, :], slope[1, :]
     turn = load[2, :] / (x * x + y * y)

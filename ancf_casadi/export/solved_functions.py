@@ -110,7 +110,8 @@ def frequencies_function(modes: Modes, equations: Equations, equilibrium: cs.Fun
     model, scale = modes.model, cs.DM(_scale(modes.equilibrium))
     p = cs.MX.sym("p", equilibrium.size1_in(0))
     properties = equations.balance_for(p).properties
-    e = model.whole(equilibrium(p), cs.DM(modes.equilibrium.coordinates[:NODE]))
+    q: cs.MX = equilibrium(p)
+    e = model.whole(q, cs.MX(cs.DM(modes.equilibrium.coordinates[:NODE])))
     K = scaled(free_part(model, model.tangent_stiffness(e, properties)), scale, scale)
     M = scaled(free_part(model, model.mass(properties)), scale, scale)
 

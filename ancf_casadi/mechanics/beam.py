@@ -29,7 +29,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import Attachment
 from ancf_casadi.mechanics.beam_table import PART_KINDS, with_parts
 from ancf_casadi.mechanics.lumped import Place, changed_parts, lumped_places
-from ancf_casadi.mechanics.section import LARGEST_PROPERTY, SMALLEST_PROPERTY, Section
+from ancf_casadi.mechanics.section import Section, check_elements
 from ancf_casadi.mechanics.supports import Clamp, Support
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import read_toml
@@ -129,7 +129,8 @@ class Beam(Displayed):
             found = instances(getattr(self, name), name, kind, least=0)
             object.__setattr__(self, name, tuple(sorted(found, key=lambda one: one.point)))
         self._check_points()
-        self._check_range()
+        check_elements(self.element_lengths, zip(*(getattr(self, name) for name in PROPERTIES), strict=True))
+        check_size(self.natural_curvature or 0.0, "natural_curvature")
 
     @classmethod
     def uniform(
@@ -185,8 +186,10 @@ class Beam(Displayed):
         curvature = _spread(natural_curvature, elements, "natural_curvature")
         held: dict[str, Any] = {"supports": supports, "attachments": attachments}
         beam = cls(length=length, axis=axis, gravity=gravity, natural_curvature=curvature, **held, **spread)
-        given = {"tip_mass": (tip_mass, 0.0), "clamp_stiffness": (clamp_stiffness, math.inf)}
-        return beam.with_(**{name: value for name, (value, none) in given.items() if value != none})
+        lumped = {"tip_mass": tip_mass} if tip_mass != 0.0 else {}
+        if clamp_stiffness != math.inf:
+            lumped["clamp_stiffness"] = clamp_stiffness
+        return beam.with_(**lumped)
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Beam:
@@ -238,15 +241,20 @@ class Beam(Displayed):
     @cached_property
     def arc(self) -> Array:
         """Arc length of each node, (n + 1,), m."""
-        n, points = self.elements, sorted({one.point for one in (*self.supports, *self.attachments)})
-        places = [0, *_nodes_near([point / self.length * n for point in points if 0.0 < point < self.length], n), n]
-        known = sorted({0.0, *points, self.length})
-        return np.interp(np.arange(n + 1), places, known)
+        n, inner = self.elements, self._inner_points
+        places = [0, *_nodes_near([point / self.length * n for point in inner], n), n]
+        return np.interp(np.arange(n + 1), places, [0.0, *inner, self.length])
+
+    @property
+    def _inner_points(self) -> list[float]:
+        """The points of supports and attachments between the ends, m, ascending."""
+        points = {one.point for one in self.supports} | {one.point for one in self.attachments}
+        return sorted(points - {0.0, self.length})
 
     @cached_property
     def element_lengths(self) -> Array:
         """Length l of each element, (n,), m."""
-        if len({one.point for one in (*self.supports, *self.attachments)} - {0.0, self.length}):
+        if self._inner_points:
             return np.diff(self.arc)
         return np.full(self.elements, self.length / self.elements)
 
@@ -348,33 +356,13 @@ class Beam(Displayed):
         points = [one.point for one in self.supports]
         if twice := [point for point in points if points.count(point) > 1]:
             raise InputError(f"two supports hold the point at {twice[0]:g} m; give one that holds both", "supports")
-        inner = {one.point for one in (*self.supports, *self.attachments)} - {0.0, self.length}
-        if len(inner) > self.elements - 1:
+        inner = len(self._inner_points)
+        if inner > self.elements - 1:
             raise InputError(
-                f"supports and attachments are at {len(inner)} points between the ends, but the beam has "
+                f"supports and attachments are at {inner} points between the ends, but the beam has "
                 f"{self.elements - 1} nodes there; use more elements",
                 "elements",
             )
-
-    def _check_range(self) -> None:
-        """Reject values whose products overflow or vanish; the usual cause is a wrong unit."""
-        lengths = self.element_lengths.tolist()
-        if not min(lengths):
-            raise InputError(f"{self.length:g} m is beyond the range of numbers; check the units", "length")
-        if self.natural_curvature:
-            check_size(self.natural_curvature, "natural_curvature")
-        values = zip(*(getattr(self, name) for name in PROPERTIES), lengths, strict=True)
-        for k, (b, h, rho, modulus, l) in enumerate(values):
-            terms = {
-                "mass": rho * b * h * l,
-                "axial stiffness": modulus * b * h / l,
-                "bending stiffness": modulus * (b * h * h * h) / 12 / l / l / l,
-            }
-            for name, value in terms.items():
-                if not SMALLEST_PROPERTY <= value <= LARGEST_PROPERTY:
-                    raise InputError(
-                        f"the {name} of element {k + 1} is {value:g}, beyond the range of numbers; check the units"
-                    )
 
     def _summary(self) -> str:
         wide, thick = (f"{1e3 * min(sizes):.4g}" for sizes in (self.width, self.thickness))

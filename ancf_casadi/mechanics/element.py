@@ -50,13 +50,14 @@ SMOOTHING_SPEED = 1e-9  # m/s; |v| is smoothed below this speed, because it has 
 class Element:
     """The CasADi Functions of one element: a piece of the beam, or what is attached to it.
 
-    They are those of ``Model`` with the same names, for coordinates e (d), velocities e_t (d) and the properties p of
+    But for the first, they are those of ``Model`` with the same names, for coordinates e (d), velocities e_t (d) and the properties p of
     one element, in SI units; the matrices are (d, d).  A beam element has d = 8 and p = (width, thickness, density,
     elastic modulus, length, x and y of the axis); for the others see ``point_elements``.  The force
     with the tangent stiffness, that with the stiffness of the undeformed element and the strain-rate force are to be
     multiplied by a time (s), the drag by a coefficient in 1/m, and the friction by one in m/s^2.
     """
 
+    scaled_strains: cs.Function  # (e, p) -> d_i^(1/2) s_i, whose squares add up to 2 U
     strain_energy: cs.Function
     elastic_force: cs.Function
     tangent_stiffness: cs.Function
@@ -157,6 +158,7 @@ def derived_element(
     friction_force = sum((side @ v / cs.sqrt(cs.sumsqr(v) + v0**2) for side, v in moving), 0 * e_t)
 
     outputs: dict[str, tuple[list[cs.SX], Any]] = {
+        "scaled_strains": ([e, p], cs.sqrt(d) * s),
         "strain_energy": ([e, p], cs.dot(d, s**2) / 2),
         "elastic_force": ([e, p], elastic_force),
         "tangent_stiffness": ([e, p], tangent_stiffness),

@@ -18,7 +18,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import casadi as cs
 import numpy as np
@@ -31,6 +31,7 @@ from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import number
 from ancf_casadi.support.tables import Displayed
 
+V = TypeVar("V")  # numbers or symbols
 NODE = 4  # coordinates of a node: position and slope
 
 
@@ -166,46 +167,56 @@ class Nodes(Displayed):
         """Typical size of each free coordinate, (N,)."""
         return self.scale[self.first_moved]
 
-    def of_free(self, values: Any) -> Any:
+    def of_free(self, values: V) -> V:
         """Return N^T x of forces at all nodes, numbers or symbols, (size, ...): those on the free coordinates.
 
         For coordinates, velocities or accelerations that the supports allow, this is q.
         """
+        x: Any = values
+        symbolic = not isinstance(values, np.ndarray)
         if self.held_at_base_alone:
-            return values[NODE:] if isinstance(values, np.ndarray) else values[NODE:, :]
-        if not isinstance(values, np.ndarray):
-            return self.N.T @ values
-        total, rows = np.zeros((self.freedoms, *values.shape[1:])), np.flatnonzero(self.weights)
-        np.add.at(total, self.free_of[rows], (self.weights[rows] * values[rows].T).T)
-        return total
+            found = x[NODE:, :] if symbolic else x[NODE:]
+        elif symbolic:
+            found = self.N.T @ x
+        else:
+            found, rows = np.zeros((self.freedoms, *x.shape[1:])), np.flatnonzero(self.weights)
+            np.add.at(found, self.free_of[rows], (self.weights[rows] * x[rows].T).T)
+        return cast(V, found)
 
-    def of_base(self, values: Any) -> Any:
+    def of_base(self, values: V) -> V:
         """Return G^T x of forces at all nodes, numbers or symbols, (size, ...): their resultant on the base."""
+        x: Any = values
+        symbolic = not isinstance(values, np.ndarray)
         if self.held_at_base_alone:
-            return values[:NODE] if isinstance(values, np.ndarray) else values[:NODE, :]
-        if not isinstance(values, np.ndarray):
-            return cs.sparsify(cs.DM(self.G)).T @ values
-        return np.tensordot(self.G.T, values, 1)
+            found = x[:NODE, :] if symbolic else x[:NODE]
+        else:
+            found = cs.sparsify(cs.DM(self.G)).T @ x if symbolic else np.tensordot(self.G.T, x, 1)
+        return cast(V, found)
 
-    def whole(self, q: Any, base: Any) -> Any:
+    def whole(self, q: V, base: V) -> V:
         """Return e = N q + G b for numbers or symbols: coordinates, velocities or accelerations, (size, ...)."""
+        x: Any = q
+        b: Any = base
         symbolic = not isinstance(q, np.ndarray)
         if self.held_at_base_alone:
-            return cs.vertcat(base, q) if symbolic else np.concatenate([base, q])
-        if symbolic:
-            return self.N @ q + cs.sparsify(cs.DM(self.G)) @ base
-        return (self.weights * q[self.free_of].T).T + np.tensordot(self.G, base, 1)
+            found = cs.vertcat(b, x) if symbolic else np.concatenate([b, x])
+        elif symbolic:
+            found = self.N @ x + cs.sparsify(cs.DM(self.G)) @ b
+        else:
+            found = (self.weights * x[self.free_of].T).T + np.tensordot(self.G, b, 1)
+        return cast(V, found)
 
-    def moved(self, q: Any) -> Any:
+    def moved(self, q: V) -> V:
         """Return N q for numbers or symbols: a motion of all nodes while the base rests, (size, ...)."""
-        none = np.zeros((NODE, *q.shape[1:])) if isinstance(q, np.ndarray) else cs.MX(NODE, q.shape[1])
-        return self.whole(q, none)
+        x: Any = q
+        none: Any = np.zeros((NODE, *x.shape[1:])) if isinstance(q, np.ndarray) else cs.MX(NODE, x.shape[1])
+        return self.whole(q, cast(V, none))
 
     @cached_property
     def displacement(self) -> Array:
         """The way of each coordinate from its place without load to that at which a support holds it, (size,)."""
         base = np.array([0.0, 0.0, *self.beam.axis])
-        return self.G @ base - (self.straight - self.moved(self.of_free(self.straight)))
+        return np.asarray(self.G @ base - (self.straight - self.moved(self.of_free(self.straight))))
 
     @cached_property
     def is_held(self) -> bool:

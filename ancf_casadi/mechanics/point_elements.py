@@ -27,6 +27,7 @@ does, at one node.  It takes part in no stretching or bending of the beam.
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import casadi as cs
 
@@ -37,10 +38,14 @@ def _symbols(coordinates: int, properties: int) -> tuple[cs.SX, cs.SX, cs.SX]:
     return cs.SX.sym("e", coordinates), cs.SX.sym("e_t", coordinates), cs.SX.sym("p", properties)
 
 
-def _attached(inputs: tuple[cs.SX, cs.SX, cs.SX], strains: cs.SX, weights: cs.SX, **parts: cs.SX) -> Element:
+def _attached(inputs: tuple[cs.SX, cs.SX, cs.SX], strains: cs.SX, weights: cs.SX, **parts: Any) -> Element:
     """Derive the Functions of a massless element, unless ``parts`` say otherwise."""
     size = inputs[0].numel()
-    none = {"mass": cs.SX.zeros(size, size), "line_mass": cs.SX.zeros(size, size), "gravity": cs.SX.zeros(size, 2)}
+    none: dict[str, Any] = {
+        "mass": cs.SX.zeros(size, size),
+        "line_mass": cs.SX.zeros(size, size),
+        "gravity": cs.SX.zeros(size, 2),
+    }
     return derived_element(inputs=inputs, strains=strains, weights=weights, **{**none, **parts})
 
 

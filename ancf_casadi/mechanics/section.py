@@ -1,10 +1,12 @@
-"""A rectangular cross-section, and the range of the properties of a beam."""
+"""A rectangular cross-section, and the range of the properties of elements."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import positive
 from ancf_casadi.support.tables import Displayed
 
@@ -54,3 +56,23 @@ class Section(Displayed):
     def second_moment(self) -> float:
         """Second moment of area I = b h^3 / 12, m^4."""
         return self.width * self.thickness**3 / 12
+
+
+def check_elements(lengths: Array, properties: Iterable[tuple[float, float, float, float]]) -> None:
+    """Reject elements whose mass or stiffness overflows or vanishes; the usual cause is a wrong unit.
+
+    Their properties are width, thickness, density and elastic modulus.
+    """
+    if not lengths.min():
+        raise InputError(f"{lengths.sum():g} m is beyond the range of numbers; check the units", "length")
+    for k, (l, (b, h, rho, modulus)) in enumerate(zip(lengths.tolist(), properties, strict=True)):
+        terms = {
+            "mass": rho * b * h * l,
+            "axial stiffness": modulus * b * h / l,
+            "bending stiffness": modulus * (b * h * h * h) / 12 / l / l / l,
+        }
+        for name, value in terms.items():
+            if not SMALLEST_PROPERTY <= value <= LARGEST_PROPERTY:
+                raise InputError(
+                    f"the {name} of element {k + 1} is {value:g}, beyond the range of numbers; check the units"
+                )

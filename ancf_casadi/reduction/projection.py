@@ -41,6 +41,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -49,7 +50,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import Dashpot, PointMass, RotationalSpring, Spring
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import gauss
-from ancf_casadi.mechanics.supports import Clamp, Support
+from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.modes import Modes
 
@@ -76,15 +77,15 @@ class Slopes:
         return np.stack([-y[:, None] * self.rotations, x[:, None] * self.rotations], axis=1)
 
 
+def begins_open(model: Model) -> bool:
+    """Return whether one clamp or pin holds the beam at its beginning, undisplaced, and no other support."""
+    own = [(one.point, one.sliding, *one.displacement) for one in model.beam.supports]
+    return own == [(0.0, None, 0.0, 0.0)]
+
+
 def nodal_slopes(modes: Modes) -> Slopes:
     """Return the slopes at all nodes and midpoints of the mesh."""
     model, beam = modes.model, modes.model.beam
-    if len(beam.supports) != 1 or any(map(_holds_elsewhere, beam.supports)):
-        raise InputError(
-            "the reduced model takes a beam that one clamp or pin holds at its beginning, and nothing else; "
-            "use the full model",
-            "model",
-        )
     points = np.interp(np.arange(2 * beam.elements + 1) / 2, np.arange(beam.elements + 1), beam.arc)
     interpolation = np.array([model.slope_interpolation(s) for s in points.tolist()])
     rest, change = interpolation @ modes.equilibrium.coordinates, interpolation @ modes.shapes
@@ -106,11 +107,6 @@ def nodal_slopes(modes: Modes) -> Slopes:
         shape=_simpson(model),
         rows=np.arange(root + len(points)),
     )
-
-
-def _holds_elsewhere(support: Support) -> bool:
-    """Return whether a support holds another point than the beginning, or lets it slide, or is displaced."""
-    return support.point > 0.0 or support.sliding is not None or any(support.displacement)
 
 
 def select_points(slopes: Slopes, count: int, rows: Index | None = None) -> Slopes:
@@ -152,60 +148,81 @@ def _simpson(model: Model) -> Array:
 class Joined:
     """Points of the beam that springs or dashpots join to the base."""
 
-    shape: Array  # from the slopes to the positions of the points, (d, k)
+    shape: Array  # from the parts to the positions of the points, (d, k)
     places: Array  # of the points without load, which the base keeps as it turns, (d, 2), m
     coefficients: Array  # along x and y, (d, 2), N/m or N s/m
 
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """The constants of the reduced equation of motion."""
+    """Constants of any reduced equation of motion, for coordinates e = u + P r with parts r (k,) of each component."""
 
-    slopes: Slopes  # those that determine the shape
-    mass_factor: Array  # R with R^T R = P^T M P, upper triangular, (k, k)
+    shape: Array  # P, for one component of the coordinates, (size/2, k)
+    mass_factor: Array  # R with R^T R = P^T M P, upper triangular, (k, k) or with fewer rows
     mass_moment: Array  # P^T M 1, (k,)
     total_mass: float  # 1^T M 1, kg
-    lumped_shape: Array  # from the slopes to the coordinates of point masses and rotary inertias, (l, k)
+    lumped_shape: Array  # from the parts to the coordinates of point masses and rotary inertias, (l, k)
     lumped_mass: Array  # of these coordinates, which have no drag, (l,), kg or kg m^2
     lumped_moved: Array  # 1 for a position, which the base displaces, and 0 for a slope, (l,)
-    bending_stiffness: Array  # K_b, (m, m)
-    rest_force: Array  # f_0, (m,)
-    rest_energy: float  # strain energy at rest, without that of the springs, J
     springs: Joined
     dashpots: Joined
-    drag_shape: Array  # from the slopes to the positions of the drag points, (d, k)
+    drag_shape: Array  # from the parts to the positions of the drag points, (d, k)
     drag_mass: Array  # at each of these points, (d,), kg
 
 
-def project_model(modes: Modes, nodal: Slopes, selected: Slopes, drag_points: int) -> Projection:
+@dataclass(frozen=True, eq=False)
+class SlopeProjection(Projection):
+    """The constants of the equation of motion of a beam that does not stretch; the parts are slopes."""
+
+    slopes: Slopes  # those that determine the shape
+    bending_stiffness: Array  # K_b, (m, m)
+    rest_force: Array  # f_0, (m,)
+    rest_energy: float  # strain energy at rest, without that of the springs, J
+
+
+def projected_constants(model: Model, shape: Array, drag_points: int) -> dict[str, Any]:
+    """Return the fields of ``Projection`` but the factor of the mass, for a given P (size/2, k)."""
+    mass, lumped = component_mass(model), _lumped_rows(model)
+    moment = mass @ np.tile([1.0, 0.0], len(mass) // 2)
+    points, weights = gauss(drag_points)
+    return {
+        "shape": shape,
+        "mass_moment": shape.T @ moment,
+        "total_mass": float(moment[::2].sum()),
+        "lumped_shape": shape[[row for row, _ in lumped]],
+        "lumped_mass": np.array([value for _, value in lumped]),
+        "lumped_moved": np.array([1.0 - row % 2 for row, _ in lumped]),
+        "springs": _joined(model, shape, Spring, "stiffness"),
+        "dashpots": _joined(model, shape, Dashpot, "coefficient"),
+        "drag_shape": np.array([model.interpolation(float(s))[0, ::2] for s in points * model.beam.length]) @ shape,
+        "drag_mass": _point_masses(model, points, weights),
+    }
+
+
+def component_mass(model: Model) -> Array:
+    """Return M of one component of the coordinates, (size/2, size/2)."""
+    return np.asarray(model.mass(model.properties).full()[::2, ::2])
+
+
+def project_model(modes: Modes, nodal: Slopes, selected: Slopes, drag_points: int) -> SlopeProjection:
     """Project the full model on the modes, by the slopes at all nodes and midpoints and at the selected points."""
     model, rest = modes.model, modes.equilibrium.coordinates
-    p, beam, lumped = model.properties, model.beam, _lumped_rows(model)
-    mass = model.mass(p).full()[::2, ::2]
-    moment = mass @ np.tile([1.0, 0.0], len(mass) // 2)
+    constants = projected_constants(model, selected.shape, drag_points)
     jacobian = np.kron(nodal.shape, np.eye(2)) @ nodal.jacobian.reshape(-1, modes.count)
-    points, weights = gauss(drag_points)
-    own_mass = selected.shape.T @ mass @ selected.shape
+    own_mass = selected.shape.T @ component_mass(model) @ selected.shape
     rounding = 1e-14 * float(own_mass.diagonal().max())  # of a mesh so coarse that it is singular
-    springs, force = _joined(model, selected, Spring, "stiffness"), model.elastic_force(rest, p).full().ravel()
+    springs, force = constants["springs"], model.elastic_force(rest, model.properties).full().ravel()
     at_rest = springs.shape @ selected.at_rest - springs.places
-    rows = [model.nodes_of(one.point)[:2] for one in beam.attachments if isinstance(one, Spring)]
+    rows = [model.nodes_of(one.point)[:2] for one in model.beam.attachments if isinstance(one, Spring)]
     np.subtract.at(force, np.array(rows, dtype=int).reshape(-1, 2), springs.coefficients * at_rest)
-    return Projection(
+    by_springs = float((springs.coefficients * at_rest**2).sum()) / 2
+    return SlopeProjection(
+        **constants,
+        mass_factor=np.asarray(np.linalg.cholesky(own_mass + rounding * np.eye(len(own_mass))).T),
         slopes=selected,
-        mass_factor=np.linalg.cholesky(own_mass + rounding * np.eye(len(own_mass))).T,
-        mass_moment=selected.shape.T @ moment,
-        total_mass=float(moment[::2].sum()),
-        lumped_shape=selected.shape[[row for row, _ in lumped]],
-        lumped_mass=np.array([value for _, value in lumped]),
-        lumped_moved=np.array([1.0 - row % 2 for row, _ in lumped]),
         bending_stiffness=_bending_stiffness(model, nodal),
         rest_force=jacobian.T @ force,
-        rest_energy=float(model.strain_energy(rest, p)) - float((springs.coefficients * at_rest**2).sum()) / 2,
-        springs=springs,
-        dashpots=_joined(model, selected, Dashpot, "coefficient"),
-        drag_shape=np.array([model.interpolation(float(s))[0, ::2] for s in points * beam.length]) @ selected.shape,
-        drag_mass=_point_masses(model, points, weights),
+        rest_energy=float(model.strain_energy(rest, model.properties)) - by_springs,
     )
 
 
@@ -231,12 +248,12 @@ def _lumped_rows(model: Model) -> list[tuple[int, float]]:
     return [(int(row), value) for row, value in values]
 
 
-def _joined(model: Model, selected: Slopes, kind: type[Spring | Dashpot], attribute: str) -> Joined:
+def _joined(model: Model, shape: Array, kind: type[Spring | Dashpot], attribute: str) -> Joined:
     """Return the points that attachments of a kind join to the base."""
     own = [one for one in model.beam.attachments if isinstance(one, kind)]
     nodes = np.array([model.nodes_of(one.point)[:2] for one in own], dtype=int).reshape(-1, 2)
     values = np.array([getattr(one, attribute) for one in own]).reshape(-1, 2)
-    return Joined(selected.shape[nodes[:, 0] // 2], model.straight[nodes], values)
+    return Joined(shape[nodes[:, 0] // 2], model.straight[nodes], values)
 
 
 def _point_masses(model: Model, points: Array, weights: Array) -> Array:

@@ -44,8 +44,18 @@ from ancf_casadi.dynamics.signals import (
 )
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
-from ancf_casadi.reduction.projection import Projection, nodal_slopes, project_model, select_points
+from ancf_casadi.reduction.bending import BendingMotion
+from ancf_casadi.reduction.condensation import CondensedProjection, condensed_projection
+from ancf_casadi.reduction.condensed import CondensedMotion
+from ancf_casadi.reduction.forces import BASE_SIZE, Expression, ReducedMotion
+from ancf_casadi.reduction.projection import (
+    Projection,
+    SlopeProjection,
+    begins_open,
+    nodal_slopes,
+    project_model,
+    select_points,
+)
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, numbers, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
@@ -197,12 +207,29 @@ def reduce_model(
     if modes.model != model:
         raise InputError("belong to another model", "modes")
     law = RayleighDamping() if damping is None else damping
-    m, nodal = modes.count, nodal_slopes(modes)
-    most, usual = len(nodal.angles), min(4 * m + 4, MOST_DRAG_POINTS)
-    slope_points = min(2 * m + 2, most) if slope_points is None else whole(slope_points, "slope_points", m + 1, most)
+    if not modes.frequencies[0]:
+        raise InputError("mode 1 is a motion without bending, which nothing holds; add a support or a spring", "modes")
+    m, usual = modes.count, min(4 * modes.count + 4, MOST_DRAG_POINTS)
     drag_points = usual if drag_points is None else whole(drag_points, "drag_points", 1, MOST_DRAG_POINTS)
+    if not begins_open(model):
+        if slope_points is not None:
+            raise InputError("have no meaning where supports hold the beam beyond its beginning", "slope_points")
+        return _assembled(modes, law, condensed_projection(modes, drag_points), numbers(markers, "markers"))
+    nodal = nodal_slopes(modes)
+    most = len(nodal.angles)
+    slope_points = min(2 * m + 2, most) if slope_points is None else whole(slope_points, "slope_points", m + 1, most)
     projection = project_model(modes, nodal, select_points(nodal, slope_points), drag_points)
     return _assembled(modes, law, projection, numbers(markers, "markers"))
+
+
+def reduced_motion(
+    projection: Projection, q: Expression, v: Expression, base: Expression, gravity: Expression
+) -> ReducedMotion:
+    """Return a motion of a reduced beam."""
+    if isinstance(projection, CondensedProjection):
+        return CondensedMotion(projection, q, v, base, gravity)
+    assert isinstance(projection, SlopeProjection)
+    return BendingMotion(projection, q, v, base, gravity)
 
 
 def rebuilt(first: ReducedModel, model: Model) -> ReducedModel:
@@ -211,10 +238,12 @@ def rebuilt(first: ReducedModel, model: Model) -> ReducedModel:
     Points that ``reduce_model`` selects jump with the properties, and the equation of motion with them; at the same
     points, the equation is a continuous function of the properties.
     """
-    modes, slopes = natural_modes(model, count=first.count), first.projection.slopes
-    nodal = nodal_slopes(modes)
-    selected = select_points(nodal, len(slopes.rows), slopes.rows)
-    return _assembled(modes, first.law, project_model(modes, nodal, selected, len(first.projection.drag_mass)), ())
+    modes, drag_points = natural_modes(model, count=first.count), len(first.projection.drag_mass)
+    if not isinstance(first.projection, SlopeProjection):
+        return _assembled(modes, first.law, condensed_projection(modes, drag_points), ())
+    nodal, rows = nodal_slopes(modes), first.projection.slopes.rows
+    selected = select_points(nodal, len(rows), rows)
+    return _assembled(modes, first.law, project_model(modes, nodal, selected, drag_points), ())
 
 
 def _assembled(modes: Modes, law: DampingLaw, projection: Projection, markers: Sequence[float]) -> ReducedModel:
@@ -243,10 +272,10 @@ def _functions(
     sizes = {"q": m, "v": m, "base": BASE_SIZE, "p": parameters}
     inputs = {name: cs.SX.sym(name, size) for name, size in sizes.items()}
     q, v, base, p = inputs.values()
-    motion = ReducedMotion(projection, q, v, base, gravity=p[:2])
-    e = motion.nodal(*motion.slope, base[:2])
-    e_t = motion.nodal(*motion.slope_velocity, base[3:5])
-    M = ReducedMotion(projection, q, v, cs.SX.zeros(BASE_SIZE), p[:2]).mass  # the same at any position of the clamp
+    motion = reduced_motion(projection, q, v, base, p[:2])
+    e = motion.nodal(*motion.parts, base[:2])
+    e_t = motion.nodal(*motion.part_rates, base[3:5])
+    M = reduced_motion(projection, q, v, cs.SX.zeros(BASE_SIZE), p[:2]).mass  # the same at any position of the base
     T, U, V = motion.energies
     forces = (motion.undamped_forces(cs.SX.zeros(m)) + motion.damping(law, p[2:], model))[:m]
     positions = cs.horzcat(cs.SX(2, 0), *(cs.DM(model.interpolation(s)) @ e for s in markers))

@@ -21,8 +21,8 @@ from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
-from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
+from ancf_casadi.reduction.forces import BASE_SIZE
+from ancf_casadi.reduction.reduced import ReducedModel, reduce_model, reduced_motion
 from ancf_casadi.response.harmonic_balance.balance import FIRST_HARMONICS, HarmonicBalance, Setting, least_samples
 from ancf_casadi.response.harmonic_balance.beams import STRAIGHT, full_system, reduced_system
 from ancf_casadi.response.harmonic_balance.drive import Drive, HarmonicForce, beam_drive, force_drive, no_drive
@@ -100,9 +100,9 @@ class Excited:
         ax, ay = model.beam.axis
         along = np.array(unit_vector((-ay, ax) if direction is None else direction, "direction"))
         if isinstance(self.body, ReducedModel):
-            motion = ReducedMotion(self.body.projection, q, 0 * q, u[:BASE_SIZE, :], gravity=cs.DM(2, 1))
-            shape = cs.DM(interpolation[:1, ::2] @ self.body.projection.slopes.shape)
-            relative_position = cs.vertcat(*(shape @ part for part in motion.slope))
+            motion = reduced_motion(self.body.projection, q, 0 * q, u[:BASE_SIZE, :], cs.DM(2, 1))
+            shape = cs.DM(interpolation[:1, ::2] @ self.body.projection.shape)
+            relative_position = cs.vertcat(*(shape @ part for part in motion.parts))
         else:
             axis = cs.repmat(cs.DM([ax, ay]), 1, q.size2())
             relative_position = cs.DM(interpolation) @ model.whole(q, cs.vertcat(u[:2, :], axis)) - u[:2, :]

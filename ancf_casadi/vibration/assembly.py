@@ -25,6 +25,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -140,7 +141,7 @@ def line_balance(*, follower: bool) -> ElementBalance:
     return _loaded(e, load, c, force)
 
 
-def _interpolation(functions: Callable[[cs.SX, cs.SX], tuple[cs.SX, ...]], xi: cs.SX, l: cs.SX) -> cs.SX:
+def _interpolation(functions: Callable[[Any, Any], tuple[Any, ...]], xi: cs.SX, l: cs.SX) -> cs.SX:
     """Return S of Eq. (2), or S', (2, 8)."""
     return cs.SX(cs.kron(cs.vertcat(*functions(xi, l)).T, cs.SX.eye(2)))
 
@@ -204,15 +205,16 @@ def _beam_parts(model: Model) -> list[EqualElements]:
     return parts
 
 
-def _loaded_elements(model: Model, load: Load) -> list[tuple[int, ...]]:
+def _loaded_elements(model: Model, load: Load) -> list[tuple[int, list[float]]]:
     """Return the elements under a load, each with the constants of its balance."""
     beam = model.beam
     if isinstance(load, PointLoad):
         index, xi = model.place_at(load.place(beam))
-        return [(index, xi, beam.element_lengths[index])]
+        return [(index, [xi, float(beam.element_lengths[index])])]
     begin, end = load.span(beam)
-    xi = np.clip((np.array([[begin], [end]]) - beam.arc[:-1]) / np.diff(beam.arc), 0.0, 1.0)
-    return [(k, *xi[:, k], beam.element_lengths[k]) for k in range(beam.elements) if xi[1, k] > xi[0, k]]
+    first, last = np.clip((np.array([[begin], [end]]) - beam.arc[:-1]) / np.diff(beam.arc), 0.0, 1.0)
+    constants = np.column_stack([first, last, beam.element_lengths]).tolist()
+    return [(k, constants[k]) for k in np.flatnonzero(last > first).tolist()]
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +234,7 @@ class Structure:
             balance_of = load_balance if isinstance(load, PointLoad) else line_balance
             own = rows.setdefault(balance_of(follower=load.follower), [])
             given = len(properties) + np.arange(len(load.values))
-            for index, *constants in _loaded_elements(model, load):
+            for index, constants in _loaded_elements(model, load):
                 own.append((NODE * (index + model.root) + np.arange(2 * NODE), given, constants))
             properties = np.concatenate([properties, load.values])
         parts += [EqualElements(balance, *map(np.array, zip(*own, strict=True))) for balance, own in rows.items()]

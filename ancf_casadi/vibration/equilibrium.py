@@ -192,17 +192,23 @@ def static_equilibrium(
     acting = _all_loads(force, moment, further)
     rest = Position.of(model.straight)
     weight = -Structure.of(model).linearisation(rest)[0]
-    way = model.displacement
+    way = model.displacement if model.displacement.any() else None
     factor, step, trials = 0.0, 1.0, 0
     while factor < 1.0:
         trials += 1
         s = min(factor + step, 1.0)
         loaded = Structure.of(model, [load.scaled(s) for load in acting])
-        trial = neighbour(loaded, rest, (1.0 - s) * weight, (s - factor) * way)
+        trial = neighbour(loaded, rest, (1.0 - s) * weight, None if way is None else (s - factor) * way)
         if trial is None:
             step /= 2
             # a path that needs smaller steps of the load factor, or more of them, is close to a fold
             if step < 1e-5 or trials > 500:
+                if not model.is_held:
+                    raise EquilibriumError(
+                        f"no static equilibrium was found beyond {factor:.4g} of the load ({_described(acting)}, "
+                        f"gravity {model.beam.gravity} m/s^2): the supports do not hold the beam against rigid "
+                        "motions. Hold it, turn it to where it hangs, or simulate its motion from start='straight'"
+                    )
                 raise EquilibriumError(
                     f"no static equilibrium was found beyond {factor:.4g} of the load ({_described(acting)}, "
                     f"gravity {model.beam.gravity} m/s^2). Either an element bends by more than half a "
@@ -241,8 +247,7 @@ def neighbour(
         force, stiffness, mass = structure.linearisation(at)
         if not model.is_held:
             stiffness = stiffness + shift_of(model, stiffness, mass) * mass
-        moving = way is not None and bool(way.any())
-        if moving:
+        if way is not None:
             force = force + structure.whole_product(at)(way)
         try:
             step = -refined(factorised(stiffness).solve, structure.stiffness_product(at), force + support)
@@ -250,8 +255,7 @@ def neighbour(
             return None
         if not np.isfinite(step).all():
             return None
-        update = model.moved(step) + way if moving else model.moved(step)
-        way = None
+        update, way = model.moved(step) + (0.0 if way is None else way), None
         if converged:
             return Position(at.coordinates, update)
         at = Position.of(at.coordinates + update)

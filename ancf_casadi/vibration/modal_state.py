@@ -106,7 +106,7 @@ class ModalState:
 
     @cached_property
     def stiffness_factors(self) -> BandedFactors:
-        """Factors of the stiffness K of the free coordinates; shifted as for the modes if no support holds the beam."""
+        """Factors of the stiffness K of the free coordinates, shifted as for the modes if the beam is not held."""
         stiffness, mass = self._matrices
         shift = 0.0 if self.model.is_held else shift_of(self.model, stiffness, mass)
         return factorised(stiffness + shift * mass if shift else stiffness)

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LARGEST_STEP = 0.05  # change of the factor per step, relative to the largest factor, and first step along a branch
-DIFFERENCE = 1e-4  # of the factor, relative to the largest, for the derivative where supports move
+FACTOR_STEP = 1e-4  # of the factor, relative to the largest, for the derivative where supports move
 CONVERGED = 1e-11  # last correction of Newton's method relative to the sizes of the unknowns, and shortest step
 SMALLEST_COSINE = 0.95  # of the angle between the tangents at both ends of a step
 LARGEST_MISMATCH = 0.1  # of the change of the factor and the mean slope, relative to the larger slope
@@ -301,8 +301,8 @@ class _Point:
         """The derivative of R with respect to s/largest, (N,)."""
         largest = self.growing.largest
         if self.growing.moves:
-            ends = (replace(self, factor=self.factor + sign * DIFFERENCE * largest) for sign in (1.0, -1.0))
-            return np.subtract(*(one.balance[0] for one in ends)) / (2 * DIFFERENCE)
+            ends = (replace(self, factor=self.factor + sign * FACTOR_STEP * largest) for sign in (1.0, -1.0))
+            return np.subtract(*(one.balance[0] for one in ends)) / (2 * FACTOR_STEP)
         model = self.structure.model
         unit = Structure.of(model, [load.scaled(largest) for load in self.growing.loads])
         return replace(unit, parts=unit.parts[len(model.groups) :]).linearisation(self.at)[0]

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.boundary import frequencies, motions, stability, statics
+from tests.boundary import backbones, buckling, flow, frequencies, motions, stability, statics
 
 REFERENCES = json.loads((Path(__file__).parent / "references.json").read_text())
 PAGE = Path(__file__).parents[2] / "docs" / "boundary_references.md"
@@ -79,11 +79,14 @@ CASES = [
     Case(statics.follower_tip_force, 80, slow=True),
     Case(statics.uniform_dead_load, 20),
     Case(statics.uniform_follower_load, 20),
+    Case(buckling.elastica_cantilever_axial, 40),
+    Case(buckling.elastica_clamped_clamped, 40),
     Case(statics.inclined_tip_force, 40),
     Case(statics.clamped_clamped_centre_force, 40),
     Case(statics.williams_toggle, 20),
     Case(statics.deep_arch_clamped_hinged, 60, slow=True),
     Case(statics.initially_curved_straightened, 20, size=1.0),
+    Case(flow.blade_in_uniform_flow, 80, slow=True),
     Case(stability.euler_buckling, 20, slow=True),
     Case(stability.self_weight_buckling, 20, slow=True),
     Case(stability.beck_column, 20),
@@ -110,6 +113,11 @@ CASES = [
     Case(stability.tip_dashpot_weak, 40),
     Case(stability.tip_dashpot_strong, 40, size=1e-6),
     Case(stability.kelvin_voigt_pp, 40),
+    Case(backbones.backbone_pp, 20, slow=True),
+    Case(backbones.backbone_cc, 20, slow=True),
+    Case(buckling.postbuckled_pp, 40),
+    Case(buckling.postbuckled_cc, 40),
+    Case(motions.moving_force, 20, DYNAMIC, slow=True),
     Case(motions.flying_beam_500, 10, DYNAMIC),
     Case(motions.robot_arm_moment, 20, DYNAMIC),
     Case(motions.rubber_pendulum, 40, PENDULUM, size=1.2, slow=True),

@@ -4,8 +4,6 @@ Each function returns the numbers of the case of its name in ``references.json``
 """
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.optimize import brentq
 
 from ancf_casadi import (
     Beam,
@@ -17,12 +15,11 @@ from ancf_casadi import (
     Roller,
     SampledLoad,
     StrainMeasures,
-    natural_modes,
     simulate,
     static_equilibrium,
 )
 from tests.boundary.statics import MONDKAR_POWELL, section_of
-from tests.boundary.unit_beam import AXIAL, HERE, unit_beam
+from tests.boundary.unit_beam import HERE, unit_beam
 
 LENGTH = 10.0  # of the flying beam and the arm
 
@@ -89,31 +86,6 @@ def clamped_clamped_step_force(n):
     deflection = run.tip[:, 1]
     largest = deflection.argmax()
     return [deflection[largest], round(run.time[largest], 5), *deflection[samples(run, (0.5e-3, 1e-3, 1.5e-3, 2e-3))]]
-
-
-def backbone_pp(n):
-    """Released from the shape under a load like the mode, which is the mode; n is even.
-
-    The frequency follows from the first two times at which the centre is straight, half a period apart.
-    """
-    model = Model(unit_beam(n, supports=(Pin(0.0), Pin(1.0))))
-    slow, found = natural_modes(model, count=1).angular_frequencies[0], []
-    for ratio in (0.5, 1.0, 2.0, 3.0, 5.0):
-        amplitude = ratio / np.sqrt(AXIAL)
-
-        def bent(size):
-            points = [k / n for k in range(1, n)]
-            loads = [PointLoad((0.0, size * np.sin(np.pi * s)), point=s) for s in points]
-            return static_equilibrium(model, loads=loads)
-
-        expected = np.pi**4 * amplitude * (1 + ratio**2 / 4) / n
-        size = brentq(lambda size, a=amplitude: bent(size).position(0.5)[1] - a, 0.99 * expected, 1.01 * expected)
-        rate = 100 * slow
-        run = simulate(model, start=bent(size), duration=5.0 / slow, sample_rate=rate)
-        centre = CubicSpline(run.time, run.position(0.5)[:, 1])
-        first, second = centre.roots(extrapolate=False)[:2]
-        found.append(np.pi / (second - first) / slow)
-    return found
 
 
 def moving_force(n):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ancf_casadi import Model, StrainMeasures, static_equilibrium
+from ancf_casadi import Model, SampledLoad, StrainMeasures, simulate, static_equilibrium
 
 WEIGHTLESS = {"axis": (0.6, -0.8), "gravity": (0.0, 0.0)}
 COILED = (4.0, 0.0, -6.0, 5.0)  # 1/m
@@ -43,3 +43,19 @@ def test_the_straightened_beam_converges_at_order_four(paper_beam, bending_stiff
         rest = static_equilibrium(Model(beam), tip_moment=-6.0 * bending_stiffness(beam))
         errors.append(np.linalg.norm(rest.tip - 0.5 * np.array(beam.axis)))
     np.testing.assert_allclose(-np.diff(np.log2(errors)), 4.0, atol=0.1)
+
+
+def test_a_bent_beam_without_load_reads_no_force_and_no_moment(paper_beam):
+    run = simulate(Model(paper_beam(8, natural_curvature=6.0, **WEIGHTLESS)), start="straight", duration=0.01)
+    for point in (0.0, 0.11, 0.5):
+        assert run.curvature(point) == pytest.approx(6.0, rel=1e-3)
+        assert abs(run.bending_moment(point)).max() < 1e-9
+        assert abs(run.axial_force(point)).max() < 1e-6
+
+
+def test_a_bent_beam_under_a_moment_reads_this_moment(paper_beam, bending_stiffness):
+    beam = paper_beam(16, natural_curvature=6.0, **WEIGHTLESS)
+    moment = -3.0 * bending_stiffness(beam)
+    run = simulate(Model(beam), load=SampledLoad([0.0, 1.0], np.zeros((2, 2)), [moment, moment]), duration=0.01)
+    for point in (0.0, 0.11, 0.5):
+        assert run.bending_moment(point)[-1] == pytest.approx(moment, rel=2e-3)

@@ -8,9 +8,7 @@ from ancf_casadi import (
     Beam,
     Clamp,
     Dashpot,
-    Guide,
     HarmonicBase,
-    InputError,
     Model,
     Pin,
     PointMass,
@@ -171,14 +169,3 @@ def test_a_steady_state_is_that_of_the_full_beam_and_its_energy_is_balanced():
     assert found.phase() == pytest.approx(full.phase(), abs=1e-4)
     assert found.supplied_energy == pytest.approx(found.dissipated_energy, rel=1e-6)
     assert found.dissipated_energy == pytest.approx(full.dissipated_energy, rel=1e-3)
-
-
-@pytest.mark.parametrize(
-    "supports",
-    [(), (Clamp(0.0), Pin(0.5)), (Guide(0.0),), (Pin(0.2),), (Clamp(0.0, displacement=(0.01, 0.0)),)],
-    ids=str,
-)
-def test_other_supports_are_refused(supports):
-    with pytest.raises(InputError, match=r"^model: the reduced model takes a beam that one clamp or pin holds"):
-        model = strip(4, supports=supports, gravity=(0.0, 0.0))
-        reduce_model(model, modes=natural_modes(model, count=2))

@@ -257,7 +257,7 @@ def _sampled(
     times, orders = run.times[samples], weights.shape[1]
     own = np.moveaxis(weights[samples], 2, 0)
     b += np.einsum("soim,isod->md", clamp_jacobians(passage.excitation, times, orders), model.of_base(own))
-    return np.einsum("soe,isod->eid", sample_weights(step, times, orders), model.of_free(own))
+    return np.asarray(np.einsum("soe,isod->eid", sample_weights(step, times, orders), model.of_free(own)))
 
 
 def _bound(function: cs.Function) -> StepFunction:

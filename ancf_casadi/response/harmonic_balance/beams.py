@@ -25,8 +25,8 @@ from ancf_casadi.dynamics.tip_load import LOAD_SIZE, tip_force
 from ancf_casadi.mechanics.attachments import Dashpot, Spring
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
-from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
-from ancf_casadi.reduction.reduced import ReducedModel
+from ancf_casadi.reduction.forces import BASE_SIZE
+from ancf_casadi.reduction.reduced import ReducedModel, reduced_motion
 from ancf_casadi.response.harmonic_balance.drive import BEAM_EXCITATION
 from ancf_casadi.response.harmonic_balance.system import (
     KEPT_FUNCTIONS,
@@ -158,14 +158,13 @@ def _reduced_functions(reduced: ReducedModel, tuned: bool, samples: int) -> Samp
     values = cs.vertcat(cs.DM(reduced.values[:GRAVITY_SIZE]), p) if tuned else p
     gravity, of_law, factors = cs.vertsplit(values, [0, GRAVITY_SIZE, GRAVITY_SIZE + laws, values.numel()])
     directions = [cs.MX.sym(name, BEAM_EXCITATION, samples) for name in ("u_1", "u_2")]
-    motion = ReducedMotion(projection, q, v, u[:BASE_SIZE, :], gravity=gravity)
+    motion = reduced_motion(projection, q, v, u[:BASE_SIZE, :], gravity)
     damping, tip = motion.damping(law, of_law, model), motion.tip_force(u[BASE_SIZE:, :])
     forces = motion.undamped_forces(a) + damping - tip
     velocity, balance = cs.vertcat(v, u[3:5, :]), forces[:m, :]
     if tuned:
-        by_bending = cs.repmat(cs.DM(projection.rest_force), 1, samples) + cs.DM(projection.bending_stiffness) @ q
         balance += cs.diag((factors[:-1] ** 2 - 1) * reduced.modes.angular_frequencies**2) @ q
-        balance += (factors[-1] - 1) * by_bending
+        balance += (factors[-1] - 1) * motion.elastic_force
     supplied = cs.sum1(u[3:5, :] * forces[m:, :]) + cs.sum1(velocity * tip)
     rows = [cs.DM.zeros(m, samples) for _ in range(m)]
     for k, row in enumerate(rows):

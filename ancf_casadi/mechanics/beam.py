@@ -239,7 +239,7 @@ class Beam(Displayed):
         return len(self.width)
 
     @cached_property
-    def arc(self) -> Array:
+    def node_points(self) -> Array:
         """Arc length of each node, (n + 1,), m."""
         n, inner = self.elements, self._inner_points
         places = [0, *_nodes_near([point / self.length * n for point in inner], n), n]
@@ -255,7 +255,7 @@ class Beam(Displayed):
     def element_lengths(self) -> Array:
         """Length l of each element, (n,), m."""
         if self._inner_points:
-            return np.diff(self.arc)
+            return np.diff(self.node_points)
         return np.full(self.elements, self.length / self.elements)
 
     @property

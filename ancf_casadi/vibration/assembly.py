@@ -212,7 +212,7 @@ def _loaded_elements(model: Model, load: Load) -> list[tuple[int, list[float]]]:
         index, xi = model.place_at(load.place(beam))
         return [(index, [xi, float(beam.element_lengths[index])])]
     begin, end = load.span(beam)
-    first, last = np.clip((np.array([[begin], [end]]) - beam.arc[:-1]) / np.diff(beam.arc), 0.0, 1.0)
+    first, last = np.clip((np.array([[begin], [end]]) - beam.node_points[:-1]) / np.diff(beam.node_points), 0.0, 1.0)
     constants = np.column_stack([first, last, beam.element_lengths]).tolist()
     return [(k, constants[k]) for k in np.flatnonzero(last > first).tolist()]
 

@@ -131,7 +131,7 @@ def shaken() -> Iterator[str]:
 
 
 def hardened() -> Iterator[str]:
-    """Relative error of omega/omega_linear of mode 1 between ends that do not move; A is the amplitude of the middle."""
+    """Error of the frequency ratio of mode 1 between ends that do not move; A is the amplitude in the middle."""
     yield row("ends", "A/r", "omega/omega_linear", *(counted(m) for m in KEPT[:3]))
     yield rule(3 + len(KEPT[:3]))
     radius = LENGTH / 1000  # of gyration

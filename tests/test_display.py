@@ -160,11 +160,11 @@ def set_up(beam):
     """Return supports, attachments, loads, and the results about critical loads."""
     column = Model(beam.with_(axis=(1.0, 0.0), gravity=(0.0, 0.0)))
     push = [PointLoad((-0.1, 0.0))]
-    path = equilibrium_path(column, loads=push, largest=2.0)
+    path = equilibrium_path(column, loads=push, largest_factor=2.0)
     return [
         Clamp(), Pin(0.5), Roller(0.5), Guide(0.5), PointMass(0.5, 1e-3), Spring(0.5, (0.0, 1.0)),
         RotationalSpring(0.0, 1.0), Dashpot(0.5, (0.0, 0.1)), LineLoad((0.0, 0.1)), damped_modes(column, count=2),
-        critical_load(column, push, largest=2.0, steps=4), path, path.critical_points[0],
+        critical_load(column, push, largest_factor=2.0, steps=4), path, path.critical_points[0],
     ]  # fmt: skip
 
 
@@ -218,7 +218,7 @@ def test_a_computed_result_has_text_html_data_and_a_file(samples, name, tmp_path
 
 
 def test_each_computed_result_states_its_own_kind(samples):
-    assert len({samples[name].to_dict()["kind"] for name in COMPUTED}) == len(COMPUTED) == 8
+    assert len({samples[name].to_dict()["kind"] for name in COMPUTED}) == len(COMPUTED) == 10
 
 
 @pytest.mark.parametrize("name", COMPUTED)

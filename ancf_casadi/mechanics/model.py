@@ -124,7 +124,7 @@ class Model(Nodes):
         beam = self.beam
         rows = [beam.element_lengths, *np.outer(beam.axis, np.ones(beam.elements))]
         if beam.natural_curvature:
-            slopes = self.unloaded[1]
+            slopes = self.natural_nodes[1]
             middle = slopes[:-1] + slopes[1:]
             rows[1:] = (middle / np.linalg.norm(middle, axis=1)[:, None]).T
             rows.append(np.array(beam.natural_curvature) / beam.lumped["natural_curvature"])

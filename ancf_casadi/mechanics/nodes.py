@@ -63,7 +63,7 @@ class Nodes(Displayed):
         return np.tile([length, length, 0.5, 0.5], self.size // NODE)
 
     @cached_property
-    def unloaded(self) -> tuple[Array, Array]:
+    def natural_nodes(self) -> tuple[Array, Array]:
         """Position, m, and slope of each node of the beam as manufactured, its beginning at the origin, (n + 1, 2)."""
         lengths, curvature = self.beam.element_lengths, np.array(self.beam.natural_curvature or [0.0])
         turn = lengths * curvature
@@ -83,7 +83,7 @@ class Nodes(Displayed):
         if not self.beam.natural_curvature:
             arc = np.concatenate([np.zeros(self.root), self.beam.node_points])
             return np.column_stack([np.outer(arc, axis), np.tile(axis, (arc.size, 1))]).ravel()
-        nodes = np.hstack(self.unloaded)
+        nodes = np.hstack(self.natural_nodes)
         base = np.array([0.0, 0.0, *axis])
         return np.concatenate([base, nodes.ravel()]) if self.root else nodes.ravel()
 
@@ -147,7 +147,7 @@ class Nodes(Displayed):
         return np.array([[along, -across], [across, along]])
 
     @cached_property
-    def selects(self) -> bool:
+    def is_selection(self) -> bool:
         """Whether all entries of N are 1 and each free coordinate is a nodal one."""
         return bool(np.isin(self.weights, (0.0, 1.0)).all()) and self.freedoms == np.count_nonzero(self.weights)
 

@@ -1,5 +1,7 @@
 """Projection of the full beam on bending in a few modes, without stretching.
 
+One clamp or pin holds the beam at its beginning; for others see ``condensation``.
+
 The slope r' = lambda (cos theta, sin theta) keeps the length lambda it has at rest.  Its angle to the x axis is
 
     theta(s, t) = phi(t) + theta_0(s) + sum_k Theta_k(s) q_k(t),

@@ -102,7 +102,7 @@ def unbalance(rest):
 
 @pytest.fixture(scope="module")
 def snap():
-    return equilibrium_path(toggle(), loads=APEX, largest=100.0)
+    return equilibrium_path(toggle(), loads=APEX, largest_factor=100.0)
 
 
 def deflection(rest):
@@ -154,7 +154,7 @@ def test_equilibria_between_limit_points_are_unstable_and_all_others_stable(snap
 @pytest.mark.parametrize("largest", [35.0, 1e3, 1e5])
 def test_no_limit_point_is_jumped_over_whatever_the_largest_factor(snap, largest):
     """The limit points and the drop between them are 7 % to 0.003 % of the largest factor."""
-    path = equilibrium_path(toggle(10), loads=APEX, largest=largest)
+    path = equilibrium_path(toggle(10), loads=APEX, largest_factor=largest)
     assert [one.factor for one in path.critical_points] == pytest.approx([33.86123305, 31.26258318], rel=1e-4)
     assert path.complete
 
@@ -180,7 +180,7 @@ EULER = {  # P L^2/EI
 @pytest.mark.parametrize("name", EULER)
 def test_columns_buckle_at_euler_loads(name):
     supports, load = EULER[name]
-    path = equilibrium_path(column(supports=supports), loads=PUSH, largest=1.5 * load)
+    path = equilibrium_path(column(supports=supports), loads=PUSH, largest_factor=1.5 * load)
     (buckling,) = path.critical_points
     assert buckling.kind == "bifurcation"
     assert buckling.factor == pytest.approx(load, rel=1e-4)
@@ -204,7 +204,7 @@ def test_a_column_that_may_sway_buckles_at_the_displacement_of_its_end_by_euler(
 def test_the_factor_of_a_bifurcation_does_not_depend_on_the_steps():
     loads = [PointLoad((-(math.pi**2), 0.0))]
     model = column(supports=(Pin(0.0), Roller(1.0)))
-    paths = [equilibrium_path(model, loads=loads, largest=largest) for largest in (1.01, 1.3, 2.7)]
+    paths = [equilibrium_path(model, loads=loads, largest_factor=largest) for largest in (1.01, 1.3, 2.7)]
     factors = [path.critical_points[0].factor for path in paths]
     assert factors == pytest.approx([factors[0]] * 3, rel=1e-9)
 
@@ -215,7 +215,7 @@ def test_the_factor_of_a_bifurcation_does_not_depend_on_the_axis(axis):
     factors = []
     for own in ((1.0, 0.0), axis):
         force = -(math.pi**2) / 4 * np.array(own) / np.linalg.norm(own)
-        path = equilibrium_path(model_of(1.0, 1e6, axis=own), loads=[PointLoad(tuple(force))], largest=2.0)
+        path = equilibrium_path(model_of(1.0, 1e6, axis=own), loads=[PointLoad(tuple(force))], largest_factor=2.0)
         factors += [one.factor for one in path.critical_points]
     assert factors == pytest.approx([factors[0]] * 2, rel=1e-8)
 
@@ -223,9 +223,9 @@ def test_the_factor_of_a_bifurcation_does_not_depend_on_the_axis(axis):
 @pytest.fixture(scope="module")
 def buckled():
     loads = [PointLoad((-(math.pi**2) / 4, 0.0))]
-    straight = equilibrium_path(column(40), loads=loads, largest=1.2)
+    straight = equilibrium_path(column(40), loads=loads, largest_factor=1.2)
     (start,) = straight.critical_points
-    sides = [equilibrium_path(column(40), loads=loads, largest=9.2, start=start, side=side) for side in (1, -1)]
+    sides = [equilibrium_path(column(40), loads=loads, largest_factor=9.2, start=start, side=side) for side in (1, -1)]
     return straight, sides
 
 
@@ -255,7 +255,7 @@ def test_a_deep_arch_reaches_its_limit_load():
     held = {"supports": supports, "axis": axis, "natural_curvature": -0.01}
     model = model_of(1e6, 1e8, length=100.0 * angle, elements=80, **held)
     crown = 50.0 * angle
-    path = equilibrium_path(model, loads=[PointLoad((0.0, -100.0), point=crown)], largest=10.0, most_steps=40)
+    path = equilibrium_path(model, loads=[PointLoad((0.0, -100.0), point=crown)], largest_factor=10.0, most_steps=40)
     limit = path.critical_points[0]
     x, y = limit.equilibrium.position(crown) - model.interpolation(crown) @ model.straight
     assert limit.kind == "limit"
@@ -265,7 +265,7 @@ def test_a_deep_arch_reaches_its_limit_load():
 def test_a_clamped_beam_under_a_central_force_hardens_without_critical_points():
     supports = (Clamp(), Clamp(20.0))
     model = model_of(30e6 * 0.125**3 / 12, 30e6 * 0.125, length=20.0, elements=40, supports=supports)
-    path = equilibrium_path(model, loads=[PointLoad((0.0, -1.0), point=10.0)], largest=1000.0)
+    path = equilibrium_path(model, loads=[PointLoad((0.0, -1.0), point=10.0)], largest_factor=1000.0)
     assert path.critical_points == ()
     assert path.stable.all()
     for force, (sag, axial) in CENTRE_FORCE.items():
@@ -277,7 +277,7 @@ def test_a_clamped_beam_under_a_central_force_hardens_without_critical_points():
 @pytest.mark.parametrize(("support", "reference"), [(Pin, BUCKLED_PINNED), (Clamp, BUCKLED_CLAMPED)])
 def test_a_strip_buckled_by_a_support_vibrates_about_its_buckled_state(support, reference):
     model, factor_of = strip(support)
-    (start,) = equilibrium_path(model, largest=1.05 * factor_of(0)).critical_points
+    (start,) = equilibrium_path(model, largest_factor=1.05 * factor_of(0)).critical_points
     assert start.factor == pytest.approx(factor_of(0), rel=1e-5)
     bent = equilibrium_path(model, start=start)
     for rise, omega in reference.items():
@@ -309,7 +309,7 @@ def test_each_equilibrium_has_the_supports_of_its_factor():
 def test_a_column_under_a_force_that_partly_follows_it_diverges(share):
     """Bolotin 1963: cos(P L^2/EI)^(1/2) = -share/(1 - share) for the share of the force that follows the tip."""
     loads = [PointLoad((share - 1.0, 0.0)), PointLoad((-share, 0.0), follower=True)]
-    path = equilibrium_path(column(), loads=loads, largest=8.0)
+    path = equilibrium_path(column(), loads=loads, largest_factor=8.0)
     (divergence,) = path.critical_points
     assert divergence.kind == "bifurcation"
     assert divergence.factor == pytest.approx(math.acos(-share / (1 - share)) ** 2, rel=1e-4)
@@ -332,7 +332,7 @@ def test_a_path_shows_as_text_plain_data_and_a_figure(snap, buckled):
 
 
 def test_a_path_ends_after_the_most_steps():
-    path = equilibrium_path(toggle(4), loads=APEX, largest=100.0, most_steps=3)
+    path = equilibrium_path(toggle(4), loads=APEX, largest_factor=100.0, most_steps=3)
     assert len(path.factors) == 4
     assert not path.complete
 
@@ -343,10 +343,10 @@ def test_what_a_path_cannot_do_is_refused(snap, buckled):
     calls = {
         "loads: are zero": lambda: equilibrium_path(model),
         "side: must be 1 or -1": lambda: equilibrium_path(model, loads=APEX, side=0),
-        "largest": lambda: equilibrium_path(model, loads=APEX, largest=-1.0),
-        "start: is no bifurcation": lambda: equilibrium_path(snap.model, loads=APEX, largest=100.0, start=limit),
-        "start: is no bifurcation of": lambda: equilibrium_path(column(40), loads=PUSH, largest=2.0, start=fork),
-        "largest: must be beyond the start": lambda: equilibrium_path(column(40), loads=loads, start=fork),
+        "largest_factor": lambda: equilibrium_path(model, loads=APEX, largest_factor=-1.0),
+        "start: is no bifurcation": lambda: equilibrium_path(snap.model, loads=APEX, largest_factor=100.0, start=limit),
+        "start: is no bifurcation of": lambda: equilibrium_path(column(40), loads=PUSH, largest_factor=2.0, start=fork),
+        "largest_factor: must be beyond the start": lambda: equilibrium_path(column(40), loads=loads, start=fork),
     }
     for message, call in calls.items():
         with pytest.raises(InputError, match=message):

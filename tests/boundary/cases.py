@@ -1,6 +1,6 @@
 """The reference cases, what computes them, and the page of the documentation that compares.
 
-``python -m tests.boundary.cases`` writes the table of ``docs/boundary_references.md``; the tests recompute its rows.
+``python -m tests.boundary.cases`` writes the tables of ``docs/boundary_references.md``; the tests compute them again.
 """
 
 import json
@@ -13,10 +13,14 @@ from typing import Any
 import numpy as np
 
 from tests.boundary import backbones, buckling, flow, frequencies, motions, stability, statics
+from tests.boundary.convergence import HELD, errors, order
 
 REFERENCES = json.loads((Path(__file__).parent / "references.json").read_text())
 PAGE = Path(__file__).parents[2] / "docs" / "boundary_references.md"
 HEADER = "| case | at | reference | computed | largest difference | elements |\n|---|---|---|---|---|---|\n"
+CASES_HEADER = "| case | description | quantity | source |\n|---|---|---|---|\n"
+RATES_HEADER = "| supports | 8 elements | 16 elements | 32 elements | order |\n|---|---|---|---|---|\n"
+SECOND_MODE = "Relative error of the second frequency that is not zero."
 DYNAMIC, PENDULUM = 1e-3, 5e-3
 
 
@@ -125,11 +129,29 @@ CASES = [
 ]
 
 
-def table(cases: list[Case]) -> str:
-    """Return the table of the page."""
-    return HEADER + "\n".join(line for case in cases for line in case.lines()) + "\n"
+def summary() -> str:
+    """Return the table of the cases."""
+    keys = "description", "quantity", "source"
+    cells = [[case.name, *(case.reference[key].replace("|", "\\|") for key in keys)] for case in CASES]
+    return CASES_HEADER + "\n".join(f"| {' | '.join(row)} |" for row in cells) + "\n"
+
+
+def rates() -> str:
+    """Return the table of convergence."""
+    rows = []
+    for name in HELD:
+        found = errors(name)
+        rows.append(f"| {name} | {' | '.join(f'{error:.2e}' for error in found)} | {order(found):.2f} |")
+    return RATES_HEADER + "\n".join(rows) + "\n"
+
+
+def numbers() -> str:
+    """Return the table of the numbers."""
+    return HEADER + "\n".join(line for case in CASES for line in case.lines()) + "\n"
 
 
 if __name__ == "__main__":
     text = PAGE.read_text()
-    PAGE.write_text(text[: text.index(HEADER)] + table(CASES))
+    introduction = text[: text.index("## Cases")]
+    parts = "## Cases", summary(), "## Convergence", SECOND_MODE, rates(), "## Numbers", numbers()
+    PAGE.write_text(introduction + "\n\n".join(part.rstrip() for part in parts) + "\n")

@@ -345,3 +345,11 @@ def test_what_a_path_cannot_do_is_refused(snap, buckled):
     for message, call in calls.items():
         with pytest.raises(InputError, match=message):
             call()
+
+
+def test_loads_that_meet_no_resistance_are_refused():
+    swinging = column(4, supports=(Pin(0.0),))
+    with pytest.raises(EquilibriumError, match="without resistance"):
+        equilibrium_path(swinging, loads=[PointLoad((0.0, 1.0))])
+    with pytest.raises(InputError, match="loads: act on supports alone"):
+        equilibrium_path(swinging, loads=[PointLoad((0.0, 1.0), point=0.0)])

@@ -7,8 +7,8 @@ coordinates q relative to their typical sizes, the tangent (q', s') of a path an
 
 Lengths are measured in the coordinates alone (root mean square), which vary smoothly where s turns.  Where s varies
 much more than they do, as in a column before it buckles, ds = step s' replaces the last equation.  A step is halved if
-Newton's method fails, if the tangent or a slope turns too far, if the factor does not follow its slopes at both ends,
-or if the step passes more than one critical point.  So the path is followed instead of jumping to another one.
+Newton's method fails, if a slope turns too far, if the factor does not follow its slopes at both ends, or if the step
+passes more than one critical point.  So the path is followed instead of jumping to another one.
 
 The bordered systems are solved with the banded factors of K and refined with exact products
 (``ancf_casadi.vibration.assembly``).
@@ -30,19 +30,20 @@ import numpy as np
 import scipy.linalg
 
 from ancf_casadi.mechanics.loads import Load
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import BandedFactors, factorised
 from ancf_casadi.vibration.assembly import BANDWIDTH, Position, Structure, refined
 from ancf_casadi.vibration.eigensolver import shift_of
-from ancf_casadi.vibration.equilibrium import LARGEST_ROTATION, Equilibrium
+from ancf_casadi.vibration.equilibrium import Equilibrium
 
 LARGEST_STEP = 0.05  # change of the factor per step, relative to the largest factor, and first step along a branch
 FACTOR_STEP = 1e-4  # of the factor, relative to the largest, for the derivative where supports move
 CONVERGED = 1e-11  # last correction of Newton's method relative to the sizes of the unknowns, and shortest step
 STIFF = 1e3  # slope above which points are sought at given factors, which rounding of q would change by 1e-13 or more
-SMALLEST_COSINE = 0.98  # of the angle between the tangents at both ends of a step
+LARGEST_TURN = 0.25  # norm of the change of a slope vector in one step; about the angle, rad
 LARGEST_MISMATCH = 0.1  # of the change of the factor and the mean slope, relative to the larger slope
 
 
@@ -242,13 +243,12 @@ def next_point(here: PathPoint, tangent: Array, step: float, *, regular: bool) -
     except np.linalg.LinAlgError:
         return None
     way, slopes = here.chord(trial), np.arange(here.at.coordinates.size).reshape(-1, NODE)[:, 2:]
-    rotation = np.linalg.norm((trial.at.coordinates - here.at.coordinates)[slopes], axis=1).max()
+    turn = np.linalg.norm((trial.at.coordinates - here.at.coordinates)[slopes], axis=1).max()
     rates = np.array([tangent[-1], direction[-1]])
     mismatch = abs(way[-1] / size_of(way[:-1]) - rates.mean())
     follows = (
-        rotation <= LARGEST_ROTATION
+        turn <= LARGEST_TURN
         and abs(way[-1]) <= 2 * LARGEST_STEP
-        and direction[:-1] @ tangent[:-1] >= SMALLEST_COSINE * here.q.size
         and mismatch <= LARGEST_MISMATCH * np.abs(rates).max()
         and (passed == 1 or (passed == 0 and (rates.prod() >= 0.0 or not regular)))
     )

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.loads import LineLoad, Load, PointLoad
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, instances, number, positive, whole
 from ancf_casadi.support.interrupts import lasting_interrupts

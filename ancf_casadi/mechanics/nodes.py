@@ -224,7 +224,7 @@ class Nodes(Displayed):
     def is_held(self) -> bool:
         """Whether the supports, without any springs, hold the beam against all rigid motions."""
         nodes = self.straight.reshape(-1, 2).copy()
-        turning = np.column_stack([-nodes[:, 1], nodes[:, 0]]).ravel() / self.beam.length
+        turning = np.column_stack([-nodes[:, 1], nodes[:, 0]]).ravel() / self.scale
         motions = np.column_stack([np.resize(row, self.size) for row in ([1.0, 0, 0, 0], [0, 1.0, 0, 0])] + [turning])
         prevented = motions - self.moved(self.of_free(motions))
         return int(np.linalg.matrix_rank(prevented[NODE * self.root :])) == 3

@@ -7,8 +7,8 @@ coordinates q relative to their typical sizes, the tangent (q', s') of a path an
 
 Lengths are measured in the coordinates alone (root mean square), which vary smoothly where s turns.  Where s varies
 much more than they do, as in a column before it buckles, ds = step s' replaces the last equation.  A step is halved if
-Newton's method fails, if the tangent or a slope turns too far, if the factor does not follow its slopes at both ends,
-or if the step passes more than one critical point.  So the path is followed instead of jumping to another one.
+Newton's method fails, if a slope turns too far, if the factor does not follow its slopes at both ends, or if the step
+passes more than one critical point.  So the path is followed instead of jumping to another one.
 
 The bordered systems are solved with the banded factors of K and refined with exact products
 (``ancf_casadi.vibration.assembly``).
@@ -37,13 +37,13 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import BandedFactors, factorised
 from ancf_casadi.vibration.assembly import BANDWIDTH, Position, Structure, refined
 from ancf_casadi.vibration.eigensolver import shift_of
-from ancf_casadi.vibration.equilibrium import LARGEST_ROTATION, Equilibrium
+from ancf_casadi.vibration.equilibrium import Equilibrium
 
 LARGEST_STEP = 0.05  # change of the factor per step, relative to the largest factor, and first step along a branch
 FACTOR_STEP = 1e-4  # of the factor, relative to the largest, for the derivative where supports move
 CONVERGED = 1e-11  # last correction of Newton's method relative to the sizes of the unknowns, and shortest step
 STIFF = 1e3  # slope above which points are sought at given factors, which rounding of q would change by 1e-13 or more
-SMALLEST_COSINE = 0.98  # of the angle between the tangents at both ends of a step
+LARGEST_TURN = 0.25  # norm of the change of a slope vector in one step; about the angle, rad
 LARGEST_MISMATCH = 0.1  # of the change of the factor and the mean slope, relative to the larger slope
 
 
@@ -73,13 +73,13 @@ class Growing:
             supports.append(replace(own, displacement=(1e-29, 0.0)) if own == Clamp() != one else own)
         return replace(self.model, beam=replace(self.model.beam, supports=tuple(supports)))
 
-    def point(self, factor: float, equilibrium: Equilibrium) -> Point:
+    def point(self, factor: float, equilibrium: Equilibrium) -> PathPoint:
         """Return an equilibrium as a point."""
-        return Point(self, equilibrium.model.of_free(equilibrium.coordinates), factor, equilibrium.exact.remainder)
+        return PathPoint(self, equilibrium.model.of_free(equilibrium.coordinates), factor, equilibrium.exact.remainder)
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class PathPoint:
     """Free coordinates q and a factor s, and the balance R there.
 
     Tangents and rows refer to the unknowns x = (q/scale, s/largest), (N + 1,).
@@ -173,14 +173,14 @@ class Point:
         direction = self.solve(row[None], self.rate[:, None], np.append(np.zeros(self.q.size), 1.0))
         return np.asarray(direction / size_of(direction[:-1]))
 
-    def moved(self, x: Array) -> Point:
+    def moved(self, x: Array) -> PathPoint:
         """Return the point at a distance."""
         q = self.q + self.structure.model.free_scale * x[:-1]
         return replace(
             self, q=q, factor=self.factor + self.growing.largest * float(x[-1]), remainder=0.0 * self.remainder
         )
 
-    def corrected(self, row: Array, null: Array | None = None) -> Point | None:
+    def corrected(self, row: Array, null: Array | None = None) -> PathPoint | None:
         """Return the equilibrium on the plane through the point normal to a row; None if Newton's method fails.
 
         Next to a bifurcation rounding would move it along the null vector of K, (N,).  If this is given, it does not
@@ -217,18 +217,18 @@ class Point:
             vector /= np.linalg.norm(vector)
         return vector
 
-    def determinant_relative_to(self, other: Point) -> float:
+    def determinant_relative_to(self, other: PathPoint) -> float:
         """Return the determinant of K, relative to its size at another point."""
         (sign, own), (_, reference) = self.determinant, other.determinant
         return sign * float(np.exp(own - reference))
 
-    def chord(self, other: Point) -> Array:
+    def chord(self, other: PathPoint) -> Array:
         """Return the way to another point, (N + 1,)."""
         way = (other.q - self.q) / self.structure.model.free_scale
         return np.append(way, (other.factor - self.factor) / self.growing.largest)
 
 
-def next_point(here: Point, tangent: Array, step: float, *, regular: bool) -> tuple[list[Point], Array] | None:
+def next_point(here: PathPoint, tangent: Array, step: float, *, regular: bool) -> tuple[list[PathPoint], Array] | None:
     """Return the critical point, if any, and the equilibrium one step along a path, and the tangent at the latter.
 
     None if the step is too long.  The step ends at the largest factor.  ``regular`` is False at a bifurcation.
@@ -243,13 +243,12 @@ def next_point(here: Point, tangent: Array, step: float, *, regular: bool) -> tu
     except np.linalg.LinAlgError:
         return None
     way, slopes = here.chord(trial), np.arange(here.at.coordinates.size).reshape(-1, NODE)[:, 2:]
-    rotation = np.linalg.norm((trial.at.coordinates - here.at.coordinates)[slopes], axis=1).max()
+    turn = np.linalg.norm((trial.at.coordinates - here.at.coordinates)[slopes], axis=1).max()
     rates = np.array([tangent[-1], direction[-1]])
     mismatch = abs(way[-1] / size_of(way[:-1]) - rates.mean())
     follows = (
-        rotation <= LARGEST_ROTATION
+        turn <= LARGEST_TURN
         and abs(way[-1]) <= 2 * LARGEST_STEP
-        and direction[:-1] @ tangent[:-1] >= SMALLEST_COSINE * here.q.size
         and mismatch <= LARGEST_MISMATCH * np.abs(rates).max()
         and (passed == 1 or (passed == 0 and (rates.prod() >= 0.0 or not regular)))
     )
@@ -280,14 +279,14 @@ def _normal(direction: Array) -> Array:
     return np.append(direction[:-1], 0.0)
 
 
-def at_factor(first: Point, last: Point, factor: float) -> Point | None:
+def at_factor(first: PathPoint, last: PathPoint, factor: float) -> PathPoint | None:
     """Return the point at a factor between two points of a path; None if Newton's method fails."""
     near = _root(first, last, lambda one: one.factor - factor, _normal(first.chord(last)))
     row = np.append(np.zeros(first.q.size), 1.0)
     return near and replace(near, factor=factor).corrected(row)
 
 
-def _critical_between(first: Point, last: Point, *, limit: bool) -> Point | None:
+def _critical_between(first: PathPoint, last: PathPoint, *, limit: bool) -> PathPoint | None:
     """Return the limit point or bifurcation between two points of a path, whose determinants have opposite signs."""
     chord = first.chord(last)
     row = np.append(chord[:-1], 0.0) if limit else _normal(chord)
@@ -295,8 +294,8 @@ def _critical_between(first: Point, last: Point, *, limit: bool) -> Point | None
 
 
 def _root(
-    first: Point, last: Point, value: Callable[[Point], float], row: Array, *, deflate: bool = False
-) -> Point | None:
+    first: PathPoint, last: PathPoint, value: Callable[[PathPoint], float], row: Array, *, deflate: bool = False
+) -> PathPoint | None:
     """Return the point between two points of a path at which a value of opposite signs there is zero.
 
     The Illinois variant of the regula falsi keeps a bracket; its order is 1.44.

@@ -33,12 +33,13 @@ from ancf_casadi.vibration.continuation import (
     CONVERGED,
     LARGEST_STEP,
     Growing,
-    Point,
+    PathPoint,
     at_factor,
     longest_step,
     next_point,
     size_of,
 )
+from ancf_casadi.vibration.eigensolver import lowest_modes
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ class EquilibriumPath(Reported):
     ...                     axis=(1.0, 0.04), supports=(Clamp(), Guide(0.2, direction=(0.0, 1.0))))
     >>> path = equilibrium_path(Model(half), loads=[PointLoad((0.0, -20.0))])
     >>> [(one.kind, round(one.factor, 2)) for one in path.critical_points]
-    [('limit', 0.31), ('limit', -0.09)]
+    [('limit', 0.31), ('limit', -0.1)]
     >>> [rest.is_stable for rest in path.at(0.2)]
     [True, False, True]
     """
@@ -307,14 +308,19 @@ def equilibrium_path(
     return EquilibriumPath(model, acting, *numbers, tuple(critical), complete)
 
 
-def _beginning(growing: Growing) -> tuple[Point, Array, float]:
+def _beginning(growing: Growing) -> tuple[PathPoint, Array, float]:
     """Return the equilibrium without loads, the tangent there, and the first step."""
     here = growing.point(0.0, static_equilibrium(growing.model_at(0.0)))
+    if not here.rate.any():
+        raise InputError("act on supports alone, so the factor does not change the equilibrium", "loads")
+    lowest = None if growing.model.is_held else lowest_modes(here.structure, here.at, 1)
+    if lowest is not None and not lowest[0].any():
+        raise EquilibriumError("the beam moves without resistance; hold it by supports or springs")
     tangent = here.tangent(np.append(np.zeros(here.q.size), 1.0))
     return here, tangent, longest_step(tangent)
 
 
-def _crossing(growing: Growing, start: CriticalPoint, side: int) -> tuple[Point, Array, float]:
+def _crossing(growing: Growing, start: CriticalPoint, side: int) -> tuple[PathPoint, Array, float]:
     """Return a bifurcation, the direction of the path that crosses there, and the first step."""
     here, known = growing.point(start.factor, start.equilibrium), start.equilibrium
     same = (known.model, known.loads) == (here.equilibrium.model, here.equilibrium.loads)
@@ -326,7 +332,7 @@ def _crossing(growing: Growing, start: CriticalPoint, side: int) -> tuple[Point,
     return here, np.append(shape / size_of(shape), 0.0), LARGEST_STEP
 
 
-def _critical(point: Point, kind: Literal["limit", "bifurcation"]) -> CriticalPoint:
+def _critical(point: PathPoint, kind: Literal["limit", "bifurcation"]) -> CriticalPoint:
     """Return a point as a critical one."""
     moved = point.structure.model.moved(point.null_vector())
     places = moved.reshape(-1, NODE)[:, :2]

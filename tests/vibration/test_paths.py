@@ -331,6 +331,23 @@ def test_a_path_shows_as_text_plain_data_and_a_figure(snap, buckled):
     assert axes.get_xlabel() == "y displacement of the point at 1 m, mm"
 
 
+@pytest.mark.parametrize("load", [PointLoad(moment=6.0), PointLoad((0.0, 20.0), follower=True)])
+def test_a_slope_turns_by_at_most_a_quarter_radian_between_equilibria(load):
+    path = equilibrium_path(column(), loads=[load])
+    slopes = np.array([rest.coordinates.reshape(-1, 4)[:, 2:] for rest in path.equilibria])
+    assert np.linalg.norm(np.diff(slopes, axis=0), axis=2).max() < 0.25 + 1e-9
+    assert path.complete
+    if load.moment:
+        assert path.equilibria[-1].tip == pytest.approx([math.sin(6.0) / 6, (1 - math.cos(6.0)) / 6], abs=1e-4)
+
+
+def test_an_imperfect_column_bends_without_critical_points():
+    path = equilibrium_path(column(10), loads=[PointLoad((-(math.pi**2) / 4, 1e-3))], largest=3.0)
+    assert path.critical_points == ()
+    assert path.stable.all()
+    assert path.equilibria[-1].tip[1] > 0.7
+
+
 def test_a_path_ends_after_the_most_steps():
     path = equilibrium_path(toggle(4), loads=APEX, largest_factor=100.0, most_steps=3)
     assert len(path.factors) == 4
@@ -351,3 +368,11 @@ def test_what_a_path_cannot_do_is_refused(snap, buckled):
     for message, call in calls.items():
         with pytest.raises(InputError, match=message):
             call()
+
+
+def test_loads_that_meet_no_resistance_are_refused():
+    swinging = column(4, supports=(Pin(0.0),))
+    with pytest.raises(EquilibriumError, match="without resistance"):
+        equilibrium_path(swinging, loads=[PointLoad((0.0, 1.0))])
+    with pytest.raises(InputError, match="loads: act on supports alone"):
+        equilibrium_path(swinging, loads=[PointLoad((0.0, 1.0), point=0.0)])

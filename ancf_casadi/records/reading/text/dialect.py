@@ -47,7 +47,7 @@ class TableHead:
         return len(self.kinds)
 
     @property
-    def text(self) -> float:
+    def words(self) -> float:
         """Share of columns of words."""
         return self.kinds.count("word") / self.width
 

@@ -166,7 +166,7 @@ class Beam(Displayed):
         length, axis, gravity, supports, attachments
             See ``Beam``.
         tip_mass : float
-            Mass of a further ``PointMass`` at the tip, kg.
+            Mass of the ``PointMass`` at the tip, kg; it takes the place of the mass of one in ``attachments``.
         clamp_stiffness : float
             Torsional stiffness of the first clamp, N m/rad.
 

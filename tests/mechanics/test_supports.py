@@ -145,6 +145,7 @@ def test_a_pin_with_a_torsional_spring_is_an_elastic_clamp():
 
 def test_the_tip_mass_is_a_point_mass_at_the_tip():
     assert strip(tip_mass=2e-3) == strip(attachments=(PointMass(0.5, 2e-3),))
+    assert strip(tip_mass=2e-3, attachments=(PointMass(0.5, 1e-3),)) == strip(tip_mass=2e-3)
 
 
 def test_stiff_springs_hold_like_a_pin_and_a_roller():

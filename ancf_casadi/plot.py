@@ -16,6 +16,7 @@ from matplotlib.figure import Figure, SubFigure
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.envelope import DampingCurve, LawCurve, draw_against_amplitude
+from ancf_casadi.dynamics.damped_modes import DampedModes
 from ancf_casadi.dynamics.trajectory import Motion
 from ancf_casadi.estimation.figures import draw_autocorrelation
 from ancf_casadi.exceptions import InputError
@@ -232,6 +233,23 @@ def path_figure(paths: Mapping[str, EquilibriumPath], point: float | None = None
     axes.set(xlabel=f"{'xy'[component]} displacement of the point at {point:.4g} m, mm", ylabel="factor")
     axes.grid(alpha=0.3)
     figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=4)
+    return figure
+
+
+@literal_text
+def damped_modes_figure(results: Mapping[str, DampedModes]) -> Figure:
+    """Draw the eigenvalues in the complex plane, by label; those to the right of the dotted line grow."""
+    figure = Figure(figsize=(5.6, 4.6), layout="constrained")
+    axes = figure.subplots()
+    for (label, modes), (colour, _), marker in zip(
+        results.items(), _lines(results), "osD^v" * len(results), strict=False
+    ):
+        axes.plot(modes.eigenvalues.real, modes.eigenvalues.imag, marker, color=colour, label=label or None)
+    axes.axvline(0.0, ls=":", lw=1.0, color=MEASURED)
+    axes.set(xlabel="real part, 1/s", ylabel="imaginary part, rad/s")
+    axes.grid(alpha=0.3)
+    if any(results):
+        axes.legend(frameon=False, fontsize="small")
     return figure
 
 

@@ -38,7 +38,7 @@ def templates(nodes):
             yield from templates(ast.iter_child_nodes(node))
 
 
-def words(function):
+def text(function):
     """Return the names, attributes and keywords that a function uses."""
     nodes = list(ast.walk(function))
     return (

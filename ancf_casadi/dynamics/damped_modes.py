@@ -78,6 +78,8 @@ class DampedModes(Reported):
     (array([ 1.88, 10.58]), array([0.034, 0.006]), True)
     """
 
+    _drawing = "ancf_casadi.plot.damped_modes_figure"
+
     equilibrium: Equilibrium
     eigenvalues: ComplexArray
     shapes: ComplexArray
@@ -195,7 +197,7 @@ class CriticalLoad(Displayed):
     >>> column = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9,
     ...                       elements=8, axis=(1.0, 0.0), gravity=(0.0, 0.0))
     >>> unit = 210e9 * column.sections[0].second_moment / column.length**2
-    >>> found = critical_load(Model(column), [PointLoad((-unit, 0.0), follower=True)], largest=30.0)
+    >>> found = critical_load(Model(column), [PointLoad((-unit, 0.0), follower=True)], largest_factor=30.0)
     >>> print(f"{found.kind} at {found.factor:.2f}")
     flutter at 20.06
     """
@@ -207,7 +209,12 @@ class CriticalLoad(Displayed):
 
 @lasting_interrupts()
 def critical_load(
-    model: Model, loads: Sequence[Load], damping: DampingLaw | None = None, *, largest: float = 1.0, steps: int = 50
+    model: Model,
+    loads: Sequence[Load],
+    damping: DampingLaw | None = None,
+    *,
+    largest_factor: float = 1.0,
+    steps: int = 50,
 ) -> CriticalLoad | None:
     """Return the smallest factor on some loads at which the equilibrium under them and gravity is unstable.
 
@@ -221,7 +228,7 @@ def critical_load(
         The loads, which grow together; gravity does not.
     damping : DampingLaw, optional
         The damping law; none if not given.
-    largest : float
+    largest_factor : float
         Largest factor.
     steps : int
         Number of equal steps up to it.
@@ -242,13 +249,13 @@ def critical_load(
     >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9,
     ...                     elements=8, axis=(1.0, 0.0), gravity=(0.0, 0.0))
     >>> euler = math.pi**2 * 210e9 * 5e-3 * 0.5e-3**3 / 12 / (4 * 0.5**2)
-    >>> found = critical_load(Model(beam), [PointLoad((-euler, 0.0))], largest=2.0)
+    >>> found = critical_load(Model(beam), [PointLoad((-euler, 0.0))], largest_factor=2.0)
     >>> print(f"{found.factor:.4f}, {found.kind}")
     1.0000, divergence
     """
     check_instance(model, "model", Model)
     acting = instances(loads, "loads", PointLoad, LineLoad)
-    largest, steps = positive(largest, "largest"), whole(steps, "steps", 1)
+    largest, steps = positive(largest_factor, "largest_factor"), whole(steps, "steps", 1)
 
     def at(factor: float) -> DampedModes:
         rest = static_equilibrium(model, loads=[load.scaled(factor) for load in acting])

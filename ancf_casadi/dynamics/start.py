@@ -224,7 +224,7 @@ def start_jacobians(model: Model, place: LoadPlace = TIP) -> tuple[cs.Function, 
     forces = equations.balance(parameters).local(e, still, still, load)[0]
     forces = model.of_free(forces)
     by_x = cs.horzcat(*(cs.jacobian(forces, x) for x in (properties, *lumped)))
-    outputs = [cs.jacobian(forces, e) @ model.N, cs.jacobian(forces, load), by_x]
+    outputs = [cs.jacobian(forces, e) @ model.whole_of_free, cs.jacobian(forces, load), by_x]
     names = ["e", "load", "P", *model.lumped], ["K", "R_p", "R_x"]
     jacobians = cs.Function("start_jacobians", [e, load, properties, *lumped], outputs, *names)
     return jacobians, jacobians.forward(1)

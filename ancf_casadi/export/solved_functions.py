@@ -74,7 +74,7 @@ def scaled(matrix: cs.MX, rows: cs.MX | cs.DM, columns: cs.MX | cs.DM) -> cs.MX:
 
 def free_part(model: Model, matrix: Any) -> Any:
     """Return N^T A N of a sparse matrix A over all nodes, of numbers or symbols."""
-    return matrix[NODE:, NODE:] if model.held_at_base_alone else model.N.T @ matrix @ model.N
+    return matrix[NODE:, NODE:] if model.held_at_base_alone else model.whole_of_free.T @ matrix @ model.whole_of_free
 
 
 def certain(condition: cs.MX) -> cs.MX:

@@ -16,6 +16,7 @@ coefficients, and the largest natural curvature, which stands for all of them.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -30,7 +31,7 @@ from ancf_casadi.mechanics.attachments import Attachment
 from ancf_casadi.mechanics.beam_table import PART_KINDS, with_parts
 from ancf_casadi.mechanics.lumped import Place, changed_parts, lumped_places
 from ancf_casadi.mechanics.section import Section, check_elements
-from ancf_casadi.mechanics.supports import Clamp, Support
+from ancf_casadi.mechanics.supports import Clamp, Support, at_first
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import read_toml
 from ancf_casadi.support.inputs import (
@@ -51,6 +52,7 @@ from ancf_casadi.support.tables import Displayed, counted
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
 MINIMUM_ELEMENTS = 2
 MAXIMUM_ELEMENTS = 10_000  # a larger number is taken for a typing error
+SAME_POINT, SHORTEST_ELEMENT = 1e-9, 1e-5  # distances relative to the length; shorter elements drown in rounding
 
 
 @dataclass(frozen=True)
@@ -125,9 +127,12 @@ class Beam(Displayed):
         if len(curvature) not in (0, self.elements):
             raise InputError(f"has {len(curvature)} values for {self.elements} elements", "natural_curvature")
         object.__setattr__(self, "natural_curvature", tuple(number(x, "natural_curvature") for x in curvature))
-        for name, kind in (("supports", Support), ("attachments", Attachment)):
-            found = instances(getattr(self, name), name, kind, least=0)
-            object.__setattr__(self, name, tuple(sorted(found, key=lambda one: one.point)))
+        kinds = {"supports": Support, "attachments": Attachment}
+        parts = {name: instances(getattr(self, name), name, kind, least=0) for name, kind in kinds.items()}
+        places = np.array([0.0, self.length, *sorted(one.point for found in parts.values() for one in found)])
+        for name, found in parts.items():
+            joined = (at_first(one, places, SAME_POINT * self.length) for one in found)
+            object.__setattr__(self, name, tuple(sorted(joined, key=lambda one: one.point)))
         self._check_points()
         check_elements(self.element_lengths, zip(*(getattr(self, name) for name in PROPERTIES), strict=True))
         check_size(self.natural_curvature or 0.0, "natural_curvature")
@@ -239,7 +244,7 @@ class Beam(Displayed):
         return len(self.width)
 
     @cached_property
-    def arc(self) -> Array:
+    def node_points(self) -> Array:
         """Arc length of each node, (n + 1,), m."""
         n, inner = self.elements, self._inner_points
         places = [0, *_nodes_near([point / self.length * n for point in inner], n), n]
@@ -255,7 +260,7 @@ class Beam(Displayed):
     def element_lengths(self) -> Array:
         """Length l of each element, (n,), m."""
         if self._inner_points:
-            return np.diff(self.arc)
+            return np.diff(self.node_points)
         return np.full(self.elements, self.length / self.elements)
 
     @property
@@ -356,6 +361,10 @@ class Beam(Displayed):
         points = [one.point for one in self.supports]
         if twice := [point for point in points if points.count(point) > 1]:
             raise InputError(f"two supports hold the point at {twice[0]:g} m; give one that holds both", "supports")
+        for near, far in itertools.pairwise([0.0, *self._inner_points, self.length]):
+            if far - near < SHORTEST_ELEMENT * self.length:
+                ends = f"{shown(near)} and {shown(far)} m"
+                raise InputError(f"{ends} are too close for an element; give both one point", "supports, attachments")
         inner = len(self._inner_points)
         if inner > self.elements - 1:
             raise InputError(

@@ -50,9 +50,9 @@ SMOOTHING_SPEED = 1e-9  # m/s; |v| is smoothed below this speed, because it has 
 class Element:
     """The CasADi Functions of one element: a piece of the beam, or what is attached to it.
 
-    But for the first, they are those of ``Model`` with the same names, for coordinates e (d), velocities e_t (d) and the properties p of
-    one element, in SI units; the matrices are (d, d).  A beam element has d = 8 and p = (width, thickness, density,
-    elastic modulus, length, x and y of the axis); for the others see ``point_elements``.  The force
+    But for the first, they are those of ``Model`` with the same names, for coordinates e (d), velocities e_t (d) and
+    the properties p of one element, in SI units; the matrices are (d, d).  A beam element has d = 8 and p = (width,
+    thickness, density, elastic modulus, length, x and y of the axis); for the others see ``point_elements``.  The force
     with the tangent stiffness, that with the stiffness of the undeformed element and the strain-rate force are to be
     multiplied by a time (s), the drag by a coefficient in 1/m, and the friction by one in m/s^2.
     """

@@ -104,7 +104,7 @@ class PointLoad(Displayed):
         return (*self.force, self.moment)
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """The load in words."""
         place = "the tip" if self.point is None else f"{self.point:g} m"
         kind = "follower force" if self.follower else "force"
@@ -156,7 +156,7 @@ class LineLoad(Displayed):
         if self.end is not None and number(self.end, "end") <= self.begin:
             raise InputError(f"must be beyond the beginning at {self.begin:g} m, got {self.end:g}", "end")
 
-    def span(self, beam: Beam) -> tuple[float, float]:
+    def places(self, beam: Beam) -> tuple[float, float]:
         """Return where the load begins and ends on a beam, m; beyond its tip this raises an ``InputError``."""
         end = beam.length if self.end is None else self.end
         if max(end, self.begin) > beam.length:
@@ -173,7 +173,7 @@ class LineLoad(Displayed):
         return self.force
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """The load in words."""
         kind = "follower force" if self.follower else "force"
         return (

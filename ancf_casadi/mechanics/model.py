@@ -113,7 +113,7 @@ class Model(Nodes):
             lumped = {"natural_curvature": beam.lumped["natural_curvature"]}
         places = NODE * (np.arange(n)[:, None] + self.root) + coordinates
         groups = [Group(self.element, places, slice(n), constants, lumped)]
-        if self.root and not any(np.abs(self.G[2 + NODE :: NODE]).sum(axis=1)):
+        if self.root and not any(np.abs(self.whole_of_base[2 + NODE :: NODE]).sum(axis=1)):
             first = NODE + coordinates[None, :NODE]
             groups.append(Group(slope_length(), first, slice(1), constants[:3, :1], {}))
         return (*groups, *(self._attached(name) for name in beam.lumped_places))
@@ -124,7 +124,7 @@ class Model(Nodes):
         beam = self.beam
         rows = [beam.element_lengths, *np.outer(beam.axis, np.ones(beam.elements))]
         if beam.natural_curvature:
-            slopes = self.unloaded[1]
+            slopes = self.natural_nodes[1]
             middle = slopes[:-1] + slopes[1:]
             rows[1:] = (middle / np.linalg.norm(middle, axis=1)[:, None]).T
             rows.append(np.array(beam.natural_curvature) / beam.lumped["natural_curvature"])
@@ -294,7 +294,7 @@ def curvature_at(model: Model, s: float, at: At) -> Any:
 def axial_strains_near(model: Model, s: float, at: At) -> list[tuple[float, int, Any]]:
     """Return the two elements whose mean axial strains give that at arc length ``s`` (m): weight, number and strain."""
     model.element_at(s)
-    middles = (model.beam.arc[:-1] + model.beam.arc[1:]) / 2
+    middles = (model.beam.node_points[:-1] + model.beam.node_points[1:]) / 2
     index = min(max(int(np.searchsorted(middles, s)) - 1, 0), model.beam.elements - 2)
     place = float((s - middles[index]) / (middles[index + 1] - middles[index]))
     return [(weight, k, _mean_axial_strain(model, k, at)) for weight, k in ((1.0 - place, index), (place, index + 1))]

@@ -63,7 +63,7 @@ class Nodes(Displayed):
         return np.tile([length, length, 0.5, 0.5], self.size // NODE)
 
     @cached_property
-    def unloaded(self) -> tuple[Array, Array]:
+    def natural_nodes(self) -> tuple[Array, Array]:
         """Position, m, and slope of each node of the beam as manufactured, its beginning at the origin, (n + 1, 2)."""
         lengths, curvature = self.beam.element_lengths, np.array(self.beam.natural_curvature or [0.0])
         turn = lengths * curvature
@@ -81,15 +81,15 @@ class Nodes(Displayed):
         """Coordinates of the beam as manufactured, without stress, and of the base, which is at the origin."""
         axis = np.array(self.beam.axis)
         if not self.beam.natural_curvature:
-            arc = np.concatenate([np.zeros(self.root), self.beam.arc])
+            arc = np.concatenate([np.zeros(self.root), self.beam.node_points])
             return np.column_stack([np.outer(arc, axis), np.tile(axis, (arc.size, 1))]).ravel()
-        nodes = np.hstack(self.unloaded)
+        nodes = np.hstack(self.natural_nodes)
         base = np.array([0.0, 0.0, *axis])
         return np.concatenate([base, nodes.ravel()]) if self.root else nodes.ravel()
 
     def nodes_of(self, point: float) -> Index:
         """Return the indices of the coordinates of the node at an arc length where one is placed, (4,)."""
-        node = int(np.abs(self.beam.arc - point).argmin()) + self.root
+        node = int(np.abs(self.beam.node_points - point).argmin()) + self.root
         return NODE * node + np.arange(NODE)
 
     @property
@@ -103,12 +103,12 @@ class Nodes(Displayed):
         return self._supported[1]
 
     @property
-    def G(self) -> Array:
+    def whole_of_base(self) -> Array:
         """The matrix G, (size, 4)."""
         return self._supported[2]
 
     @cached_property
-    def N(self) -> cs.DM:
+    def whole_of_free(self) -> cs.DM:
         """The matrix N, sparse, (size, N)."""
         rows = np.flatnonzero(self.weights)
         places = rows.tolist(), self.free_of[rows].tolist()
@@ -147,7 +147,7 @@ class Nodes(Displayed):
         return np.array([[along, -across], [across, along]])
 
     @cached_property
-    def selects(self) -> bool:
+    def is_selection(self) -> bool:
         """Whether all entries of N are 1 and each free coordinate is a nodal one."""
         return bool(np.isin(self.weights, (0.0, 1.0)).all()) and self.freedoms == np.count_nonzero(self.weights)
 
@@ -177,7 +177,7 @@ class Nodes(Displayed):
         if self.held_at_base_alone:
             found = x[NODE:, :] if symbolic else x[NODE:]
         elif symbolic:
-            found = self.N.T @ x
+            found = self.whole_of_free.T @ x
         else:
             found, rows = np.zeros((self.freedoms, *x.shape[1:])), np.flatnonzero(self.weights)
             np.add.at(found, self.free_of[rows], (self.weights[rows] * x[rows].T).T)
@@ -190,7 +190,9 @@ class Nodes(Displayed):
         if self.held_at_base_alone:
             found = x[:NODE, :] if symbolic else x[:NODE]
         else:
-            found = cs.sparsify(cs.DM(self.G)).T @ x if symbolic else np.tensordot(self.G.T, x, 1)
+            found = (
+                cs.sparsify(cs.DM(self.whole_of_base)).T @ x if symbolic else np.tensordot(self.whole_of_base.T, x, 1)
+            )
         return cast(V, found)
 
     def whole(self, q: V, base: V) -> V:
@@ -201,9 +203,9 @@ class Nodes(Displayed):
         if self.held_at_base_alone:
             found = cs.vertcat(b, x) if symbolic else np.concatenate([b, x])
         elif symbolic:
-            found = self.N @ x + cs.sparsify(cs.DM(self.G)) @ b
+            found = self.whole_of_free @ x + cs.sparsify(cs.DM(self.whole_of_base)) @ b
         else:
-            found = (self.weights * x[self.free_of].T).T + np.tensordot(self.G, b, 1)
+            found = (self.weights * x[self.free_of].T).T + np.tensordot(self.whole_of_base, b, 1)
         return cast(V, found)
 
     def moved(self, q: V) -> V:
@@ -216,13 +218,13 @@ class Nodes(Displayed):
     def displacement(self) -> Array:
         """The way of each coordinate from its place without load to that at which a support holds it, (size,)."""
         base = np.array([0.0, 0.0, *self.beam.axis])
-        return np.asarray(self.G @ base - (self.straight - self.moved(self.of_free(self.straight))))
+        return np.asarray(self.whole_of_base @ base - (self.straight - self.moved(self.of_free(self.straight))))
 
     @cached_property
     def is_held(self) -> bool:
         """Whether the supports, without any springs, hold the beam against all rigid motions."""
         nodes = self.straight.reshape(-1, 2).copy()
-        turning = np.column_stack([-nodes[:, 1], nodes[:, 0]]).ravel() / self.beam.length
+        turning = np.column_stack([-nodes[:, 1], nodes[:, 0]]).ravel() / self.scale
         motions = np.column_stack([np.resize(row, self.size) for row in ([1.0, 0, 0, 0], [0, 1.0, 0, 0])] + [turning])
         prevented = motions - self.moved(self.of_free(motions))
         return int(np.linalg.matrix_rank(prevented[NODE * self.root :])) == 3
@@ -244,7 +246,7 @@ class Nodes(Displayed):
 
     def gauss_points(self, index: int) -> tuple[float, float]:
         """Return the arc lengths of the two Gauss points of an element, m, where the strains are accurate."""
-        begin, end = self.beam.arc[index : index + 2]
+        begin, end = self.beam.node_points[index : index + 2]
         first, second = (begin + gauss(2)[0] * (end - begin)).tolist()
         return first, second
 
@@ -258,12 +260,12 @@ class Nodes(Displayed):
         point = number(point, "point")
         if not 0.0 <= point <= self.beam.length:
             raise InputError(f"the point must be on the beam, 0 to {self.beam.length:g} m, got {point:g}", "point")
-        return min(int(np.searchsorted(self.beam.arc, point, "right")) - 1, self.beam.elements - 1)
+        return min(int(np.searchsorted(self.beam.node_points, point, "right")) - 1, self.beam.elements - 1)
 
     def place_at(self, point: float) -> tuple[int, float]:
         """Return the number of the element with a point, and the place of the point in it, 0 to 1."""
         index = self.element_at(point)
-        begin, end = self.beam.arc[index : index + 2]
+        begin, end = self.beam.node_points[index : index + 2]
         return index, float((point - begin) / (end - begin))
 
     def _interpolation(self, point: float, functions: Callable[[Any, float], tuple[Any, ...]]) -> Array:

@@ -15,10 +15,13 @@ A support may sit away from the place of the unloaded beam: a displacement along
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import ClassVar, final
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, final
+
+import numpy as np
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_size, number, positive_or_infinite, unit_vector, vector
 from ancf_casadi.support.tables import Displayed
 
@@ -232,3 +235,9 @@ def checked_point(point: float) -> float:
     if point < 0.0:
         raise InputError(f"must be 0 or more, got {point:g}", "point")
     return point
+
+
+def at_first(part: Any, places: Array, rounding: float) -> Any:
+    """Return a support or attachment at the first of the places that only rounding parts from its point."""
+    first = float(places[np.abs(places - part.point) <= rounding][0])
+    return part if first == part.point else replace(part, point=first)

@@ -1,28 +1,25 @@
 """Forces of the reduced beam in motion, as CasADi expressions.
 
-With e = u + P r' (``projection``), and n the slope r' turned by 90 degrees, the virtual displacements are
-de = P n Theta dq, and velocity and acceleration are
+The coordinates are e = u + P r with the displacement u of the base, a constant matrix P and the parts r of the shape,
+which are functions of the modal coordinates q and of the rotation phi of the base.  The virtual work of all forces in
+Eq. (6) gives one equation per mode,
 
-    e_t = u_t + P n theta_t,    e_tt = u_tt + P (n theta_tt - r' theta_t^2),    theta_t = phi_t + Theta q_t.
-
-The virtual work of all forces in Eq. (6) gives one equation per mode,
-
-    Theta^T n . (P^T M P (n theta_tt - r' theta_t^2) - P^T M 1 (g - u_tt) + P^T Q_damp) + f_0 + K_b q = 0.
+    (dr/dq)^T (P^T M P r_tt - P^T M 1 (g - u_tt) + P^T Q_damp) + dU/dq = 0.
 
 The resultant of the forces on all nodes, 1^T (M e_tt - M 1 g + Q_damp), is the force of the base on the clamp.  The
 two components of this resultant follow the m modal forces wherever a force has m + 2 components: these belong to the
 coordinates (q, u).
 
-A motion may have N instants side by side.  Then q and v are (m, N), a component of r' is (k, N), and so on.
+A motion may have N instants side by side.  Then q and v are (m, N), a component of r is (k, N), and so on.
 
 Springs and dashpots join points of the beam to the base, which keeps the places of these points as it turns.  Their
 forces have no resultant.
 
 A damping law combines the forces of ``ReducedMotion`` as it combines those of the full model (``damping.Forces``); they
-are the forces of the motion itself, whatever their arguments.  The strain-rate force is that of bending, K_b q_t, and
-of the springs.  The tangent stiffness also includes the tension that balances gravity, the acceleration of the base and
-the springs, but not the tension due to the motion of the beam itself.  The modal (generic) law, R B diag(d) B^T R^T e_t
-of Eq. (32), turns by the rotation phi of the base.
+are the forces of the motion itself, whatever their arguments.  The strain-rate force is that of the beam and of the
+springs.  The tangent stiffness also includes the tension that balances gravity, the acceleration of the base and the
+springs, but not the tension due to the inertia of the beam itself.  The modal (generic) law, R B diag(d) B^T R^T e_t of
+Eq. (32), turns by the rotation phi of the base.
 """
 
 from __future__ import annotations
@@ -107,13 +104,13 @@ class ReducedMotion(ABC):
         return cs.repmat(self.gravity, 1, acceleration.size2()) - acceleration
 
     def nodal(self, x: Expression, y: Expression, base: Expression) -> Expression:
-        """Return u + P (x, y) at all nodes, (4 n + 4,): e from slopes and u, or e_t from their velocities."""
+        """Return u + P (x, y) at all nodes, (size,): e from the parts and u, or e_t from their rates."""
         shape = cs.DM(self.projection.shape)
         position = cs.repmat(cs.DM([1.0, 0.0]), shape.size1() // 2, 1)
         return cs.vec(cs.horzcat(shape @ x + position * base[0], shape @ y + position * base[1]).T)
 
     def inertia(self, x: Expression, y: Expression) -> Expression:
-        """Return the modal forces of P^T M P (x, y), where (x, y) is a velocity or acceleration of the slopes, (m,)."""
+        """Return the modal forces of P^T M P (x, y), where (x, y) is a rate or acceleration of the parts, (m,)."""
         mass = cs.DM(self.projection.mass_factor.T @ self.projection.mass_factor)
         return self.modal_force(mass @ x, mass @ y)
 

@@ -1,5 +1,7 @@
 """Projection of the full beam on bending in a few modes, without stretching.
 
+One clamp or pin holds the beam at its beginning; for others see ``condensation``.
+
 The slope r' = lambda (cos theta, sin theta) keeps the length lambda it has at rest.  Its angle to the x axis is
 
     theta(s, t) = phi(t) + theta_0(s) + sum_k Theta_k(s) q_k(t),
@@ -86,7 +88,7 @@ def begins_open(model: Model) -> bool:
 def nodal_slopes(modes: Modes) -> Slopes:
     """Return the slopes at all nodes and midpoints of the mesh."""
     model, beam = modes.model, modes.model.beam
-    points = np.interp(np.arange(2 * beam.elements + 1) / 2, np.arange(beam.elements + 1), beam.arc)
+    points = np.interp(np.arange(2 * beam.elements + 1) / 2, np.arange(beam.elements + 1), beam.node_points)
     interpolation = np.array([model.slope_interpolation(s) for s in points.tolist()])
     rest, change = interpolation @ modes.equilibrium.coordinates, interpolation @ modes.shapes
     (x, y), square = rest.T, (rest**2).sum(axis=1)
@@ -261,7 +263,7 @@ def _point_masses(model: Model, points: Array, weights: Array) -> Array:
     beam, degree = model.beam, len(points) - 1
     width, thickness, density, _ = model.properties
     own_points, own_weights = gauss(degree // 2 + 1)
-    within = (beam.arc[:-1, None] + beam.element_lengths[:, None] * own_points) / beam.length
+    within = (beam.node_points[:-1, None] + beam.element_lengths[:, None] * own_points) / beam.length
     masses = (width * thickness * density * beam.element_lengths)[:, None] * own_weights
     legendre = np.polynomial.legendre.legvander
     moments = masses.ravel() @ legendre(2 * within.ravel() - 1, degree)

@@ -3,8 +3,9 @@
     M(q) q_tt = -h(q, q_t, base, p)
 
 is Eq. (6) with damping, projected on the bending modes (``forces``).  It keeps the large bending, the inertia, gravity
-and damping of the beam.  It has no axial motion, whose waves would limit the steps of an explicit integrator.  In small
-motion about rest, it has the modes of the full beam.  ``docs/reduction.md`` shows how the error grows with amplitude.
+and damping of the beam.  It has no axial waves, which would limit the steps of an explicit integrator: the beam does
+not stretch, or stretches as in a slow motion where supports hold it at several places.  In small motion about rest, it
+has the modes of the full beam.  ``docs/reduction.md`` shows how the error grows with amplitude.
 
 All Functions are sequences of scalar operations on short vectors, which makes them fast as C code.  M is factored as
 L D L^T.  ``write_c``, ``save_functions`` and ``write_fmu`` export them like those of the full model, and
@@ -163,28 +164,33 @@ def reduce_model(
 ) -> ReducedModel:
     """Return the reduced model of a beam.
 
+    If one clamp or pin holds the beam at its beginning, it does not stretch and may bend far.  Otherwise the motion
+    along the beam follows the modes as a quadratic function, which stiffens a beam whose ends cannot approach each
+    other; this holds for moderate amplitudes, up to about a tenth of the length.
+
     Parameters
     ----------
     model : Model
         The full model.
     modes : int or Modes
         The modes kept.  An int m keeps the m lowest modes about the equilibrium under gravity.  ``Modes`` are kept
-        as they are, and their equilibrium is the state of rest.
+        as they are, and their equilibrium is the state of rest.  Where supports hold the beam beyond its beginning, at
+        most 12.
     damping : DampingLaw, optional
         The damping law; undamped if not given.  ``RayleighDamping(stiffness="reference")`` is refused.
     markers : sequence of float
         Arc lengths of observed points, m.  The Function ``markers`` returns their positions.
     slope_points : int, optional
         Number of points at which the slope is evaluated: more than m, and at most the 2 n + 1 nodes and midpoints;
-        2 m + 2 if not given.
+        2 m + 2 if not given.  Only for a beam that is held at its beginning alone.
     drag_points : int, optional
         Number of points at which the quadratic drag acts, at most 100; 4 m + 4 if not given.
 
     Raises
     ------
     InputError
-        If the modes belong to another model or stretch the beam, a number of points is out of its range, a marker is
-        not on the beam, or the damping law needs a force that the reduced model does not have.
+        If the modes belong to another model, stretch the beam or move it without bending, a number of points is out of
+        its range, a marker is not on the beam, or the damping law needs a force that the reduced model does not have.
     EquilibriumError
         If there is no stable equilibrium under gravity.
 

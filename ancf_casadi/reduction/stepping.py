@@ -159,7 +159,8 @@ def simulate_reduced(
     Raises
     ------
     InputError
-        If a number is not positive or leads to too many steps, the base motion is not finite, or the start is unknown,
+        If a number is not positive or leads to too many steps, the base motion is not finite or turns a beam on rollers
+        or guides, or the start is unknown,
         belongs to another model or cannot be projected.
     EquilibriumError
         If there is no equilibrium to start from.

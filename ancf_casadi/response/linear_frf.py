@@ -5,8 +5,8 @@ Small displacements w of the free coordinates about an equilibrium obey
     M w_tt + D w_t + K w = S_j^T f(t),
 
 with the tangent stiffness K at the equilibrium (gravity and loads included), the mass M, and D = dQ_damp/de_t at rest,
-the low-rank part of modal damping included.  The row S_j picks the displacement of the loaded point along the direction
-of the load, S_i that of a response.  Under f = F exp(i omega t), the receptance is
+the low-rank part of modal damping and the dashpots included.  The row S_j picks the displacement of the loaded point
+along the direction of the load, S_i that of a response.  Under f = F exp(i omega t), the receptance is
 
     H_ij = S_i (K + i omega D - omega^2 M)^-1 S_j^T.
 
@@ -69,7 +69,9 @@ FRF_UNITS = {
 FRF_POWERS = {"receptance": 0, "mobility": 1, "accelerance": 2}  # powers of i omega
 # these frequencies, relative to the first and last mode; half-widths about a resonance
 SPAN, HALF_WIDTHS = (0.2, 1.3), 10.0
-TRIAL_AMPLITUDE = 0.01  # of the tip, in lengths of the beam; there, damping ratios are compared with those at rest
+TRIAL_AMPLITUDE = (
+    0.01  # of the reference point, in lengths of the beam; there, damping ratios are compared with those at rest
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,11 +87,11 @@ class LinearFrf(Reported):
     values : array (outputs, inputs, k)
         Complex values, in ``unit``; one input, the motion of the base, for the transmissibilities.
     points, load_points : tuple of float
-        Arc lengths of the responding and of the loaded points from the clamp, m; without loaded points, the base moves.
+        Arc lengths of the responding and of the loaded points, m; without loaded points, the base moves.
     direction, load_direction : (float, float)
         Directions of the responses, and of the loads or the base motion; unit vectors.
     modes : Modes
-        The first modes about the equilibrium.
+        The first modes about the equilibrium, without rigid-body motions.
     damping : DampingLaw
         The damping law.
 
@@ -133,16 +135,17 @@ class LinearFrf(Reported):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of small motion."""
-        count, length = self.modes.count, self.modes.model.beam.length
+        count, length, point = self.modes.count, self.modes.model.beam.length, self.modes.reference_points[0]
         rest, moving = (
             self.damping.damping_ratios(self.modes, np.full(count, a)) for a in (0.0, TRIAL_AMPLITUDE * length)
         )
         # relative difference of the damping ratios beyond which there is a warning
         if np.allclose(moving, rest, rtol=0.01, atol=0.0):
             return ()
+        where = "of the tip" if point == length else f"at {point:.4g} m"
         return (
             "the damping depends on the amplitude, and these functions hold for very small motion only: at an "
-            f"amplitude of {1e3 * TRIAL_AMPLITUDE * length:.2g} mm of the tip, the damping ratio of mode 1 is "
+            f"amplitude of {1e3 * TRIAL_AMPLITUDE * length:.2g} mm {where}, the damping ratio of mode 1 is "
             f"{moving[0]:.3g}, not {rest[0]:.3g}",
         )
 
@@ -163,7 +166,7 @@ class LinearFrf(Reported):
                     for k in peaks.tolist()
                 ]
         columns = ("response / load", "frequency_Hz", f"amplitude, {self.unit}", "phase_deg")
-        ratios = self.damping.damping_ratios(self.modes, np.zeros(self.modes.count))
+        ratios = _damping_ratios(self.modes, self.damping)
         pairs = zip(self.modes.frequencies.tolist(), ratios.tolist(), strict=True)
         own = ", ".join(f"{frequency:.4g} Hz ({100 * ratio:.3g} %)" for frequency, ratio in pairs)
         title = f"Peaks of the {self.kind.replace('-', ' ')} at {len(self.frequencies)} frequencies"
@@ -264,7 +267,7 @@ def linear_frf(
     given = {name: _points(model, own, name) for name, own in (("points", points), ("load_points", load_points))}
     rest = equilibrium or static_equilibrium(model)
     # resonances in the frequencies that are chosen if none are given
-    modes = natural_modes(model, count=min(5, model.freedoms), equilibrium=rest)
+    modes = _bending(natural_modes(model, count=min(5, model.freedoms), equilibrium=rest))
     responding, loaded = (own or modes.reference_points[:1] for own in given.values())
     loaded = () if moved else loaded
     f = _chosen(modes, law) if frequencies is None else _frequencies(frequencies)
@@ -308,10 +311,24 @@ def _frequencies(given: ArrayLike) -> Array:
 def _chosen(modes: Modes, law: DampingLaw) -> Array:
     """Return frequencies that show the resonances of the modes, close together where the response changes fast."""
     f = modes.frequencies
-    ratios = np.clip(law.damping_ratios(modes, np.zeros(modes.count)), 1e-4, 0.1)
+    ratios = np.clip(_damping_ratios(modes, law), 1e-4, 0.1)
     even = np.geomspace(SPAN[0] * f[0], SPAN[1] * f[-1], 400)
     near = HALF_WIDTHS * np.sinh(np.linspace(-4.0, 4.0, 61)) / np.sinh(4.0)
     return np.unique(np.concatenate([even, *(own * (1 + ratio * near) for own, ratio in zip(f, ratios, strict=True))]))
+
+
+def _bending(modes: Modes) -> Modes:
+    """Return the modes without the rigid-body motions of a beam that is not held."""
+    held = modes.frequencies > 0.0
+    return Modes(modes.equilibrium, modes.frequencies[held], modes.shapes[:, held])
+
+
+def _damping_ratios(modes: Modes, law: DampingLaw) -> Array:
+    """Return the damping ratios of very small motion by the law and the dashpots of the beam, (m,)."""
+    model, shapes = modes.model, modes.shapes
+    resisted = (shapes * model.dashpot_force(shapes, model.properties).full()).sum(axis=0)
+    own: Array = law.damping_ratios(modes, np.zeros(modes.count))
+    return np.asarray(own + resisted / (2 * modes.angular_frequencies))
 
 
 def _rows(model: Model, points: Sequence[float], direction: tuple[float, float]) -> Array:

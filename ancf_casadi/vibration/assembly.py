@@ -211,8 +211,8 @@ def _loaded_elements(model: Model, load: Load) -> list[tuple[int, list[float]]]:
     if isinstance(load, PointLoad):
         index, xi = model.place_at(load.place(beam))
         return [(index, [xi, float(beam.element_lengths[index])])]
-    begin, end = load.span(beam)
-    first, last = np.clip((np.array([[begin], [end]]) - beam.arc[:-1]) / np.diff(beam.arc), 0.0, 1.0)
+    begin, end = load.places(beam)
+    first, last = np.clip((np.array([[begin], [end]]) - beam.node_points[:-1]) / np.diff(beam.node_points), 0.0, 1.0)
     constants = np.column_stack([first, last, beam.element_lengths]).tolist()
     return [(k, constants[k]) for k in np.flatnonzero(last > first).tolist()]
 
@@ -288,7 +288,7 @@ class Structure:
         places = (BANDWIDTH + rows - columns) * model.freedoms + columns
         held = (2 * BANDWIDTH + 1) * model.freedoms
         places = np.where((rows < 0) | (columns < 0), held, places)
-        return places, None if model.selects else weights[:, :, None] * weights[:, None, :]
+        return places, None if model.is_selection else weights[:, :, None] * weights[:, None, :]
 
 
 def relative(rows: Array) -> Array:

@@ -46,8 +46,8 @@ def changed_model(model: Model, properties: Array) -> Model:
 
 def _in_place(support: Support, model: Model, after: Model) -> Support:
     """Return a support of a beam, ``after``, where it holds another one."""
-    node = int(np.abs(model.beam.arc - support.point).argmin())
-    (places, slopes), (others, turns) = model.unloaded, after.unloaded
+    node = int(np.abs(model.beam.node_points - support.point).argmin())
+    (places, slopes), (others, turns) = model.natural_nodes, after.natural_nodes
     place, slope, other, turned = places[node], slopes[node], others[node], turns[node]
     changes: dict[str, Any] = {"displacement": tuple((support.displacement + place - other).tolist())}
     if isinstance(support, Clamp | Guide):

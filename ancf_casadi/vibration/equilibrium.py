@@ -228,7 +228,7 @@ def _all_loads(tip_force: tuple[float, float], tip_moment: float, loads: tuple[L
 
 def _described(loads: Sequence[Load]) -> str:
     """Return the loads in words."""
-    return "; ".join(load.words for load in loads) or "no load"
+    return "; ".join(load.text for load in loads) or "no load"
 
 
 def neighbour(

@@ -215,7 +215,7 @@ def _reference_point(model: Model, phi: Array) -> float:
     moved = np.linalg.norm(phi.reshape(-1, NODE)[model.root :, :2], axis=1)
     if not beam.tip_is_held:
         return beam.length
-    most = beam.arc[moved > (1 - 1e-9) * moved.max()]
+    most = beam.node_points[moved > (1 - 1e-9) * moved.max()]
     return float(most[np.abs(most - beam.length / 2).argmin()])
 
 

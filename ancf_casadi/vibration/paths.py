@@ -126,7 +126,7 @@ class EquilibriumPath(Reported):
     critical_points: tuple[CriticalPoint, ...]
     complete: bool
 
-    def at(self, factor: float) -> tuple[Equilibrium, ...]:
+    def equilibria_at(self, factor: float) -> tuple[Equilibrium, ...]:
         """Return all equilibria of the path at a factor, in the order of the path.
 
         Raises
@@ -167,7 +167,7 @@ class EquilibriumPath(Reported):
         """Arc length of the node that moves most, m."""
         coordinates = np.array([one.coordinates for one in self.equilibria])
         moved = (coordinates - coordinates[0]).reshape(len(coordinates), -1, NODE)[:, self.model.root :, :2]
-        return float(self.model.beam.arc[np.linalg.norm(moved, axis=2).max(axis=0).argmax()])
+        return float(self.model.beam.node_points[np.linalg.norm(moved, axis=2).max(axis=0).argmax()])
 
     @property
     def critical_indices(self) -> dict[int, CriticalPoint]:
@@ -225,7 +225,7 @@ def equilibrium_path(
     model: Model,
     *,
     loads: Sequence[Load] = (),
-    largest: float = 1.0,
+    largest_factor: float = 1.0,
     most_steps: int = 500,
     start: CriticalPoint | None = None,
     side: int = 1,
@@ -241,7 +241,7 @@ def equilibrium_path(
         The beam, its supports displaced as at a factor of 1.
     loads : sequence of PointLoad or LineLoad
         The loads at a factor of 1.
-    largest : float
+    largest_factor : float
         Largest factor.
     most_steps : int
         Largest number of steps.
@@ -265,18 +265,18 @@ def equilibrium_path(
     >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9,
     ...                     elements=8, axis=(1.0, 0.0), gravity=(0.0, 0.0))
     >>> push = [PointLoad((-0.1, 0.0))]
-    >>> straight = equilibrium_path(Model(beam), loads=push, largest=2.0)
+    >>> straight = equilibrium_path(Model(beam), loads=push, largest_factor=2.0)
     >>> buckled = straight.critical_points[0]
     >>> print(f"{buckled.kind} at {buckled.factor:.3f}")
     bifurcation at 1.079
-    >>> bent = equilibrium_path(Model(beam), loads=push, largest=2.0, start=buckled)
-    >>> [one.is_stable for one in (*straight.at(1.5), *bent.at(1.5))]
+    >>> bent = equilibrium_path(Model(beam), loads=push, largest_factor=2.0, start=buckled)
+    >>> [one.is_stable for one in (*straight.equilibria_at(1.5), *bent.equilibria_at(1.5))]
     [False, True]
     """
     check_instance(model, "model", Model)
     check_instance(start, "start", CriticalPoint, NoneType)
     acting = instances(loads, "loads", PointLoad, LineLoad, least=0)
-    growing = Growing(model, acting, positive(largest, "largest"))
+    growing = Growing(model, acting, positive(largest_factor, "largest_factor"))
     most_steps, side = whole(most_steps, "most_steps", 1), whole(side, "side", -1, 1)
     if not (growing.moves or any(any(load.values) for load in acting)):
         raise InputError("are zero, and no support is displaced, so nothing grows with the factor", "loads")
@@ -327,7 +327,7 @@ def _crossing(growing: Growing, start: CriticalPoint, side: int) -> tuple[PathPo
     if not (same and start.kind == "bifurcation"):
         raise InputError("is no bifurcation of a path of this model under these loads", "start")
     if abs(start.factor) >= growing.largest:
-        raise InputError(f"must be beyond the start at {start.factor:g}, got {growing.largest:g}", "largest")
+        raise InputError(f"must be beyond the start at {start.factor:g}, got {growing.largest:g}", "largest_factor")
     shape = side * known.model.of_free(start.shape) / known.model.free_scale
     return here, np.append(shape / size_of(shape), 0.0), LARGEST_STEP
 

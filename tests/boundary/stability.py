@@ -29,7 +29,7 @@ FOLLOWING = PointLoad((-1.0, 0.0), follower=True)
 
 def smallest(beam, load, largest, damping=None, steps=20):
     """Return the smallest multiple of a load at which the beam is unstable."""
-    return critical_load(Model(beam), [load], damping, largest=largest, steps=steps)
+    return critical_load(Model(beam), [load], damping, largest_factor=largest, steps=steps)
 
 
 def pairs(beam, count, damping=None):

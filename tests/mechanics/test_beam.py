@@ -162,7 +162,10 @@ def test_with_rejects_unknown_properties():
         ("length = 0.5", "{path}: has no table [beam]"),
         ("beam = 3", "{path}: has no table [beam]"),
         (TOML.replace("width = 5e-3", ""), "{path}: [beam]: the key 'width' is missing"),
-        (TOML + "colour = 'red'", "{path}: [beam]: unknown key 'colour'; known are attachments, axis, clamp_stiffness, density"),
+        (
+            TOML + "colour = 'red'",
+            "{path}: [beam]: unknown key 'colour'; known are attachments, axis, clamp_stiffness, density",
+        ),
         (TOML.replace("5e-3\nthickness", "-5e-3\nthickness"), "{path}: [beam]: width: must be positive, got -0.005"),
         (TOML.replace("[0, 1]", "{x = 0, y = 1}"), "{path}: [beam]: axis: must be a pair of numbers (x, y), got {"),
         ("[beam", "{path}: is not TOML ("),

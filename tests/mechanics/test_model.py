@@ -69,8 +69,8 @@ def test_the_straight_beam_has_its_nodes_along_the_axis_and_unit_slopes(model):
 
 def test_the_clamp_fixes_the_four_coordinates_of_the_first_node(model):
     assert model.size == 20 and model.freedoms == 16
-    np.testing.assert_array_equal(model.N.full(), np.eye(20)[:, 4:])
-    np.testing.assert_array_equal(model.G, np.eye(20)[:, :4])
+    np.testing.assert_array_equal(model.whole_of_free.full(), np.eye(20)[:, 4:])
+    np.testing.assert_array_equal(model.whole_of_base, np.eye(20)[:, :4])
 
 
 def test_energies_and_forces_are_the_sums_over_the_elements_with_their_own_properties(model):

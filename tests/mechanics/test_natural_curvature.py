@@ -1,9 +1,12 @@
 """Beams that are bent without stress."""
 
+import casadi as cs
 import numpy as np
 import pytest
 
-from ancf_casadi import Model, SampledLoad, StrainMeasures, simulate, static_equilibrium
+from ancf_casadi import Model, RayleighDamping, SampledLoad, Sensor, StrainMeasures, simulate, static_equilibrium
+from ancf_casadi.dynamics.derivatives.reading import SampledMotion
+from ancf_casadi.dynamics.equations import Equations
 
 WEIGHTLESS = {"axis": (0.6, -0.8), "gravity": (0.0, 0.0)}
 COILED = (4.0, 0.0, -6.0, 5.0)  # 1/m
@@ -59,3 +62,16 @@ def test_a_bent_beam_under_a_moment_reads_this_moment(paper_beam, bending_stiffn
     run = simulate(Model(beam), load=SampledLoad([0.0, 1.0], np.zeros((2, 2)), [moment, moment]), duration=0.01)
     for point in (0.0, 0.11, 0.5):
         assert run.bending_moment(point)[-1] == pytest.approx(moment, rel=2e-3)
+
+
+def test_a_strain_gauge_on_a_bent_beam_reads_the_strain_beyond_its_shape_without_load(paper_beam):
+    """For the same shape, the reading changes by z per unit of natural curvature."""
+    model = Model(paper_beam(32, natural_curvature=[6.0, 3.0] * 16, **WEIGHTLESS))
+    equations, still = Equations(model, RayleighDamping()), cs.MX.zeros(model.size)
+    parameters = cs.MX.sym("parameters", len(equations.parameters))
+    motion = SampledMotion.of(equations, cs.MX(cs.DM(model.straight)), still, still, cs.MX.zeros(3), parameters)
+    reading = motion.read(Sensor("strain", 0.115))
+    found = cs.Function("found", [parameters], [reading, cs.gradient(reading, parameters)])
+    value, slope = (part.full().ravel() for part in found(equations.parameters))
+    assert abs(value[0]) < 1e-3 * 0.25e-3 * 3.0
+    assert slope[-1] == pytest.approx(0.25e-3 / 2, rel=1e-12)

@@ -89,6 +89,29 @@ def test_both_ends_of_a_clamped_beam_move_with_the_base():
     assert np.abs(found.values[0, 0] / waves(F)[1] - 1).max() < 1e-4
 
 
+def test_the_tip_of_a_beam_that_nothing_holds_has_the_receptance_of_the_differential_equation():
+    found = linear_frf(strip(30, supports=()), RayleighDamping(alpha=ALPHA), F)
+    expected = []
+    for omega in 2 * np.pi * F:
+        k = (MU * (omega**2 - 1j * omega * ALPHA) / EI) ** 0.25
+        x = k * LENGTH
+        above = cmath.sin(x) * cmath.cosh(x) - cmath.cos(x) * cmath.sinh(x)
+        expected.append(above / (EI * k**3 * (cmath.cos(x) * cmath.cosh(x) - 1)))
+    assert np.abs(found.values[0, 0] / expected - 1).max() < 1e-4
+    chosen = linear_frf(strip(8, supports=()), RayleighDamping(alpha=ALPHA))
+    peak = chosen.frequencies[15:][np.argmax(chosen.amplitude[0, 0, 15:])]
+    assert peak == pytest.approx(18.2449, rel=1e-3)  # (4.730041/L)^2 (EI/mu)^(1/2)/(2 pi)
+
+
+def test_dashpots_count_in_the_damping_ratios_that_are_reported():
+    """A dashpot c in the middle gives mode 1 the ratio 2 c/(2 omega m)."""
+    model = strip(20, supports=PINNED, attachments=(Dashpot(0.5, (0.0, 0.9)),))
+    omega = (np.pi / LENGTH) ** 2 * (EI / MU) ** 0.5
+    ratio = 100 * 0.9 / (omega * MU * LENGTH)
+    (note,) = linear_frf(model, None).table().notes
+    assert f"{omega / (2 * np.pi):.4g} Hz ({ratio:.3g} %)" in note
+
+
 @pytest.mark.parametrize("kind", ["receptance", "relative-transmissibility"])
 def test_a_dashpot_acts_as_a_force_in_proportion_to_the_velocity_relative_to_the_base(kind):
     """Without the dashpot, the middle has the displacement x; with it, x/(1 + i w c H)."""

@@ -102,7 +102,7 @@ def unbalance(rest):
 
 @pytest.fixture(scope="module")
 def snap():
-    return equilibrium_path(toggle(), loads=APEX, largest=100.0)
+    return equilibrium_path(toggle(), loads=APEX, largest_factor=100.0)
 
 
 def deflection(rest):
@@ -111,7 +111,7 @@ def deflection(rest):
 
 @pytest.mark.parametrize("w", TOGGLE)
 def test_a_toggle_frame_snaps_through_as_williams_found(snap, w):
-    nearest = min(snap.at(TOGGLE[w]), key=lambda rest: abs(deflection(rest) - w))
+    nearest = min(snap.equilibria_at(TOGGLE[w]), key=lambda rest: abs(deflection(rest) - w))
     force = np.interp(w, [deflection(rest) for rest in snap.equilibria], snap.factors)
     assert force == pytest.approx(TOGGLE[w], rel=0.03)
     assert deflection(nearest) == pytest.approx(w, rel=1e-4)
@@ -127,13 +127,19 @@ def test_the_limit_points_of_the_toggle_frame_are_found(snap):
 
 
 def test_three_equilibria_at_one_force_are_reported(snap):
-    low, middle, high = snap.at(33.0)
+    low, middle, high = snap.equilibria_at(33.0)
     assert [rest.is_stable for rest in (low, middle, high)] == [True, False, True]
     assert deflection(low) < TOGGLE_LIMITS[0][0] < deflection(middle) < TOGGLE_LIMITS[1][0] < deflection(high)
     assert max(unbalance(rest) for rest in (low, middle, high)) < 1e-9
     assert all(rest.loads[0].force[1] == -16.5 for rest in (low, middle, high))
-    assert len(snap.at(20.0)) == len(snap.at(50.0)) == len(snap.at(0.0)) == len(snap.at(100.0)) == 1
-    assert snap.at(101.0) == snap.at(-1.0) == ()
+    assert (
+        len(snap.equilibria_at(20.0))
+        == len(snap.equilibria_at(50.0))
+        == len(snap.equilibria_at(0.0))
+        == len(snap.equilibria_at(100.0))
+        == 1
+    )
+    assert snap.equilibria_at(101.0) == snap.equilibria_at(-1.0) == ()
 
 
 def test_equilibria_between_limit_points_are_unstable_and_all_others_stable(snap):
@@ -148,19 +154,19 @@ def test_equilibria_between_limit_points_are_unstable_and_all_others_stable(snap
 @pytest.mark.parametrize("largest", [35.0, 1e3, 1e5])
 def test_no_limit_point_is_jumped_over_whatever_the_largest_factor(snap, largest):
     """The limit points and the drop between them are 7 % to 0.003 % of the largest factor."""
-    path = equilibrium_path(toggle(10), loads=APEX, largest=largest)
+    path = equilibrium_path(toggle(10), loads=APEX, largest_factor=largest)
     assert [one.factor for one in path.critical_points] == pytest.approx([33.86123305, 31.26258318], rel=1e-4)
     assert path.complete
 
 
 def test_natural_modes_about_both_stable_shapes_of_the_toggle_frame(snap):
-    low, _, high = snap.at(33.0)
+    low, _, high = snap.equilibria_at(33.0)
     lowest = [natural_modes(rest.model, count=1, equilibrium=rest).frequencies[0] for rest in (low, high)]
     for rest, frequency in zip((low, high), lowest, strict=True):
         stiffness = np.linalg.eigvalsh(rest.stiffness.toarray())[0]
         assert frequency > 0.0 < stiffness
     with pytest.raises(EquilibriumError, match="unstable"):
-        natural_modes(snap.model, equilibrium=snap.at(33.0)[1])
+        natural_modes(snap.model, equilibrium=snap.equilibria_at(33.0)[1])
 
 
 EULER = {  # P L^2/EI
@@ -174,7 +180,7 @@ EULER = {  # P L^2/EI
 @pytest.mark.parametrize("name", EULER)
 def test_columns_buckle_at_euler_loads(name):
     supports, load = EULER[name]
-    path = equilibrium_path(column(supports=supports), loads=PUSH, largest=1.5 * load)
+    path = equilibrium_path(column(supports=supports), loads=PUSH, largest_factor=1.5 * load)
     (buckling,) = path.critical_points
     assert buckling.kind == "bifurcation"
     assert buckling.factor == pytest.approx(load, rel=1e-4)
@@ -198,14 +204,14 @@ def test_a_column_that_may_sway_buckles_at_the_displacement_of_its_end_by_euler(
 def test_the_factor_of_a_bifurcation_does_not_depend_on_the_steps():
     loads = [PointLoad((-(math.pi**2), 0.0))]
     model = column(supports=(Pin(0.0), Roller(1.0)))
-    paths = [equilibrium_path(model, loads=loads, largest=largest) for largest in (1.01, 1.3, 2.7)]
+    paths = [equilibrium_path(model, loads=loads, largest_factor=largest) for largest in (1.01, 1.3, 2.7)]
     factors = [path.critical_points[0].factor for path in paths]
     assert factors == pytest.approx([factors[0]] * 3, rel=1e-9)
 
 
 def test_bifurcations_closer_than_a_step_are_all_found():
     loads = [PointLoad((-(math.pi**2), 0.0))]
-    path = equilibrium_path(column(30, supports=(Pin(0.0), Roller(1.0))), loads=loads, largest=120.0)
+    path = equilibrium_path(column(30, supports=(Pin(0.0), Roller(1.0))), loads=loads, largest_factor=120.0)
     assert [one.kind for one in path.critical_points] == ["bifurcation"] * 10
     assert [one.factor for one in path.critical_points] == pytest.approx([k**2 for k in range(1, 11)], rel=1e-2)
 
@@ -216,7 +222,7 @@ def test_the_factor_of_a_bifurcation_does_not_depend_on_the_axis(axis):
     factors = []
     for own in ((1.0, 0.0), axis):
         force = -(math.pi**2) / 4 * np.array(own) / np.linalg.norm(own)
-        path = equilibrium_path(model_of(1.0, 1e6, axis=own), loads=[PointLoad(tuple(force))], largest=2.0)
+        path = equilibrium_path(model_of(1.0, 1e6, axis=own), loads=[PointLoad(tuple(force))], largest_factor=2.0)
         factors += [one.factor for one in path.critical_points]
     assert factors == pytest.approx([factors[0]] * 2, rel=1e-8)
 
@@ -224,9 +230,9 @@ def test_the_factor_of_a_bifurcation_does_not_depend_on_the_axis(axis):
 @pytest.fixture(scope="module")
 def buckled():
     loads = [PointLoad((-(math.pi**2) / 4, 0.0))]
-    straight = equilibrium_path(column(40), loads=loads, largest=1.2)
+    straight = equilibrium_path(column(40), loads=loads, largest_factor=1.2)
     (start,) = straight.critical_points
-    sides = [equilibrium_path(column(40), loads=loads, largest=9.2, start=start, side=side) for side in (1, -1)]
+    sides = [equilibrium_path(column(40), loads=loads, largest_factor=9.2, start=start, side=side) for side in (1, -1)]
     return straight, sides
 
 
@@ -234,7 +240,7 @@ def buckled():
 def test_a_column_bends_as_the_elastica_to_both_sides(buckled, angle):
     factor, x, y = COLUMN[angle]
     for path, sign in zip(buckled[1], (1.0, -1.0), strict=True):
-        (rest,) = path.at(factor)
+        (rest,) = path.equilibria_at(factor)
         assert rest.tip == pytest.approx([x, sign * y], abs=1e-4)
         assert rest.tip_angle == pytest.approx(sign * math.radians(angle), abs=1e-3)
         assert rest.is_stable
@@ -256,7 +262,7 @@ def test_a_deep_arch_reaches_its_limit_load():
     held = {"supports": supports, "axis": axis, "natural_curvature": -0.01}
     model = model_of(1e6, 1e8, length=100.0 * angle, elements=80, **held)
     crown = 50.0 * angle
-    path = equilibrium_path(model, loads=[PointLoad((0.0, -100.0), point=crown)], largest=10.0, most_steps=40)
+    path = equilibrium_path(model, loads=[PointLoad((0.0, -100.0), point=crown)], largest_factor=10.0, most_steps=40)
     limit = path.critical_points[0]
     x, y = limit.equilibrium.position(crown) - model.interpolation(crown) @ model.straight
     assert limit.kind == "limit"
@@ -266,11 +272,11 @@ def test_a_deep_arch_reaches_its_limit_load():
 def test_a_clamped_beam_under_a_central_force_hardens_without_critical_points():
     supports = (Clamp(), Clamp(20.0))
     model = model_of(30e6 * 0.125**3 / 12, 30e6 * 0.125, length=20.0, elements=40, supports=supports)
-    path = equilibrium_path(model, loads=[PointLoad((0.0, -1.0), point=10.0)], largest=1000.0)
+    path = equilibrium_path(model, loads=[PointLoad((0.0, -1.0), point=10.0)], largest_factor=1000.0)
     assert path.critical_points == ()
     assert path.stable.all()
     for force, (sag, axial) in CENTRE_FORCE.items():
-        (rest,) = path.at(force)
+        (rest,) = path.equilibria_at(force)
         pull = model.elastic_force(rest.coordinates, model.properties).full().ravel()
         assert (-rest.position(10.0)[1], -pull[0]) == pytest.approx((sag, axial), rel=1e-4)
 
@@ -278,11 +284,11 @@ def test_a_clamped_beam_under_a_central_force_hardens_without_critical_points():
 @pytest.mark.parametrize(("support", "reference"), [(Pin, BUCKLED_PINNED), (Clamp, BUCKLED_CLAMPED)])
 def test_a_strip_buckled_by_a_support_vibrates_about_its_buckled_state(support, reference):
     model, factor_of = strip(support)
-    (start,) = equilibrium_path(model, largest=1.05 * factor_of(0)).critical_points
+    (start,) = equilibrium_path(model, largest_factor=1.05 * factor_of(0)).critical_points
     assert start.factor == pytest.approx(factor_of(0), rel=1e-5)
     bent = equilibrium_path(model, start=start)
     for rise, omega in reference.items():
-        (rest,) = bent.at(factor_of(rise))
+        (rest,) = bent.equilibria_at(factor_of(rise))
         assert rest.position(0.5)[1] / 2e-4 == pytest.approx(rise, rel=1e-4)
         modes = natural_modes(rest.model, count=3, equilibrium=rest)
         assert modes.angular_frequencies == pytest.approx(omega, rel=1e-4)
@@ -297,7 +303,7 @@ def test_each_equilibrium_has_the_supports_of_its_factor():
     assert path.factors[-1] == 1.0
     assert path.equilibria[-1].model == model
     assert max(unbalance(rest) for rest in path.equilibria) < 1e-6
-    (half,) = path.at(0.5)
+    (half,) = path.equilibria_at(0.5)
     assert half.model.beam.supports == (
         Clamp(displacement=(0.0, 0.05)),
         Clamp(1.0, 20.0, rotation=0.5, displacement=(-0.025, 0.0)),
@@ -310,7 +316,7 @@ def test_each_equilibrium_has_the_supports_of_its_factor():
 def test_a_column_under_a_force_that_partly_follows_it_diverges(share):
     """Bolotin 1963: cos(P L^2/EI)^(1/2) = -share/(1 - share) for the share of the force that follows the tip."""
     loads = [PointLoad((share - 1.0, 0.0)), PointLoad((-share, 0.0), follower=True)]
-    path = equilibrium_path(column(), loads=loads, largest=8.0)
+    path = equilibrium_path(column(), loads=loads, largest_factor=8.0)
     (divergence,) = path.critical_points
     assert divergence.kind == "bifurcation"
     assert divergence.factor == pytest.approx(math.acos(-share / (1 - share)) ** 2, rel=1e-4)
@@ -343,14 +349,14 @@ def test_a_slope_turns_by_at_most_a_quarter_radian_between_equilibria(load):
 
 
 def test_an_imperfect_column_bends_without_critical_points():
-    path = equilibrium_path(column(10), loads=[PointLoad((-(math.pi**2) / 4, 1e-3))], largest=3.0)
+    path = equilibrium_path(column(10), loads=[PointLoad((-(math.pi**2) / 4, 1e-3))], largest_factor=3.0)
     assert path.critical_points == ()
     assert path.stable.all()
     assert path.equilibria[-1].tip[1] > 0.7
 
 
 def test_a_path_ends_after_the_most_steps():
-    path = equilibrium_path(toggle(4), loads=APEX, largest=100.0, most_steps=3)
+    path = equilibrium_path(toggle(4), loads=APEX, largest_factor=100.0, most_steps=3)
     assert len(path.factors) == 4
     assert not path.complete
 
@@ -361,10 +367,10 @@ def test_what_a_path_cannot_do_is_refused(snap, buckled):
     calls = {
         "loads: are zero": lambda: equilibrium_path(model),
         "side: must be 1 or -1": lambda: equilibrium_path(model, loads=APEX, side=0),
-        "largest": lambda: equilibrium_path(model, loads=APEX, largest=-1.0),
-        "start: is no bifurcation": lambda: equilibrium_path(snap.model, loads=APEX, largest=100.0, start=limit),
-        "start: is no bifurcation of": lambda: equilibrium_path(column(40), loads=PUSH, largest=2.0, start=fork),
-        "largest: must be beyond the start": lambda: equilibrium_path(column(40), loads=loads, start=fork),
+        "largest_factor": lambda: equilibrium_path(model, loads=APEX, largest_factor=-1.0),
+        "start: is no bifurcation": lambda: equilibrium_path(snap.model, loads=APEX, largest_factor=100.0, start=limit),
+        "start: is no bifurcation of": lambda: equilibrium_path(column(40), loads=PUSH, largest_factor=2.0, start=fork),
+        "largest_factor: must be beyond the start": lambda: equilibrium_path(column(40), loads=loads, start=fork),
     }
     for message, call in calls.items():
         with pytest.raises(InputError, match=message):

@@ -98,7 +98,7 @@ class Corotation:
             own, along = slice(NODE, NODE + 2), np.diag(model.weights[NODE : NODE + 2] == 1.0).astype(float)
             if model.free_of[NODE] == model.free_of[NODE + 1] >= 0:
                 along = np.outer(model.weights[own], model.weights[own])
-            position = cs.DM(along) @ _extrapolated(motion[own, :], weights) + cs.DM(model.G[own]) @ base
+            position = cs.DM(along) @ _extrapolated(motion[own, :], weights) + cs.DM(model.whole_of_base[own]) @ base
             first = cs.vertcat(position, cs.MX(2, c))
         return self._of_free(self._nodes(_running_sum(cs.horzcat(steps[:, 0] + cs.vec(first), steps[:, 1:]))))
 

@@ -132,7 +132,7 @@ def node_blocks(model: Model, entries: cs.MX, unit: float = 1.0) -> cs.MX:
     row, column = rows // NODE, columns // NODE
     block = np.where(row == column, 0, np.where(row < column, 1, 2))
     target = BLOCKS * np.minimum(row, column) + BLOCK_ENTRIES * block + NODE * (columns % NODE) + rows % NODE
-    if not model.selects:
+    if not model.is_selection:
         weights = np.zeros(entries.numel())
         weights[kept] = products
         entries = entries * cs.DM(weights)

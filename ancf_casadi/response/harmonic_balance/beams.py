@@ -232,7 +232,7 @@ class Turning:
         none, own = np.zeros((first, len(pairs))), np.linalg.inv(pairs[:, first:])
         return Turning(
             matrix=pairs @ model.moved(np.eye(model.freedoms)),
-            constant=pairs @ model.G @ np.array([0.0, 0.0, *beam.axis]),
+            constant=pairs @ model.whole_of_base @ np.array([0.0, 0.0, *beam.axis]),
             inverse=model.of_free(np.vstack([none, own])),
             translation=model.of_free(np.tile(np.eye(NODE, 2), (model.size // NODE, 1))),
         )

@@ -121,7 +121,9 @@ def readings(model: Model, sensors: Sequence[Sensor]) -> cs.Function:
     e, f, properties = (cs.MX.sym(name, size) for name, size in sizes.items())
     rows = cs.reshape(properties[: model.properties.size], model.beam.elements, -1).T
     forces, still = cs.vertcat(f, cs.MX(model.size - NODE, 1)), cs.MX.zeros(model.size)
-    motion = SampledMotion(model, rows, e, still, still, lambda: forces)
+    lumped = dict(zip(model.lumped, cs.vertsplit(properties[model.properties.size :]), strict=True))
+    curvature = lumped.get("natural_curvature", cs.MX(0))
+    motion = SampledMotion(model, rows, e, still, still, curvature, lambda: forces)
     y = cs.vertcat(*(motion.read(sensor) for sensor in sensors))
     jacobians = [cs.densify(cs.jacobian(y, x)) for x in (e, f, properties)]
     return cs.Function("readings", [e, f, properties], [cs.densify(y), *jacobians])

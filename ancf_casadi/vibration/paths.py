@@ -112,7 +112,7 @@ class EquilibriumPath(Reported):
     >>> path = equilibrium_path(Model(half), loads=[PointLoad((0.0, -20.0))])
     >>> [(one.kind, round(one.factor, 2)) for one in path.critical_points]
     [('limit', 0.31), ('limit', -0.1)]
-    >>> [rest.is_stable for rest in path.at(0.2)]
+    >>> [rest.is_stable for rest in path.equilibria_at(0.2)]
     [True, False, True]
     """
 

@@ -209,6 +209,13 @@ def test_the_factor_of_a_bifurcation_does_not_depend_on_the_steps():
     assert factors == pytest.approx([factors[0]] * 3, rel=1e-9)
 
 
+def test_bifurcations_closer_than_a_step_are_all_found():
+    loads = [PointLoad((-(math.pi**2), 0.0))]
+    path = equilibrium_path(column(30, supports=(Pin(0.0), Roller(1.0))), loads=loads, largest_factor=120.0)
+    assert [one.kind for one in path.critical_points] == ["bifurcation"] * 10
+    assert [one.factor for one in path.critical_points] == pytest.approx([k**2 for k in range(1, 11)], rel=1e-2)
+
+
 @pytest.mark.parametrize("axis", [(0.6, 0.8), (0.7, -0.3)])
 def test_the_factor_of_a_bifurcation_does_not_depend_on_the_axis(axis):
     """Along x the forces across are exactly zero; in other directions they are rounded, and K is next to singular."""
@@ -342,7 +349,7 @@ def test_a_slope_turns_by_at_most_a_quarter_radian_between_equilibria(load):
 
 
 def test_an_imperfect_column_bends_without_critical_points():
-    path = equilibrium_path(column(10), loads=[PointLoad((-(math.pi**2) / 4, 1e-3))], largest=3.0)
+    path = equilibrium_path(column(10), loads=[PointLoad((-(math.pi**2) / 4, 1e-3))], largest_factor=3.0)
     assert path.critical_points == ()
     assert path.stable.all()
     assert path.equilibria[-1].tip[1] > 0.7

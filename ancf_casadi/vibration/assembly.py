@@ -108,12 +108,18 @@ class ElementBalance:
 
 
 @lru_cache(maxsize=32)
-def element_balance(element: Element, constants: int, lumped: int, gravity: tuple[float, float]) -> ElementBalance:
-    """Return the balance of an element under gravity (m/s^2), with numbers of its constants and lumped properties."""
-    coordinates, properties = element.elastic_force.size1_in(0), element.elastic_force.size1_in(1) - constants
+def element_balance(
+    element: Element, shared: tuple[float, ...], constants: int, lumped: int, gravity: tuple[float, float]
+) -> ElementBalance:
+    """Return the balance of an element under gravity (m/s^2), with numbers of its constants and lumped properties.
+
+    Constants that equal elements share are part of its Functions.
+    """
+    coordinates = element.elastic_force.size1_in(0)
+    properties = element.elastic_force.size1_in(1) - constants - len(shared)
     e, p, c = cs.SX.sym("e", coordinates), cs.SX.sym("p", properties), cs.SX.sym("c", constants)
     column, last = cs.vertsplit(p, [0, properties - lumped, properties])
-    whole = cs.vertcat(column, c, last)
+    whole = cs.vertcat(column, *shared, c, last)
     force = element.elastic_force(e, whole) - element.gravity_force(whole, gravity)
     return ElementBalance(cs.Function("force", [e, p, c], [force]), cs.Function("mass", [p, c], [element.mass(whole)]))
 
@@ -185,6 +191,27 @@ class EqualElements:
     coordinates: Index  # indices of the coordinates of each element in the structure, (elements, d)
     properties: Index  # indices of the properties of each element in the structure, (elements, k)
     constants: Array  # the constants of each element, (elements, c)
+    numbers: Index  # of the free coordinates that move them, -1 where they are held, (elements, d)
+    weights: Array  # entries of N, (elements, d)
+    freedoms: int  # number of free coordinates of the structure, N
+
+    @cached_property
+    def bands(self) -> tuple[Index, Array | None]:
+        """Places of the entries of element matrices in the diagonals, and N_ik N_jl unless all are 0 or 1.
+
+        The entries of coordinates that are held go to one more place, at the end.
+        """
+        rows, columns = self.numbers[:, :, None], self.numbers[:, None, :]
+        places = (BANDWIDTH + rows - columns) * self.freedoms + columns
+        places = np.where((rows < 0) | (columns < 0), (2 * BANDWIDTH + 1) * self.freedoms, places)
+        slanted = not np.isin(self.weights, (0.0, 1.0)).all()
+        return places, self.weights[:, :, None] * self.weights[:, None, :] if slanted else None
+
+
+def _placed(model: Model, balance: ElementBalance, coordinates: Index, *given: Array) -> EqualElements:
+    """Return equal elements with some coordinates (elements, d), their properties and constants."""
+    numbers, weights = model.free_of[coordinates], model.weights[coordinates]
+    return EqualElements(balance, coordinates, *given, numbers, weights, model.freedoms)
 
 
 def structure_properties(model: Model) -> Array:
@@ -192,17 +219,22 @@ def structure_properties(model: Model) -> Array:
     return np.concatenate([model.properties.ravel(), [*model.lumped.values()]])
 
 
-def _beam_parts(model: Model) -> list[EqualElements]:
+@lru_cache(maxsize=32)
+def _beam_parts(model: Model) -> tuple[EqualElements, ...]:
     """Return the groups of a model as parts with the properties of ``structure_properties``."""
     places, names, parts = np.arange(model.properties.size).reshape(model.properties.shape), [*model.lumped], []
     for group in model.groups:
-        balance = element_balance(group.element, len(group.constants), len(group.lumped), model.beam.gravity)
+        constants = group.constants.T
+        shared = tuple(constants[0].tolist()) if (constants == constants[0]).all() else ()
+        own_constants = constants[:, len(shared) :]
+        sizes = own_constants.shape[1], len(group.lumped)
+        balance = element_balance(group.element, shared, *sizes, model.beam.gravity)
         columns = places[:, group.columns].T
         own = columns.reshape(group.count, -1) if columns.size else np.empty((group.count, 0), dtype=np.int64)
         lumped = np.array([places.size + names.index(name) for name in group.lumped], dtype=np.int64)
         properties = np.hstack([own, np.tile(lumped, (group.count, 1))])
-        parts.append(EqualElements(balance, group.coordinates, properties, group.constants.T))
-    return parts
+        parts.append(_placed(model, balance, group.coordinates, properties, own_constants))
+    return tuple(parts)
 
 
 def _loaded_elements(model: Model, load: Load) -> list[tuple[int, list[float]]]:
@@ -237,8 +269,8 @@ class Structure:
             for index, constants in _loaded_elements(model, load):
                 own.append((NODE * (index + model.root) + np.arange(2 * NODE), given, constants))
             properties = np.concatenate([properties, load.values])
-        parts += [EqualElements(balance, *map(np.array, zip(*own, strict=True))) for balance, own in rows.items()]
-        return cls(model, tuple(parts), properties)
+        acting = [_placed(model, balance, *map(np.array, zip(*own, strict=True))) for balance, own in rows.items()]
+        return cls(model, (*parts, *acting), properties)
 
     def inputs(self, part: EqualElements, at: Position) -> tuple[Array, Array, Array]:
         """Return coordinates, with positions relative to the first node, properties and constants of each element."""
@@ -250,7 +282,7 @@ class Structure:
         force, stiffness, mass = np.zeros((size, 1)), np.zeros((bands * N + 1, 1)), np.zeros((bands * N + 1, 1))
         for part in self.parts:
             of_force, of_stiffness, _, of_mass = per_element(part.balance.linearisation, *self.inputs(part, at))
-            places, products = self._bands(part)
+            places, products = part.bands
             force += scatter(part.coordinates, of_force, size)
             stiffness += scatter(places, of_stiffness if products is None else products * of_stiffness, bands * N + 1)
             mass += scatter(places, of_mass if products is None else products * of_mass, bands * N + 1)
@@ -264,31 +296,20 @@ class Structure:
     def whole_product(self, at: Position) -> Callable[[Array], Array]:
         """Return x -> N^T K x for a change of all coordinates, summed element by element."""
         model, size = self.model, self.model.size
-        given = [(part, *self.inputs(part, at), relative(at.remainder[part.coordinates])) for part in self.parts]
+        bound = []
+        for part in self.parts:
+            x = np.zeros(part.coordinates.shape)
+            inputs = *self.inputs(part, at), relative(at.remainder[part.coordinates]), x
+            bound.append((part.coordinates, x, bound_per_element(part.balance.stiffness_product, *inputs)))
 
         def product(whole: Array) -> Array:
             force = np.zeros((size, 1))
-            for part, e, p, c, de in given:
-                (of_force,) = per_element(
-                    part.balance.stiffness_product, e, p, c, de, relative(whole[part.coordinates])
-                )
-                force += scatter(part.coordinates, of_force, size)
-            return np.asarray(model.of_free(force)[:, 0])
+            for coordinates, x, evaluate in bound:
+                x[:] = relative(whole[coordinates])
+                force += scatter(coordinates, evaluate()[0], size)
+            return model.of_free(force)[:, 0]
 
         return product
-
-    def _bands(self, part: EqualElements) -> tuple[Index, Array | None]:
-        """Return the places of the entries of element matrices in the diagonals, and N_ik N_jl unless all are 1.
-
-        The entries of coordinates that are held go to one more place, at the end.
-        """
-        model = self.model
-        numbers, weights = model.free_of[part.coordinates], model.weights[part.coordinates]
-        rows, columns = numbers[:, :, None], numbers[:, None, :]
-        places = (BANDWIDTH + rows - columns) * model.freedoms + columns
-        held = (2 * BANDWIDTH + 1) * model.freedoms
-        places = np.where((rows < 0) | (columns < 0), held, places)
-        return places, None if model.is_selection else weights[:, :, None] * weights[:, None, :]
 
 
 def relative(rows: Array) -> Array:
@@ -300,9 +321,19 @@ def relative(rows: Array) -> Array:
 
 def per_element(function: cs.Function, *inputs: Array) -> list[Array]:
     """Call a Function for each element, with one row of each input; return its outputs, (elements, rows, columns)."""
-    count = len(inputs[0])
+    return bound_per_element(function, *inputs)()
+
+
+def bound_per_element(function: cs.Function, *inputs: Array) -> Callable[[], list[Array]]:
+    """Return the call of ``per_element`` with the values that the inputs, arrays in C order, have at the time."""
+    count, sizes = len(inputs[0]), [function.size1_out(k) for k in range(function.n_out())]
     evaluate = Buffered(_mapped(function, count), *(np.ascontiguousarray(values) for values in inputs))
-    return [output.reshape(count, -1, function.size1_out(k)).transpose(0, 2, 1) for k, output in enumerate(evaluate())]
+
+    def call() -> list[Array]:
+        outputs = zip(evaluate(), sizes, strict=True)
+        return [output.reshape(count, -1, size).transpose(0, 2, 1) for output, size in outputs]
+
+    return call
 
 
 @lru_cache(maxsize=64)

@@ -89,12 +89,11 @@ class Modes(Reported):
 
         The other node is the one that moves most, the one nearest to the middle if several do.
         """
-        return tuple(_reference_point(self.model, phi) for phi in self.shapes.T)
+        return _reference_points(self.model, self.shapes)
 
     def tip_amplitudes(self) -> Array:
         """Return the magnitude of each mass-normalised mode shape at its reference point, (m,), kg^-1/2."""
-        pairs = zip(self.reference_points, self.shapes.T, strict=True)
-        return np.array([np.linalg.norm(self.model.interpolation(s) @ phi) for s, phi in pairs])
+        return np.asarray(np.linalg.norm(_reference_displacements(self.model, self.shapes), axis=0))
 
     def modal_coordinate(self, coordinates: Array, mode: int) -> Array:
         """Return the modal coordinate of one mode in a given motion, scaled to the displacement of the tip, (...,), m.
@@ -203,20 +202,30 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
             + (", and elements as short as the beam is thick are unstable in bending: use fewer" if short else "")
         )
     eigenvalues, shapes = found
-    for phi in shapes.T:
-        moved = model.interpolation(_reference_point(model, phi)) @ phi
-        phi *= -1.0 if moved[np.abs(moved).argmax()] < 0 else 1.0
+    moved = _reference_displacements(model, shapes)
+    larger = np.abs(moved).argmax(axis=0)
+    shapes *= np.where(moved[larger, np.arange(count)] < 0, -1.0, 1.0)
     return Modes(equilibrium, np.sqrt(eigenvalues) / (2 * np.pi), shapes)
 
 
-def _reference_point(model: Model, phi: Array) -> float:
-    """Return the arc length of the point to which the amplitude of a mode shape (4 n + 4,) refers, m."""
+def _reference_points(model: Model, shapes: Array) -> tuple[float, ...]:
+    """Return the arc lengths of the points to which the amplitudes of mode shapes (4 n + 4, m) refer, m."""
     beam = model.beam
-    moved = np.linalg.norm(phi.reshape(-1, NODE)[model.root :, :2], axis=1)
     if not beam.tip_is_held:
-        return beam.length
-    most = beam.node_points[moved > (1 - 1e-9) * moved.max()]
-    return float(most[np.abs(most - beam.length / 2).argmin()])
+        return (beam.length,) * shapes.shape[1]
+    found = []
+    for phi in shapes.T:
+        moved = np.linalg.norm(phi.reshape(-1, NODE)[model.root :, :2], axis=1)
+        most = beam.node_points[moved > (1 - 1e-9) * moved.max()]
+        found.append(float(most[np.abs(most - beam.length / 2).argmin()]))
+    return tuple(found)
+
+
+def _reference_displacements(model: Model, shapes: Array) -> Array:
+    """Return the displacements of the reference points in mode shapes (4 n + 4, m), (2, m)."""
+    points = _reference_points(model, shapes)
+    rows = {s: model.interpolation(s) for s in points}
+    return np.column_stack([rows[s] @ phi for s, phi in zip(points, shapes.T, strict=True)])
 
 
 def mac(first: Array, second: Array) -> Array:

@@ -17,7 +17,6 @@ from ancf_casadi.estimation.result import FitResult
 from ancf_casadi.plot import rendered
 from problems import FrfRecord, Global, fit_frf, match_frequencies
 from problems.frf import fitting, poles
-from problems.frf.modal_sum import tall_qr
 from tests.coverage import covers
 
 
@@ -441,12 +440,3 @@ def test_bins_of_a_record_with_many_lines_leave_the_estimates_unchanged(monkeypa
     assert 3 * sizes[0] < sizes[1] == len(f)
     for name, error in every.standard_errors.items():
         assert abs(binned.estimates[name] - every.estimates[name]) < 1e-3 * error
-
-
-def test_factors_of_a_tall_matrix_are_those_of_householder():
-    matrix = np.random.default_rng(22).normal(size=(5000, 12)) @ np.diag(10.0 ** np.arange(12))
-    matrix[:, 3] = matrix[:, 2] + 1e-7 * matrix[:, 3] / 10.0
-    q, triangle = tall_qr(matrix)
-    np.testing.assert_allclose(q.T @ q, np.eye(12), atol=1e-13)
-    np.testing.assert_allclose(q @ triangle, matrix, rtol=0.0, atol=1e-12 * np.abs(matrix).max())
-    np.testing.assert_allclose(np.tril(triangle, -1), 0.0, atol=0.0)

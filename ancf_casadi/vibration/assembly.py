@@ -208,10 +208,12 @@ class EqualElements:
         return places, self.weights[:, :, None] * self.weights[:, None, :] if slanted else None
 
 
-def _placed(model: Model, balance: ElementBalance, coordinates: Index, *given: Array) -> EqualElements:
-    """Return equal elements with some coordinates (elements, d), their properties and constants."""
+def _placed(
+    model: Model, balance: ElementBalance, coordinates: Index, properties: Index, constants: Array
+) -> EqualElements:
+    """Return equal elements with some coordinates (elements, d), properties and constants."""
     numbers, weights = model.free_of[coordinates], model.weights[coordinates]
-    return EqualElements(balance, coordinates, *given, numbers, weights, model.freedoms)
+    return EqualElements(balance, coordinates, properties, constants, numbers, weights, model.freedoms)
 
 
 def structure_properties(model: Model) -> Array:

@@ -212,7 +212,7 @@ def _reference_points(model: Model, shapes: Array) -> tuple[float, ...]:
     """Return the arc lengths of the points to which the amplitudes of mode shapes (4 n + 4, m) refer, m."""
     beam = model.beam
     if not beam.tip_is_held:
-        return (beam.length,) * shapes.shape[1]
+        return (beam.length,) * int(shapes.shape[1])
     found = []
     for phi in shapes.T:
         moved = np.linalg.norm(phi.reshape(-1, NODE)[model.root :, :2], axis=1)

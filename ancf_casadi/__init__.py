@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     )
     from ancf_casadi.decay.envelope import DampingCurve, LawCurve, damping_curve
     from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
+    from ancf_casadi.dynamics.damped_modes import CriticalLoad, DampedModes, critical_load, damped_modes
     from ancf_casadi.dynamics.derivatives.differentiable import motion
     from ancf_casadi.dynamics.simulation import simulate
     from ancf_casadi.dynamics.tip_load import HarmonicLoad, SampledLoad, TipLoad
@@ -29,10 +30,13 @@ if TYPE_CHECKING:
         NumericsError,
         SimulationError,
     )
-    from ancf_casadi.mechanics.beam import Beam, Section
+    from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, RotationalSpring, Spring
+    from ancf_casadi.mechanics.beam import Beam
+    from ancf_casadi.mechanics.loads import LineLoad, PointLoad
     from ancf_casadi.mechanics.model import Model
-    from ancf_casadi.mechanics.point_load import PointLoad
+    from ancf_casadi.mechanics.section import Section
     from ancf_casadi.mechanics.strain import StrainMeasures
+    from ancf_casadi.mechanics.supports import Clamp, Guide, Pin, Roller, Support
     from ancf_casadi.records.measurement import Measurement
     from ancf_casadi.records.recording import Recording, read_recording
     from ancf_casadi.records.sensor import Sensor
@@ -49,27 +53,37 @@ if TYPE_CHECKING:
     from ancf_casadi.support.parallel import run_all
     from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
     from ancf_casadi.vibration.modes import Modes, mac, natural_modes
+    from ancf_casadi.vibration.paths import CriticalPoint, EquilibriumPath, equilibrium_path
 else:
     __getattr__, __dir__ = on_first_use(__name__)
 
 __all__ = [
     "AncfError",
+    "Attachment",
     "Backbone",
     "BaseMotion",
     "Beam",
+    "Clamp",
     "ContinuationError",
+    "CriticalLoad",
+    "CriticalPoint",
+    "DampedModes",
     "DampingCurve",
     "DampingLaw",
+    "Dashpot",
     "Equilibrium",
     "EquilibriumError",
+    "EquilibriumPath",
     "FitError",
     "FixedBase",
     "FrictionDamping",
+    "Guide",
     "HarmonicBase",
     "HarmonicForce",
     "HarmonicLoad",
     "InputError",
     "LawCurve",
+    "LineLoad",
     "LinearFrf",
     "Measurement",
     "ModalDamping",
@@ -78,28 +92,37 @@ __all__ = [
     "NumericsError",
     "Parameter",
     "PeriodicMotion",
+    "Pin",
     "PointLoad",
+    "PointMass",
     "QuadraticDamping",
     "RayleighDamping",
     "Recording",
     "ReducedModel",
     "ReducedTrajectory",
     "ResponseCurve",
+    "Roller",
+    "RotationalSpring",
     "SampledBase",
     "SampledLoad",
     "SecondOrderSystem",
     "Section",
     "Sensor",
     "SimulationError",
+    "Spring",
     "State",
     "StrainMeasures",
+    "Support",
     "SweepBase",
     "TipLoad",
     "Trajectory",
     "__version__",
     "amplitude_response",
     "backbone",
+    "critical_load",
+    "damped_modes",
     "damping_curve",
+    "equilibrium_path",
     "frequency_response",
     "linear_frf",
     "mac",

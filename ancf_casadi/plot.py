@@ -16,15 +16,18 @@ from matplotlib.figure import Figure, SubFigure
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.envelope import DampingCurve, LawCurve, draw_against_amplitude
+from ancf_casadi.dynamics.damped_modes import DampedModes
 from ancf_casadi.dynamics.trajectory import Motion
 from ancf_casadi.estimation.figures import draw_autocorrelation
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import PROPERTIES, Beam
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.set_up import draw_set_up
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES, literal_text, prefixed
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes
+from ancf_casadi.vibration.paths import EquilibriumPath
 
 DATE_FIELDS = {".png": "Software", ".svg": "Date", ".pdf": "CreationDate"}  # metadata that would change from run to run
 DOTS_PER_INCH = 130  # dots per inch
@@ -175,8 +178,7 @@ def _draw_shapes(axes: Axes, runs: Mapping[str, Motion]) -> None:
             name = f"{label}, " if label else ""
             axes.plot(*_shape(run.model, run.coordinates[row]), color=MEASURED if alone and row == 0 else colour,
                       label=f"{name}at {run.time[row]:.4g} s" if row in (0, last) else None, **styles[row])  # fmt: skip
-        axes.plot(*(1e3 * run.coordinates[[-1], :2]).T, "s", ms=5, color=MEASURED)
-    axes.lines[-1].set_label("clamp")
+        draw_set_up(axes, run.model, run.coordinates[-1])
     _draw_plane(axes)
     axes.set_title(f"shape of the beam at {len(rows)} instants", fontsize="medium")
     axes.figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=3 if alone else 2)
@@ -197,17 +199,57 @@ def _draw_plane(axes: Axes) -> None:
 
 @literal_text
 def equilibrium_figure(equilibria: Mapping[str, Equilibrium]) -> Figure:
-    """Draw the beam at rest, by label, and straight."""
+    """Draw the beam at rest and without load, by label, with its supports and attachments."""
     figure = Figure(figsize=(6.4, 5.6), layout="constrained")
     axes = figure.subplots()
     for (label, rest), (colour, dash) in zip(equilibria.items(), _lines(equilibria), strict=False):
         axes.plot(*_shape(rest.model, rest.model.straight), color=MEASURED, ls=":", lw=0.8)
         axes.plot(*_shape(rest.model, rest.coordinates), color=colour, ls=dash, lw=2.0, label=label or "at rest")
-        axes.plot(0.0, 0.0, "s", ms=5, color=MEASURED)
-    axes.lines[0].set_label("straight")
-    axes.lines[-1].set_label("clamp")
+        draw_set_up(axes, rest.model, rest.coordinates)
+    axes.lines[0].set_label("without load")
     _draw_plane(axes)
     figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=4)
+    return figure
+
+
+@literal_text
+def path_figure(paths: Mapping[str, EquilibriumPath], point: float | None = None) -> Figure:
+    """Draw the factor against the displacement of a point, by label; unstable parts dashed, critical points marked."""
+    first, figure = next(iter(paths.values())), Figure(figsize=(6.4, 4.6), layout="constrained")
+    axes, point = figure.subplots(), first.reference_point if point is None else point
+    start = first.equilibria[0].position(point)
+    places = {label: 1e3 * (path.positions(point) - start) for label, path in paths.items()}
+    component = int(np.ptp(np.vstack([*places.values()]), axis=0).argmax())
+    for (label, path), (colour, _) in zip(paths.items(), _lines(paths), strict=False):
+        x = places[label][:, component]
+        axes.plot(x, path.factors, "--", color=colour, lw=1.0)
+        for k in np.flatnonzero(path.stable[:-1] | path.stable[1:]):
+            axes.plot(x[k : k + 2], path.factors[k : k + 2], color=colour, lw=2.0)
+        axes.lines[-1].set_label(label or "stable")
+        critical = [*path.critical_indices]
+        axes.plot(x[critical], path.factors[critical], "o", ms=5, color=MEASURED)
+    axes.lines[0].set_label("unstable")
+    axes.lines[-1].set_label("limit point or bifurcation")
+    axes.set(xlabel=f"{'xy'[component]} displacement of the point at {point:.4g} m, mm", ylabel="factor")
+    axes.grid(alpha=0.3)
+    figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=4)
+    return figure
+
+
+@literal_text
+def damped_modes_figure(results: Mapping[str, DampedModes]) -> Figure:
+    """Draw the eigenvalues in the complex plane, by label; those to the right of the dotted line grow."""
+    figure = Figure(figsize=(5.6, 4.6), layout="constrained")
+    axes = figure.subplots()
+    for (label, modes), (colour, _), marker in zip(
+        results.items(), _lines(results), "osD^v" * len(results), strict=False
+    ):
+        axes.plot(modes.eigenvalues.real, modes.eigenvalues.imag, marker, color=colour, label=label or None)
+    axes.axvline(0.0, ls=":", lw=1.0, color=MEASURED)
+    axes.set(xlabel="real part, 1/s", ylabel="imaginary part, rad/s")
+    axes.grid(alpha=0.3)
+    if any(results):
+        axes.legend(frameon=False, fontsize="small")
     return figure
 
 
@@ -246,6 +288,7 @@ def _draw_mode(axes: Axes, k: int, results: Mapping[str, Modes]) -> None:
         # largest displacement in a drawn mode, relative to the length of the beam
         rest, swing = modes.equilibrium.coordinates, 1e3 * 0.15 * modes.model.beam.length / size
         axes.plot(*_shape(modes.model, rest), ls=":", lw=0.8, color=MEASURED)
+        draw_set_up(axes, modes.model, rest)
         for side, width in ((1.0, 1.5), (-1.0, 0.5)):
             axes.plot(*_shape(modes.model, rest + side * swing * modes.shapes[:, k]), lw=width, color=colour, ls=dash,
                       label=label if label and side > 0.0 else None)  # fmt: skip

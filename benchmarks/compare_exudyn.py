@@ -43,7 +43,7 @@ from exudyn_cases import BEAM, LAWS, SAMPLE_RATE, Array, Bar, Case, Solution, bl
 
 from ancf_casadi import Model, natural_modes, simulate, static_equilibrium
 from ancf_casadi.dynamics.simulation import Method
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.nodes import NODE
 
 ORDER = 2  # of generalized alpha
 FINER = 1.5  # least steps of a converged solution, relative to the finest rung

@@ -43,7 +43,7 @@ from ancf_casadi import (
 )
 from ancf_casadi.damping import DRAG_CONSTANT, DampingLaw
 from ancf_casadi.dynamics.simulation import Method, Start
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.strain import gauss
 
 Array = NDArray[np.float64]

@@ -49,7 +49,7 @@ DAMPED = RayleighDamping(alpha=0.2, beta=3e-5)
 
 def bent(modes: Modes, mode: int, amplitude: float) -> State:
     """Return the state of rest under the load that bends the linear beam like a mode, without stretching it."""
-    model, free = modes.model, modes.model.free
+    model, free = modes.model, slice(4, modes.model.size)  # the first node is clamped
     shape = modes.shapes[:, mode] / modes.tip_amplitudes()[mode]
     load = model.mass(model.properties).sparse() @ shape * amplitude * modes.angular_frequencies[mode] ** 2
     e = modes.equilibrium.coordinates.copy()

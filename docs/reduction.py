@@ -12,9 +12,12 @@ from scipy.optimize import root
 
 from ancf_casadi import (
     Beam,
+    Clamp,
     HarmonicBase,
     Model,
+    Pin,
     ReducedModel,
+    backbone,
     natural_modes,
     reduce_model,
     simulate,
@@ -24,6 +27,10 @@ from ancf_casadi.support.arrays import Array
 
 KEPT = (1, 3, 5, 8)
 EXACT = {0.1: 1.000194484, 0.2: 1.000785941}  # spectral Galerkin with harmonic balance, no ANCF
+HARDENED = {  # boundary_references.md, backbone_pp and backbone_cc
+    "pinned": {1: 1.089158179, 3: 1.625676615},
+    "clamped": {1: 1.02217196, 1.5: 1.049077959},
+}
 PERIODS = 5
 AMPLITUDES = {
     0: (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4),
@@ -68,7 +75,7 @@ def counted(modes: int) -> str:
     return f"{modes} mode" + "s" * (modes > 1)
 
 
-def backbone() -> Iterator[str]:
+def mode_1() -> Iterator[str]:
     """Frequency of mode 1 as a function of its amplitude, minus the exact value, without gravity."""
     yield row("tip amplitude / L", "exact omega/omega_linear", *(counted(m) for m in KEPT))
     yield rule(2 + len(KEPT))
@@ -123,6 +130,21 @@ def shaken() -> Iterator[str]:
         yield row(f"{1e3 * amplitude:g}", f"{np.abs(full[:, 0]).max() / LENGTH:.3f}", *cells)
 
 
+def hardened() -> Iterator[str]:
+    """Error of the frequency ratio of mode 1 between ends that do not move; A is the amplitude in the middle."""
+    yield row("ends", "A/r", "omega/omega_linear", *(counted(m) for m in KEPT[:3]))
+    yield rule(3 + len(KEPT[:3]))
+    radius = LENGTH / 1000  # of gyration
+    for name, support in (("pinned", Pin), ("clamped", Clamp)):
+        thick = {**BEAM, **WEIGHTLESS, "thickness": 12**0.5 * radius}
+        model = Model(Beam.uniform(**thick, elements=20, supports=(support(0.0), support(LENGTH))))
+        models = [reduce_model(model, modes=m) for m in KEPT[:3]]
+        curves = [backbone(reduced, amplitude=1.02 * max(HARDENED[name]) * radius, points=10) for reduced in models]
+        for amplitude, exact in HARDENED[name].items():
+            ratios = [curve.frequency(amplitude * radius) / curve.natural_frequency for curve in curves]
+            yield row(name, amplitude, exact, *(f"{ratio / exact - 1:.1e}" for ratio in ratios))
+
+
 def slope_points() -> Iterator[str]:
     """Error with 5 modes and different numbers of slope points: frequency at 0.2 L, and release from 0.3 L."""
     choices = (8, 10, 12, 16, 24, 41)
@@ -143,7 +165,7 @@ def slope_points() -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    for table in (backbone, release, shaken, slope_points):
+    for table in (mode_1, release, shaken, hardened, slope_points):
         print(f"\n{(table.__doc__ or '').splitlines()[0]}\n")
         for line in table():
             print(line, flush=True)

@@ -106,7 +106,7 @@ def test_an_undamped_release_from_four_fifths_of_the_length_keeps_its_energy():
 
 def bent(modes, mode, amplitude):
     """Return the state of a weightless beam under the load that bends it like a mode."""
-    model, free = modes.model, modes.model.free
+    model, free = modes.model, slice(4, modes.model.size)
     shape = modes.shapes[:, mode] / modes.tip_amplitudes()[mode]
     load = model.mass(model.properties).sparse() @ shape * amplitude * modes.angular_frequencies[mode] ** 2
     e = model.straight.copy()

@@ -12,25 +12,37 @@ import ancf_casadi
 import problems
 from ancf_casadi import (
     Beam,
+    Clamp,
+    Dashpot,
     FrictionDamping,
+    Guide,
     HarmonicBase,
     HarmonicForce,
     HarmonicLoad,
     InputError,
+    LineLoad,
     Measurement,
     ModalDamping,
     Model,
     Parameter,
+    Pin,
     PointLoad,
+    PointMass,
     QuadraticDamping,
     RayleighDamping,
+    Roller,
+    RotationalSpring,
     SampledBase,
     SampledLoad,
     SecondOrderSystem,
     Sensor,
+    Spring,
     SweepBase,
     backbone,
+    critical_load,
+    damped_modes,
     damping_curve,
+    equilibrium_path,
     frequency_response,
     linear_frf,
     natural_modes,
@@ -76,7 +88,7 @@ from problems import (
     run_study,
 )
 
-LEFT_OUT = dict.fromkeys(("BaseMotion", "DampingLaw", "TipLoad"), "abstract")
+LEFT_OUT = dict.fromkeys(("BaseMotion", "DampingLaw", "TipLoad", "Support", "Attachment"), "abstract")
 CLASSES = {
     name: found
     for package in (ancf_casadi, problems)
@@ -122,7 +134,8 @@ def made(folder):
     errors = (ancf_casadi.EquilibriumError, ancf_casadi.FitError, ancf_casadi.NumericsError)
     drift = np.outer(SWING, (1.0, 0.0))
     found = [
-        beam, beam.sections[0], model, model.measures, PointLoad(force=(0.0, 1e-3)), Parameter("k", 2.0, "N/m", "k"),
+        beam, beam.sections[0], model, model.measures, PointLoad(force=(0.0, 1e-3)), *set_up(beam),
+        Parameter("k", 2.0, "N/m", "k"),
         law, QuadraticDamping(eta2=0.1), FrictionDamping(eta0=1e-4), ModalDamping(modes, (0.01, 0.003, 0.003)),
         ancf_casadi.FixedBase(), base, SweepBase(5e-3, (1.0, 2.0), stop=9.0), SampledBase(TIME, drift), force,
         HarmonicLoad(force=(1e-3, 0.0), frequency=2.0), SampledLoad(TIME, drift), rest, modes, run, run.state(-1),
@@ -141,6 +154,18 @@ def made(folder):
         ancf_casadi.SimulationError("no", time=1.0), ancf_casadi.ContinuationError("no", partial=rest),
     ]  # fmt: skip
     return {type(own).__name__: own for own in found}
+
+
+def set_up(beam):
+    """Return supports, attachments, loads, and the results about critical loads."""
+    column = Model(beam.with_(axis=(1.0, 0.0), gravity=(0.0, 0.0)))
+    push = [PointLoad((-0.1, 0.0))]
+    path = equilibrium_path(column, loads=push, largest_factor=2.0)
+    return [
+        Clamp(), Pin(0.5), Roller(0.5), Guide(0.5), PointMass(0.5, 1e-3), Spring(0.5, (0.0, 1.0)),
+        RotationalSpring(0.0, 1.0), Dashpot(0.5, (0.0, 0.1)), LineLoad((0.0, 0.1)), damped_modes(column, count=2),
+        critical_load(column, push, largest_factor=2.0, steps=4), path, path.critical_points[0],
+    ]  # fmt: skip
 
 
 def fits(folder, model, record):
@@ -193,7 +218,7 @@ def test_a_computed_result_has_text_html_data_and_a_file(samples, name, tmp_path
 
 
 def test_each_computed_result_states_its_own_kind(samples):
-    assert len({samples[name].to_dict()["kind"] for name in COMPUTED}) == len(COMPUTED) == 8
+    assert len({samples[name].to_dict()["kind"] for name in COMPUTED}) == len(COMPUTED) == 10
 
 
 @pytest.mark.parametrize("name", COMPUTED)

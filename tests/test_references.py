@@ -81,7 +81,7 @@ def arm(elements):
 
 def stretched(model):
     """Coordinates of the steadily rotating beam in the rotating frame: Q_e(e) = omega^2 M e."""
-    e, free, p = model.straight.copy(), model.free, model.properties
+    e, free, p = model.straight.copy(), slice(4, model.size), model.properties
     load = SPEED**2 * model.mass(p).sparse()
     for _ in range(6):
         unbalance = (model.elastic_force(e, p).full().ravel() - load @ e)[free]

@@ -22,7 +22,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, number, numbers
 from ancf_casadi.support.tables import Displayed
@@ -183,7 +184,7 @@ class DampingLaw(Displayed, ABC):
 @final
 @dataclass(frozen=True)
 class SumOfLaws(DampingLaw):
-    """Several laws that act together, made by adding laws."""
+    """Several laws that act together, made by adding laws; one of none has no force."""
 
     laws: tuple[DampingLaw, ...]
 
@@ -216,12 +217,12 @@ class SumOfLaws(DampingLaw):
 
     def projection(self, model: Model) -> Array:
         """Return the projections of all terms side by side."""
-        return np.hstack([law.projection(model) for law in self.laws])
+        return np.hstack([np.zeros((model.size, 0)), *(law.projection(model) for law in self.laws)])
 
     def modal_coefficients(self, parameters: cs.MX) -> cs.MX:
         """Return the modal damping coefficients of all terms."""
         terms = zip(self.laws, self._split(parameters), strict=True)
-        return cs.vertcat(*(law.modal_coefficients(own) for law, own in terms))
+        return cs.vertcat(cs.MX(0, 1), *(law.modal_coefficients(own) for law, own in terms))
 
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
         """Return the sum of the equivalent damping ratios."""
@@ -229,7 +230,8 @@ class SumOfLaws(DampingLaw):
 
     def _split(self, parameters: S) -> list[S]:
         """Return the parameters of each term."""
-        return cs.vertsplit(parameters, np.cumsum([0, *(len(law.parameters) for law in self.laws)]).tolist())
+        ends = np.cumsum([0, *(len(law.parameters) for law in self.laws)]).tolist()
+        return cs.vertsplit(parameters, ends) if self.laws else []
 
 
 def weighted_sum(forces: Sequence[Any], parameters: S, e_t: S) -> S:

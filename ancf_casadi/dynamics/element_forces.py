@@ -74,7 +74,7 @@ class ElementFunctions:
     @cached_property
     def _damping(self) -> cs.SX:
         e, e_t, _, p, c = self._symbols
-        return self.law.local_force(self.element, e, e_t, p, c[2:])
+        return self.law.local_force(self.element, e, e_t, p, c[2:]) + self.element.dashpot_force(e_t, p)
 
     def _function(self, name: str, inputs: list[cs.SX], outputs: list[cs.SX], **options: Any) -> cs.Function:
         """Return a Function of columns, one per element of a call."""

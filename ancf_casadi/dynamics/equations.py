@@ -2,10 +2,11 @@
 
 The free coordinates q, their velocities v and accelerations a obey
 
-    q_t = v,    v_t = a,    0 = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g - Q_tip(e, t)   (rows of the free coordinates).
+    q_t = v,    v_t = a,    0 = N^T (M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g - Q_load(e, t)),    e = N q + G b.
 
-Position, velocity and acceleration of the clamped node (``excitation``) are part of e, e_t and e_tt; the rows of this
-node give the generalized force of the base on it.  Q_tip is the generalized force of the tip load (``tip_load``).
+Position, velocity and acceleration of the base b (``excitation``) are part of e, e_t and e_tt; G^T times the balance
+gives the generalized force of the base on the beam.  Q_load is the generalized force of the load (``tip_load``).
+The dashpots of the beam are part of the damping.
 
 The damping force has a local part, as sparse as the mesh, and a low-rank part R B diag(d) B^T R^T e_t, which turns with
 the clamp (``damping.law``).  Each integrator keeps its matrices sparse in its own way.
@@ -27,8 +28,9 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import turned
 from ancf_casadi.dynamics.element_forces import ElementFunctions, mapped
-from ancf_casadi.dynamics.tip_load import tip_force, tip_stiffness
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.dynamics.tip_load import TIP, LoadPlace, PlacedLoad
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Layout
 
 
@@ -44,11 +46,17 @@ class Equations:
     model: Model
     law: DampingLaw
     make: Callable[[cs.Function], cs.Function] = as_it_is  # compiles an element's Functions, or not
+    place: LoadPlace = TIP  # where the load acts
+
+    @cached_property
+    def load(self) -> PlacedLoad:
+        """The load at its place."""
+        return PlacedLoad(self.model, self.place)
 
     @property
     def free(self) -> int:
-        """Number of free coordinates."""
-        return self.model.size - NODE
+        """Number N of free coordinates."""
+        return self.model.freedoms
 
     @cached_property
     def projection(self) -> Array:
@@ -122,18 +130,11 @@ class Equations:
         return [list(outputs) for outputs in zip(*results, strict=True)]
 
     @cached_property
-    def tip_entries(self) -> list[int]:
-        """Places in ``Model.entries``, in one element at the tip, of the slope rows and slope columns of the tip."""
-        rows, columns = self.model.entries
-        slope = (self.model.size - 2, self.model.size - 1)
-        return [int(np.flatnonzero((rows == i) & (columns == j))[0]) for j in slope for i in slope]
-
-    @cached_property
     def turned_projection(self) -> cs.Function:
         """(slope of the clamp) -> rows of R B of the free coordinates, (N, m)."""
         tau = cs.MX.sym("tau", 2)
         B = turned(cs.MX(cs.DM(self.projection)), self.model.beam.axis, tau)
-        return cs.Function("turned_projection", [tau], [B[self.model.free, :]])
+        return cs.Function("turned_projection", [tau], [self.model.of_free(B)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +160,10 @@ class Balance:
 
     def local_damping(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the local part of the damping force."""
-        return self.equations.law.local_force(self.equations.model, e, e_t, self.properties, self.coefficients)
+        model = self.equations.model
+        force = self.equations.law.local_force(model, e, e_t, self.properties, self.coefficients)
+        damped = any(name.startswith("dashpot") for name in self.lumped)
+        return force + model.dashpot_force(e_t, self.properties) if damped else force
 
     def turned_projection(self, e: cs.MX) -> cs.MX:
         """Return R B, turned with the clamp from the axis of the beam."""
@@ -178,14 +182,14 @@ class Balance:
         """Return the damping force."""
         return self.local_damping(e, e_t) + self.of_low_rank(e, e_t)
 
-    def mass(self) -> cs.MX:
-        """Return M, sparse."""
+    def free_mass(self) -> cs.MX:
+        """Return N^T M N, sparse."""
         model = self.equations.model
         blocks: list[cs.MX] = [
             group.element.mass.map(group.count)(group.properties(self.properties, self.lumped))
             for group in model.groups
         ]
-        return model.matrix(cs.vertcat(*map(cs.vec, blocks)))
+        return model.free_matrix(cs.vertcat(*map(cs.vec, blocks)))
 
     def inertia(self, e_tt: cs.MX) -> cs.MX:
         """Return M e_tt."""
@@ -197,27 +201,26 @@ class Balance:
         return model.elastic_force(e, self.properties) - model.gravity_force(self.properties, self.gravity)
 
     def local(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
-        """Return all forces but the low-rank damping, and the powers lost to the local damping and supplied at the tip.
+        """Return all forces but the low-rank damping, and the powers lost to local damping and supplied by the load.
 
-        Coordinates, velocities, accelerations and tip loads have s columns, the forces (4 n + 4, s), the powers (1, s).
+        Coordinates, velocities, accelerations and loads have s columns, the forces (4 n + 4, s), the powers (1, s).
         """
         equations = self.equations
         forces, powers = equations.mapped("balance", self, e, e_t, e_tt)
         lost = [cs.sum1(cs.reshape(power, -1, e.size2())) for power in powers]
-        at_nodes, at_tip = equations.model.sum_at_nodes(forces), tip_force(e, load)
-        total = cs.vertcat(at_nodes[:-NODE, :], at_nodes[-NODE:, :] - at_tip)
-        return total, sum(lost[1:], lost[0]), cs.sum1(e_t[-NODE:, :] * at_tip)
+        total = equations.model.sum_at_nodes(forces) - equations.load.force(e, load)
+        return total, sum(lost[1:], lost[0]), equations.load.power(e, e_t, load)
 
     def forces(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX]:
         """Return the forces at all nodes, (4 n + 4, s), and three powers, (3, s), from the same as ``local``.
 
-        The powers are those lost to damping, supplied by the base and supplied by the tip load.
+        The powers are those lost to damping, supplied by the base and supplied by the load.
         """
         forces, lost, supplied = self.local(e, e_t, e_tt, load)
         if self.projection.numel():
             low_rank = self.of_low_rank(e, e_t)
             forces, lost = forces + low_rank, lost + cs.sum1(e_t * low_rank)
-        return forces, cs.vertcat(lost, cs.sum1(e_t[:NODE, :] * forces[:NODE, :]), supplied)
+        return forces, cs.vertcat(lost, cs.sum1(e_t[:NODE, :] * self.equations.model.of_base(forces)), supplied)
 
     def of_low_rank(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the low-rank part R B diag(d) B^T R^T e_t of the damping force, (4 n + 4, s)."""
@@ -225,13 +228,14 @@ class Balance:
         return cs.horzcat(*(self.modal_damping(x, self.modal_velocities(x, x_t)) for x, x_t in states))
 
     def tangents(self, e: cs.MX, e_t: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
-        """Return the entries of K = d(Q_damp + Q_e - Q_tip)/de, D = dQ_damp/de_t and M of all elements, (entries, s).
+        """Return the entries of K = d(Q_damp + Q_e - Q_load)/de, D = dQ_damp/de_t and M of all elements, (entries, s).
 
         The entries are in the order of ``Model.entries`` and omit the low-rank part of the damping force.
         """
         k, d, m = self.equations.mapped("tangents", self, e, e_t)
         columns = [cs.vertcat(*(cs.reshape(block, -1, e.size2()) for block in blocks)) for blocks in (k, d, m)]
-        columns[0][self.equations.tip_entries, :] -= tip_stiffness(e, load)
+        places, stiffness = self.equations.load.stiffness
+        columns[0][places, :] -= stiffness(e, load)
         return columns[0], columns[1], columns[2]
 
     def resistance(self, e: cs.MX, e_t: cs.MX, u: cs.MX, w: cs.MX) -> cs.MX:

@@ -16,7 +16,8 @@ import numpy as np
 
 from ancf_casadi.dynamics.base_motion import BaseMotion, Piece, pieces_between
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE, HarmonicLoad, TipLoad
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 
 NO_LOAD = HarmonicLoad((0.0, 0.0), 1.0)

@@ -45,7 +45,7 @@ from ancf_casadi.dynamics.excitation import EXCITATION, Excitation
 from ancf_casadi.dynamics.segments import ENERGY_STATES, Segment, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 
 DEFAULTS: Mapping[str, Any] = {
@@ -71,7 +71,7 @@ class SemiExplicit:
         model = self.equations.model
         _, thickness, density, elastic_modulus = model.properties
         stiffness = np.sqrt(elastic_modulus / density) * thickness / math.sqrt(12)
-        return float(math.pi**2 * stiffness.max() / model.beam.element_length**2)
+        return float(math.pi**2 * stiffness.max() / model.beam.element_lengths.min() ** 2)
 
     @cached_property
     def residual(self) -> cs.Function:
@@ -84,7 +84,7 @@ class SemiExplicit:
         if w.numel():
             forces += self._balance.modal_damping(e, w)
         modal = (self._balance.modal_velocities(e, e_t) - w) / (model.beam.length * W)
-        outputs = [cs.vertcat(W * x[free:], W * z[:free]), cs.vertcat(forces[model.free] / self._divisors, modal)]
+        outputs = [cs.vertcat(W * x[free:], W * z[:free]), cs.vertcat(model.of_free(forces) / self._divisors, modal)]
         options: Any = {"is_diff_in": [True, True, False], "custom_jacobian": self._jacobian}
         options |= {"enable_forward": False, "enable_reverse": False}  # all derivatives come from the Jacobian
         names = ["x", "z", "excitation"], ["x_t", "alg"]
@@ -97,14 +97,16 @@ class SemiExplicit:
         e, e_t, e_tt = self._motion
         forces, powers = self._balance.forces(e, e_t, e_tt, excitation[3 * NODE :])
         options = {"is_diff_in": [False] * 3}
-        return cs.Function("energetics", [x, z, excitation], [powers, forces[:NODE], e, e_t], options)
+        return cs.Function(
+            "energetics", [x, z, excitation], [powers, self.equations.model.of_base(forces), e, e_t], options
+        )
 
     def scaled(self, state: State) -> Array:
         """Return x of a state."""
         model = self.equations.model
         displacement = (state.coordinates - model.straight) / model.scale
         velocity = state.velocities / (model.scale * self.element_frequency)
-        return np.concatenate([displacement[model.free], velocity[model.free]])
+        return np.concatenate([model.of_free(displacement), model.of_free(velocity)])
 
     @cached_property
     def _jacobian(self) -> cs.Function:
@@ -115,10 +117,10 @@ class SemiExplicit:
         x, z, excitation = self._symbols
         model, free, m = self.equations.model, self.equations.free, self.equations.projection.shape[1]
         W, divisors, balance, (e, e_t, _) = self.element_frequency, self._divisors, self._balance, self._motion
-        scale = cs.MX(cs.DM(model.scale[model.free]))
+        scale = cs.MX(cs.DM(model.free_scale))
         tangents = balance.tangents(e, e_t, excitation[3 * NODE :])
-        k, d, mass = (model.matrix(values, NODE) for values in tangents)
-        length, B, identity = model.beam.length, balance.turned_projection(e)[NODE:, :], cs.MX.eye(free)
+        k, d, mass = map(model.free_matrix, tangents)
+        length, B, identity = model.beam.length, model.of_free(balance.turned_projection(e)), cs.MX.eye(free)
         none = cs.MX(free, free)
         w_by_v, by_w = _scaled(B.T, cs.MX.ones(m) / length, scale), balance.modal_coefficients * length * W
         jacobians = [
@@ -153,18 +155,23 @@ class SemiExplicit:
     def _divisors(self) -> cs.MX:
         """Divisors of the force balance, diag(M) S W^2."""
         model = self.equations.model
-        diagonal = model.mass(model.properties).sparse().diagonal()[model.free]
-        return cs.MX(cs.DM(diagonal * model.scale[model.free] * self.element_frequency**2))
+        diagonal = model.weights**2 * model.mass(model.properties).sparse().diagonal()
+        own = np.bincount(model.free_of[model.weights != 0.0], diagonal[model.weights != 0.0])
+        return cs.MX(cs.DM(own * model.free_scale * self.element_frequency**2))
 
     @cached_property
     def _motion(self) -> tuple[cs.MX, cs.MX, cs.MX]:
         """The coordinates e, e_t and e_tt."""
         x, z, excitation = self._symbols
         model, free, W = self.equations.model, self.equations.free, self.element_frequency
-        scale = model.scale[model.free]
-        moved = model.straight[model.free] + scale * x[:free], scale * W * x[free:], scale * W**2 * z[:free]
+        scale, origin = cs.DM(model.free_scale), cs.DM(model.of_free(model.straight))
+        moved = (
+            origin + scale * x[:free],
+            scale * W * x[free:],
+            scale * W**2 * z[:free],
+        )
         node = cs.vertsplit(excitation[: 3 * NODE], NODE)
-        e, e_t, e_tt = (cs.vertcat(own, part) for own, part in zip(node, moved, strict=True))
+        e, e_t, e_tt = (model.whole(part, own) for own, part in zip(node, moved, strict=True))
         return e, e_t, e_tt
 
 

@@ -5,12 +5,12 @@ All export formats share these tables, so that a C header, an FMU and a document
     parameters p    gravity, the properties of each element in turn, the parameters of the damping law
     state           free coordinates q and velocities v in the laboratory frame; in the reduced model, whose parameters
                     contain no properties, modal coordinates and their velocities
-    base            displacement (x, y) and rotation of the clamp from its rest position, their velocities, and their
-                    accelerations; a positive rotation turns the axis of the beam counterclockwise
+    base            displacement (x, y) and rotation of the base, with which all supports and springs move, their
+                    velocities, and their accelerations; a positive rotation turns counterclockwise
 
-Elements are numbered from 1 at the clamp.  Node i ends element i; node 0 is clamped, or free behind an elastic clamp.
-Names are C identifiers.  The projection B of a modal (generic) law, the mass at the tip, and the stiffness of the
-clamp are fixed in the model and are therefore not parameters.
+Elements are numbered from 1.  Node i ends element i, and node 0 begins the beam.  Coordinates that a support holds are
+not among q; a node that slides in a slanted direction has one along it.  Names are C identifiers.  The projection B of
+a modal (generic) law, and supports and attachments, are fixed in the model and are therefore not parameters.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.mechanics.beam import BEAM_UNITS, PROPERTIES
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.beam import PROPERTIES
+from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.mechanics.property_names import BEAM_UNITS
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import instances
 from ancf_casadi.support.tables import Displayed, counted
@@ -31,8 +32,9 @@ from ancf_casadi.vibration.equilibrium import Equilibrium
 
 COORDINATES = (("x", "m", "position, x"), ("y", "m", "position, y"), ("slope_x", "1", "slope dr/ds, x"),
                ("slope_y", "1", "slope dr/ds, y"))  # fmt: skip
-BASE_SIGNALS = (("base_x", "m", "displacement of the clamp, x"), ("base_y", "m", "displacement of the clamp, y"),
-        ("base_angle", "rad", "rotation of the clamp, counterclockwise"))  # fmt: skip
+SLIDING = ("slide", "m", "position along the direction of sliding")
+BASE_SIGNALS = (("base_x", "m", "displacement of the base, x"), ("base_y", "m", "displacement of the base, y"),
+        ("base_angle", "rad", "rotation of the base, counterclockwise"))  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -170,10 +172,11 @@ def parameter_signals(equations: Equations) -> tuple[Signal, ...]:
 def state_signals(equilibrium: Equilibrium) -> tuple[Signal, ...]:
     """Return the state (q, v) in order, starting at rest in an equilibrium."""
     model, coordinates = equilibrium.model, []
-    for k in range(model.size)[model.free]:
+    at_rest = model.of_free(equilibrium.coordinates).tolist()
+    for k, value in zip(model.first_moved.tolist(), at_rest, strict=True):
         node, component = divmod(k - NODE * model.root, NODE)
-        name, unit, what = COORDINATES[component]
-        coordinates.append(Signal(f"{name}_{node}", unit, f"{what}, of node {node}", float(equilibrium.coordinates[k])))
+        name, unit, what = COORDINATES[component] if model.weights[k] == 1.0 else SLIDING
+        coordinates.append(Signal(f"{name}_{node}", unit, f"{what}, of node {node}", value))
     return _with_velocities(coordinates)
 
 
@@ -191,7 +194,7 @@ def _with_velocities(coordinates: Sequence[Signal]) -> tuple[Signal, ...]:
 
 
 def base_signals() -> tuple[Signal, ...]:
-    """Return the motion of the clamp: displacements and rotation, their velocities and accelerations."""
+    """Return the motion of the base: displacements and rotation, their velocities and accelerations."""
     return (
         *(Signal(name, unit, what) for name, unit, what in BASE_SIGNALS),
         *(Signal(f"{name}_velocity", f"{unit}/s", f"velocity of {name}") for name, unit, _ in BASE_SIGNALS),

@@ -36,7 +36,8 @@ from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TipLoad
 from ancf_casadi.dynamics.tolerance import default_tolerance
 from ancf_casadi.dynamics.trajectory import IntegratorUse, State, Trajectory
 from ancf_casadi.exceptions import InputError, SimulationError
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.compilation import compiled
 from ancf_casadi.support.inputs import check_instance, choice, flag, physical, positive_or_infinite, whole
 from ancf_casadi.support.interrupts import noted_interrupts
@@ -204,7 +205,7 @@ def _with_impact(model: Model, solution: SegmentSolution, following: Excitation)
     """Add the work of an impact, a velocity jump of the clamped node where the next piece of the excitation begins."""
     mass = model.mass(model.properties).sparse()
     clamp = following.at(following.begin)[NODE : 2 * NODE]
-    after = np.concatenate([clamp, solution.end.velocities[NODE:]])
+    after = model.whole(model.of_free(solution.end.velocities), clamp)
     energies = [float(velocities @ (mass @ velocities) / 2) for velocities in (solution.end.velocities, after)]
     return replace(solution, end_energies=solution.end_energies + np.array([0.0, energies[1] - energies[0], 0.0]))
 

@@ -32,7 +32,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import NoneType
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import casadi as cs
 import numpy as np
@@ -44,11 +44,12 @@ from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
 from ancf_casadi.dynamics.equations import Equations, as_it_is
 from ancf_casadi.dynamics.excitation import Excitation, excitation_pieces
 from ancf_casadi.dynamics.segments import SAME_TIME
-from ancf_casadi.dynamics.tip_load import TipLoad, equilibrium_under
+from ancf_casadi.dynamics.tip_load import TIP, LoadPlace, TipLoad, equilibrium_under
 from ancf_casadi.dynamics.tolerance import check_speed, checked_excitation, expected_travel
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.strain import axial_strain
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, is_one_of, physical, shown
@@ -78,7 +79,7 @@ class MotionSetup:
     @cached_property
     def travel(self) -> float:
         """The expected travel, relative to the length of the beam."""
-        return expected_travel(self.equations.model, *self.checked, self.start)
+        return expected_travel(self.equations.model, *self.checked, self.start, self.equations.place)
 
 
 def set_up(
@@ -100,7 +101,9 @@ def set_up(
     check_instance(start, "start", str, Equilibrium, State)
     duration, sample_rate = physical(duration, "duration"), physical(sample_rate, "sample_rate")
     base = _base_of(model, start) if base is None else base
-    equations = Equations(model, RayleighDamping() if damping is None else damping, make)
+    law, place = RayleighDamping() if damping is None else damping, TIP if load is None else load.place
+    place.at(model.beam)
+    equations = Equations(model, law, make, place)
     times = _sample_times(duration, sample_rate, start.time if isinstance(start, State) else 0.0)
     begin, end = float(times[0]), float(times[-1])
     if load is not None and load.begin >= end:
@@ -115,7 +118,7 @@ def set_up(
         load=load,
         pieces=pieces,
         checked=checked_excitation(model, pieces),
-        start=initial_state(model, pieces[0], start),
+        start=initial_state(model, pieces[0], start, place),
         sample_rate=sample_rate,
         times=times,
     )
@@ -141,7 +144,9 @@ def _base_of(model: Model, start: Start | Equilibrium | State) -> BaseMotion:
     return FixedBase((x, y), _rotation(model, start.coordinates))
 
 
-def initial_state(model: Model, excitation: Excitation, start: Start | Equilibrium | State) -> State:
+def initial_state(
+    model: Model, excitation: Excitation, start: Start | Equilibrium | State, place: LoadPlace = TIP
+) -> State:
     """Return the initial state of a motion under the first piece of its excitation."""
     if isinstance(start, State):
         _check_state(model, excitation.at(start.time), start)
@@ -157,10 +162,11 @@ def initial_state(model: Model, excitation: Excitation, start: Start | Equilibri
     if isinstance(start, Equilibrium):
         coordinates = start.coordinates
     else:
-        coordinates = model.straight if start == "straight" else equilibrium_under(model, load).coordinates
+        coordinates = model.straight if start == "straight" else equilibrium_under(model, load, place).coordinates
     if start == "impact":
         return State(coordinates, np.zeros(model.size))
-    return State(coordinates, rigid_motion(model)(coordinates, velocity).full().ravel())
+    moving = rigid_motion(model)(coordinates, velocity).full().ravel()
+    return State(coordinates, model.whole(model.of_free(moving), velocity))
 
 
 def check_clamp(model: Model, node: Array) -> None:
@@ -186,7 +192,9 @@ def rigid_motion(model: Model) -> cs.Function:
     return cs.Function("rigid_motion", [e, velocity], [cs.vec(moved)])
 
 
-def held_start(model: Model, jacobians: tuple[cs.Function, cs.Function], load: Array) -> tuple[State, Array]:
+def held_start(
+    model: Model, jacobians: tuple[cs.Function, cs.Function], load: Array, place: LoadPlace = TIP
+) -> tuple[State, Array]:
     """Return the state in which a beam is released from (p, p') in the order of ``START_LOAD_NAMES``, and its Jacobian.
 
     ``jacobians`` are those of the beam, or of one that differs in its properties P and its lumped properties alone.
@@ -194,28 +202,29 @@ def held_start(model: Model, jacobians: tuple[cs.Function, cs.Function], load: A
     element, the lumped properties, and (p, p').
     """
     p, rate = np.split(load, [len(LOAD_NAMES)])
-    coordinates = equilibrium_under(model, p).coordinates
-    lumped = [getattr(model.beam, name) for name in jacobians[0].name_in()[3:]]
-    given = coordinates, p, model.properties, *lumped
+    coordinates = equilibrium_under(model, p, place).coordinates
+    lumped = [*model.lumped.values()]
+    given: Any = coordinates, p, model.properties, *lumped
     found = stiffness, by_p, by_x = jacobians[0](*given)
     factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse()))
     q_p, q_x = -factors.solve(by_p.full()), -factors.solve(by_x.full())
-    velocities = np.concatenate([np.zeros(NODE), q_p @ rate])
+    velocities = model.moved(q_p @ rate)
     change = velocities, rate, *(np.zeros_like(x) for x in given[2:])
     h_q, h_p, h_x = (part.full() for part in jacobians[1](*given, *found, *change))
     v_p, v_x = -factors.solve(h_q @ q_p + h_p), -factors.solve(h_q @ q_x + h_x)
     return State(coordinates, velocities), np.block([[q_x, q_p, np.zeros_like(q_p)], [v_x, v_p, q_p]])
 
 
-def start_jacobians(model: Model) -> tuple[cs.Function, cs.Function]:
+def start_jacobians(model: Model, place: LoadPlace = TIP) -> tuple[cs.Function, cs.Function]:
     """(e, p, P, each lumped property by its name) -> K, R_p, R_x of the free coordinates; its forward derivative."""
     e, load, still = cs.MX.sym("e", model.size), cs.MX.sym("load", len(LOAD_NAMES)), cs.MX.zeros(model.size)
     properties, lumped = cs.MX.sym("P", *model.properties.shape), [cs.MX.sym(name) for name in model.lumped]
-    equations = Equations(model, RayleighDamping())
+    equations = Equations(model, RayleighDamping(), place=place)
     parameters = equations.given(properties=cs.vec(properties), lumped=cs.vertcat(cs.MX(0, 1), *lumped))
-    forces = equations.balance(parameters).local(e, still, still, load)[0][model.free]
+    forces = equations.balance(parameters).local(e, still, still, load)[0]
+    forces = model.of_free(forces)
     by_x = cs.horzcat(*(cs.jacobian(forces, x) for x in (properties, *lumped)))
-    outputs = [cs.jacobian(forces, e)[:, model.free], cs.jacobian(forces, load), by_x]
+    outputs = [cs.jacobian(forces, e) @ model.whole_of_free, cs.jacobian(forces, load), by_x]
     names = ["e", "load", "P", *model.lumped], ["K", "R_p", "R_x"]
     jacobians = cs.Function("start_jacobians", [e, load, properties, *lumped], outputs, *names)
     return jacobians, jacobians.forward(1)

@@ -1,12 +1,13 @@
-"""Force and moment at the tip as functions of time.
+"""Force and moment at the tip, or at another point, as functions of time.
 
-The load p = (Fx, Fy, m) has a fixed direction in the laboratory frame; m is positive counterclockwise.  With position
-r and slope tau at the tip, its virtual work F.dr + m dtheta, theta = atan2(tau_y, tau_x), gives the generalized force
+The load p = (Fx, Fy, m) has a fixed direction in the laboratory frame, or follows the beam (``mechanics.loads``); m is
+positive counterclockwise.  With position r = S e and slope tau = S' e at the point, its virtual work F.dr + m dtheta,
+theta = atan2(tau_y, tau_x), gives the generalized force
 
-    Q_r = F,    Q_tau = m (-tau_y, tau_x)/|tau|^2,
+    Q = S^T F + S'^T h,    h = m (-tau_y, tau_x)/|tau|^2,
 
-and with n = (-tau_y, tau_x)/|tau|^2 the power F.r_t + m n.tau_t.  Like a base motion, a load is a sequence of smooth
-pieces, and the integrator restarts at the end of each.
+and the power F.r_t + h.tau_t.  Like a base motion, a load is a sequence of smooth pieces, and the integrator restarts
+at the end of each.
 
 An integrator whose steps grow while nothing happens could step over a hammer blow.  Within a piece of a sampled load,
 its steps are therefore at most as long as the load, at its fastest in this piece, would take to change by its largest
@@ -18,26 +19,45 @@ from __future__ import annotations
 import itertools
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import final
+from typing import Any, TypeVar, final
 
 import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.dynamics.base_motion import Piece, check_ramp, checked_samples, pieces_between, ramped
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_size, number, physical, positive_or_infinite, vector
 from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 
+S = TypeVar("S", cs.SX, cs.MX)
 LOAD_SIZE = 3  # components of a load: force x and y, N, and moment, N m
 
 
+@dataclass(frozen=True)
+class LoadPlace:
+    """Where a load acts, and in which frame."""
+
+    point: float | None = None  # arc length, m; the tip if None
+    follower: bool = False  # whether the force turns with the beam
+
+    def at(self, beam: Beam) -> float:
+        """Return the arc length of the point on a beam, m; a point beyond its tip raises an ``InputError``."""
+        return PointLoad(point=self.point).place(beam)
+
+
+TIP = LoadPlace()
+
+
 class TipLoad(Displayed, ABC):
-    """Base class of the loads at the tip.
+    """Base class of the loads over time, at the tip or another point.
 
     Examples
     --------
@@ -50,6 +70,14 @@ class TipLoad(Displayed, ABC):
     array([[0., 0., 0.],
            [2., 0., 0.]])
     """
+
+    point: float | None
+    follower: bool
+
+    @property
+    def place(self) -> LoadPlace:
+        """Where the load acts."""
+        return LoadPlace(self.point, self.follower)
 
     @property
     def begin(self) -> float:
@@ -90,6 +118,10 @@ class HarmonicLoad(TipLoad):
         Time from which the load is zero, s, positive; if not given, the load never ends.
     ramp : float
         Cycles over which the amplitude grows, 0 or more, before the stop; see ``HarmonicBase``.
+    point : float, optional
+        Arc length of the point at which the load acts, m; the tip if not given.
+    follower : bool
+        Whether the force turns with the beam; its components are then along and across the beam.
 
     Raises
     ------
@@ -111,10 +143,13 @@ class HarmonicLoad(TipLoad):
     moment: float = 0.0
     stop: float = math.inf
     ramp: float = 0.0
+    point: float | None = None
+    follower: bool = False
 
     def __post_init__(self) -> None:
         """Validate."""
         object.__setattr__(self, "force", vector(self.force, "force"))
+        _check_place(self)
         physical(self.frequency, "frequency")
         object.__setattr__(self, "moment", number(self.moment, "moment"))
         for name in ("force", "moment"):
@@ -147,6 +182,8 @@ class SampledLoad(TipLoad):
         Force in the laboratory frame, N.
     moment : array_like (k,), optional
         Moment, positive counterclockwise, N m; zero if not given.
+    point, follower
+        See ``HarmonicLoad``.
 
     Raises
     ------
@@ -171,18 +208,21 @@ class SampledLoad(TipLoad):
     time: ArrayLike
     force: ArrayLike
     moment: ArrayLike | None = None
+    point: float | None = None
+    follower: bool = False
 
     def __post_init__(self) -> None:
         """Validate, and keep arrays."""
+        _check_place(self)
         samples = checked_samples(2, self.time, force=self.force, moment=self.moment)
         physical(float(np.diff(samples["time"]).min()), "time")
         for name, values in samples.items():
             check_size(values, name)
             object.__setattr__(self, name, values)
 
-    def __reduce__(self) -> tuple[type[SampledLoad], tuple[ArrayLike, ...]]:
+    def __reduce__(self) -> tuple[type[SampledLoad], tuple[Any, ...]]:
         """Pickle the samples without the pieces, which the receiving process derives again."""
-        return SampledLoad, (self.time, self.force, np.asarray(self.moment))
+        return SampledLoad, (self.time, self.force, np.asarray(self.moment), self.point, self.follower)
 
     @property
     def begin(self) -> float:
@@ -209,26 +249,88 @@ class SampledLoad(TipLoad):
         return (*found, _nothing(math.inf))
 
 
-def tip_force(e: cs.MX, load: cs.MX) -> cs.MX:
-    """Return the generalized force of a load (3, s) on the tip node, (4, s), for coordinates e of s states."""
-    x, y = e[-2, :], e[-1, :]
+def point_force(slope: S, load: S, *, follower: bool) -> tuple[S, S]:
+    """Return F and h, (2, s), of loads (3, s) at a point with slopes (2, s)."""
+    x, y = slope[0, :], slope[1, :]
     turn = load[2, :] / (x * x + y * y)
-    return cs.vertcat(load[:2, :], -y * turn, x * turn)
+    h = cs.vertcat(-y * turn, x * turn)
+    if not follower:
+        return load[:2, :], h
+    length = cs.sqrt(x * x + y * y)
+    along, across = load[0, :] / length, load[1, :] / length
+    return cs.vertcat(along * x - across * y, along * y + across * x), h
 
 
-def tip_stiffness(e: cs.MX, load: cs.MX) -> cs.MX:
-    """Return the entries of dQ_tau/dtau, column by column, (4, s); the other derivatives of the force are zero."""
-    x, y = e[-2, :], e[-1, :]
-    squares = x * x + y * y
-    factor = load[2, :] / (squares * squares)
-    mixed, own = factor * (y * y - x * x), factor * 2 * x * y
-    return cs.vertcat(own, mixed, mixed, -own)
+def tip_force(e: cs.MX, load: cs.MX) -> cs.MX:
+    """Return the generalized force of a dead load (3, s) on the tip node, (4, s), for coordinates e of s states."""
+    return cs.vertcat(*point_force(e[-2:, :], load, follower=False))
 
 
-def equilibrium_under(model: Model, load: Array) -> Equilibrium:
+@dataclass(frozen=True, eq=False)
+class PlacedLoad:
+    """A load at a point of a model: its generalized force, power and stiffness."""
+
+    model: Model
+    place: LoadPlace
+
+    def force(self, e: cs.MX, load: cs.MX) -> cs.MX:
+        """Return Q of loads (3, s) on the nodes, (4 n + 4, s), for coordinates e of s states."""
+        F, h = self._pair(e, load)
+        return self._shape.T @ F + self._slope.T @ h
+
+    def power(self, e: cs.MX, e_t: cs.MX, load: cs.MX) -> cs.MX:
+        """Return the power F.r_t + h.tau_t, (1, s)."""
+        F, h = self._pair(e, load)
+        return cs.sum1((self._shape @ e_t) * F) + cs.sum1((self._slope @ e_t) * h)
+
+    @cached_property
+    def stiffness(self) -> tuple[list[int], Callable[[cs.MX, cs.MX], cs.MX]]:
+        """Places in ``Model.entries`` of the entries of dQ/de that are not zero, and (e, loads) -> them, (k, s)."""
+        index, _ = self.model.place_at(self.place.at(self.model.beam))
+        own = self.model.groups[0].coordinates[index]
+        slope, shape = (part.full()[:, own] for part in (self._slope, self._shape))
+        weights = np.hstack([np.kron(slope.T, slope.T), np.kron(slope.T, shape.T)][: 1 + self.place.follower])
+        used = np.flatnonzero(weights.any(axis=1))
+        places = (
+            own.size**2 * index + used
+        )  # the first of ``entries`` are those of one element of the beam after another
+        W = cs.sparsify(cs.DM(weights[used]))
+        return places.tolist(), lambda e, load: W @ self._derivatives(e, load)
+
+    def _derivatives(self, e: cs.MX, load: cs.MX) -> cs.MX:
+        """Return dh/dtau and, of a follower, dF/dtau, column by column, one below the other, (4, s) each."""
+        tau = cs.SX.sym("tau", 2)
+        p = cs.SX.sym("p", LOAD_SIZE)
+        F, h = point_force(tau, p, follower=self.place.follower)
+        parts = [h, F][: 1 + self.place.follower]
+        outputs = [cs.densify(cs.vertcat(*(cs.vec(cs.jacobian(part, tau)) for part in parts)))]
+        return cs.Function("of_slope", [tau, p], outputs).map(e.shape[1])(self._slope @ e, load)
+
+    def _pair(self, e: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX]:
+        return point_force(self._slope @ e, load, follower=self.place.follower)
+
+    @cached_property
+    def _shape(self) -> cs.DM:
+        """S, sparse."""
+        return cs.sparsify(cs.DM(self.model.interpolation(self.place.at(self.model.beam))))
+
+    @cached_property
+    def _slope(self) -> cs.DM:
+        """S', sparse."""
+        return cs.sparsify(cs.DM(self.model.slope_interpolation(self.place.at(self.model.beam))))
+
+
+def equilibrium_under(model: Model, load: Array, place: LoadPlace = TIP) -> Equilibrium:
     """Return the static equilibrium under gravity and a load (3,)."""
     force_x, force_y, moment = load.tolist()
-    return static_equilibrium(model, tip_force=(force_x, force_y), tip_moment=moment)
+    if place == TIP:
+        return static_equilibrium(model, tip_force=(force_x, force_y), tip_moment=moment)
+    return static_equilibrium(model, loads=[PointLoad((force_x, force_y), moment, place.point, place.follower)])
+
+
+def _check_place(load: HarmonicLoad | SampledLoad) -> None:
+    """Refuse a place of a load that is none."""
+    PointLoad(point=load.point, follower=load.follower)
 
 
 def _nothing(end: float) -> Piece:

@@ -27,10 +27,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ancf_casadi.dynamics.excitation import Excitation
-from ancf_casadi.dynamics.tip_load import equilibrium_under
+from ancf_casadi.dynamics.tip_load import TIP, LoadPlace, equilibrium_under
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import EquilibriumError, InputError
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 
 TOLERANCE_PER_TRAVEL = {"idas": 6e-8, "radau": 2e-5}  # per expected travel A/L
@@ -50,13 +51,13 @@ def default_tolerance(method: str, travel: float) -> float:
     return largest if travel < NEGLIGIBLE else min(max(wanted, smallest), largest)
 
 
-def expected_travel(model: Model, times: Array, excitations: Array, start: State) -> float:
+def expected_travel(model: Model, times: Array, excitations: Array, start: State, place: LoadPlace = TIP) -> float:
     """Return the expected travel of a motion, relative to the length of the beam, from the excitations (k, 15)."""
     length = model.beam.length
     position, slope, velocity = excitations[:, :2], excitations[:, 2:NODE], excitations[0, NODE : 2 * NODE]
     travel = np.linalg.norm(position - position[0], axis=1).max()
     turn = np.abs(np.unwrap(np.arctan2(slope[:, 1], slope[:, 0])) - math.atan2(slope[0, 1], slope[0, 0])).max()
-    rest, nodes = _rest(model, excitations[0]), start.coordinates.reshape(-1, NODE)[:, :2]
+    rest, nodes = _rest(model, excitations[0], place), start.coordinates.reshape(-1, NODE)[:, :2]
     distance = np.linalg.norm(nodes - rest, axis=1).max()
     arms = nodes - position[0]
     spin = slope[0, 0] * velocity[3] - slope[0, 1] * velocity[2]
@@ -69,11 +70,11 @@ def expected_travel(model: Model, times: Array, excitations: Array, start: State
     return float(max(smallest, LEAST_OF_LARGEST * max(causes)) if smallest else max(causes))
 
 
-def _rest(model: Model, excitation: Array) -> Array:
+def _rest(model: Model, excitation: Array, place: LoadPlace) -> Array:
     """Return the node positions (k, 2) at rest under gravity and the load; straight if there is no equilibrium."""
     turned = Model(model.beam.with_(axis=(float(excitation[2]), float(excitation[3]))), model.measures)
     try:
-        coordinates = equilibrium_under(turned, excitation[3 * NODE :]).coordinates
+        coordinates = equilibrium_under(turned, excitation[3 * NODE :], place).coordinates
     except EquilibriumError:
         coordinates = turned.straight
     return np.asarray(coordinates.reshape(-1, NODE)[:, :2] + excitation[:2])

@@ -21,7 +21,8 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.mechanics.model import NODE, Model, axial_strains_near, curvature_at
+from ancf_casadi.mechanics.model import Model, axial_strains_near, curvature_at
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, number, whole
 from ancf_casadi.support.tables import Displayed, Reported, Table, counted
@@ -296,8 +297,9 @@ class Trajectory(Motion):
             If the point is not on the beam.
         """
         width, thickness, _, modulus = self.model.properties
-        near = axial_strains_near(self.model, point, self._interpolated)
-        return np.asarray(sum(weight * (modulus * width * thickness)[k] * strain for weight, k, strain in near))
+        readings = (axial_strains_near(self.model, point, at) for at in (self._interpolated, self._manufactured))
+        strains = [(weight, k, strain - own) for (weight, k, strain), (*_, own) in zip(*readings, strict=True)]
+        return np.asarray(sum(weight * (modulus * width * thickness)[k] * strain for weight, k, strain in strains))
 
     def bending_moment(self, point: float) -> Array:
         """Return the bending moment at arc length ``point`` (m), (k,), N m, positive counterclockwise.
@@ -308,7 +310,8 @@ class Trajectory(Motion):
             If the point is not on the beam.
         """
         width, thickness, _, modulus = self.model.properties[:, self.model.element_at(point)]
-        return np.asarray(float(modulus * width * thickness**3 / 12) * self.curvature(point))
+        bent = self.curvature(point) - curvature_at(self.model, point, self._manufactured)
+        return np.asarray(float(modulus * width * thickness**3 / 12) * bent)
 
     @cached_property
     def kinetic_energy(self) -> Array:
@@ -354,6 +357,11 @@ class Trajectory(Motion):
             ],
             "interrupted": self.interrupted,
         }
+
+    def _manufactured(self, matrix: Array) -> tuple[float, float]:
+        """Return x and y of a row of the interpolation, times the coordinates of the beam without stress."""
+        x, y = (matrix @ self.model.straight).tolist()
+        return x, y
 
     def _interpolated(self, matrix: Array) -> tuple[Array, Array]:
         """Return x and y, (k,), from an interpolation matrix."""

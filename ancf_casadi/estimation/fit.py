@@ -31,7 +31,14 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, Quantities, first_order_ends, moves, quantile
+from ancf_casadi.estimation.intervals import (
+    CONFIDENCE_LEVEL,
+    Quantities,
+    derived_ends,
+    first_order_ends,
+    moves,
+    quantile,
+)
 from ancf_casadi.estimation.solver.loss import dispersion, influence, row_weights
 from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, Noise, autocorrelation, concentration
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown
@@ -191,8 +198,8 @@ class Fit:
         return values, self.errors_of(jacobian)
 
     def derived_intervals(self, quantities: Quantities, level: float = CONFIDENCE_LEVEL) -> Array:
-        """Return the intervals (q, 2) of quantities, to first order; nan where no unknown enters."""
-        return first_order_ends(self, *self.linearised(quantities), level)
+        """Return the intervals (q, 2) of quantities; nan where no unknown enters."""
+        return derived_ends(self, quantities, level)
 
     def shifts(self, change: Array) -> Array:
         """Return the shifts (n,) of the estimates by a change of the residuals (m,), in standard errors.
@@ -220,10 +227,14 @@ class Fit:
 
     def linearised(self, quantities: Quantities) -> tuple[Array, Array]:
         """Return quantities (q,) and their Jacobian (q, n) at the estimates."""
+        values, jacobian = self.linearisation(quantities)(self.values)
+        return values.full().ravel(), jacobian.full()
+
+    def linearisation(self, quantities: Quantities) -> cs.Function:
+        """Return the Function from the coordinates to quantities (q,) and their Jacobian (q, n)."""
         y = cs.MX.sym("y", len(self.names))
         q = cs.densify(quantities(*self.coordinates.symbols(cs.vertsplit(y))))
-        values, jacobian = cs.Function("quantities", [y], [q, cs.densify(cs.jacobian(q, y))])(self.values)
-        return values.full().ravel(), jacobian.full()
+        return cs.Function("quantities", [y], [q, cs.densify(cs.jacobian(q, y))])
 
     def errors_of(self, jacobian: Array) -> Array:
         """Return the standard errors of quantities from their Jacobian (q, n); nan where no free unknown enters."""

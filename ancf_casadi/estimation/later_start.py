@@ -9,7 +9,8 @@ information, the scores
 
 have the covariance q' R q if the law holds, and g = v' (q' R q)^-1 v follows the chi-squared distribution with n
 degrees of freedom.  If g is too large, q' R q becomes q' R q + (1 - 1/g) v v', which makes v one standard error in its
-own direction: the scatter of two estimates about their weighted mean.
+own direction: the scatter of two estimates about their weighted mean.  The residuals then count as fewer independent
+ones, so that a law which does not hold is not chosen for the little that it explains beyond a simpler one.
 
 References
 ----------
@@ -55,4 +56,5 @@ def allowing_for_later_starts(fit: Fit, late: Sequence[Mask]) -> Fit:
     if fit.noise.passing is not None and fit.noise.basis is not None:
         turn = basis.T @ fit.noise.basis
         passing = passing + turn @ fit.noise.passing @ turn.T
-    return replace(fit, covariance=covariance, noise=replace(fit.noise, passing=passing, basis=basis))
+    growth = float(np.trace(form)) / (len(form) * fit.noise.variance)
+    return replace(fit, covariance=covariance, noise=replace(fit.noise, passing=passing, basis=basis, growth=growth))

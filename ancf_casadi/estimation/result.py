@@ -204,7 +204,9 @@ class LeastSquaresResult(FitResult):
         return self._named(self.fit.errors_of(self._linearised[1]).tolist())
 
     def intervals(self, level: float = CONFIDENCE_LEVEL) -> dict[str, Interval]:
-        """Return the interval of each estimated quantity by name for a confidence level, to first order.
+        """Return the interval of each estimated quantity by name for a confidence level.
+
+        The intervals are to first order in the unknowns, but follow the likelihood of one that is far from linear.
 
         Raises
         ------

@@ -21,6 +21,7 @@ from ancf_casadi.dynamics.signals import MotionFunctions, Signal, values
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.motion_functions import BeamFunctions
 from ancf_casadi.export.solved_functions import GAMMA
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.reduction.stepping import STEPS_PER_PERIOD
 from ancf_casadi.support.arrays import Array, Index
 
@@ -50,7 +51,7 @@ NOTES = {
 }
 NOTES |= {f"reduced_{name}": NOTES[name] for name in ("tip", "markers", "energies")}
 PROGRAM_STEP, PROGRAM_SAMPLES = 5e-3, 400  # seconds between two lines of output, and number of lines after the first
-DEFLECTION = 0.1  # of the tip before the release, to first order, per distance from clamp to tip
+DEFLECTION = 0.1  # largest one before the release, to first order, per distance from the origin to the tip
 
 
 def source(name: str, functions: MotionFunctions, every: Mapping[str, cs.Function]) -> str:
@@ -90,7 +91,7 @@ def header(name: str, functions: MotionFunctions, every: Mapping[str, cs.Functio
         "",
         f"#define {upper}_FREE {functions.free}  /* coordinates q, and as many velocities v */",
         f"#define {upper}_PARAMETERS {len(functions.parameters)}  /* parameters p */",
-        f"#define {upper}_BASE {len(functions.base)}  /* motion of the clamp */",
+        f"#define {upper}_BASE {len(functions.base)}  /* motion of the base */",
         "",
         _comment("Parameters p: index, name, unit, value in the model, meaning", functions.parameters),
         f"extern const double {name}_parameters[{len(functions.parameters)}];",
@@ -98,7 +99,7 @@ def header(name: str, functions: MotionFunctions, every: Mapping[str, cs.Functio
         _comment("States (q, v): index, name, unit, value at rest, meaning", functions.states),
         f"extern const double {name}_rest[{len(functions.states)}];",
         "",
-        _comment("Motion of the clamp, base: index, name, unit, value, meaning", functions.base),
+        _comment("Motion of the base, base: index, name, unit, value, meaning", functions.base),
         "",
         _comment("Outputs of tip, markers and energies: index, name, unit, value, meaning", functions.outputs),
         "",
@@ -213,12 +214,14 @@ int main(void) {{
 def _pull(name: str, functions: BeamFunctions) -> str:
     """Return C code that finds the equilibrium under a pull."""
     p = cs.MX.sym("p", len(functions.parameters))
-    tip = functions.tip(functions.equilibrium(p), cs.MX(len(functions.base), 1))
-    place, change = _value_and_jacobian(tip, p, values(functions.parameters))
-    x, y = place
+    q = functions.equilibrium(p)
+    tip = functions.tip(q, cs.MX(len(functions.base), 1))
+    found, change = _value_and_jacobian(cs.vertcat(tip, q), p, values(functions.parameters))
+    x, y = found[:2]
     across = np.array([-y, x]) / np.hypot(x, y)
-    pull = DEFLECTION * np.hypot(x, y) / np.linalg.norm(change[:, :2] @ across) * across
-    pull_x, pull_y = pull.tolist()
+    places = [k for k, signal in enumerate(functions.states[: functions.free], start=2) if signal.unit == "m"]
+    farthest = np.abs(change[places, :2] @ across).max()
+    pull_x, pull_y = (DEFLECTION * np.hypot(x, y) / farthest * across).tolist()
     return f"""  const double pull[2] = {{{pull_x!r}, {pull_y!r}}};  /* added to gravity before time 0, m/s2 */
   double p[{name.upper()}_PARAMETERS];
   memcpy(p, {name}_parameters, sizeof(p));
@@ -232,10 +235,11 @@ def _pull(name: str, functions: BeamFunctions) -> str:
 
 def _deflection(functions: MotionFunctions) -> str:
     """Return C code that deflects the beam in mode 1."""
-    q = cs.MX.sym("q", functions.free)
-    tip = functions.tip(q, cs.MX(len(functions.base), 1))
-    place, change = _value_and_jacobian(tip, q, np.zeros(functions.free))
-    first = DEFLECTION * np.linalg.norm(place) / np.linalg.norm(change[:, 0])
+    q, still = cs.MX.sym("q", functions.free), cs.MX(len(functions.base), 1)
+    e, _ = functions.named["coordinates"](q, cs.MX(functions.free, 1), still)
+    found, change = _value_and_jacobian(cs.vertcat(functions.tip(q, still), e), q, np.zeros(functions.free))
+    moved = np.linalg.norm(change[2:, 0].reshape(-1, NODE)[:, :2], axis=1)
+    first = DEFLECTION * np.linalg.norm(found[:2]) / moved.max()
     return f"  q[0] = {float(first)!r};  /* deflection in mode 1, m kg^0.5 */"
 
 

@@ -1,13 +1,13 @@
 """The beam as a functional mock-up unit (FMU): FMI 3.0, model exchange, for simulation and control.
 
-    states       q, v of the Functions, and the motion (u, u_t) of the clamp
-    inputs       the accelerations u_tt of the clamp: x, y and rotation
+    states       q, v of the Functions, and the motion (u, u_t) of the base
+    inputs       the accelerations u_tt of the base: x, y and rotation
     parameters   p of the Functions: gravity, properties of the elements (full model only), parameters of the law
     outputs      tip, markers, energies
 
 with q_t = v, v_t = rhs(q, v, (u, u_t, u_tt), p).  The FMU of a reduced model is not stiff.
 
-The clamp is driven by its accelerations, and its position and velocity are states.  They stay consistent however an
+The base is driven by its accelerations, and its position and velocity are states.  They stay consistent however an
 importer interpolates or holds its inputs; a prescribed position would excite axial waves at each kink.  The states
 start in the static equilibrium of the exported beam.  If a parameter is changed, the importer must set other start
 values; otherwise the beam swings to its new equilibrium.
@@ -57,7 +57,7 @@ MODEL = "beam"  # of the model in C
 FMU_FLAGS = ("-O3", *LIBRARY)
 PLATFORMS = {"Linux": ("linux", "so"), "Darwin": ("darwin", "dylib"), "Windows": ("windows", "dll")}
 BUILD_BAR = "{desc} {bar}| [{elapsed}]"
-CLAMP_COORDINATES = 3  # coordinates of the clamp: x, y and rotation
+BASE_COORDINATES = 3  # coordinates of the base: x, y and rotation
 BASE_UNITS = {
     "kg": {"kg": 1},
     "m": {"m": 1},
@@ -164,18 +164,18 @@ def _dae_builder(functions: MotionFunctions) -> cs.DaeBuilder:
         labels = [{"description": s.description, "unit": "" if s.unit == "1" else s.unit} for s in signals]
         return [dae.add(s.name, causality, variability, label) for s, label in zip(signals, labels, strict=True)]
 
-    clamped, driving = functions.base[: 2 * CLAMP_COORDINATES], functions.base[2 * CLAMP_COORDINATES :]
-    states, clamp = add(functions.states), add(clamped)
+    based, driving = functions.base[: 2 * BASE_COORDINATES], functions.base[2 * BASE_COORDINATES :]
+    states, base_states = add(functions.states), add(based)
     inputs, parameters = add(driving, "input"), add(functions.parameters, "parameter", "tunable")
     outputs = add(functions.outputs, "output")
     for signal in (*functions.states, *functions.base, *functions.parameters):
         dae.set_start(signal.name, signal.value)
-    for signal in (*functions.states, *clamped):
+    for signal in (*functions.states, *based):
         dae.set_initial(signal.name, "exact")
     q, v = cs.vertcat(*states[: functions.free]), cs.vertcat(*states[functions.free :])
-    base, p = cs.vertcat(*clamp, *inputs), cs.vertcat(*parameters)
-    derivatives = cs.vertcat(v, functions.rhs(q, v, base, p), base[CLAMP_COORDINATES:])
-    for state, derivative in zip([*states, *clamp], cs.vertsplit(derivatives), strict=True):
+    base, p = cs.vertcat(*base_states, *inputs), cs.vertcat(*parameters)
+    derivatives = cs.vertcat(v, functions.rhs(q, v, base, p), base[BASE_COORDINATES:])
+    for state, derivative in zip([*states, *base_states], cs.vertsplit(derivatives), strict=True):
         dae.eq(dae.der(state), derivative)
     points = [functions.tip(q, base), cs.vec(functions.markers(q, base))]
     values = cs.vertcat(*points, *functions.energies(q, v, base, p))
@@ -235,7 +235,7 @@ def described(path: Path, title: str, functions: MotionFunctions, document: Docu
 
 def _complete_variables(variables: ET.Element, functions: MotionFunctions) -> None:
     """Set all digits of the start values and the units of the derivatives; remove CasADi's auxiliary variables."""
-    differentiated = (*functions.states, *functions.base[: 2 * CLAMP_COORDINATES])
+    differentiated = (*functions.states, *functions.base[: 2 * BASE_COORDINATES])
     signals = {s.name: s for s in (*functions.parameters, *functions.states, *functions.base, *functions.outputs)}
     derivative_units = {f"der({signal.name})": _per_second(signal.unit) for signal in differentiated}
     for variable in list(variables):

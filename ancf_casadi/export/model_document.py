@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from types import NoneType
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 import numpy as np
 from msgspec import UNSET
-from msgspec.structs import asdict, replace
+from msgspec.structs import asdict
 
 from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping, RayleighDamping, SumOfLaws
 from ancf_casadi.exceptions import InputError
@@ -42,6 +42,7 @@ from ancf_casadi.export.structs import (
     read,
 )
 from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.beam_table import PART_KINDS, table_of, with_parts
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.arrays import Array
@@ -185,8 +186,11 @@ def _check_mesh(law: DampingLaw | None, model: Model) -> None:
 
 def beam_data(beam: Beam) -> BeamData:
     """Return the fields of a beam."""
-    data = data_of(beam, BeamData)
-    return replace(data, clamp_stiffness=None) if math.isinf(beam.clamp_stiffness) else data
+    given: dict[str, Any] = {one.name: getattr(beam, one.name) for one in fields(beam)}
+    for name in PART_KINDS:
+        tables = [table_of(part) for part in given[name]]
+        given[name] = [{key: None if own == math.inf else own for key, own in one.items()} for one in tables]
+    return data_of(given, BeamData)
 
 
 def law_data(law: DampingLaw, model: Model) -> LawData:
@@ -203,11 +207,19 @@ def law_data(law: DampingLaw, model: Model) -> LawData:
     raise InputError(message, "damping")
 
 
+def beam_from(data: BeamData) -> Beam:
+    """Return the beam of its fields; refuse values that make no beam."""
+    given = asdict(data)
+    for name in PART_KINDS:
+        tables: list[dict[str, Any]] = msgspec.to_builtins(given[name])
+        given[name] = [{key: math.inf if own is None else own for key, own in one.items()} for one in tables]
+    return Beam(**with_parts(given))
+
+
 def model_from(beam: BeamData, measures: StrainMeasuresData, where: str) -> Model:
     """Return the model that a document holds at a place; refuse values that make no beam."""
-    given = asdict(beam) | {"clamp_stiffness": math.inf if beam.clamp_stiffness is None else beam.clamp_stiffness}
     with located(place(where, "beam")):
-        known = Beam(**given)
+        known = beam_from(beam)
     with located(place(where, "strain_measures")):
         return Model(known, StrainMeasures(**asdict(measures)))
 

@@ -1,15 +1,17 @@
 """The equation of motion as named CasADi Functions, for optimisation, control and user code.
 
 With the free coordinates q, their velocities v and accelerations a in the laboratory frame, the motion ``base`` of the
-clamp (displacement x, y and rotation, then their velocities, then their accelerations) and the parameters p (gravity,
-properties of the elements, parameters of the damping law), Eq. (6) with damping reads
+supports (displacement x, y and rotation, then their velocities, then their accelerations) and the parameters p
+(gravity, properties of the elements, parameters of the damping law), Eq. (6) with damping reads
 
-    residual(q, v, a, base, p) = M e_tt + Q_damp + Q_e - Q_g    (free rows; e_tt at all nodes)
-    rhs(q, v, base, p) = a, the accelerations with zero residual.
+    residual(q, v, a, base, p) = N^T (M e_tt + Q_damp + Q_e - Q_g),    e = N q + G b
+    rhs(q, v, base, p) = a, the accelerations with zero residual,
 
-The mass matrix, Eq. (7), depends on p but not on the motion, and it does not couple x and y.  ``rhs`` factorises it in
-each call, in linear time.  ``signals`` names every entry of q, v, base and p.  All Functions are MX Functions and
-differentiable.  ``solved_functions`` has ``equilibrium``, ``frequencies`` and ``step``.
+in which the base b follows from ``base``, and N and G from the supports (``mechanics.model``).
+
+The mass matrix, Eq. (7), depends on p but not on the motion, and couples x and y at slanted rollers only.  ``rhs``
+factorises it in each call, in linear time.  ``signals`` names every entry of q, v, base and p.  All Functions are MX
+Functions and differentiable.  ``solved_functions`` has ``equilibrium``, ``frequencies`` and ``step``.
 """
 
 from __future__ import annotations
@@ -31,8 +33,9 @@ from ancf_casadi.dynamics.signals import (
     state_signals,
     values,
 )
-from ancf_casadi.export.solved_functions import equilibrium_function, frequencies_function, step_function
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.export.solved_functions import equilibrium_function, free_part, frequencies_function, step_function
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.inputs import check_instance, numbers, whole
 from ancf_casadi.vibration.modes import natural_modes
 
@@ -62,7 +65,8 @@ class BeamFunctions(MotionFunctions):
     equilibrium : Function
         p -> q at rest, with the base at rest; nan if none was found.
     frequencies : Function
-        p -> f, the lowest natural frequencies about the equilibrium, Hz; nan if they are not certain.
+        p -> f, the lowest natural frequencies about the equilibrium, Hz; nan if they are not certain, as those of a
+        beam that can move rigidly.
     step : Function
         (q, v, base, p, h) -> q_next, v_next after a step h (s); base (9, 2) at the instants ``STAGES`` of the step.
 
@@ -128,19 +132,19 @@ def beam_functions(
     equations = Equations(model, RayleighDamping() if damping is None else damping)
     markers = numbers(markers, "markers")
     points = [cs.DM(model.interpolation(s)) for s in markers]
-    first = natural_modes(model, count=whole(modes, "modes", 1, model.size - model.free.start))
-    parameters, free = parameter_signals(equations), model.free
-    size = free.stop - free.start
+    first = natural_modes(model, count=whole(modes, "modes", 1, model.freedoms))
+    parameters, size = parameter_signals(equations), model.freedoms
     sizes = {"q": size, "v": size, "a": size, "base": len(base_signals()), "p": len(parameters)}
     symbols = {name: cs.MX.sym(name, size) for name, size in sizes.items()}
-    balance, clamped = equations.balance_for(symbols["p"]), _clamped_node(model, symbols["base"])
-    e, e_t, e_tt = (cs.vertcat(part, symbols[key]) for part, key in zip(clamped, ("q", "v", "a"), strict=True))
-    mass = model.mass(balance.properties)[free, free]
-    stiffness = model.tangent_stiffness(e, balance.properties)[free, free]
-    damping_force = balance.damping(e, e_t)[free]
-    resisting = damping_force + balance.conservative(e)[free]
-    force = balance.inertia(e_tt)[free] + resisting
-    without = balance.inertia(cs.vertcat(clamped[2], cs.MX(size, 1)))[free] + resisting  # at zero acceleration
+    balance, node = equations.balance_for(symbols["p"]), _base_node(model, symbols["base"])
+    e, e_t, e_tt = (model.whole(symbols[key], part) for key, part in zip(("q", "v", "a"), node, strict=True))
+    mass = free_part(model, model.mass(balance.properties))
+    stiffness = free_part(model, model.tangent_stiffness(e, balance.properties))
+    damping_force = model.of_free(balance.damping(e, e_t))
+    resisting = damping_force + model.of_free(balance.conservative(e))
+    force = model.of_free(balance.inertia(e_tt)) + resisting
+    # at zero acceleration of the free coordinates
+    without = model.of_free(balance.inertia(model.whole(cs.MX(size, 1), node[2]))) + resisting
     jacobians = {**_state_jacobians(balance, e, e_t, symbols, stiffness), "dr_da": mass}
     of_inputs = {f"dr_d{name}": _jacobian(force, symbols[name]) for name in ("base", "p")}
 
@@ -176,24 +180,25 @@ def beam_functions(
     )
 
 
-def _clamped_node(model: Model, base: cs.MX) -> list[cs.MX]:
-    """Return position, velocity and acceleration of the clamped node, which follow from those of the base."""
+def _base_node(model: Model, base: cs.MX) -> list[cs.MX]:
+    """Return position, velocity and acceleration of the base node, which follow from its displacement and rotation."""
     position, velocity, acceleration = cs.vertsplit(base, 3)
     t = cs.MX.sym("t")
     displacement = position + velocity * t + acceleration * t**2 / 2
     (node,) = cs.graph_substitute([clamped_node(model, displacement, t)], [t], [cs.MX(0.0)])
-    return [part[: model.free.start] for part in cs.vertsplit(node, NODE)]
+    found: list[cs.MX] = cs.vertsplit(node, NODE)
+    return found
 
 
 def _state_jacobians(
     balance: Balance, e: cs.MX, e_t: cs.MX, symbols: Mapping[str, cs.MX], stiffness: cs.MX
 ) -> dict[str, cs.MX]:
     """Return the Jacobians dr_dq and dr_dv; the low-rank damping does not depend on q."""
-    free = balance.equations.model.free
-    local = balance.local_damping(e, e_t)[free]
+    of_free = balance.equations.model.of_free
+    local = of_free(balance.local_damping(e, e_t))
     dr_dv = _jacobian(local, symbols["v"])
     if balance.projection.numel():
-        turned = balance.turned_projection(e)[free, :]
+        turned = of_free(balance.turned_projection(e))
         dr_dv += turned @ cs.diag(balance.modal_coefficients) @ turned.T
     return {"dr_dq": stiffness + _jacobian(local, symbols["q"]), "dr_dv": dr_dv}
 
@@ -206,8 +211,9 @@ def _jacobian(expression: cs.MX, symbol: cs.MX) -> cs.MX:
 def _divided(forces: cs.MX, mass: cs.MX, model: Model) -> cs.MX:
     """Return M^-1 Q; if x and y have the same mass matrix, one factor of half the size serves both."""
     x, y = slice(0, None, 2), slice(1, None, 2)
-    whole = model.mass(model.properties)[model.free, model.free]
-    if cs.norm_inf(whole[x, y]) > 0 or cs.norm_inf(whole[x, x] - whole[y, y]) > 0:
+    own = free_part(model, model.mass(model.properties))
+    odd = bool(model.freedoms % 2)
+    if odd or cs.norm_inf(own[x, y]) > 0 or cs.norm_inf(own[x, x] - own[y, y]) > 0:
         return cs.solve(mass, forces, "ldl")
     each = cs.solve(mass[x, x], cs.horzcat(forces[x], forces[y]), "ldl")
     return cs.vec(each.T)

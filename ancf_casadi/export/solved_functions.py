@@ -37,11 +37,14 @@ R. Alexander, Diagonally implicit Runge-Kutta methods for stiff O.D.E.'s, SIAM J
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes
@@ -69,44 +72,50 @@ def scaled(matrix: cs.MX, rows: cs.MX | cs.DM, columns: cs.MX | cs.DM) -> cs.MX:
     return cs.MX(matrix.sparsity(), matrix.nz[:] * rows[row] * columns[column])
 
 
+def free_part(model: Model, matrix: Any) -> Any:
+    """Return N^T A N of a sparse matrix A over all nodes, of numbers or symbols."""
+    return matrix[NODE:, NODE:] if model.held_at_base_alone else model.whole_of_free.T @ matrix @ model.whole_of_free
+
+
 def certain(condition: cs.MX) -> cs.MX:
     """Return 1 if the condition holds, else nan: a factor that makes a value and its derivatives nan."""
     return cs.if_else(condition, 1.0, math.nan)
 
 
 def equilibrium_function(rest: Equilibrium, equations: Equations, start: Array) -> cs.Function:
-    """Return p -> q, the free coordinates at rest under gravity, with the clamp as in the model.
+    """Return p -> q, the free coordinates at rest under gravity, with the base as in the model.
 
     ``rest`` is the equilibrium of the model, and ``start`` its values of p.
     """
     model, scale = rest.model, _scale(rest)
     shift = model.beam.length * scale / scale.max()  # of the coordinates per unit of z
-    origin, known = cs.DM(rest.coordinates[model.free]), cs.DM(rest.coordinates[: model.free.start])
+    origin, base = cs.DM(model.of_free(rest.coordinates)), cs.DM(rest.coordinates[:NODE])
     z, p = cs.MX.sym("z", scale.size), cs.MX.sym("p", start.size)
-    balance, e = equations.balance_for(p), cs.vertcat(known, origin + shift * z)
+    balance, e = equations.balance_for(p), model.whole(origin + shift * z, base)
     rows, columns = cs.DM(scale**2 / shift), cs.DM(shift)
-    residual = rows * balance.conservative(e)[model.free]
-    stiffness = scaled(model.tangent_stiffness(e, balance.properties)[model.free, model.free], rows, columns)
+    residual = rows * model.of_free(balance.conservative(e))
+    stiffness = scaled(free_part(model, model.tangent_stiffness(e, balance.properties)), rows, columns)
     solve = newton("equilibrium_newton", [z, p], stiffness, residual)
     found = cs.MX.zeros(scale.size)
     for j in range(1, LOAD_STEPS + 1):
         found = solve(found, cs.DM(start) + (p - cs.DM(start)) * (j / LOAD_STEPS))
     step = cs.Function("step", [z, p], [cs.solve(stiffness, residual, "qr")])
-    change = cs.norm_inf(step(found, p) * (shift / model.scale[model.free]))
+    change = cs.norm_inf(step(found, p) * (shift / model.free_scale))
     q = (origin + shift * found) * certain(change < CERTAIN)
     return cs.Function("equilibrium", [p], [q], ["p"], ["q"])
 
 
 def frequencies_function(modes: Modes, equations: Equations, equilibrium: cs.Function) -> cs.Function:
     """Return p -> f, the lowest natural frequencies about the ``equilibrium`` p -> q, Hz; ``modes`` are the guess."""
-    model, scale, free = modes.model, cs.DM(_scale(modes.equilibrium)), modes.model.free
+    model, scale = modes.model, cs.DM(_scale(modes.equilibrium))
     p = cs.MX.sym("p", equilibrium.size1_in(0))
     properties = equations.balance_for(p).properties
-    e = cs.vertcat(cs.DM(modes.equilibrium.coordinates[: free.start]), equilibrium(p))
-    K = scaled(model.tangent_stiffness(e, properties)[free, free], scale, scale)
-    M = scaled(model.mass(properties)[free, free], scale, scale)
+    q: cs.MX = equilibrium(p)
+    e = model.whole(q, cs.MX(cs.DM(modes.equilibrium.coordinates[:NODE])))
+    K = scaled(free_part(model, model.tangent_stiffness(e, properties)), scale, scale)
+    M = scaled(free_part(model, model.mass(properties)), scale, scale)
 
-    start = cs.MX(cs.DM(modes.shapes[free]) / cs.repmat(scale, 1, modes.count))
+    start = cs.MX(cs.DM(model.of_free(modes.shapes)) / cs.repmat(scale, 1, modes.count))
     iterate = _inverse_iteration(K.sparsity(), M.sparsity(), modes.count)
     for _ in range(10):
         start = iterate(start, K, M)
@@ -154,7 +163,7 @@ def _eigenpair(K: cs.Sparsity, M: cs.Sparsity) -> cs.Function:
 def step_function(residual: cs.Function, jacobians: cs.Function, modes: Modes) -> cs.Function:
     """Return (q, v, base, p, h) -> q_next, v_next, from (q, v, a, base, p) -> r and its dr_dq, dr_dv and dr_da."""
     model = modes.model
-    mass = model.mass(model.properties)[model.free, model.free]
+    mass = free_part(model, model.mass(model.properties))
     names = ("q", "v", "base", "p")
     q, v, base, p = (cs.MX.sym(name, residual.size1_in(name)) for name in names)
     h, x, motion = cs.MX.sym("h"), cs.MX.sym("x", q.numel()), cs.MX.sym("base", base.numel(), len(SDIRK_STAGES))

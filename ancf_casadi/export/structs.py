@@ -1,7 +1,8 @@
 """Layout of the JSON document: one msgspec Struct for each of its objects, with the range of every value.
 
     {"format": "ancf-casadi", "schema": 1,
-     "beam": {...}, "strain_measures": {...},      SI units; properties as one value per element
+     "beam": {...}, "strain_measures": {...},      SI units; properties as one value per element; supports and
+                                                  attachments as in ``mechanics.beam_table``
      "damping": {...} or null,                     the key ``law`` names the law
      "identifications": [...],                     results of fits, and the files that they were made from
      "provenance": {...}}                          time, versions of the programs, and a note
@@ -34,6 +35,7 @@ from msgspec import UNSET, Meta, Struct, UnsetType
 from ancf_casadi.damping import ProportionalStiffness
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.strict_json import check
+from ancf_casadi.mechanics.beam_table import ATTACHMENTS, SUPPORTS
 from ancf_casadi.mechanics.strain import AxialStrain, Curvature
 from ancf_casadi.support.files import opened
 from ancf_casadi.support.inputs import shown
@@ -48,6 +50,7 @@ Positive = Annotated[float, Meta(gt=0.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
 Pair = tuple[float, float]
 PerElement = Annotated[tuple[Positive, ...], Meta(min_length=2, description="One value per element, from the clamp.")]
+Curvatures = Annotated[tuple[float, ...], Meta(description="One value per element; none if the beam is straight.")]
 Frequencies = Annotated[tuple[Positive, ...], Meta(min_length=1, description="Natural frequencies, Hz.")]
 Ratio = Annotated[float, Meta(ge=0.0, lt=1.0)]
 Points = Annotated[int, Meta(ge=1, le=9, description="Number of Gauss points.")]
@@ -62,8 +65,74 @@ class DocumentObject(Struct, frozen=True, forbid_unknown_fields=True):
     """An object of the document, with no other keys than its fields."""
 
 
+class ClampData(DocumentObject, frozen=True, tag_field="kind", tag="clamp"):
+    """Fields of ``Clamp`` (m, N m/rad, rad); the stiffness of a rigid clamp is null."""
+
+    point: NotNegative = 0.0
+    stiffness: Positive | None = None
+    displacement: Pair = (0.0, 0.0)
+    rotation: float = 0.0
+
+
+class PinData(DocumentObject, frozen=True, tag_field="kind", tag="pin"):
+    """Fields of ``Pin`` (m)."""
+
+    point: NotNegative
+    displacement: Pair = (0.0, 0.0)
+
+
+class RollerData(DocumentObject, frozen=True, tag_field="kind", tag="roller"):
+    """Fields of ``Roller`` (m); the direction is a unit vector."""
+
+    point: NotNegative
+    direction: Pair = (1.0, 0.0)
+    displacement: Pair = (0.0, 0.0)
+
+
+class GuideData(DocumentObject, frozen=True, tag_field="kind", tag="guide"):
+    """Fields of ``Guide`` (m, rad); the direction is a unit vector."""
+
+    point: NotNegative
+    direction: Pair = (1.0, 0.0)
+    displacement: Pair = (0.0, 0.0)
+    rotation: float = 0.0
+
+
+class PointMassData(DocumentObject, frozen=True, tag_field="kind", tag="mass"):
+    """Fields of ``PointMass`` (m, kg, kg m^2)."""
+
+    point: NotNegative
+    mass: NotNegative
+    rotary_inertia: NotNegative = 0.0
+
+
+class SpringData(DocumentObject, frozen=True, tag_field="kind", tag="spring"):
+    """Fields of ``Spring`` (m, N/m)."""
+
+    point: NotNegative
+    stiffness: tuple[NotNegative, NotNegative]
+
+
+class RotationalSpringData(DocumentObject, frozen=True, tag_field="kind", tag="rotational_spring"):
+    """Fields of ``RotationalSpring`` (m, N m/rad)."""
+
+    point: NotNegative
+    stiffness: NotNegative
+
+
+class DashpotData(DocumentObject, frozen=True, tag_field="kind", tag="dashpot"):
+    """Fields of ``Dashpot`` (m, N s/m)."""
+
+    point: NotNegative
+    coefficient: tuple[NotNegative, NotNegative]
+
+
+SupportData = ClampData | PinData | RollerData | GuideData
+AttachmentData = PointMassData | SpringData | RotationalSpringData | DashpotData
+
+
 class BeamData(DocumentObject, frozen=True):
-    """Fields of ``Beam`` (m, kg/m^3, Pa, m/s^2, kg, N m/rad); the axis is a unit vector, a rigid clamp is null."""
+    """Fields of ``Beam`` (m, kg/m^3, Pa, m/s^2, 1/m); the axis is a unit vector."""
 
     length: Positive
     width: PerElement
@@ -72,8 +141,9 @@ class BeamData(DocumentObject, frozen=True):
     elastic_modulus: PerElement
     axis: Pair = (0.0, -1.0)
     gravity: Pair = (0.0, -9.81)
-    tip_mass: NotNegative = 0.0
-    clamp_stiffness: Positive | None = None
+    natural_curvature: Curvatures = ()
+    supports: tuple[SupportData, ...] = (ClampData(),)
+    attachments: tuple[AttachmentData, ...] = ()
 
 
 class StrainMeasuresData(DocumentObject, frozen=True):
@@ -151,6 +221,8 @@ LawData = RayleighData | QuadraticData | FrictionData | ModalData | SumData
 
 TAGS = {  # allowed values of the keys that hold a name
     "law": [kind.__struct_config__.tag for kind in get_args(LawData)],
+    "supports.kind": [*SUPPORTS],
+    "attachments.kind": [*ATTACHMENTS],
     "stiffness": get_args(ProportionalStiffness),
     "axial": get_args(AxialStrain),
     "curvature": get_args(Curvature),
@@ -274,6 +346,7 @@ def _refusal(message: str, where: str) -> InputError:
     reason, inner = found.groups("") if found else (message, "")
     text = " ".join(reason.split())
     text = text if len(text) <= LONGEST_MESSAGE else f"{text[: LONGEST_MESSAGE // 2]}..."
-    known = TAGS.get(inner.rpartition(".")[2])
+    path = re.sub(r"\[[^]]*\]", "", inner)
+    known = next((names for key, names in TAGS.items() if f".{path}".endswith(f".{key}")), ())
     advice = f"; must be one of {', '.join(known)}" if known else ""
     return InputError(f"{text[0].lower()}{text[1:]}{advice}", f"{where}{inner}" if where else inner.removeprefix("."))

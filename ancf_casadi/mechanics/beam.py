@@ -5,84 +5,54 @@ width b (out of the plane) and thickness h (in the plane of motion), a density r
 
     area A = b h,    second moment I = b h^3 / 12,    mass per length mu = rho A.
 
-The unloaded beam is straight.  It is clamped at its first node and points along ``axis`` there.  Optionally the clamp
-is a torsional spring, and the tip carries a mass.  The laboratory frame has x to the right and y up.
+The unloaded beam begins at the origin along ``axis`` and is straight, or bent to its natural curvature.  It is clamped
+at its beginning, or held by other supports, and carries masses, springs and dashpots (``supports``, ``attachments``).
+Where one of these is not at the end of an element, the nearest node moves there, and the nodes between spread evenly.
+The laboratory frame has x to the right and y up.
+
+Lumped properties (``lumped``) are those that the beam does not have once per element: masses, stiffnesses,
+coefficients, and the largest natural curvature, which stands for all of them.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.attachments import Attachment
+from ancf_casadi.mechanics.beam_table import PART_KINDS, with_parts
+from ancf_casadi.mechanics.lumped import Place, changed_parts, lumped_places
+from ancf_casadi.mechanics.section import Section, check_elements
+from ancf_casadi.mechanics.supports import Clamp, Support, at_first
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import read_toml
 from ancf_casadi.support.inputs import (
     check_keys,
+    check_size,
+    instances,
     is_sequence,
     located,
     number,
     positive,
-    positive_or_infinite,
+    shown,
+    unit_vector,
     vector,
     whole,
 )
 from ancf_casadi.support.tables import Displayed, counted
 
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
-LUMPED = ("tip_mass", "clamp_stiffness")
-BEAM_UNITS = {"width": "m", "thickness": "m", "density": "kg/m^3", "elastic_modulus": "Pa", "tip_mass": "kg",
-         "clamp_stiffness": "N m/rad"}  # fmt: skip
 MINIMUM_ELEMENTS = 2
 MAXIMUM_ELEMENTS = 10_000  # a larger number is taken for a typing error
-# bounds in SI units; products of values beyond them overflow or vanish
-SMALLEST_PROPERTY, LARGEST_PROPERTY = 1e-100, 1e100
-
-
-@dataclass(frozen=True)
-class Section(Displayed):
-    """A rectangular cross-section.
-
-    Parameters
-    ----------
-    width : float
-        Extent out of the plane of motion, m.
-    thickness : float
-        Extent in the plane of motion, m.
-
-    Raises
-    ------
-    InputError
-        If a side is not a positive number, or exceeds 1e100 m.
-
-    Examples
-    --------
-    >>> from ancf_casadi import Section
-    >>> section = Section(width=5e-3, thickness=0.5e-3)
-    >>> print(f"{section.area:.3g} m^2, {section.second_moment:.3g} m^4")
-    2.5e-06 m^2, 5.21e-14 m^4
-    """
-
-    width: float
-    thickness: float
-
-    def __post_init__(self) -> None:
-        """Validate."""
-        for name in ("width", "thickness"):
-            if positive(getattr(self, name), name) > LARGEST_PROPERTY:
-                raise InputError(f"{getattr(self, name):g} m is beyond the range of numbers; check the unit", name)
-
-    @property
-    def area(self) -> float:
-        """Area A = b h, m^2."""
-        return self.width * self.thickness
-
-    @property
-    def second_moment(self) -> float:
-        """Second moment of area I = b h^3 / 12, m^4."""
-        return self.width * self.thickness**3 / 12
+SAME_POINT, SHORTEST_ELEMENT = 1e-9, 1e-5  # distances relative to the length; shorter elements drown in rounding
 
 
 @dataclass(frozen=True)
@@ -102,27 +72,30 @@ class Beam(Displayed):
     elastic_modulus : tuple of float
         Elastic modulus of each element, Pa.
     axis : (float, float)
-        Direction of the beam at the clamp, of any length above 0; stored as a unit vector.
+        Direction of the unloaded beam at its beginning, of any length above 0; stored as a unit vector.
     gravity : (float, float)
         Acceleration of gravity, m/s^2.
-    tip_mass : float
-        Point mass at the tip, kg.
-    clamp_stiffness : float
-        Torsional stiffness of the clamp, N m/rad; infinite for a rigid clamp.
+    natural_curvature : tuple of float
+        Curvature of each element without stress, 1/m, positive counterclockwise; empty for a straight beam.
+    supports : tuple of Support
+        The supports, none for a free beam; by default a rigid clamp at the beginning.
+    attachments : tuple of Attachment
+        Masses, springs and dashpots.
 
     Raises
     ------
     InputError
-        If a value is not finite and positive (gravity: not finite; tip mass: negative), the axis is zero, the tuples
-        differ in length, there are fewer than 2 or more than 10000 elements, or the mass or a stiffness of an element
-        is beyond the range of numbers.
+        If a value is not finite and positive (gravity, curvature: not finite), the axis is zero, the tuples differ in
+        length, there are fewer than 2 or more than 10000 elements, the mass or a stiffness of an element is beyond the
+        range of numbers, a support or attachment is not on the beam, two supports hold the same point, or the supports
+        and attachments are at more points than the beam has nodes.
 
     Examples
     --------
     >>> from ancf_casadi import Beam
     >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
     ...                     density=8000.0, elastic_modulus=210e9, elements=20)
-    >>> print(f"{1e3 * beam.mass:.1f} g, elements of {1e3 * beam.element_length:.0f} mm")
+    >>> print(f"{1e3 * beam.mass:.1f} g, elements of {1e3 * beam.element_lengths[0]:.0f} mm")
     10.0 g, elements of 25 mm
     >>> standing = beam.with_(axis=(0.0, 1.0), tip_mass=2e-3)
     """
@@ -134,8 +107,9 @@ class Beam(Displayed):
     elastic_modulus: tuple[float, ...]
     axis: tuple[float, float] = (0.0, -1.0)
     gravity: tuple[float, float] = (0.0, -9.81)
-    tip_mass: float = 0.0
-    clamp_stiffness: float = math.inf
+    natural_curvature: tuple[float, ...] = ()
+    supports: tuple[Support, ...] = (Clamp(),)
+    attachments: tuple[Attachment, ...] = ()
 
     def __post_init__(self) -> None:
         """Validate, and normalise the axis."""
@@ -147,19 +121,21 @@ class Beam(Displayed):
             if len(getattr(self, name)) != len(self.width):
                 raise InputError(f"has {len(getattr(self, name))} values for {len(self.width)} elements", name)
         whole(self.elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
-        self._check_range()
-        axis, gravity = vector(self.axis, "axis"), vector(self.gravity, "gravity")
-        norm = math.hypot(*axis)
-        if norm == 0.0:
-            raise InputError("must not be the zero vector", "axis")
-        if abs(norm - 1.0) > 1e-15:  # a unit vector keeps all its digits
-            axis = axis[0] / norm, axis[1] / norm
-        object.__setattr__(self, "axis", axis)
-        object.__setattr__(self, "gravity", gravity)
-        if number(self.tip_mass, "tip_mass") < 0.0:
-            raise InputError(f"must not be negative, got {self.tip_mass:g}", "tip_mass")
-        object.__setattr__(self, "tip_mass", float(self.tip_mass))
-        object.__setattr__(self, "clamp_stiffness", positive_or_infinite(self.clamp_stiffness, "clamp_stiffness"))
+        object.__setattr__(self, "axis", unit_vector(self.axis, "axis"))
+        object.__setattr__(self, "gravity", vector(self.gravity, "gravity"))
+        curvature = self.natural_curvature if any(self.natural_curvature) else ()
+        if len(curvature) not in (0, self.elements):
+            raise InputError(f"has {len(curvature)} values for {self.elements} elements", "natural_curvature")
+        object.__setattr__(self, "natural_curvature", tuple(number(x, "natural_curvature") for x in curvature))
+        kinds = {"supports": Support, "attachments": Attachment}
+        parts = {name: instances(getattr(self, name), name, kind, least=0) for name, kind in kinds.items()}
+        places = np.array([0.0, self.length, *sorted(one.point for found in parts.values() for one in found)])
+        for name, found in parts.items():
+            joined = (at_first(one, places, SAME_POINT * self.length) for one in found)
+            object.__setattr__(self, name, tuple(sorted(joined, key=lambda one: one.point)))
+        self._check_points()
+        check_elements(self.element_lengths, zip(*(getattr(self, name) for name in PROPERTIES), strict=True))
+        check_size(self.natural_curvature or 0.0, "natural_curvature")
 
     @classmethod
     def uniform(
@@ -173,6 +149,9 @@ class Beam(Displayed):
         elements: int,
         axis: tuple[float, float] = (0.0, -1.0),
         gravity: tuple[float, float] = (0.0, -9.81),
+        natural_curvature: float | Sequence[float] = 0.0,
+        supports: Sequence[Support] = (Clamp(),),
+        attachments: Sequence[Attachment] = (),
         tip_mass: float = 0.0,
         clamp_stiffness: float = math.inf,
     ) -> Beam:
@@ -180,12 +159,16 @@ class Beam(Displayed):
 
         Parameters
         ----------
-        width, thickness, density, elastic_modulus : float or sequence of float
+        width, thickness, density, elastic_modulus, natural_curvature : float or sequence of float
             As in ``Beam``, or one number for all elements.
         elements : int
             Number of elements, at least 2.
-        length, axis, gravity, tip_mass, clamp_stiffness
+        length, axis, gravity, supports, attachments
             See ``Beam``.
+        tip_mass : float
+            Mass of the ``PointMass`` at the tip, kg; it takes the place of the mass of one in ``attachments``.
+        clamp_stiffness : float
+            Torsional stiffness of the first clamp, N m/rad.
 
         Raises
         ------
@@ -205,12 +188,21 @@ class Beam(Displayed):
         elements = whole(elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
         given = {"width": width, "thickness": thickness, "density": density, "elastic_modulus": elastic_modulus}
         spread: dict[str, Any] = {name: _spread(value, elements, name) for name, value in given.items()}
-        lumped: dict[str, Any] = {"tip_mass": tip_mass, "clamp_stiffness": clamp_stiffness}
-        return cls(length=length, axis=axis, gravity=gravity, **lumped, **spread)
+        curvature = _spread(natural_curvature, elements, "natural_curvature")
+        held: dict[str, Any] = {"supports": supports, "attachments": attachments}
+        beam = cls(length=length, axis=axis, gravity=gravity, natural_curvature=curvature, **held, **spread)
+        lumped = {"tip_mass": tip_mass} if tip_mass != 0.0 else {}
+        if clamp_stiffness != math.inf:
+            lumped["clamp_stiffness"] = clamp_stiffness
+        return beam.with_(**lumped)
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Beam:
         """Read a beam from the table ``[beam]`` of a TOML file, with the keys of ``Beam.uniform``.
+
+        Each support is a table ``[[beam.supports]]``, and each attachment a table ``[[beam.attachments]]``, whose key
+        ``kind`` is clamp, pin, roller or guide, or mass, spring, rotational_spring or dashpot, and whose other keys are
+        the fields of its class.  A beam with ``supports = []`` is free.
 
         Raises
         ------
@@ -240,19 +232,36 @@ class Beam(Displayed):
         if not isinstance(table, dict):
             raise InputError("has no table [beam]", where)
         required = {"length", "elements", *PROPERTIES}
-        check_keys(table, required, {"axis", "gravity", *LUMPED}, f"{where}: [beam]")
+        optional = {"axis", "gravity", "tip_mass", "clamp_stiffness", "natural_curvature", *PART_KINDS}
+        check_keys(table, required, optional, f"{where}: [beam]")
+        given = with_parts(table, f"{where}: [beam]")
         with located(f"{where}: [beam]"):
-            return cls.uniform(**table)
+            return cls.uniform(**given)
 
     @property
     def elements(self) -> int:
         """Number of elements n."""
         return len(self.width)
 
+    @cached_property
+    def node_points(self) -> Array:
+        """Arc length of each node, (n + 1,), m."""
+        n, inner = self.elements, self._inner_points
+        places = [0, *_nodes_near([point / self.length * n for point in inner], n), n]
+        return np.interp(np.arange(n + 1), places, [0.0, *inner, self.length])
+
     @property
-    def element_length(self) -> float:
-        """Length l = L/n of an element, m."""
-        return self.length / self.elements
+    def _inner_points(self) -> list[float]:
+        """The points of supports and attachments between the ends, m, ascending."""
+        points = {one.point for one in self.supports} | {one.point for one in self.attachments}
+        return sorted(points - {0.0, self.length})
+
+    @cached_property
+    def element_lengths(self) -> Array:
+        """Length l of each element, (n,), m."""
+        if self._inner_points:
+            return np.diff(self.node_points)
+        return np.full(self.elements, self.length / self.elements)
 
     @property
     def sections(self) -> tuple[Section, ...]:
@@ -261,16 +270,42 @@ class Beam(Displayed):
 
     @property
     def mass(self) -> float:
-        """Mass of the beam without the tip mass, kg."""
-        return sum(rho * s.area for rho, s in zip(self.density, self.sections, strict=True)) * self.element_length
+        """Mass of the beam without its attachments, kg."""
+        return float(np.array(self.density) @ ([s.area for s in self.sections] * self.element_lengths))
+
+    @cached_property
+    def lumped(self) -> dict[str, float]:
+        """The lumped properties by name: those of attachments and of supports along the beam, then the curvature."""
+        found = {name: place.value(self.supports, self.attachments) for name, place in self.lumped_places.items()}
+        if self.natural_curvature:
+            found["natural_curvature"] = max(self.natural_curvature, key=abs)
+        return found
+
+    @property
+    def tip_is_held(self) -> bool:
+        """Whether a support is at the tip."""
+        return any(one.point == self.length for one in self.supports)
+
+    @property
+    def tip_mass(self) -> float:
+        """Mass at the tip, kg."""
+        return self.lumped.get("tip_mass", 0.0)
+
+    @property
+    def clamp_stiffness(self) -> float:
+        """Torsional stiffness of the first clamp that is not rigid, N m/rad; infinite if there is none."""
+        return self.lumped.get("clamp_stiffness", math.inf)
 
     def with_(self, **changes: Any) -> Beam:
-        """Return a copy with some fields changed; a number applies to all elements.
+        """Return a copy with some fields or lumped properties changed; a number applies to all elements.
+
+        A mass at the tip and the stiffness of a clamp may also be added.  What is at the tip stays there if the length
+        changes.
 
         Raises
         ------
         InputError
-            If a name is not a field of ``Beam``, or a value is unusable.
+            If a name is neither a field nor a lumped property of the beam, or a value is unusable.
 
         Examples
         --------
@@ -284,30 +319,59 @@ class Beam(Displayed):
         (0.0, 0.001)
         """
         names = {field.name for field in fields(self)}
-        for name, value in changes.items():
-            if name not in names:
-                raise InputError(f"is not a property of a beam; known are {', '.join(sorted(names))}", name)
-            if name in PROPERTIES:
-                changes[name] = _spread(value, self.elements, name)
-        return replace(self, **changes)
+        lumped = {name: changes.pop(name) for name in list(changes) if name not in names}
+        for name in changes.keys() & {*PROPERTIES, "natural_curvature"}:
+            if not (name == "natural_curvature" and is_sequence(changes[name]) and not len(changes[name])):
+                changes[name] = _spread(changes[name], self.elements, name)
+        if "length" in changes:  # what is at the tip stays there
+            length = positive(changes["length"], "length")
+            for name in PART_KINDS:
+                own = (replace(one, point=length) if one.point == self.length else one for one in getattr(self, name))
+                changes.setdefault(name, tuple(own))
+        beam = replace(self, **changes)
+        for name, value in lumped.items():
+            if name not in {*beam.lumped_places, "tip_mass", "clamp_stiffness"}:
+                known = sorted(names | {*beam.lumped_places, "tip_mass", "clamp_stiffness"})
+                raise InputError(f"is not a property of the beam; known are {', '.join(known)}", name)
+            supports, attachments = changed_parts(beam.length, beam.supports, beam.attachments, name, value)
+            beam = replace(beam, supports=supports, attachments=attachments)
+        return beam
 
-    def _check_range(self) -> None:
-        """Reject values whose products overflow or vanish; the usual cause is a wrong unit."""
-        l = self.element_length
-        if l == 0.0:
-            raise InputError(f"{self.length:g} m is beyond the range of numbers; check the units", "length")
-        values = zip(*(getattr(self, name) for name in PROPERTIES), strict=True)
-        for k, (b, h, rho, modulus) in enumerate(values):
-            terms = {
-                "mass": rho * b * h * l,
-                "axial stiffness": modulus * b * h / l,
-                "bending stiffness": modulus * (b * h * h * h) / 12 / l / l / l,
-            }
-            for name, value in terms.items():
-                if not SMALLEST_PROPERTY <= value <= LARGEST_PROPERTY:
-                    raise InputError(
-                        f"the {name} of element {k + 1} is {value:g}, beyond the range of numbers; check the units"
-                    )
+    def with_lumped(self, values: Mapping[str, float]) -> Beam:
+        """Return a copy with other lumped properties; the curvatures of all elements keep their ratios."""
+        changes = dict(values)
+        largest = changes.pop("natural_curvature", None)
+        if largest is None:
+            return self.with_(**changes)
+        ratio = largest / self.lumped["natural_curvature"]
+        return self.with_(natural_curvature=[ratio * own for own in self.natural_curvature], **changes)
+
+    @cached_property
+    def lumped_places(self) -> dict[str, Place]:
+        """The place of each lumped property of a support or attachment (``mechanics.lumped``)."""
+        return lumped_places(self.length, self.supports, self.attachments)
+
+    def _check_points(self) -> None:
+        """Refuse supports and attachments that are off the beam, at the same point, or more than the nodes."""
+        for name in ("supports", "attachments"):
+            for one in getattr(self, name):
+                if one.point > self.length:
+                    place, length = shown(one.point), f"{self.length:g} m"
+                    raise InputError(f"the point {place} m is not on the beam, which is {length} long", name)
+        points = [one.point for one in self.supports]
+        if twice := [point for point in points if points.count(point) > 1]:
+            raise InputError(f"two supports hold the point at {twice[0]:g} m; give one that holds both", "supports")
+        for near, far in itertools.pairwise([0.0, *self._inner_points, self.length]):
+            if far - near < SHORTEST_ELEMENT * self.length:
+                ends = f"{shown(near)} and {shown(far)} m"
+                raise InputError(f"{ends} are too close for an element; give both one point", "supports, attachments")
+        inner = len(self._inner_points)
+        if inner > self.elements - 1:
+            raise InputError(
+                f"supports and attachments are at {inner} points between the ends, but the beam has "
+                f"{self.elements - 1} nodes there; use more elements",
+                "elements",
+            )
 
     def _summary(self) -> str:
         wide, thick = (f"{1e3 * min(sizes):.4g}" for sizes in (self.width, self.thickness))
@@ -321,3 +385,11 @@ def _spread(value: Any, elements: int, name: str) -> tuple[float, ...]:
             raise InputError(f"has {len(value)} values for {elements} elements", name)
         return tuple(value)
     return (value,) * elements
+
+
+def _nodes_near(places: Sequence[float], n: int) -> list[int]:
+    """Return distinct nodes between 0 and n, one near each of the ascending places."""
+    nodes: list[int] = []
+    for k, place in enumerate(places):
+        nodes.append(min(max(round(place), nodes[-1] + 1 if nodes else 1), n - len(places) + k))
+    return nodes

@@ -17,20 +17,11 @@ With J = ds/de and D = diag(d_i),
 
 Q_v is objective: a rigid motion has no strain rate, hence no damping force.
 
-A real clamp yields a little.  With a clamp of torsional stiffness k, the base is a massless node of its own, and the
-first node of the beam is free.  With position and slope (r_b, tau_b) of the base, (r_0, tau_0) of the first node, and
+With a natural curvature kappa_0, the strains s are those beyond the strains of an arc of curvature kappa_0 in the same
+measures, so that the beam as manufactured is free of stress on any mesh.  (Its cubics miss the arc by a strain of
+(kappa_0 l)^4/480, whose tension can exceed the buckling load of a thin beam.)
 
-    d = r_0 - r_b,        sigma = |tau_0| - |tau_b|,        theta = angle from tau_b to tau_0,
-
-the clamp stores
-
-    U = 1/2 (E A / l) d.d + 1/2 E A l sigma^2 + 1/2 k theta^2.
-
-The first two terms hold the position of the beam and the length of its slope as stiffly as the first element resists
-stretching.  The clamp is thus one more element, with strains (d, sigma, theta) and no mass.
-
-The mass m at the tip is one more element, with a single node, the inertia m r_tt and the weight m g.  It is a point, so
-neither drag nor friction acts on it.
+What is attached to the beam at a node is an element too (``point_elements``).
 
 References
 ----------
@@ -48,23 +39,25 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.mechanics.strain import StrainMeasures, axial_strains, bending_strains, gauss_pairs, shape_matrix
-from ancf_casadi.support.arrays import Index
+from ancf_casadi.support.arrays import Array, Index
 
 ELEMENT_PROPERTIES = 7  # width, thickness, density, elastic modulus, length, x and y of the axis
+SINC_TERMS = 8  # of the series of sin(x)/x, exact to rounding up to x = 1.5
 SMOOTHING_SPEED = 1e-9  # m/s; |v| is smoothed below this speed, because it has no derivative at rest
 
 
 @dataclass(frozen=True, eq=False)
 class Element:
-    """The CasADi Functions of one element: a piece of the beam, its elastic clamp, or the mass at its tip.
+    """The CasADi Functions of one element: a piece of the beam, or what is attached to it.
 
-    They are those of ``Model`` with the same names, for coordinates e (d), velocities e_t (d) and the properties p of
-    one element, in SI units; the matrices are (d, d).  A beam element has d = 8 and p = (width, thickness, density,
-    elastic modulus, length, x and y of the axis); for the others see ``elastic_clamp`` and ``tip_mass``.  The force
+    But for the first, they are those of ``Model`` with the same names, for coordinates e (d), velocities e_t (d) and
+    the properties p of one element, in SI units; the matrices are (d, d).  A beam element has d = 8 and p = (width,
+    thickness, density, elastic modulus, length, x and y of the axis); for the others see ``point_elements``.  The force
     with the tangent stiffness, that with the stiffness of the undeformed element and the strain-rate force are to be
     multiplied by a time (s), the drag by a coefficient in 1/m, and the friction by one in m/s^2.
     """
 
+    scaled_strains: cs.Function  # (e, p) -> d_i^(1/2) s_i, whose squares add up to 2 U
     strain_energy: cs.Function
     elastic_force: cs.Function
     tangent_stiffness: cs.Function
@@ -77,17 +70,32 @@ class Element:
     gravity_force: cs.Function
     drag_force: cs.Function
     friction_force: cs.Function
+    dashpot_force: cs.Function
 
 
 @lru_cache(maxsize=8)
-def element(measures: StrainMeasures) -> Element:
-    """Derive the Functions of a beam element from its energies, once for each choice of strain measures."""
-    e, e_t, p = cs.SX.sym("e", 8), cs.SX.sym("e_t", 8), cs.SX.sym("p", ELEMENT_PROPERTIES)
-    width, thickness, density, elastic_modulus, l, *axis = cs.vertsplit(p)
+def element(measures: StrainMeasures, *, curved: bool = False) -> Element:
+    """Derive the Functions of a beam element from its energies, once for each choice of strain measures.
+
+    A ``curved`` element has two more properties: the ratio of its natural curvature to the largest one of the beam, and
+    this largest one, 1/m.
+    """
+    e, e_t, p = cs.SX.sym("e", 8), cs.SX.sym("e_t", 8), cs.SX.sym("p", ELEMENT_PROPERTIES + 2 * curved)
+    width, thickness, density, elastic_modulus, l, *axis = cs.vertsplit(p[:ELEMENT_PROPERTIES])
     area, units = width * thickness, cs.vertcat(1, 1, l, l, 1, 1, l, l)  # units * e: for a length of 1
     mu = density * area
 
     eps, kappa = axial_strains(units * e, l, measures), bending_strains(units * e, l, measures)
+    straight = cs.vertcat(0, 0, *axis, *(l * component for component in axis), *axis)
+    if curved:
+        arc = _arc(l, p[ELEMENT_PROPERTIES] * p[ELEMENT_PROPERTIES + 1])
+        before = [axial_strains(arc, l, measures), bending_strains(arc, l, measures)]
+        eps, kappa = (
+            [(strain - own, w) for (strain, w), (own, _) in zip(strains, without, strict=True)]
+            for strains, without in zip((eps, kappa), before, strict=True)
+        )
+        (ax, ay) = axis
+        straight = cs.kron(cs.SX.eye(4), cs.blockcat([[ax, -ay], [ay, ax]])) @ (arc / units)
     d = cs.vertcat(
         *(elastic_modulus * area * l * w for _, w in eps),
         *(elastic_modulus * area * thickness**2 / 12 * l * w for _, w in kappa),
@@ -101,7 +109,7 @@ def element(measures: StrainMeasures) -> Element:
     # of drag and friction; approximate: |v| v and v/|v| are not polynomials
     return derived_element(
         inputs=(e, e_t, p),
-        straight=cs.vertcat(0, 0, *axis, *(l * component for component in axis), *axis),
+        straight=straight,
         strains=cs.vertcat(*(strain for strain, _ in eps + kappa)),
         weights=d,
         mass=mass,
@@ -109,6 +117,15 @@ def element(measures: StrainMeasures) -> Element:
         gravity=mu * l * cs.repmat(units, 1, 2) * unit_weight,
         surface=[(shape_matrix(xi) @ cs.diag(units), w * mu * l) for xi, w in gauss_pairs(4)],
     )
+
+
+def _arc(l: cs.SX, curvature: cs.SX) -> cs.SX:
+    """Return the coordinates of an arc of length ``l``, scaled to an element of length 1, seen from its middle."""
+    half = l * curvature / 2
+    square, chord = half * half, cs.SX(1)
+    for k in range(SINC_TERMS, 0, -1):  # sin(half)/half
+        chord = 1 - square / (2 * k * (2 * k + 1)) * chord
+    return l * cs.vertcat(0, 0, cs.cos(half), -cs.sin(half), chord, 0, cs.cos(half), cs.sin(half))
 
 
 def derived_element(
@@ -120,13 +137,14 @@ def derived_element(
     line_mass: cs.SX,
     gravity: cs.SX,
     surface: Sequence[tuple[cs.SX, cs.SX]] = (),
+    dashpot: cs.SX | None = None,
 ) -> Element:
     """Derive the Functions of an element with a mass and the strain energy U = 1/2 sum_i d_i s_i^2.
 
     The inputs are symbols of e (d), e_t (d) and the properties p; ``straight`` (d,) are the coordinates of the
     undeformed element, ``strains`` and ``weights`` its s(e) and d(p).  ``line_mass`` is the part of the mass M (d, d)
     from mass along the beam, ``gravity`` (d, 2) is Q_g per unit acceleration of gravity, and ``surface`` holds S (2, d)
-    and the mass at each point where drag and friction act.
+    and the mass at each point where drag and friction act.  ``dashpot`` (d,) is a force that resists e_t.
     """
     e, e_t, p = inputs
     s, d = strains, weights
@@ -140,6 +158,7 @@ def derived_element(
     friction_force = sum((side @ v / cs.sqrt(cs.sumsqr(v) + v0**2) for side, v in moving), 0 * e_t)
 
     outputs: dict[str, tuple[list[cs.SX], Any]] = {
+        "scaled_strains": ([e, p], cs.sqrt(d) * s),
         "strain_energy": ([e, p], cs.dot(d, s**2) / 2),
         "elastic_force": ([e, p], elastic_force),
         "tangent_stiffness": ([e, p], tangent_stiffness),
@@ -152,49 +171,10 @@ def derived_element(
         "gravity_force": ([p, g], gravity @ g),
         "drag_force": ([e_t, p], drag_force),
         "friction_force": ([e_t, p, v0], friction_force),
+        "dashpot_force": ([e_t, p], 0 * e_t if dashpot is None else dashpot),
     }
     return Element(
         **{name: cs.Function(name, given, [cs.cse(cs.densify(output))]) for name, (given, output) in outputs.items()}
-    )
-
-
-@lru_cache(maxsize=1)
-def elastic_clamp() -> Element:
-    """Derive the Functions of a clamp.
-
-    Its coordinates are e = (r_b, tau_b, r_0, tau_0); its properties are those of the first element, then the torsional
-    stiffness k, N m/rad.
-    """
-    e, e_t, p = cs.SX.sym("e", 8), cs.SX.sym("e_t", 8), cs.SX.sym("p", ELEMENT_PROPERTIES + 1)
-    width, thickness, _, elastic_modulus, l, *axis, stiffness = cs.vertsplit(p)
-    base, base_slope, first, slope = cs.vertsplit(e, 2)
-    theta = cs.atan2(base_slope[0] * slope[1] - base_slope[1] * slope[0], cs.dot(base_slope, slope))
-    sigma = cs.norm_2(slope) - cs.norm_2(base_slope)
-    axial = elastic_modulus * width * thickness
-    return derived_element(
-        inputs=(e, e_t, p),
-        straight=cs.vertcat(0, 0, *axis, 0, 0, *axis),
-        strains=cs.vertcat(first - base, sigma, theta),
-        weights=cs.vertcat(axial / l, axial / l, axial * l, stiffness),
-        mass=cs.SX.zeros(8, 8),
-        line_mass=cs.SX.zeros(8, 8),
-        gravity=cs.SX.zeros(8, 2),
-    )
-
-
-@lru_cache(maxsize=1)
-def tip_mass() -> Element:
-    """Derive the Functions of a mass m (kg), its only property, at a node with coordinates e = (r, tau)."""
-    e, e_t, m = cs.SX.sym("e", 4), cs.SX.sym("e_t", 4), cs.SX.sym("m")
-    position = cs.DM([[1, 0], [0, 1], [0, 0], [0, 0]])  # r = position^T e
-    return derived_element(
-        inputs=(e, e_t, m),
-        straight=cs.SX.zeros(4),
-        strains=cs.SX(0, 1),
-        weights=cs.SX(0, 1),
-        mass=m * position @ position.T,
-        line_mass=cs.SX.zeros(4, 4),
-        gravity=m * position,
     )
 
 
@@ -208,9 +188,9 @@ class Group:
 
     element: Element  # the Functions of one of them
     coordinates: Index  # indices of the nodal coordinates of each of the k elements, (k, d)
-    columns: int  # number of columns of P, from the first, that belong to these elements: k, or 0
-    constants: tuple[float, ...]  # the fixed properties: length and axis
-    lumped: dict[str, float]  # names, from ``beam.LUMPED``, and values of the properties that the beam has only once
+    columns: slice  # the columns of P that belong to these elements: k, or none
+    constants: Array  # the fixed properties of each element, such as length and axis, (c, k)
+    lumped: dict[str, float]  # names and values of the properties that the elements share (``Beam.lumped``)
 
     @property
     def count(self) -> int:
@@ -220,8 +200,9 @@ class Group:
     def properties(self, P: Any, lumped: Mapping[str, Any] | None = None) -> Any:
         """Return the properties of each element as columns, from P (4, n) and, if given, other lumped ones by name."""
         own = self.lumped if lumped is None else {name: lumped[name] for name in self.lumped}
-        given = cs.vertcat(*self.constants, *own.values())
-        return cs.vertcat(P[:, : self.columns], cs.repmat(given, 1, self.columns)) if self.columns else given
+        given = [cs.DM(self.constants), *(cs.repmat(value, 1, self.count) for value in own.values())]
+        columns = P[:, self.columns]
+        return cs.vertcat(*([columns] if columns.shape[1] else []), *given)
 
     def gather(self, e: cs.MX) -> cs.MX:
         """Return the coordinates of each element as columns, (d, k s), from s states of all nodes, (size, s)."""

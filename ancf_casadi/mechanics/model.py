@@ -1,14 +1,14 @@
-"""The beam as one symbolic model: assembly of the elements, the clamp, and points on the beam.
+"""The beam as one symbolic model: the forces and matrices of all elements.
 
-The nodal coordinates e = (r_0, tau_0, r_1, tau_1, ..., r_n, tau_n), 4 (n + 1) numbers in the laboratory frame, are
-shared by neighbouring elements.  Forces and matrices add up over the elements,
+The nodal coordinates e = (r_0, tau_0, r_1, tau_1, ...), four numbers per node in the laboratory frame, are shared by
+neighbouring elements.  Forces and matrices add up over the elements,
 
-    M e_tt + Q_damp(e, e_t) + Q_e(e) = Q_g,                  Eq. (6), with damping on the left,
+    M e_tt + Q_damp(e, e_t) + Q_e(e) = Q_g,                  Eq. (6), with damping on the left.
 
-and node 0 is clamped in position and slope: the ``free`` coordinates are those of the other nodes.  The Functions of an
-element are mapped over the elements and never expanded here, so graphs stay small and all derivatives stay sparse.
-A tip mass is one more element, at the last node.  With an elastic clamp the base is a node ahead of the first node of
-the beam, which makes 4 (n + 2) coordinates, and the clamp is one more element, between these two nodes.
+The motion of the base and the free coordinates give all others (``nodes``).
+
+The Functions of an element are mapped over the elements and never expanded here, so graphs stay small and all
+derivatives stay sparse.  Springs, masses and dashpots are further elements, at their nodes.
 
 The properties P are a matrix with one column (width, thickness, density, elastic modulus) per element.  Every Function
 here is symbolic in P; ``Model.properties`` holds the values of the beam.
@@ -29,32 +29,35 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES, Beam
-from ancf_casadi.mechanics.element import Element, Group, elastic_clamp, element, tip_mass
+from ancf_casadi.mechanics.beam import PROPERTIES, Beam
+from ancf_casadi.mechanics.element import Element, Group, element
+from ancf_casadi.mechanics.nodes import NODE, Nodes
+from ancf_casadi.mechanics.point_elements import (
+    dashpot,
+    point_mass,
+    rotary_inertia,
+    rotational_spring,
+    slope_length,
+    spring,
+)
 from ancf_casadi.mechanics.strain import (
     StrainMeasures,
     axial_strain,
     curvature,
-    gauss,
-    hermite,
-    hermite_curvature,
-    hermite_slope,
 )
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.inputs import check_instance, number
-from ancf_casadi.support.tables import Displayed
+from ancf_casadi.support.inputs import check_instance
 
-NODE = 4  # coordinates of a node: position and slope
+POINT_INERTIAS = {"tip_mass": point_mass, "mass": point_mass, "rotary_inertia": rotary_inertia}
 At = Callable[[Array], tuple[Any, Any]]  # multiplies an interpolation by coordinates, numbers or symbols: x and y
 
 
 @dataclass(frozen=True)
-class Model(Displayed):
+class Model(Nodes):
     """A beam as symbolic equations of motion.
 
-    Each Function takes nodal coordinates e (4 n + 4, or 4 n + 8 with an elastic clamp), velocities e_t, and properties
-    P (4, n).
+    Each Function takes nodal coordinates e (4 n + 4, or 4 n + 8 unless a rigid clamp holds the beginning of the beam),
+    velocities e_t, and properties P (4, n).
 
     Parameters
     ----------
@@ -75,7 +78,6 @@ class Model(Displayed):
     array([ 0.  , -0.25])
     """
 
-    beam: Beam
     measures: StrainMeasures = field(default_factory=StrainMeasures)
 
     def __post_init__(self) -> None:
@@ -87,27 +89,6 @@ class Model(Displayed):
         """Pickle the model without its Functions, which the receiving process derives again."""
         return Model, (self.beam, self.measures)
 
-    @property
-    def root(self) -> int:
-        """Number of the beam's first node: 0, or 1 with an elastic clamp."""
-        return int(math.isfinite(self.beam.clamp_stiffness))
-
-    @property
-    def size(self) -> int:
-        """Number of nodal coordinates, 4 (n + 1 + root)."""
-        return NODE * (self.beam.elements + 1 + self.root)
-
-    @property
-    def free(self) -> slice:
-        """The coordinates that are not clamped."""
-        return slice(NODE, self.size)
-
-    @cached_property
-    def scale(self) -> Array:
-        """Typical size of each coordinate: the length of the beam for positions, 1/2 for slopes, (4 n + 4,)."""
-        length = self.beam.length
-        return np.tile([length, length, 0.5, 0.5], self.size // NODE)
-
     @cached_property
     def properties(self) -> Array:
         """The properties P of the beam, (4, n)."""
@@ -115,36 +96,57 @@ class Model(Displayed):
 
     @property
     def lumped(self) -> dict[str, float]:
-        """The properties of ``beam.LUMPED`` that the model has, in this order: those of its tip mass and its clamp."""
-        own = {name: value for group in self.groups for name, value in group.lumped.items()}
-        return {name: own[name] for name in LUMPED if name in own}
-
-    @cached_property
-    def straight(self) -> Array:
-        """Coordinates of the beam as manufactured: straight along its axis, unstretched, clamp at the origin."""
-        axis = np.array(self.beam.axis)
-        arc = np.concatenate([np.zeros(self.root), np.linspace(0.0, self.beam.length, self.beam.elements + 1)])
-        return np.column_stack([np.outer(arc, axis), np.tile(axis, (arc.size, 1))]).ravel()
+        """The lumped properties of the beam by name (``Beam.lumped``)."""
+        return self.beam.lumped
 
     @cached_property
     def element(self) -> Element:
         """The Functions of one beam element."""
-        return element(self.measures)
+        return element(self.measures, curved=bool(self.beam.natural_curvature))
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
-        """The elements of the beam, the clamp if it is elastic, and the tip mass if there is one."""
+        """The elements of the beam, and what is attached to it."""
         beam, n, coordinates = self.beam, self.beam.elements, np.arange(2 * NODE)
-        constants = (beam.element_length, *beam.axis)
+        constants, lumped = self._constants, {}
+        if beam.natural_curvature:
+            lumped = {"natural_curvature": beam.lumped["natural_curvature"]}
         places = NODE * (np.arange(n)[:, None] + self.root) + coordinates
-        groups = [Group(self.element, places, n, constants, {})]
-        if self.root:
-            clamp = {"clamp_stiffness": beam.clamp_stiffness}
-            groups.append(Group(elastic_clamp(), coordinates[None, :], 1, constants, clamp))
-        if beam.tip_mass:
-            tip = self.size - NODE + coordinates[None, :NODE]
-            groups.append(Group(tip_mass(), tip, 0, (), {"tip_mass": beam.tip_mass}))
-        return tuple(groups)
+        groups = [Group(self.element, places, slice(n), constants, lumped)]
+        if self.root and not any(np.abs(self.whole_of_base[2 + NODE :: NODE]).sum(axis=1)):
+            first = NODE + coordinates[None, :NODE]
+            groups.append(Group(slope_length(), first, slice(1), constants[:3, :1], {}))
+        return (*groups, *(self._attached(name) for name in beam.lumped_places))
+
+    @cached_property
+    def _constants(self) -> Array:
+        """Length and axis of each element and, if the beam is bent, the ratio of its curvature to the largest."""
+        beam = self.beam
+        rows = [beam.element_lengths, *np.outer(beam.axis, np.ones(beam.elements))]
+        if beam.natural_curvature:
+            slopes = self.natural_nodes[1]
+            middle = slopes[:-1] + slopes[1:]
+            rows[1:] = (middle / np.linalg.norm(middle, axis=1)[:, None]).T
+            rows.append(np.array(beam.natural_curvature) / beam.lumped["natural_curvature"])
+        return np.array(rows)
+
+    def _attached(self, name: str) -> Group:
+        """Return the element of a lumped property of a support or attachment."""
+        place = self.beam.lumped_places[name]
+        kind, one = place.kind, getattr(self.beam, place.owner)[place.number]
+        none, node, lumped = slice(0), self.nodes_of(one.point), {name: self.beam.lumped[name]}
+        if kind in POINT_INERTIAS:
+            return Group(POINT_INERTIAS[kind](), node[None], none, np.zeros((0, 1)), lumped)
+        both = np.concatenate([np.arange(NODE), node])[None]
+        position, slope = self.straight[node[:2]], self.straight[node[2:]]
+        if kind in ("clamp_stiffness", "rotational_spring"):
+            angle = getattr(one, "rotation", 0.0)
+            slope = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]) @ slope
+            constants = np.array([*self._seen_from_axis(slope)[:, 0], *self.beam.axis])
+            return Group(rotational_spring(), both, none, constants[:, None], lumped)
+        constants = np.array([*self._seen_from_axis(position)[:, 0], *np.eye(2)[place.component or 0]])
+        element_of = spring if kind.startswith("spring") else dashpot
+        return Group(element_of(), both, none, constants[:, None], lumped)
 
     @cached_property
     def strain_energy(self) -> cs.Function:
@@ -191,6 +193,11 @@ class Model(Displayed):
         return self._force("friction_force", "e_t", v0=1)
 
     @cached_property
+    def dashpot_force(self) -> cs.Function:
+        """(e_t, P) -> the force of the dashpots, which resists e_t."""
+        return self._force("dashpot_force", "e_t")
+
+    @cached_property
     def mass(self) -> cs.Function:
         """P -> M, Eq. (7), sparse."""
         _, p = self._symbols()
@@ -226,58 +233,23 @@ class Model(Displayed):
             columns.append(np.repeat(group.coordinates, d, axis=1).ravel())
         return np.concatenate(rows), np.concatenate(columns)
 
-    def entries_from(self, first: int) -> tuple[Index, Index, Index]:
-        """Return the places in ``entries`` of those from coordinate ``first`` on, and their rows and columns."""
-        rows, columns = (index - first for index in self.entries)
+    @cached_property
+    def free_entries(self) -> tuple[Index, Index, Index, Array]:
+        """Places in ``entries`` of those that belong to free coordinates, the numbers of these, and N_ik N_jl."""
+        rows, columns = (self.free_of[index] for index in self.entries)
         kept = np.flatnonzero((rows >= 0) & (columns >= 0))
-        return kept, rows[kept], columns[kept]
+        products = np.prod([self.weights[index[kept]] for index in self.entries], axis=0)
+        return kept, rows[kept], columns[kept], products
 
-    def matrix(self, values: cs.MX, first: int = 0) -> cs.MX:
-        """Return the sparse sum of element matrices, ``values`` as in ``entries``, from coordinate ``first`` on."""
-        kept, rows, columns = self.entries_from(first)
-        pairs, target = np.unique(np.column_stack([columns, rows]), axis=0, return_inverse=True)
-        size = self.size - first
-        pattern = cs.Sparsity.triplet(size, size, pairs[:, 1].tolist(), pairs[:, 0].tolist())
-        sums = cs.Sparsity.triplet(len(pairs), values.numel(), target.ravel().tolist(), kept.tolist())
-        return cs.MX(pattern, cs.DM(sums, 1.0) @ values)
+    def matrix(self, values: cs.MX) -> cs.MX:
+        """Return the sparse sum of element matrices, ``values`` as in ``entries``."""
+        rows, columns = self.entries
+        return _summed(values, np.arange(rows.size), rows, columns, self.size, np.ones(rows.size))
 
-    def interpolation(self, point: float) -> Array:
-        """Return S with r(s) = S e, Eq. (2), for the point at arc length ``point`` (m) from the clamp, (2, 4 n + 4).
-
-        A point that is not on the beam raises an ``InputError``, here and in the following methods.
-        """
-        return self._interpolation(point, hermite)
-
-    def slope_interpolation(self, point: float) -> Array:
-        """Return S' with r'(s) = S' e, (2, 4 n + 4)."""
-        return self._interpolation(point, hermite_slope)
-
-    def curvature_interpolation(self, point: float) -> Array:
-        """Return S'' with r''(s) = S'' e, (2, 4 n + 4), 1/m."""
-        return self._interpolation(point, hermite_curvature)
-
-    def gauss_points(self, index: int) -> tuple[float, float]:
-        """Return the arc lengths of the two Gauss points of an element, m, where the strains are accurate."""
-        first, second = ((index + gauss(2)[0]) * self.beam.element_length).tolist()
-        return first, second
-
-    def gauss_slopes(self, e: Array) -> Array:
-        """Return r' at the two Gauss points of each element, (2, 2 n)."""
-        points = [s for index in range(self.beam.elements) for s in self.gauss_points(index)]
-        return np.array([self.slope_interpolation(s) @ e for s in points]).T
-
-    def element_at(self, point: float) -> int:
-        """Return the number, from 0, of the element with the point at arc length ``point`` (m)."""
-        point = number(point, "point")
-        if not 0.0 <= point <= self.beam.length:
-            raise InputError(f"the point must be on the beam, 0 to {self.beam.length:g} m, got {point:g}", "point")
-        return min(int(point / self.beam.element_length), self.beam.elements - 1)
-
-    def _interpolation(self, point: float, functions: Callable[[Any, float], tuple[Any, ...]]) -> Array:
-        index, l = self.element_at(point), self.beam.element_length
-        row, first = np.zeros(self.size // 2), 2 * (index + self.root)
-        row[first : first + 4] = functions(point / l - index, l)
-        return np.asarray(np.kron(row, np.eye(2)), dtype=np.float64)
+    def free_matrix(self, values: cs.MX) -> cs.MX:
+        """Return N^T A N, sparse, of the sum A of element matrices, ``values`` as in ``entries``."""
+        kept, rows, columns, products = self.free_entries
+        return _summed(values, kept, rows, columns, self.freedoms, products)
 
     def _symbols(self) -> tuple[cs.MX, cs.MX]:
         """Symbols of the nodal coordinates e and the properties P."""
@@ -322,10 +294,19 @@ def curvature_at(model: Model, s: float, at: At) -> Any:
 def axial_strains_near(model: Model, s: float, at: At) -> list[tuple[float, int, Any]]:
     """Return the two elements whose mean axial strains give that at arc length ``s`` (m): weight, number and strain."""
     model.element_at(s)
-    place = s / model.beam.element_length - 0.5
-    index = min(max(int(place), 0), model.beam.elements - 2)
-    pairs = ((1.0 - (place - index), index), (place - index, index + 1))
-    return [(weight, k, _mean_axial_strain(model, k, at)) for weight, k in pairs]
+    middles = (model.beam.node_points[:-1] + model.beam.node_points[1:]) / 2
+    index = min(max(int(np.searchsorted(middles, s)) - 1, 0), model.beam.elements - 2)
+    place = float((s - middles[index]) / (middles[index + 1] - middles[index]))
+    return [(weight, k, _mean_axial_strain(model, k, at)) for weight, k in ((1.0 - place, index), (place, index + 1))]
+
+
+def _summed(values: cs.MX, kept: Index, rows: Index, columns: Index, size: int, factors: Array) -> cs.MX:
+    """Return the sparse matrix (size, size) with the sums of entries of ``values``, each times its factor."""
+    pairs, target = np.unique(np.column_stack([columns, rows]), axis=0, return_inverse=True)
+    pattern = cs.Sparsity.triplet(size, size, pairs[:, 1].tolist(), pairs[:, 0].tolist())
+    places = target.ravel().tolist(), kept.tolist()
+    incidence = cs.DM.triplet(*places, cs.DM(factors), len(pairs), values.numel())
+    return cs.MX(pattern, incidence @ values)
 
 
 def _mean_axial_strain(model: Model, index: int, at: At) -> Any:

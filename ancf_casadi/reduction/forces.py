@@ -1,42 +1,43 @@
 """Forces of the reduced beam in motion, as CasADi expressions.
 
-With e = u + P r' (``projection``), and n the slope r' turned by 90 degrees, the virtual displacements are
-de = P n Theta dq, and velocity and acceleration are
+The coordinates are e = u + P r with the displacement u of the base, a constant matrix P and the parts r of the shape,
+which are functions of the modal coordinates q and of the rotation phi of the base.  The virtual work of all forces in
+Eq. (6) gives one equation per mode,
 
-    e_t = u_t + P n theta_t,    e_tt = u_tt + P (n theta_tt - r' theta_t^2),    theta_t = phi_t + Theta q_t.
-
-The virtual work of all forces in Eq. (6) gives one equation per mode,
-
-    Theta^T n . (P^T M P (n theta_tt - r' theta_t^2) - P^T M 1 (g - u_tt) + P^T Q_damp) + f_0 + K_b q = 0.
+    (dr/dq)^T (P^T M P r_tt - P^T M 1 (g - u_tt) + P^T Q_damp) + dU/dq = 0.
 
 The resultant of the forces on all nodes, 1^T (M e_tt - M 1 g + Q_damp), is the force of the base on the clamp.  The
 two components of this resultant follow the m modal forces wherever a force has m + 2 components: these belong to the
 coordinates (q, u).
 
-A motion may have N instants side by side.  Then q and v are (m, N), a component of r' is (k, N), and so on.
+A motion may have N instants side by side.  Then q and v are (m, N), a component of r is (k, N), and so on.
+
+Springs and dashpots join points of the beam to the base, which keeps the places of these points as it turns.  Their
+forces have no resultant.
 
 A damping law combines the forces of ``ReducedMotion`` as it combines those of the full model (``damping.Forces``); they
-are the forces of the motion itself, whatever their arguments.  The strain-rate force is that of bending alone, K_b q_t.
-The tangent stiffness also includes the tension that balances gravity and the acceleration of the clamp, but not the
-tension due to the motion of the beam itself.  The modal (generic) law, R B diag(d) B^T R^T e_t of Eq. (32), turns by
-the rotation phi of the clamp.
+are the forces of the motion itself, whatever their arguments.  The strain-rate force is that of the beam and of the
+springs.  The tangent stiffness also includes the tension that balances gravity, the acceleration of the base and the
+springs, but not the tension due to the inertia of the beam itself.  The modal (generic) law, R B diag(d) B^T R^T e_t of
+Eq. (32), turns by the rotation phi of the base.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import casadi as cs
+import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.tip_load import tip_force
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.element import SMOOTHING_SPEED
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.reduction.projection import Projection
+from ancf_casadi.reduction.projection import Joined, Projection
 from ancf_casadi.support.arrays import Array
 
 Expression = Any  # SX or MX
@@ -45,35 +46,56 @@ BASE_SIZE = 9  # displacement (x, y) and rotation of the clamp, their velocities
 
 
 @dataclass(frozen=True, eq=False)
-class ReducedMotion:
-    """A motion of the reduced beam, its forces without damping, and those that a damping law combines."""
+class ReducedMotion(ABC):
+    """A motion of a reduced beam, its forces without damping, and those that a damping law combines."""
 
     projection: Projection
     q: Expression  # modal coordinates, (m,)
     v: Expression  # their velocities, (m,)
-    base: Expression  # motion of the clamp, (9,)
+    base: Expression  # motion of the base, (9,)
     gravity: Expression  # acceleration, (2,), m/s^2
 
-    @cached_property
-    def slope(self) -> tuple[Expression, Expression]:
-        """Components of r', each (k,)."""
-        slopes = self.projection.slopes
-        turned = cs.DM(slopes.rotations) @ self.q
-        angle = _rows(self.base[2, :], turned) + _columns(slopes.angles, turned) + turned
-        lengths = _columns(slopes.lengths, turned)
-        return lengths * cs.cos(angle), lengths * cs.sin(angle)
+    @property
+    @abstractmethod
+    def parts(self) -> tuple[Expression, Expression]:
+        """Components of r, each (k,)."""
 
-    @cached_property
-    def angular_velocity(self) -> Expression:
-        """Angular velocity theta_t of the slopes, (k,), rad/s."""
-        turning = cs.DM(self.projection.slopes.rotations) @ self.v
-        return _rows(self.base[5, :], turning) + turning
+    @property
+    @abstractmethod
+    def part_rates(self) -> tuple[Expression, Expression]:
+        """Components of r_t, each (k,)."""
 
-    @cached_property
-    def slope_velocity(self) -> tuple[Expression, Expression]:
-        """Components of r'_t, each (k,)."""
-        x, y = self.slope
-        return -y * self.angular_velocity, x * self.angular_velocity
+    @abstractmethod
+    def part_accelerations(self, a: Expression) -> tuple[Expression, Expression]:
+        """Return the components of r_tt at q_tt = a, each (k,)."""
+
+    @abstractmethod
+    def modal_force(self, x: Expression, y: Expression) -> Expression:
+        """Return the modal forces (dr/dq)^T (x, y) of forces (x, y) on the parts, (m,)."""
+
+    @property
+    @abstractmethod
+    def mass(self) -> Expression:
+        """Mass matrix M(q) of the modal coordinates, (m, m)."""
+
+    @property
+    @abstractmethod
+    def elastic_force(self) -> Expression:
+        """Elastic force, without that of the springs, (m,)."""
+
+    @property
+    @abstractmethod
+    def strain_energy(self) -> Expression:
+        """Strain energy, without that of the springs, J."""
+
+    @property
+    @abstractmethod
+    def strain_rate(self) -> Expression:
+        """The force of Q_v, without that of the springs, (m,)."""
+
+    @abstractmethod
+    def tangent_rate(self, x: Expression, y: Expression) -> Expression:
+        """Return the force of K e_t, without that of the springs, under the forces (x, y) on the parts, (m,)."""
 
     @property
     def relative_gravity(self) -> Expression:
@@ -82,97 +104,83 @@ class ReducedMotion:
         return cs.repmat(self.gravity, 1, acceleration.size2()) - acceleration
 
     def nodal(self, x: Expression, y: Expression, base: Expression) -> Expression:
-        """Return u + P (x, y) at all nodes, (4 n + 4,): e from slopes and u, or e_t from their velocities."""
-        shape = cs.DM(self.projection.slopes.shape)
+        """Return u + P (x, y) at all nodes, (size,): e from the parts and u, or e_t from their rates."""
+        shape = cs.DM(self.projection.shape)
         position = cs.repmat(cs.DM([1.0, 0.0]), shape.size1() // 2, 1)
         return cs.vec(cs.horzcat(shape @ x + position * base[0], shape @ y + position * base[1]).T)
 
-    def modal_force(self, x: Expression, y: Expression) -> Expression:
-        """Return the modal forces of forces (x, y) on the slopes, (m,)."""
-        slope_x, slope_y = self.slope
-        return cs.DM(self.projection.slopes.rotations.T) @ (slope_x * y - slope_y * x)
-
     def inertia(self, x: Expression, y: Expression) -> Expression:
-        """Return the modal forces of P^T M P (x, y), where (x, y) is a velocity or acceleration of the slopes, (m,)."""
+        """Return the modal forces of P^T M P (x, y), where (x, y) is a rate or acceleration of the parts, (m,)."""
         mass = cs.DM(self.projection.mass_factor.T @ self.projection.mass_factor)
         return self.modal_force(mass @ x, mass @ y)
 
-    @property
-    def mass(self) -> Expression:
-        """Mass matrix M(q) of the modal coordinates, (m, m), from R times the derivatives of the slopes."""
-        (x, y), m = self.slope, self.q.numel()
-        rotations, factor = cs.DM(self.projection.slopes.rotations), _mass_factor(self.projection)
-        by_x, by_y = factor @ (cs.repmat(-y, 1, m) * rotations), factor @ (cs.repmat(x, 1, m) * rotations)
-        return by_x.T @ by_x + by_y.T @ by_y
-
     def undamped_forces(self, a: Expression) -> Expression:
         """Return the left side of the equation of motion at q_tt = a, without the damping force, (m + 2,)."""
-        (x, y), gravity = self.slope, self.relative_gravity
-        square, turning = self.angular_velocity**2, cs.DM(self.projection.slopes.rotations) @ a
-        turning += _rows(self.base[8, :], turning)
-        x_tt, y_tt = -y * turning - x * square, x * turning - y * square
+        (x_tt, y_tt), gravity = self.part_accelerations(a), self.relative_gravity
         moment, mass = cs.DM(self.projection.mass_moment), self.projection.total_mass
         inertia = self.inertia(x_tt, y_tt) - self.modal_force(moment @ gravity[0, :], moment @ gravity[1, :])
-        modal = inertia + _columns(self.projection.rest_force, inertia) + self.bending(self.q)
+        modal = inertia + self.elastic_force
+        modal += self._joined_force(self.projection.springs, *self._away(self.projection.springs))
         return cs.vertcat(modal, moment.T @ x_tt - mass * gravity[0, :], moment.T @ y_tt - mass * gravity[1, :])
 
     def tip_force(self, load: Expression) -> Expression:
         """Return the force of a load (force x and y, N, and moment, N m) at the tip, (m + 2,)."""
-        x, y = self.slope
-        position, slope = (cs.DM(row) for row in self.projection.slopes.shape[-2:])
+        x, y = self.parts
+        position, slope = (cs.DM(row) for row in self.projection.shape[-2:])
         fx, fy, hx, hy = cs.vertsplit(tip_force(cs.vertcat(slope.T @ x, slope.T @ y), load))
         modal = self.modal_force(position @ fx + slope @ hx, position @ fy + slope @ hy)
         return cs.vertcat(modal, load[:2, :])
-
-    def bending(self, q: Expression) -> Expression:
-        """Return K_b times modal coordinates or their velocities, (m,)."""
-        return cs.DM(self.projection.bending_stiffness) @ q
 
     def damping(self, law: DampingLaw, parameters: Expression, model: Model) -> Expression:
         """Return the force of a damping law of the full model, (m + 2,)."""
         properties = cs.SX(cs.DM(model.properties))
         position, velocity = cs.vertcat(self.q, self.base[:2, :]), cs.vertcat(self.v, self.base[3:5, :])
         local = law.local_force(self, position, velocity, properties, parameters)
-        return local + self._low_rank_damping(law, parameters, model)
+        dashpots = self.projection.dashpots
+        resisted = _without_resultant(self._joined_force(dashpots, *self._away_velocity(dashpots)))
+        return local + self._low_rank_damping(law, parameters, model) + resisted
 
     @property
     def energies(self) -> tuple[Expression, Expression, Expression]:
         """Kinetic energy, strain energy and potential of gravity, J."""
         projection, u, u_t = self.projection, self.base[:2], self.base[3:5]
-        slope, velocity = cs.horzcat(*self.slope), cs.horzcat(*self.slope_velocity)
+        parts, velocity = cs.horzcat(*self.parts), cs.horzcat(*self.part_rates)
         moment, mass = cs.DM(projection.mass_moment), projection.total_mass
-        relative = cs.sumsqr(_mass_factor(projection) @ velocity) / 2
+        relative = cs.sumsqr(mass_factor(projection) @ velocity) / 2
+        away = cs.horzcat(*self._away(projection.springs))
+        springs = cs.dot(cs.DM(projection.springs.coefficients) * away, away) / 2
         return (
             relative + mass / 2 * cs.sumsqr(u_t) + cs.dot(u_t, velocity.T @ moment),
-            projection.rest_energy + cs.dot(cs.DM(projection.rest_force) + self.bending(self.q) / 2, self.q),
-            -cs.dot(self.gravity, slope.T @ moment + mass * u),
+            self.strain_energy + springs,
+            -cs.dot(self.gravity, parts.T @ moment + mass * u),
         )
 
     def inertia_force(self, v: Expression, properties: Expression) -> Expression:
         """Return the force of M e_t."""
-        x, y = self.slope_velocity
+        x, y = self.part_rates
         moment, mass = cs.DM(self.projection.mass_moment), self.projection.total_mass
         x_t, y_t = self.base[3, :], self.base[4, :]
         modal = self.inertia(x, y) + self.modal_force(moment @ x_t, moment @ y_t)
         return cs.vertcat(modal, moment.T @ x + mass * x_t, moment.T @ y + mass * y_t)
 
     def line_inertia_force(self, v: Expression, properties: Expression) -> Expression:
-        """Return the force of int S^T mu r_t dp, which excludes the mass at the tip."""
-        tip, mass = self.projection.slopes.shape[-2:-1], self.projection.tip_mass
-        x, y = self._velocities(tip)
-        return self.inertia_force(v, properties) - self._of_points(tip, mass * x, mass * y)
+        """Return the force of int S^T mu r_t dp, which excludes point masses and rotary inertias."""
+        projection = self.projection
+        shape, moved = projection.lumped_shape, projection.lumped_moved
+        x, y = self._velocities(shape, moved)
+        mass = columns_of(projection.lumped_mass, x)
+        return self.inertia_force(v, properties) - self._of_points(shape, mass * x, mass * y, moved)
 
     def strain_rate_force(self, q: Expression, v: Expression, properties: Expression) -> Expression:
-        """Return the force of Q_v in bending, K_b q_t."""
-        return _without_resultant(self.bending(self.v))
+        """Return the force of Q_v in bending, K_b q_t, and in the springs."""
+        return _without_resultant(self.strain_rate + self._spring_rate)
 
     def tangent_force(self, q: Expression, v: Expression, properties: Expression) -> Expression:
-        """Return the force of K e_t, under the tension due to gravity and the acceleration of the clamp."""
-        (x, y), gravity = self.slope, self.relative_gravity
-        moment = _columns(self.projection.mass_moment, x)
-        tension = moment * (x * _rows(gravity[0, :], x) + y * _rows(gravity[1, :], x))
-        rotations = cs.DM(self.projection.slopes.rotations)
-        return _without_resultant(self.bending(self.v) + rotations.T @ (self.angular_velocity * tension))
+        """Return the force of K e_t, under the tension due to gravity, the acceleration of the base and the springs."""
+        gravity, springs = self.relative_gravity, self.projection.springs
+        moment, pulled = cs.DM(self.projection.mass_moment), self._on_parts(springs, *self._away(springs))
+        rate = self.tangent_rate(moment @ gravity[0, :] - pulled[0], moment @ gravity[1, :] - pulled[1])
+        return _without_resultant(rate + self._spring_rate)
 
     def reference_force(self, v: Expression, properties: Expression) -> Expression:
         """Refuse K e_t with K of the straight beam, which the reduced model does not have."""
@@ -195,50 +203,79 @@ class ReducedMotion:
         symbols = cs.MX.sym("parameters", parameters.numel())
         d = cs.Function("d", [symbols], [law.modal_coefficients(symbols)])(parameters)
         B, angle = law.projection(model), self.base[2, :]
-        slopes = [cs.DM(self.projection.slopes.shape.T @ B[component::2]) for component in (0, 1)]
+        slopes = [cs.DM(self.projection.shape.T @ B[component::2]) for component in (0, 1)]
         clamp = [cs.DM(B[component::4].sum(axis=0)) for component in (0, 1)]
-        slope_velocity = _rotated(-angle, *self.slope_velocity)
-        clamp_velocity = _rotated(-angle, self.base[3, :], self.base[4, :])
+        slope_velocity = rotated(-angle, *self.part_rates)
+        clamp_velocity = rotated(-angle, self.base[3, :], self.base[4, :])
         x, y = (slopes[c].T @ slope_velocity[c] + clamp[c] @ clamp_velocity[c] for c in (0, 1))
         force = cs.repmat(d, 1, x.size2()) * (x + y)
-        modal = self.modal_force(*_rotated(angle, slopes[0] @ force, slopes[1] @ force))
-        return cs.vertcat(modal, *_rotated(angle, clamp[0].T @ force, clamp[1].T @ force))
+        modal = self.modal_force(*rotated(angle, slopes[0] @ force, slopes[1] @ force))
+        return cs.vertcat(modal, *rotated(angle, clamp[0].T @ force, clamp[1].T @ force))
 
     def _surface_force(self, factor: Callable[[Expression], Expression]) -> Expression:
         """Return the force of int S^T mu f(|v|^2) v dp."""
         projection = self.projection
-        x, y = self._velocities(projection.drag_shape)
-        weight = _columns(projection.drag_mass, x) * factor(x**2 + y**2)
-        return self._of_points(projection.drag_shape, weight * x, weight * y)
+        moved = np.ones(len(projection.drag_mass))
+        x, y = self._velocities(projection.drag_shape, moved)
+        weight = columns_of(projection.drag_mass, x) * factor(x**2 + y**2)
+        return self._of_points(projection.drag_shape, weight * x, weight * y, moved)
 
-    def _velocities(self, shape: Array) -> tuple[Expression, Expression]:
-        """Return the velocities (d,) of points whose positions are u + ``shape`` (d, k) times the slopes."""
-        x, y = (cs.DM(shape) @ part for part in self.slope_velocity)
-        return x + _rows(self.base[3, :], x), y + _rows(self.base[4, :], y)
+    def _velocities(self, shape: Array, moved: Array) -> tuple[Expression, Expression]:
+        """Return the rates (d,) of the coordinates ``shape`` (d, k) times r, plus u for those moved (d,)."""
+        x, y = (cs.DM(shape) @ part for part in self.part_rates)
+        return x + cs.DM(moved) @ self.base[3, :], y + cs.DM(moved) @ self.base[4, :]
 
-    def _of_points(self, shape: Array, x: Expression, y: Expression) -> Expression:
-        """Return the force of forces (x, y) at such points."""
+    def _of_points(self, shape: Array, x: Expression, y: Expression, moved: Array) -> Expression:
+        """Return the force of forces (x, y) on such coordinates."""
         modal = self.modal_force(cs.DM(shape.T) @ x, cs.DM(shape.T) @ y)
-        return cs.vertcat(modal, cs.sum1(x), cs.sum1(y))
+        return cs.vertcat(modal, cs.DM(moved).T @ x, cs.DM(moved).T @ y)
+
+    def _away(self, joined: Joined) -> tuple[Expression, Expression]:
+        """Return the ways of points from their places on the base, (d,)."""
+        x, y = (cs.DM(joined.shape) @ part for part in self.parts)
+        place_x, place_y = rotated(self.base[2, :], *(columns_of(part, x) for part in joined.places.T))
+        return x - place_x, y - place_y
+
+    def _away_velocity(self, joined: Joined) -> tuple[Expression, Expression]:
+        """Return the rates of these ways, (d,)."""
+        x, y = (cs.DM(joined.shape) @ part for part in self.part_rates)
+        turning = rows_of(self.base[5, :], x)
+        place_x, place_y = rotated(self.base[2, :], *(columns_of(part, x) for part in joined.places.T))
+        return x + turning * place_y, y - turning * place_x
+
+    def _on_parts(self, joined: Joined, x: Expression, y: Expression) -> tuple[Expression, Expression]:
+        """Return the forces on the parts, (k,), of springs or dashpots for such ways or rates."""
+        back, (along_x, along_y) = cs.DM(joined.shape.T), joined.coefficients.T
+        return back @ (columns_of(along_x, x) * x), back @ (columns_of(along_y, y) * y)
+
+    def _joined_force(self, joined: Joined, x: Expression, y: Expression) -> Expression:
+        """Return the modal forces of springs or dashpots for such ways or rates, (m,)."""
+        return self.modal_force(*self._on_parts(joined, x, y))
+
+    @property
+    def _spring_rate(self) -> Expression:
+        """The force of the springs in proportion to the rates of their lengths, (m,)."""
+        springs = self.projection.springs
+        return self._joined_force(springs, *self._away_velocity(springs))
 
 
-def _mass_factor(projection: Projection) -> cs.DM:
+def mass_factor(projection: Projection) -> cs.DM:
     """Return R as a sparse matrix."""
     return cs.sparsify(cs.DM(projection.mass_factor))
 
 
-def _rotated(angle: Expression, x: Expression, y: Expression) -> tuple[Expression, Expression]:
+def rotated(angle: Expression, x: Expression, y: Expression) -> tuple[Expression, Expression]:
     """Return the components of vectors rotated by the angle of each instant."""
-    cosine, sine = _rows(cs.cos(angle), x), _rows(cs.sin(angle), x)
+    cosine, sine = rows_of(cs.cos(angle), x), rows_of(cs.sin(angle), x)
     return cosine * x - sine * y, sine * x + cosine * y
 
 
-def _rows(row: Expression, like: Expression) -> Expression:
+def rows_of(row: Expression, like: Expression) -> Expression:
     """Return a row repeated for each row of another expression."""
     return cs.repmat(row, like.size1(), 1)
 
 
-def _columns(column: Array, like: Expression) -> cs.DM:
+def columns_of(column: Array, like: Expression) -> cs.DM:
     """Return a column repeated for each column of an expression."""
     return cs.repmat(cs.DM(column), 1, like.size2())
 

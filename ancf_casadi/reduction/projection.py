@@ -1,10 +1,12 @@
 """Projection of the full beam on bending in a few modes, without stretching.
 
+One clamp or pin holds the beam at its beginning; for others see ``condensation``.
+
 The slope r' = lambda (cos theta, sin theta) keeps the length lambda it has at rest.  Its angle to the x axis is
 
     theta(s, t) = phi(t) + theta_0(s) + sum_k Theta_k(s) q_k(t),
 
-with the rotation phi of the clamp, the angle theta_0 at rest, and the rotation Theta_k of the slope in mode k of the
+with the rotation phi of the base, the angle theta_0 at rest, and the rotation Theta_k of the slope in mode k of the
 full beam.  Integration along the beam gives the positions.  The beam therefore keeps its length exactly, at any
 amplitude, and needs no separate function for the shortening of its projection.
 
@@ -22,10 +24,11 @@ Constants.  With the nodal coordinates e = u + P r', mass, stiffness, gravity an
 once,
 
     P^T M P = R^T R,    P^T M 1,    1^T M 1             inertia and gravity, M of one component,
-    K_b = W^T K W,    f_0 = (dr'/dq)^T P^T Q_e          bending,
+    K_b = int E I Theta'^T Theta' ds + sum_j k_j Theta(s_j)^T Theta(s_j),    f_0 = (dr'/dq)^T P^T Q_e    bending,
 
-with the tangent stiffness K of the straight beam, the displacements W across the straight beam whose slopes are Theta,
-and the elastic force Q_e at rest.  The elastic force f_0 + K_b q is linear in q because the curvature theta' is.
+with the slopes Theta of the modes as rotations of a straight beam, k of the torsional springs between beam and base at
+the points s_j, and the elastic force Q_e at rest, without that of the springs.  The elastic force f_0 + K_b q is linear
+in q because the curvature theta' is.
 
 The drag acts at Gauss points along the whole beam.  With their masses as weights, sums over these points integrate
 polynomials exactly over the mass of the elements.
@@ -38,14 +41,18 @@ error bound and extensions" (the selection by QR).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.attachments import Dashpot, PointMass, RotationalSpring, Spring
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import gauss
+from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.modes import Modes
 
@@ -57,8 +64,8 @@ class Slopes:
     angles: Array  # theta_0 of the slope at rest, (k,), rad
     lengths: Array  # lambda of the slope, which is constant, (k,)
     rotations: Array  # Theta of the slope per unit modal coordinate, (k, m), rad/(m kg^1/2)
-    shape: Array  # P, for one component of the coordinates, (2 n + 2, k), or (2 n + 4, k) with an elastic clamp
-    rows: Index  # places among the nodes and midpoints, (k,); the base of an elastic clamp comes first
+    shape: Array  # P, for one component of the coordinates, (2 n + 2, k), or (2 n + 4, k) with a node of the base
+    rows: Index  # places among the nodes and midpoints, (k,); a node of the base comes first
 
     @property
     def at_rest(self) -> Array:
@@ -72,11 +79,17 @@ class Slopes:
         return np.stack([-y[:, None] * self.rotations, x[:, None] * self.rotations], axis=1)
 
 
+def begins_open(model: Model) -> bool:
+    """Return whether one clamp or pin holds the beam at its beginning, undisplaced, and no other support."""
+    own = [(one.point, one.sliding, *one.displacement) for one in model.beam.supports]
+    return own == [(0.0, None, 0.0, 0.0)]
+
+
 def nodal_slopes(modes: Modes) -> Slopes:
     """Return the slopes at all nodes and midpoints of the mesh."""
-    model, length = modes.model, modes.model.beam.length
-    points = np.linspace(0.0, length, 2 * model.beam.elements + 1)
-    interpolation = np.array([model.slope_interpolation(min(float(s), length)) for s in points])
+    model, beam = modes.model, modes.model.beam
+    points = np.interp(np.arange(2 * beam.elements + 1) / 2, np.arange(beam.elements + 1), beam.node_points)
+    interpolation = np.array([model.slope_interpolation(s) for s in points.tolist()])
     rest, change = interpolation @ modes.equilibrium.coordinates, interpolation @ modes.shapes
     (x, y), square = rest.T, (rest**2).sum(axis=1)
     rotations = (x[:, None] * change[:, 1] - y[:, None] * change[:, 0]) / square[:, None]
@@ -87,8 +100,8 @@ def nodal_slopes(modes: Modes) -> Slopes:
         raise InputError(
             f"mode {axial.argmax() + 1} stretches the beam, and the reduced model only bends; keep fewer modes", "modes"
         )
-    root = model.root  # 1 with an elastic clamp, whose base has its own slope and turns with phi alone
-    angles = np.concatenate([[np.arctan2(*model.beam.axis[::-1])] * root, np.arctan2(y, x)])
+    root = model.root  # 1 if the base has its own slope, which turns with phi alone
+    angles = np.concatenate([[np.arctan2(*beam.axis[::-1])] * root, np.arctan2(y, x)])
     return Slopes(
         angles=np.unwrap(angles),
         lengths=np.concatenate([np.ones(root), np.sqrt(square)]),
@@ -122,56 +135,127 @@ def select_points(slopes: Slopes, count: int, rows: Index | None = None) -> Slop
 
 
 def _simpson(model: Model) -> Array:
-    """Return P, from the slopes at nodes and midpoints (and of an elastic clamp) to the nodal coordinates."""
-    elements, l = model.beam.elements, model.beam.element_length
+    """Return P, from the slopes at nodes and midpoints (and of a node of the base) to the nodal coordinates."""
+    elements = model.beam.elements
     shape = np.zeros((2 * elements + 2, 2 * elements + 1))
     nodes = np.arange(elements + 1)
     shape[2 * nodes + 1, 2 * nodes] = 1.0
-    for i in range(elements):
+    for i, l in enumerate(model.beam.element_lengths.tolist()):
         shape[2 * i + 2] = shape[2 * i]
         shape[2 * i + 2, 2 * i : 2 * i + 3] += l / 6 * np.array([1.0, 4.0, 1.0])
     return np.asarray(scipy.linalg.block_diag(*[np.array([[0.0], [1.0]])] * model.root, shape))
 
 
 @dataclass(frozen=True, eq=False)
-class Projection:
-    """The constants of the reduced equation of motion."""
+class Joined:
+    """Points of the beam that springs or dashpots join to the base."""
 
-    slopes: Slopes  # those that determine the shape
-    mass_factor: Array  # R with R^T R = P^T M P, upper triangular, (k, k)
+    shape: Array  # from the parts to the positions of the points, (d, k)
+    places: Array  # of the points without load, which the base keeps as it turns, (d, 2), m
+    coefficients: Array  # along x and y, (d, 2), N/m or N s/m
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Constants of any reduced equation of motion, for coordinates e = u + P r with parts r (k,) of each component."""
+
+    shape: Array  # P, for one component of the coordinates, (size/2, k)
+    mass_factor: Array  # R with R^T R = P^T M P, upper triangular, (k, k) or with fewer rows
     mass_moment: Array  # P^T M 1, (k,)
     total_mass: float  # 1^T M 1, kg
-    tip_mass: float  # which has no drag, kg
-    bending_stiffness: Array  # K_b, (m, m)
-    rest_force: Array  # f_0, (m,)
-    rest_energy: float  # strain energy at rest, J
-    drag_shape: Array  # from the slopes to the positions of the drag points, (d, k)
+    lumped_shape: Array  # from the parts to the coordinates of point masses and rotary inertias, (l, k)
+    lumped_mass: Array  # of these coordinates, which have no drag, (l,), kg or kg m^2
+    lumped_moved: Array  # 1 for a position, which the base displaces, and 0 for a slope, (l,)
+    springs: Joined
+    dashpots: Joined
+    drag_shape: Array  # from the parts to the positions of the drag points, (d, k)
     drag_mass: Array  # at each of these points, (d,), kg
 
 
-def project_model(modes: Modes, nodal: Slopes, selected: Slopes, drag_points: int) -> Projection:
+@dataclass(frozen=True, eq=False)
+class SlopeProjection(Projection):
+    """The constants of the equation of motion of a beam that does not stretch; the parts are slopes."""
+
+    slopes: Slopes  # those that determine the shape
+    bending_stiffness: Array  # K_b, (m, m)
+    rest_force: Array  # f_0, (m,)
+    rest_energy: float  # strain energy at rest, without that of the springs, J
+
+
+def projected_constants(model: Model, shape: Array, drag_points: int) -> dict[str, Any]:
+    """Return the fields of ``Projection`` but the factor of the mass, for a given P (size/2, k)."""
+    mass, lumped = component_mass(model), _lumped_rows(model)
+    moment = mass @ np.tile([1.0, 0.0], len(mass) // 2)
+    points, weights = gauss(drag_points)
+    return {
+        "shape": shape,
+        "mass_moment": shape.T @ moment,
+        "total_mass": float(moment[::2].sum()),
+        "lumped_shape": shape[[row for row, _ in lumped]],
+        "lumped_mass": np.array([value for _, value in lumped]),
+        "lumped_moved": np.array([1.0 - row % 2 for row, _ in lumped]),
+        "springs": _joined(model, shape, Spring, "stiffness"),
+        "dashpots": _joined(model, shape, Dashpot, "coefficient"),
+        "drag_shape": np.array([model.interpolation(float(s))[0, ::2] for s in points * model.beam.length]) @ shape,
+        "drag_mass": _point_masses(model, points, weights),
+    }
+
+
+def component_mass(model: Model) -> Array:
+    """Return M of one component of the coordinates, (size/2, size/2)."""
+    return np.asarray(model.mass(model.properties).full()[::2, ::2])
+
+
+def project_model(modes: Modes, nodal: Slopes, selected: Slopes, drag_points: int) -> SlopeProjection:
     """Project the full model on the modes, by the slopes at all nodes and midpoints and at the selected points."""
     model, rest = modes.model, modes.equilibrium.coordinates
-    p, beam = model.properties, model.beam
-    mass = model.mass(p).full()[::2, ::2]
-    moment = mass @ np.tile([1.0, 0.0], len(mass) // 2)
-    across = np.kron(nodal.shape @ nodal.rotations, [[-beam.axis[1]], [beam.axis[0]]])
+    constants = projected_constants(model, selected.shape, drag_points)
     jacobian = np.kron(nodal.shape, np.eye(2)) @ nodal.jacobian.reshape(-1, modes.count)
-    points, weights = gauss(drag_points)
-    own_mass = selected.shape.T @ mass @ selected.shape
+    own_mass = selected.shape.T @ component_mass(model) @ selected.shape
     rounding = 1e-14 * float(own_mass.diagonal().max())  # of a mesh so coarse that it is singular
-    return Projection(
+    springs, force = constants["springs"], model.elastic_force(rest, model.properties).full().ravel()
+    at_rest = springs.shape @ selected.at_rest - springs.places
+    rows = [model.nodes_of(one.point)[:2] for one in model.beam.attachments if isinstance(one, Spring)]
+    np.subtract.at(force, np.array(rows, dtype=int).reshape(-1, 2), springs.coefficients * at_rest)
+    by_springs = float((springs.coefficients * at_rest**2).sum()) / 2
+    return SlopeProjection(
+        **constants,
+        mass_factor=np.asarray(np.linalg.cholesky(own_mass + rounding * np.eye(len(own_mass))).T),
         slopes=selected,
-        mass_factor=np.linalg.cholesky(own_mass + rounding * np.eye(len(own_mass))).T,
-        mass_moment=selected.shape.T @ moment,
-        total_mass=float(moment[::2].sum()),
-        tip_mass=beam.tip_mass,
-        bending_stiffness=across.T @ (model.tangent_stiffness(model.straight, p).sparse() @ across),
-        rest_force=jacobian.T @ model.elastic_force(rest, p).full().ravel(),
-        rest_energy=float(model.strain_energy(rest, p)),
-        drag_shape=np.array([model.interpolation(float(s))[0, ::2] for s in points * beam.length]) @ selected.shape,
-        drag_mass=_point_masses(model, points, weights),
+        bending_stiffness=_bending_stiffness(model, nodal),
+        rest_force=jacobian.T @ force,
+        rest_energy=float(model.strain_energy(rest, model.properties)) - by_springs,
     )
+
+
+def _bending_stiffness(model: Model, nodal: Slopes) -> Array:
+    """Return K_b, the integral of E I Theta'^2, with the torsional springs between beam and base."""
+    beam, across = model.beam, nodal.shape @ nodal.rotations
+    points = [s for index in range(beam.elements) for s in model.gauss_points(index)]
+    curvature = np.array([model.curvature_interpolation(s)[0, ::2] for s in points]) @ across
+    width, thickness, _, modulus = model.properties
+    stiffness = np.kron(modulus * width * thickness**3 / 12 * beam.element_lengths, gauss(2)[1])
+    turning = [one for one in (*beam.supports, *beam.attachments) if isinstance(one, RotationalSpring)
+               or (isinstance(one, Clamp) and one.stiffness < math.inf)]  # fmt: skip
+    rotation = across[[model.nodes_of(one.point)[2] // 2 for one in turning]]
+    own = np.array([one.stiffness for one in turning])
+    return np.asarray((curvature.T * stiffness) @ curvature + (rotation.T * own) @ rotation)
+
+
+def _lumped_rows(model: Model) -> list[tuple[int, float]]:
+    """Return the rows, in one component of the coordinates, of point masses and rotary inertias, with their values."""
+    masses = [one for one in model.beam.attachments if isinstance(one, PointMass)]
+    values = [(model.nodes_of(one.point)[2 * k] // 2, value) for one in masses
+              for k, value in enumerate((one.mass, one.rotary_inertia)) if value]  # fmt: skip
+    return [(int(row), value) for row, value in values]
+
+
+def _joined(model: Model, shape: Array, kind: type[Spring | Dashpot], attribute: str) -> Joined:
+    """Return the points that attachments of a kind join to the base."""
+    own = [one for one in model.beam.attachments if isinstance(one, kind)]
+    nodes = np.array([model.nodes_of(one.point)[:2] for one in own], dtype=int).reshape(-1, 2)
+    values = np.array([getattr(one, attribute) for one in own]).reshape(-1, 2)
+    return Joined(shape[nodes[:, 0] // 2], model.straight[nodes], values)
 
 
 def _point_masses(model: Model, points: Array, weights: Array) -> Array:
@@ -179,8 +263,8 @@ def _point_masses(model: Model, points: Array, weights: Array) -> Array:
     beam, degree = model.beam, len(points) - 1
     width, thickness, density, _ = model.properties
     own_points, own_weights = gauss(degree // 2 + 1)
-    within = (np.arange(beam.elements)[:, None] + own_points) / beam.elements
-    masses = (width * thickness * density * beam.element_length)[:, None] * own_weights
+    within = (beam.node_points[:-1, None] + beam.element_lengths[:, None] * own_points) / beam.length
+    masses = (width * thickness * density * beam.element_lengths)[:, None] * own_weights
     legendre = np.polynomial.legendre.legvander
     moments = masses.ravel() @ legendre(2 * within.ravel() - 1, degree)
     return np.asarray(weights * (legendre(2 * points - 1, degree) @ (moments * (2 * np.arange(degree + 1) + 1))))

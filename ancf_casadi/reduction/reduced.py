@@ -3,8 +3,9 @@
     M(q) q_tt = -h(q, q_t, base, p)
 
 is Eq. (6) with damping, projected on the bending modes (``forces``).  It keeps the large bending, the inertia, gravity
-and damping of the beam.  It has no axial motion, whose waves would limit the steps of an explicit integrator.  In small
-motion about rest, it has the modes of the full beam.  ``docs/reduction.md`` shows how the error grows with amplitude.
+and damping of the beam.  It has no axial waves, which would limit the steps of an explicit integrator: the beam does
+not stretch, or stretches as in a slow motion where supports hold it at several places.  In small motion about rest, it
+has the modes of the full beam.  ``docs/reduction.md`` shows how the error grows with amplitude.
 
 All Functions are sequences of scalar operations on short vectors, which makes them fast as C code.  M is factored as
 L D L^T.  ``write_c``, ``save_functions`` and ``write_fmu`` export them like those of the full model, and
@@ -44,8 +45,18 @@ from ancf_casadi.dynamics.signals import (
 )
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
-from ancf_casadi.reduction.projection import Projection, nodal_slopes, project_model, select_points
+from ancf_casadi.reduction.bending import BendingMotion
+from ancf_casadi.reduction.condensation import CondensedProjection, condensed_projection
+from ancf_casadi.reduction.condensed import CondensedMotion
+from ancf_casadi.reduction.forces import BASE_SIZE, Expression, ReducedMotion
+from ancf_casadi.reduction.projection import (
+    Projection,
+    SlopeProjection,
+    begins_open,
+    nodal_slopes,
+    project_model,
+    select_points,
+)
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, numbers, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
@@ -153,28 +164,33 @@ def reduce_model(
 ) -> ReducedModel:
     """Return the reduced model of a beam.
 
+    If one clamp or pin holds the beam at its beginning, it does not stretch and may bend far.  Otherwise the motion
+    along the beam follows the modes as a quadratic function, which stiffens a beam whose ends cannot approach each
+    other; this holds for moderate amplitudes, up to about a tenth of the length.
+
     Parameters
     ----------
     model : Model
         The full model.
     modes : int or Modes
         The modes kept.  An int m keeps the m lowest modes about the equilibrium under gravity.  ``Modes`` are kept
-        as they are, and their equilibrium is the state of rest.
+        as they are, and their equilibrium is the state of rest.  Where supports hold the beam beyond its beginning, at
+        most 12.
     damping : DampingLaw, optional
         The damping law; undamped if not given.  ``RayleighDamping(stiffness="reference")`` is refused.
     markers : sequence of float
         Arc lengths of observed points, m.  The Function ``markers`` returns their positions.
     slope_points : int, optional
         Number of points at which the slope is evaluated: more than m, and at most the 2 n + 1 nodes and midpoints;
-        2 m + 2 if not given.
+        2 m + 2 if not given.  Only for a beam that is held at its beginning alone.
     drag_points : int, optional
         Number of points at which the quadratic drag acts, at most 100; 4 m + 4 if not given.
 
     Raises
     ------
     InputError
-        If the modes belong to another model or stretch the beam, a number of points is out of its range, a marker is
-        not on the beam, or the damping law needs a force that the reduced model does not have.
+        If the modes belong to another model, stretch the beam or move it without bending, a number of points is out of
+        its range, a marker is not on the beam, or the damping law needs a force that the reduced model does not have.
     EquilibriumError
         If there is no stable equilibrium under gravity.
 
@@ -193,16 +209,33 @@ def reduce_model(
     check_instance(model, "model", Model)
     check_instance(damping, "damping", DampingLaw, NoneType)
     if not isinstance(modes, Modes):
-        modes = natural_modes(model, count=whole(modes, "modes", 1, model.size - model.free.start))
+        modes = natural_modes(model, count=whole(modes, "modes", 1, model.freedoms))
     if modes.model != model:
         raise InputError("belong to another model", "modes")
     law = RayleighDamping() if damping is None else damping
-    m, nodal = modes.count, nodal_slopes(modes)
-    most, usual = len(nodal.angles), min(4 * m + 4, MOST_DRAG_POINTS)
-    slope_points = min(2 * m + 2, most) if slope_points is None else whole(slope_points, "slope_points", m + 1, most)
+    if not modes.frequencies[0]:
+        raise InputError("mode 1 is a motion without bending, which nothing holds; add a support or a spring", "modes")
+    m, usual = modes.count, min(4 * modes.count + 4, MOST_DRAG_POINTS)
     drag_points = usual if drag_points is None else whole(drag_points, "drag_points", 1, MOST_DRAG_POINTS)
+    if not begins_open(model):
+        if slope_points is not None:
+            raise InputError("have no meaning where supports hold the beam beyond its beginning", "slope_points")
+        return _assembled(modes, law, condensed_projection(modes, drag_points), numbers(markers, "markers"))
+    nodal = nodal_slopes(modes)
+    most = len(nodal.angles)
+    slope_points = min(2 * m + 2, most) if slope_points is None else whole(slope_points, "slope_points", m + 1, most)
     projection = project_model(modes, nodal, select_points(nodal, slope_points), drag_points)
     return _assembled(modes, law, projection, numbers(markers, "markers"))
+
+
+def reduced_motion(
+    projection: Projection, q: Expression, v: Expression, base: Expression, gravity: Expression
+) -> ReducedMotion:
+    """Return a motion of a reduced beam."""
+    if isinstance(projection, CondensedProjection):
+        return CondensedMotion(projection, q, v, base, gravity)
+    assert isinstance(projection, SlopeProjection)
+    return BendingMotion(projection, q, v, base, gravity)
 
 
 def rebuilt(first: ReducedModel, model: Model) -> ReducedModel:
@@ -211,10 +244,12 @@ def rebuilt(first: ReducedModel, model: Model) -> ReducedModel:
     Points that ``reduce_model`` selects jump with the properties, and the equation of motion with them; at the same
     points, the equation is a continuous function of the properties.
     """
-    modes, slopes = natural_modes(model, count=first.count), first.projection.slopes
-    nodal = nodal_slopes(modes)
-    selected = select_points(nodal, len(slopes.rows), slopes.rows)
-    return _assembled(modes, first.law, project_model(modes, nodal, selected, len(first.projection.drag_mass)), ())
+    modes, drag_points = natural_modes(model, count=first.count), len(first.projection.drag_mass)
+    if not isinstance(first.projection, SlopeProjection):
+        return _assembled(modes, first.law, condensed_projection(modes, drag_points), ())
+    nodal, rows = nodal_slopes(modes), first.projection.slopes.rows
+    selected = select_points(nodal, len(rows), rows)
+    return _assembled(modes, first.law, project_model(modes, nodal, selected, drag_points), ())
 
 
 def _assembled(modes: Modes, law: DampingLaw, projection: Projection, markers: Sequence[float]) -> ReducedModel:
@@ -243,10 +278,10 @@ def _functions(
     sizes = {"q": m, "v": m, "base": BASE_SIZE, "p": parameters}
     inputs = {name: cs.SX.sym(name, size) for name, size in sizes.items()}
     q, v, base, p = inputs.values()
-    motion = ReducedMotion(projection, q, v, base, gravity=p[:2])
-    e = motion.nodal(*motion.slope, base[:2])
-    e_t = motion.nodal(*motion.slope_velocity, base[3:5])
-    M = ReducedMotion(projection, q, v, cs.SX.zeros(BASE_SIZE), p[:2]).mass  # the same at any position of the clamp
+    motion = reduced_motion(projection, q, v, base, p[:2])
+    e = motion.nodal(*motion.parts, base[:2])
+    e_t = motion.nodal(*motion.part_rates, base[3:5])
+    M = reduced_motion(projection, q, v, cs.SX.zeros(BASE_SIZE), p[:2]).mass  # the same at any position of the base
     T, U, V = motion.energies
     forces = (motion.undamped_forces(cs.SX.zeros(m)) + motion.damping(law, p[2:], model))[:m]
     positions = cs.horzcat(cs.SX(2, 0), *(cs.DM(model.interpolation(s)) @ e for s in markers))

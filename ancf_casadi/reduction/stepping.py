@@ -159,7 +159,8 @@ def simulate_reduced(
     Raises
     ------
     InputError
-        If a number is not positive or leads to too many steps, the base motion is not finite, or the start is unknown,
+        If a number is not positive or leads to too many steps, the base motion is not finite or turns a beam on rollers
+        or guides, or the start is unknown,
         belongs to another model or cannot be projected.
     EquilibriumError
         If there is no equilibrium to start from.
@@ -189,6 +190,7 @@ def simulate_reduced(
             f"makes {length * per_second:.1e} steps, more than {MOST_REDUCED_STEPS:.0e}", "steps_per_period"
         )
     advance = _stepper(reduced, length)
+    keeps_direction = any(one.sliding for one in reduced.model.beam.supports)
 
     samples: list[Array] = []  # of (q, v)
     clamps: list[Array] = []  # motion of the clamp at these samples
@@ -203,6 +205,9 @@ def simulate_reduced(
                 stages = clamp(within.reshape(1, -1)).full()
                 if not np.isfinite(stages).all():
                     message = f"its position, velocity or acceleration is not finite before {piece.end:g} s"
+                    raise InputError(message, "base")
+                if keeps_direction and stages[[2, 5]].any():
+                    message = "turns, while a roller or guide keeps its direction; use the full model"
                     raise InputError(message, "base")
                 path = advance(x, stages, h)
             lost = ~np.isfinite(path[1:]).all(axis=1)

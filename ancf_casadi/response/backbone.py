@@ -81,7 +81,11 @@ class Backbone(Reported):
 
     @cached_property
     def amplitudes(self) -> Array:
-        """Half the peak-to-peak displacement of the tip, m, or of the largest coordinate of another system, (k,)."""
+        """Half the peak-to-peak displacement, (k,): of the reference point of the mode, m, or a system's coordinate.
+
+        The reference point is the tip or, if the tip is held, that of ``Modes.reference_points``; another system than a
+        beam has its largest coordinate instead.
+        """
         point = _largest(self.motions[0])
         return np.array([motion.amplitude(point) for motion in self.motions])
 
@@ -164,8 +168,7 @@ def backbone(
     mode : int
         Number of the mode, from 1.
     amplitude : float
-        Amplitude at which the backbone ends: half the peak-to-peak displacement of the tip, m, or that of the largest
-        coordinate of another system.
+        Amplitude at which the backbone ends, as of ``Backbone.amplitudes``.
     damping : DampingLaw, optional
         As in ``periodic_motion``.
     points : int
@@ -198,12 +201,13 @@ def backbone(
     """
     amplitude, tolerance = physical(amplitude, "amplitude"), positive(tolerance, "tolerance")
     points = whole(points, "points", 2)
-    subject = excited(model, damping, free=True)
+    mode = whole(mode, "mode", 1)
+    subject = excited(model, damping, mode=mode)
+    whole(mode, "mode", 1, subject.system.size)
     if subject.model is not None and amplitude > subject.model.beam.length:
         raise InputError(
             f"{amplitude:g} m is more than the length of the beam, {subject.model.beam.length:g} m", "amplitude"
         )
-    mode = whole(mode, "mode", 1, subject.system.size)
     # of the largest amplitude, at which the backbone begins
     first = _first(subject, mode, 1e-3 * amplitude, tolerance)
     functional, frequency = first.family.phase, first.family.setting.omega / (2 * math.pi)
@@ -261,7 +265,7 @@ def _first(subject: Excited, mode: int, amplitude: float, tolerance: float) -> P
 
 
 def _amplitude(subject: Excited, C: Array, setting: Setting) -> float:
-    """Return the amplitude of the tip, or of the largest coordinate."""
+    """Return the amplitude of the reference point, or of the largest coordinate."""
     if subject.model is None:
         return float(np.abs(C[2]).max())
     q, _, u = subject.kinematics(C, setting, np.array([0.5, 1.5]) * math.pi)
@@ -270,6 +274,6 @@ def _amplitude(subject: Excited, C: Array, setting: Setting) -> float:
 
 
 def _largest(motion: PeriodicMotion) -> float | None:
-    """Return the point whose amplitude is given: None for the tip of a beam, or the largest coordinate."""
+    """Return the point whose amplitude is given: None for the reference point of a beam, or the largest coordinate."""
     beam = motion.excited.model is not None
     return None if beam else int(np.abs(motion.coefficients[1:]).max(axis=0).argmax())

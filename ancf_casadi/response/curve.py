@@ -118,7 +118,7 @@ class ResponseCurve(Reported):
 
     @property
     def peak(self) -> PeriodicMotion:
-        """The motion with the largest amplitude, of the tip of a beam or the first coordinate of another system."""
+        """The motion with the largest amplitude, as ``amplitude`` gives it."""
         return self.motions[int(self.amplitude().argmax())]
 
     def table(self) -> Table:

@@ -1,13 +1,15 @@
 """A system with its excitation, and the motion of its points.
 
-The displacement of a point of a beam is taken relative to the clamp unless stated otherwise.  Its direction is across
+The displacement of a point of a beam is taken relative to the base unless stated otherwise.  Its direction is across
 the beam, (-a_y, a_x) for the axis a, unless another is given.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from types import NoneType
 from typing import Any
 
@@ -19,8 +21,8 @@ from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
-from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
+from ancf_casadi.reduction.forces import BASE_SIZE
+from ancf_casadi.reduction.reduced import ReducedModel, reduce_model, reduced_motion
 from ancf_casadi.response.harmonic_balance.balance import FIRST_HARMONICS, HarmonicBalance, Setting, least_samples
 from ancf_casadi.response.harmonic_balance.beams import STRAIGHT, full_system, reduced_system
 from ancf_casadi.response.harmonic_balance.drive import Drive, HarmonicForce, beam_drive, force_drive, no_drive
@@ -28,6 +30,7 @@ from ancf_casadi.response.harmonic_balance.fourier import basis_at, fourier
 from ancf_casadi.response.harmonic_balance.system import SecondOrderSystem
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, unit_vector, whole
+from ancf_casadi.vibration.modes import natural_modes
 
 Body = Model | ReducedModel | SecondOrderSystem
 
@@ -40,11 +43,22 @@ class Excited:
     drive: Drive
     body: Model | ReducedModel | None  # None for a system of the user
     law: DampingLaw | None = None  # of the beam
+    mode: int = 1  # of the beam, from 1, to whose reference point amplitudes refer
 
     @property
     def model(self) -> Model | None:
         """The full model of the beam."""
         return self.body.model if isinstance(self.body, ReducedModel) else self.body
+
+    @cached_property
+    def reference(self) -> float:
+        """Arc length of the point to which amplitudes refer: the tip, or if it is held that of ``Modes``, m."""
+        model = self.model
+        if model is None:
+            return math.nan
+        if not model.beam.tip_is_held:
+            return model.beam.length
+        return natural_modes(model, count=self.mode).reference_points[-1]
 
     @property
     def unit(self) -> str:
@@ -82,16 +96,16 @@ class Excited:
         model = self.model
         if model is None:
             return q[whole(0 if point is None else point, "point", 0, self.system.size - 1), :]
-        interpolation = model.interpolation(model.beam.length if point is None else point)
+        interpolation = model.interpolation(self.reference if point is None else point)
         ax, ay = model.beam.axis
         along = np.array(unit_vector((-ay, ax) if direction is None else direction, "direction"))
         if isinstance(self.body, ReducedModel):
-            motion = ReducedMotion(self.body.projection, q, 0 * q, u[:BASE_SIZE, :], gravity=cs.DM(2, 1))
-            shape = cs.DM(interpolation[:1, ::2] @ self.body.projection.slopes.shape)
-            relative_position = cs.vertcat(*(shape @ part for part in motion.slope))
+            motion = reduced_motion(self.body.projection, q, 0 * q, u[:BASE_SIZE, :], cs.DM(2, 1))
+            shape = cs.DM(interpolation[:1, ::2] @ self.body.projection.shape)
+            relative_position = cs.vertcat(*(shape @ part for part in motion.parts))
         else:
             axis = cs.repmat(cs.DM([ax, ay]), 1, q.size2())
-            relative_position = cs.DM(interpolation) @ cs.vertcat(u[:2, :], axis, q) - u[:2, :]
+            relative_position = cs.DM(interpolation) @ model.whole(q, cs.vertcat(u[:2, :], axis)) - u[:2, :]
         position = relative_position if relative else relative_position + u[:2, :]
         return cs.DM(along).T @ position
 
@@ -103,16 +117,16 @@ def excited(
     load: TipLoad | None = None,
     force: HarmonicForce | None = None,
     *,
-    free: bool = False,
+    mode: int | None = None,
 ) -> Excited:
-    """Return a beam or a system with its excitation; ``free`` stands for none."""
+    """Return a beam or a system with its excitation; for a free vibration in a mode, without any."""
     check_instance(body, "model", Model, ReducedModel, SecondOrderSystem)
     check_instance(damping, "damping", DampingLaw, NoneType)
     if isinstance(body, SecondOrderSystem):
         for name, given in (("damping", damping), ("base", base), ("load", load)):
             if given is not None:
                 raise InputError("belongs to a beam; a SecondOrderSystem has its own, and takes a HarmonicForce", name)
-        if free:
+        if mode is not None:
             return Excited(body, no_drive(body.excitation), None)
         check_instance(force, "force", HarmonicForce)
         assert force is not None
@@ -127,7 +141,9 @@ def excited(
         assert isinstance(body, Model)
         damping = RayleighDamping() if damping is None else damping
         system = full_system(body, damping)
-    return Excited(system, no_drive(system.excitation) if free else beam_drive(base, load), body, damping)
+    if mode is None:
+        return Excited(system, beam_drive(base, load), body, damping)
+    return Excited(system, no_drive(system.excitation), body, damping, mode)
 
 
 def half_range(values: Array) -> float:

@@ -5,8 +5,8 @@ Small displacements w of the free coordinates about an equilibrium obey
     M w_tt + D w_t + K w = S_j^T f(t),
 
 with the tangent stiffness K at the equilibrium (gravity and loads included), the mass M, and D = dQ_damp/de_t at rest,
-the low-rank part of modal damping included.  The row S_j picks the displacement of the loaded point along the direction
-of the load, S_i that of a response.  Under f = F exp(i omega t), the receptance is
+the low-rank part of modal damping and the dashpots included.  The row S_j picks the displacement of the loaded point
+along the direction of the load, S_i that of a response.  Under f = F exp(i omega t), the receptance is
 
     H_ij = S_i (K + i omega D - omega^2 M)^-1 S_j^T.
 
@@ -46,7 +46,8 @@ from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.banded import BandedFactors
 from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, choice, is_sequence, number, unit_vector
@@ -68,7 +69,9 @@ FRF_UNITS = {
 FRF_POWERS = {"receptance": 0, "mobility": 1, "accelerance": 2}  # powers of i omega
 # these frequencies, relative to the first and last mode; half-widths about a resonance
 SPAN, HALF_WIDTHS = (0.2, 1.3), 10.0
-TRIAL_AMPLITUDE = 0.01  # of the tip, in lengths of the beam; there, damping ratios are compared with those at rest
+TRIAL_AMPLITUDE = (
+    0.01  # of the reference point, in lengths of the beam; there, damping ratios are compared with those at rest
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,11 +87,11 @@ class LinearFrf(Reported):
     values : array (outputs, inputs, k)
         Complex values, in ``unit``; one input, the motion of the base, for the transmissibilities.
     points, load_points : tuple of float
-        Arc lengths of the responding and of the loaded points from the clamp, m; without loaded points, the base moves.
+        Arc lengths of the responding and of the loaded points, m; without loaded points, the base moves.
     direction, load_direction : (float, float)
         Directions of the responses, and of the loads or the base motion; unit vectors.
     modes : Modes
-        The first modes about the equilibrium.
+        The first modes about the equilibrium, without rigid-body motions.
     damping : DampingLaw
         The damping law.
 
@@ -132,16 +135,17 @@ class LinearFrf(Reported):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of small motion."""
-        count, length = self.modes.count, self.modes.model.beam.length
+        count, length, point = self.modes.count, self.modes.model.beam.length, self.modes.reference_points[0]
         rest, moving = (
             self.damping.damping_ratios(self.modes, np.full(count, a)) for a in (0.0, TRIAL_AMPLITUDE * length)
         )
         # relative difference of the damping ratios beyond which there is a warning
         if np.allclose(moving, rest, rtol=0.01, atol=0.0):
             return ()
+        where = "of the tip" if point == length else f"at {point:.4g} m"
         return (
             "the damping depends on the amplitude, and these functions hold for very small motion only: at an "
-            f"amplitude of {1e3 * TRIAL_AMPLITUDE * length:.2g} mm of the tip, the damping ratio of mode 1 is "
+            f"amplitude of {1e3 * TRIAL_AMPLITUDE * length:.2g} mm {where}, the damping ratio of mode 1 is "
             f"{moving[0]:.3g}, not {rest[0]:.3g}",
         )
 
@@ -162,7 +166,7 @@ class LinearFrf(Reported):
                     for k in peaks.tolist()
                 ]
         columns = ("response / load", "frequency_Hz", f"amplitude, {self.unit}", "phase_deg")
-        ratios = self.damping.damping_ratios(self.modes, np.zeros(self.modes.count))
+        ratios = _damping_ratios(self.modes, self.damping)
         pairs = zip(self.modes.frequencies.tolist(), ratios.tolist(), strict=True)
         own = ", ".join(f"{frequency:.4g} Hz ({100 * ratio:.3g} %)" for frequency, ratio in pairs)
         title = f"Peaks of the {self.kind.replace('-', ' ')} at {len(self.frequencies)} frequencies"
@@ -218,9 +222,10 @@ def linear_frf(
         Displacement, velocity or acceleration per force, or absolute or relative displacement per displacement of the
         base.
     points : float or sequence of float, optional
-        Arc lengths of the responding points from the clamp, m; the tip if not given.
+        Arc lengths of the responding points, m; if not given, the tip, or if it is held the point of mode 1 in
+        ``Modes.reference_points``.
     load_points : float or sequence of float, optional
-        Arc lengths of the points at which a force acts, m; the tip if not given.
+        Arc lengths of the points at which a force acts, m; as ``points`` if not given.
     direction : (float, float), optional
         Direction of the responses, of any positive length; across the axis of the beam at its clamp if not given, in
         the direction of x for a hanging beam.
@@ -258,11 +263,13 @@ def linear_frf(
     axis = model.beam.axis
     response_direction = unit_vector((-axis[1], axis[0]) if direction is None else direction, "direction")
     input_direction = response_direction if load_direction is None else unit_vector(load_direction, "load_direction")
-    responding, loaded = _points(model, points, "points"), () if moved else _points(model, load_points, "load_points")
     law = damping or RayleighDamping()
+    given = {name: _points(model, own, name) for name, own in (("points", points), ("load_points", load_points))}
     rest = equilibrium or static_equilibrium(model)
     # resonances in the frequencies that are chosen if none are given
-    modes = natural_modes(model, count=min(5, model.size - NODE), equilibrium=rest)
+    modes = _bending(natural_modes(model, count=min(5, model.freedoms), equilibrium=rest))
+    responding, loaded = (own or modes.reference_points[:1] for own in given.values())
+    loaded = () if moved else loaded
     f = _chosen(modes, law) if frequencies is None else _frequencies(frequencies)
 
     rows = _rows(model, responding, response_direction)
@@ -281,9 +288,9 @@ def linear_frf(
 
 
 def _points(model: Model, given: Any, where: str) -> tuple[float, ...]:
-    """Return arc lengths of points on the beam."""
+    """Return arc lengths of points on the beam; empty if they are not given."""
     if given is None:
-        return (model.beam.length,)
+        return ()
     values = tuple(number(s, where) for s in given) if is_sequence(given) else (number(given, where),)
     if not values:
         raise InputError("is empty; give at least one arc length", where)
@@ -304,15 +311,29 @@ def _frequencies(given: ArrayLike) -> Array:
 def _chosen(modes: Modes, law: DampingLaw) -> Array:
     """Return frequencies that show the resonances of the modes, close together where the response changes fast."""
     f = modes.frequencies
-    ratios = np.clip(law.damping_ratios(modes, np.zeros(modes.count)), 1e-4, 0.1)
+    ratios = np.clip(_damping_ratios(modes, law), 1e-4, 0.1)
     even = np.geomspace(SPAN[0] * f[0], SPAN[1] * f[-1], 400)
     near = HALF_WIDTHS * np.sinh(np.linspace(-4.0, 4.0, 61)) / np.sinh(4.0)
     return np.unique(np.concatenate([even, *(own * (1 + ratio * near) for own, ratio in zip(f, ratios, strict=True))]))
 
 
+def _bending(modes: Modes) -> Modes:
+    """Return the modes without the rigid-body motions of a beam that is not held."""
+    held = modes.frequencies > 0.0
+    return Modes(modes.equilibrium, modes.frequencies[held], modes.shapes[:, held])
+
+
+def _damping_ratios(modes: Modes, law: DampingLaw) -> Array:
+    """Return the damping ratios of very small motion by the law and the dashpots of the beam, (m,)."""
+    model, shapes = modes.model, modes.shapes
+    resisted = (shapes * model.dashpot_force(shapes, model.properties).full()).sum(axis=0)
+    own: Array = law.damping_ratios(modes, np.zeros(modes.count))
+    return np.asarray(own + resisted / (2 * modes.angular_frequencies))
+
+
 def _rows(model: Model, points: Sequence[float], direction: tuple[float, float]) -> Array:
     """Return the rows S of points along a direction, (points, free)."""
-    return np.array([np.array(direction) @ model.interpolation(s)[:, model.free] for s in points])
+    return np.array([model.of_free(np.array(direction) @ model.interpolation(s)) for s in points])
 
 
 def _responses(
@@ -329,13 +350,11 @@ def _responses(
     entries = terms.tangents(e, cs.MX.zeros(model.size), cs.MX.zeros(LOAD_SIZE))
     _, D, M = (cs.evalf(model.matrix(values)).sparse() for values in entries)
     B, d = law.projection(model), cs.evalf(cs.densify(terms.modal_coefficients)).full()
-    resisted, moved = (part[model.free] for part in (D @ translation + B @ (d * (B.T @ translation)), M @ translation))
+    resisted, moved = map(model.of_free, (D @ translation + B @ (d * (B.T @ translation)), M @ translation))
     _, stiffness, mass = rest.structure.linearisation(rest.exact)
-    coo, damping = D.tocoo(), np.zeros_like(stiffness)
-    rows, columns = coo.row - NODE, coo.col - NODE
-    inside = (rows >= 0) & (columns >= 0)
-    np.add.at(damping, (BANDWIDTH + rows[inside] - columns[inside], columns[inside]), coo.data[inside])
-    B, found = B[model.free], []
+    own, damping = cs.evalf(model.free_matrix(entries[1])).sparse().tocoo(), np.zeros_like(stiffness)
+    np.add.at(damping, (BANDWIDTH + own.row - own.col, own.col), own.data)
+    B, found = model.of_free(B), []
     for ω in 2 * np.pi * f:
         storage = np.zeros((3 * BANDWIDTH + 1, stiffness.shape[1]), dtype=complex, order="F")
         storage[BANDWIDTH:] = stiffness + 1j * ω * damping - ω**2 * mass

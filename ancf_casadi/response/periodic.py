@@ -102,12 +102,12 @@ class PeriodicMotion(Reported):
         Parameters
         ----------
         point : float, optional
-            Arc length of the point of a beam, m, the tip if not given; the number of a coordinate, from 0, of another
-            system.
+            Arc length of the point of a beam, m, the tip if not given, or if it is held the point of mode 1 in
+            ``Modes.reference_points``; the number of a coordinate, from 0, of another system.
         direction : (float, float), optional
             Direction; across the beam if not given.
         relative : bool
-            Whether to take the position relative to the clamp; otherwise it is that in the laboratory frame.
+            Whether to take the position relative to the base; otherwise it is that in the laboratory frame.
 
         Raises
         ------
@@ -182,7 +182,8 @@ class PeriodicMotion(Reported):
         if isinstance(body, ReducedModel):
             return ReducedTrajectory(body, instants, q.T, v.T, u[:BASE_SIZE].T, 0, time.perf_counter() - began)
         slope = np.tile(np.array(body.beam.axis)[:, None], (1, count + 1))
-        e, e_t = np.vstack([u[:2], slope, q]).T, np.vstack([u[3:5], np.zeros_like(slope), v]).T
+        e = body.whole(q, np.vstack([u[:2], slope])).T
+        e_t = body.whole(v, np.vstack([u[3:5], np.zeros_like(slope)])).T
         own = replace(self.balance, fourier=fourier(self.harmonic_count, count))
         motion, parameters = own.motion(self.coefficients, setting), own.parameters(setting)
         force = base_force(body, law).map(count)(*motion, np.tile(parameters[:, None], count)).full()

@@ -66,9 +66,15 @@ class Differentiable(cs.Callback):
         """Return the shape of the output."""
         return cs.Sparsity.dense(self._size, self._inputs if self._part else 1)
 
-    def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
-        """Return the values, or the Jacobian."""
-        return [cs.DM(self.at(arg[0].full().ravel())[self._part])]
+    def has_eval_buffer(self) -> bool:
+        """Return True: inputs and outputs are buffers, because a large DM is slow to make from an array."""
+        return True
+
+    def eval_buffer(self, arg: Sequence[memoryview], res: Sequence[memoryview]) -> int:
+        """Write the values, or the Jacobian, column after column."""
+        found = self.at(np.frombuffer(arg[0]).copy())[self._part]
+        np.frombuffer(res[0])[:] = np.ravel(found, order="F")
+        return 0
 
     def has_jacobian(self) -> bool:
         """Return whether the derivatives of the output are known."""

@@ -81,16 +81,16 @@ def check_instance(value: Any, where: str, *kinds: type) -> None:
         raise InputError(_mistaken(value, kinds), where)
 
 
-def instances(values: Any, where: str, kind: type, *, least: int = 1) -> tuple[Any, ...]:
-    """Return a sequence of instances of a class, by default of one or more, as a tuple."""
+def instances(values: Any, where: str, *kinds: type, least: int = 1) -> tuple[Any, ...]:
+    """Return a sequence of instances of one of some classes, by default of one or more, as a tuple."""
+    names = " or ".join(kind.__name__ for kind in kinds)
     if not is_sequence(values):
-        advice = "; put it in a list" if isinstance(values, kind) else ""
-        raise InputError(f"must be a sequence of {kind.__name__}, got {_given(values)}{advice}", where)
+        advice = "; put it in a list" if isinstance(values, kinds) else ""
+        raise InputError(f"must be a sequence of {names}, got {_given(values)}{advice}", where)
     if len(values) < least:
-        given = "" if kind is object else f" {kind.__name__}"
-        raise InputError(f"is empty; give at least one{given}", where)
+        raise InputError(f"is empty; give at least one{'' if object in kinds else f' {names}'}", where)
     for value in values:
-        check_instance(value, where, kind)
+        check_instance(value, where, *kinds)
     return tuple(values)
 
 
@@ -219,6 +219,8 @@ def unit_vector(value: Any, where: str) -> tuple[float, float]:
     length = math.hypot(x, y)
     if length == 0.0:
         raise InputError("must not be the zero vector", where)
+    if abs(length - 1.0) <= 1e-15:  # a unit vector keeps all its digits
+        return x, y
     return x / length, y / length
 
 

@@ -25,16 +25,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import casadi as cs
 import numpy as np
 import scipy.sparse
 
-from ancf_casadi.mechanics.beam import LUMPED
 from ancf_casadi.mechanics.element import Element
-from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.mechanics.point_load import PointLoad
-from ancf_casadi.mechanics.strain import hermite, hermite_slope
+from ancf_casadi.mechanics.loads import Load, PointLoad
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.mechanics.strain import gauss_pairs, hermite, hermite_slope
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import Buffered
 
@@ -46,9 +47,9 @@ EPSILON = float(np.finfo(float).eps)
 class ElementBalance:
     """The balance of forces and the mass of one element, and the Functions derived from them."""
 
-    # (e, p) -> R (d,), the elastic force minus the weight, for coordinates e (d,) and properties p (k,)
+    # (e, p, c) -> R (d,), the elastic force minus the weight, for coordinates e (d,), properties p (k,) and constants c
     force: cs.Function
-    mass: cs.Function  # p -> mass matrix M (d, d)
+    mass: cs.Function  # (p, c) -> mass matrix M (d, d)
 
     @property
     def sizes(self) -> tuple[int, int]:
@@ -57,78 +58,111 @@ class ElementBalance:
 
     @cached_property
     def linearisation(self) -> cs.Function:
-        """(e, p) -> R, K = dR/de, dR/dp, M."""
-        e, p = self._symbols()
-        force = self.force(e, p)
-        return _function("linearisation", [e, p], [force, cs.jacobian(force, e), cs.jacobian(force, p), self.mass(p)])
+        """(e, p, c) -> R, K = dR/de, dR/dp, M."""
+        e, p, c = given = self._symbols()
+        force = self.force(*given)
+        return _function("linearisation", given, [force, cs.jacobian(force, e), cs.jacobian(force, p), self.mass(p, c)])
 
     @cached_property
     def stiffness_product(self) -> cs.Function:
-        """(e, p, de, x) -> (K + (dK/de) de) x, the derivative of the force along x."""
-        e, p = self._symbols()
+        """(e, p, c, de, x) -> (K + (dK/de) de) x, the derivative of the force along x."""
+        e, *_ = given = self._symbols()
         de, x = cs.SX.sym("de", self.sizes[0]), cs.SX.sym("x", self.sizes[0])
-        along = cs.jtimes(self.force(e, p), e, x)
-        return _function("stiffness_product", [e, p, de, x], [along + cs.jtimes(along, e, de)])
+        along = cs.jtimes(self.force(*given), e, x)
+        return _function("stiffness_product", [*given, de, x], [along + cs.jtimes(along, e, de)])
 
     @cached_property
     def pencil_jacobians(self) -> cs.Function:
-        """(e, p, phi, lambda) -> d(K phi)/de, d((K - lambda M) phi)/dp, 1/2 d(phi^T M phi)/dp."""
-        e, p, phi, eigenvalue, pencil, norm = self._mode()
+        """(e, p, c, phi, lambda) -> d(K phi)/de, d((K - lambda M) phi)/dp, 1/2 d(phi^T M phi)/dp."""
+        (e, p, *others), pencil, norm = self._mode()
         jacobians = [cs.jacobian(pencil, e), cs.jacobian(pencil, p), cs.jacobian(norm, p)]
-        return _function("pencil_jacobians", [e, p, phi, eigenvalue], jacobians)
+        return _function("pencil_jacobians", [e, p, *others], jacobians)
 
     @cached_property
     def force_hessian(self) -> cs.Function:
-        """(e, p, z) -> d2(z^T R)/d(e, p)2."""
-        e, p = self._symbols()
+        """(e, p, c, z) -> d2(z^T R)/d(e, p)2."""
+        e, p, c = given = self._symbols()
         z = cs.SX.sym("z", self.sizes[0])
-        hessian = cs.hessian(cs.dot(z, self.force(e, p)), cs.vertcat(e, p))[0]
-        return _function("force_hessian", [e, p, z], [hessian])
+        hessian = cs.hessian(cs.dot(z, self.force(*given)), cs.vertcat(e, p))[0]
+        return _function("force_hessian", [e, p, c, z], [hessian])
 
     @cached_property
     def pencil_hessian(self) -> cs.Function:
-        """(e, p, phi, lambda, a, beta) -> d2(a^T (K - lambda M) phi - beta/2 phi^T M phi)/d(e, p, phi, lambda)2."""
-        e, p, phi, eigenvalue, pencil, norm = self._mode()
+        """(e, p, c, phi, lambda, a, beta) -> d2(a^T (K - lambda M) phi - beta/2 phi^T M phi)/d(e, p, phi, lambda)2."""
+        (e, p, c, phi, eigenvalue), pencil, norm = self._mode()
         a, beta = cs.SX.sym("a", self.sizes[0]), cs.SX.sym("beta")
         lagrangian = cs.dot(a, pencil) - beta * norm
         hessian = cs.hessian(lagrangian, cs.vertcat(e, p, phi, eigenvalue))[0]
-        return _function("pencil_hessian", [e, p, phi, eigenvalue, a, beta], [hessian])
+        return _function("pencil_hessian", [e, p, c, phi, eigenvalue, a, beta], [hessian])
 
-    def _symbols(self) -> tuple[cs.SX, cs.SX]:
-        return cs.SX.sym("e", self.sizes[0]), cs.SX.sym("p", self.sizes[1])
+    def _symbols(self) -> list[cs.SX]:
+        return [cs.SX.sym(name, self.force.size1_in(k)) for k, name in enumerate("epc")]
 
-    def _mode(self) -> tuple[cs.SX, ...]:
-        """Symbols e, p, phi, lambda, and the expressions (K - lambda M) phi and 1/2 phi^T M phi."""
-        e, p = self._symbols()
+    def _mode(self) -> tuple[list[cs.SX], cs.SX, cs.SX]:
+        """Symbols e, p, c, phi, lambda, and the expressions (K - lambda M) phi and 1/2 phi^T M phi."""
+        e, p, c = given = self._symbols()
         phi, eigenvalue = cs.SX.sym("phi", self.sizes[0]), cs.SX.sym("lambda")
-        inertia = self.mass(p) @ phi
-        pencil = cs.jtimes(self.force(e, p), e, phi) - eigenvalue * inertia
-        return e, p, phi, eigenvalue, pencil, cs.dot(phi, inertia) / 2
+        inertia = self.mass(p, c) @ phi
+        pencil = cs.jtimes(self.force(*given), e, phi) - eigenvalue * inertia
+        return [*given, phi, eigenvalue], pencil, cs.dot(phi, inertia) / 2
 
 
 @lru_cache(maxsize=32)
 def element_balance(
-    element: Element, constants: tuple[float, ...], lumped: int, gravity: tuple[float, float]
+    element: Element, shared: tuple[float, ...], constants: int, lumped: int, gravity: tuple[float, float]
 ) -> ElementBalance:
-    """Return the balance of an element under gravity (m/s^2), for a column of P and some ``lumped`` properties."""
-    coordinates, properties = element.elastic_force.size1_in(0), element.elastic_force.size1_in(1) - len(constants)
-    e, p = cs.SX.sym("e", coordinates), cs.SX.sym("p", properties)
+    """Return the balance of an element under gravity (m/s^2), with numbers of its constants and lumped properties.
+
+    Constants that equal elements share are part of its Functions.
+    """
+    coordinates = element.elastic_force.size1_in(0)
+    properties = element.elastic_force.size1_in(1) - constants - len(shared)
+    e, p, c = cs.SX.sym("e", coordinates), cs.SX.sym("p", properties), cs.SX.sym("c", constants)
     column, last = cs.vertsplit(p, [0, properties - lumped, properties])
-    whole = cs.vertcat(column, *constants, last)
+    whole = cs.vertcat(column, *shared, c, last)
     force = element.elastic_force(e, whole) - element.gravity_force(whole, gravity)
-    return ElementBalance(cs.Function("force", [e, p], [force]), cs.Function("mass", [p], [element.mass(whole)]))
+    return ElementBalance(cs.Function("force", [e, p, c], [force]), cs.Function("mass", [p, c], [element.mass(whole)]))
 
 
-@lru_cache(maxsize=32)
-def load_balance(xi: float, l: float) -> ElementBalance:
-    """Return the balance of an element of length l under a load p = (Fx, Fy, m) at xi, 0 to 1; m follows its slope."""
-    e, load = cs.SX.sym("e", 2 * NODE), cs.SX.sym("load", 3)
-    position, slope = (cs.kron(cs.DM(values(xi, l)).T, cs.DM.eye(2)) for values in (hermite, hermite_slope))
-    tangent = slope @ e
+@lru_cache(maxsize=2)
+def load_balance(*, follower: bool) -> ElementBalance:
+    """Return the balance of an element with c = (xi, l) under a load p = (Fx, Fy, m) at xi; m follows its slope."""
+    e, load, c = cs.SX.sym("e", 2 * NODE), cs.SX.sym("load", 3), cs.SX.sym("c", 2)
+    tangent = _interpolation(hermite_slope, *cs.vertsplit(c)) @ e
     turn = cs.gradient(cs.atan2(tangent[1], tangent[0]), e)
-    force = -(position.T @ load[:2] + load[2] * turn)
-    mass = cs.Function("mass", [load], [cs.DM.zeros(2 * NODE, 2 * NODE)])
-    return ElementBalance(cs.Function("force", [e, load], [force]), mass)
+    force = _interpolation(hermite, *cs.vertsplit(c)).T @ _directed(load[:2], tangent, follower) + load[2] * turn
+    return _loaded(e, load, c, force)
+
+
+@lru_cache(maxsize=2)
+def line_balance(*, follower: bool) -> ElementBalance:
+    """Return the balance of an element with c = (xi_1, xi_2, l) under a force per length p = (qx, qy) between them."""
+    e, load, c = cs.SX.sym("e", 2 * NODE), cs.SX.sym("load", 2), cs.SX.sym("c", 3)
+    first, last, l = cs.vertsplit(c)
+    force = cs.SX.zeros(2 * NODE)
+    for node, weight in gauss_pairs(4):  # approximate for a follower, whose direction is no polynomial
+        xi = first + node * (last - first)
+        own = _directed(load, _interpolation(hermite_slope, xi, l) @ e, follower)
+        force += weight * (last - first) * l * _interpolation(hermite, xi, l).T @ own
+    return _loaded(e, load, c, force)
+
+
+def _interpolation(functions: Callable[[Any, Any], tuple[Any, ...]], xi: cs.SX, l: cs.SX) -> cs.SX:
+    """Return S of Eq. (2), or S', (2, 8)."""
+    return cs.SX(cs.kron(cs.vertcat(*functions(xi, l)).T, cs.SX.eye(2)))
+
+
+def _directed(force: cs.SX, slope: cs.SX, follower: bool) -> cs.SX:
+    """Return a force in the laboratory frame; a follower is given along and across the slope."""
+    if not follower:
+        return force
+    x, y = cs.vertsplit(slope / cs.norm_2(slope))
+    return cs.vertcat(force[0] * x - force[1] * y, force[0] * y + force[1] * x)
+
+
+def _loaded(e: cs.SX, load: cs.SX, c: cs.SX, force: cs.SX) -> ElementBalance:
+    mass = cs.Function("mass", [load, c], [cs.DM.zeros(2 * NODE, 2 * NODE)])
+    return ElementBalance(cs.Function("force", [e, load, c], [-force]), mass)
 
 
 def _function(name: str, inputs: list[cs.SX], outputs: list[cs.SX]) -> cs.Function:
@@ -156,23 +190,65 @@ class EqualElements:
     balance: ElementBalance  # forces and mass of one element
     coordinates: Index  # indices of the coordinates of each element in the structure, (elements, d)
     properties: Index  # indices of the properties of each element in the structure, (elements, k)
+    constants: Array  # the constants of each element, (elements, c)
+    numbers: Index  # of the free coordinates that move them, -1 where they are held, (elements, d)
+    weights: Array  # entries of N, (elements, d)
+    freedoms: int  # number of free coordinates of the structure, N
+
+    @cached_property
+    def bands(self) -> tuple[Index, Array | None]:
+        """Places of the entries of element matrices in the diagonals, and N_ik N_jl unless all are 0 or 1.
+
+        The entries of coordinates that are held go to one more place, at the end.
+        """
+        rows, columns = self.numbers[:, :, None], self.numbers[:, None, :]
+        places = (BANDWIDTH + rows - columns) * self.freedoms + columns
+        places = np.where((rows < 0) | (columns < 0), (2 * BANDWIDTH + 1) * self.freedoms, places)
+        slanted = not np.isin(self.weights, (0.0, 1.0)).all()
+        return places, self.weights[:, :, None] * self.weights[:, None, :] if slanted else None
+
+
+def _placed(
+    model: Model, balance: ElementBalance, coordinates: Index, properties: Index, constants: Array
+) -> EqualElements:
+    """Return equal elements with some coordinates (elements, d), properties and constants."""
+    numbers, weights = model.free_of[coordinates], model.weights[coordinates]
+    return EqualElements(balance, coordinates, properties, constants, numbers, weights, model.freedoms)
 
 
 def structure_properties(model: Model) -> Array:
-    """Return all properties: P row by row, the tip mass, and the clamp stiffness (0 if rigid), (4 n + 2,)."""
-    lumped = [model.beam.tip_mass, model.beam.clamp_stiffness if model.root else 0.0]
-    return np.concatenate([model.properties.ravel(), lumped])
+    """Return all properties: P row by row, then the lumped properties of the model, (4 n + lumped,)."""
+    return np.concatenate([model.properties.ravel(), [*model.lumped.values()]])
 
 
-def _beam_parts(model: Model) -> list[EqualElements]:
+@lru_cache(maxsize=32)
+def _beam_parts(model: Model) -> tuple[EqualElements, ...]:
     """Return the groups of a model as parts with the properties of ``structure_properties``."""
-    places, parts = np.arange(model.properties.size).reshape(model.properties.shape), []
+    places, names, parts = np.arange(model.properties.size).reshape(model.properties.shape), [*model.lumped], []
     for group in model.groups:
-        balance = element_balance(group.element, group.constants, len(group.lumped), model.beam.gravity)
-        own = places[:, : group.columns].T.reshape(group.count, -1)
-        lumped = np.array([places.size + LUMPED.index(name) for name in group.lumped], dtype=np.int64)
-        parts.append(EqualElements(balance, group.coordinates, np.hstack([own, np.tile(lumped, (group.count, 1))])))
-    return parts
+        constants = group.constants.T
+        shared = tuple(constants[0].tolist()) if (constants == constants[0]).all() else ()
+        own_constants = constants[:, len(shared) :]
+        sizes = own_constants.shape[1], len(group.lumped)
+        balance = element_balance(group.element, shared, *sizes, model.beam.gravity)
+        columns = places[:, group.columns].T
+        own = columns.reshape(group.count, -1) if columns.size else np.empty((group.count, 0), dtype=np.int64)
+        lumped = np.array([places.size + names.index(name) for name in group.lumped], dtype=np.int64)
+        properties = np.hstack([own, np.tile(lumped, (group.count, 1))])
+        parts.append(_placed(model, balance, group.coordinates, properties, own_constants))
+    return tuple(parts)
+
+
+def _loaded_elements(model: Model, load: Load) -> list[tuple[int, list[float]]]:
+    """Return the elements under a load, each with the constants of its balance."""
+    beam = model.beam
+    if isinstance(load, PointLoad):
+        index, xi = model.place_at(load.place(beam))
+        return [(index, [xi, float(beam.element_lengths[index])])]
+    begin, end = load.places(beam)
+    first, last = np.clip((np.array([[begin], [end]]) - beam.node_points[:-1]) / np.diff(beam.node_points), 0.0, 1.0)
+    constants = np.column_stack([first, last, beam.element_lengths]).tolist()
+    return [(k, constants[k]) for k in np.flatnonzero(last > first).tolist()]
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,49 +260,56 @@ class Structure:
     properties: Array  # the properties of all parts, (properties,)
 
     @classmethod
-    def of(cls, model: Model, loads: Sequence[PointLoad] = ()) -> Structure:
+    def of(cls, model: Model, loads: Sequence[Load] = ()) -> Structure:
         """Return a model with its own properties, under gravity and loads, whose values follow the properties."""
-        parts, properties = _beam_parts(model), [structure_properties(model)]
-        l = model.beam.element_length
-        acting: dict[ElementBalance, list[tuple[Index, Index]]] = {}  # loads at the same place of their elements
+        parts, properties = _beam_parts(model), structure_properties(model)
+        rows: dict[ElementBalance, list[tuple[Index, Index, list[float]]]] = {}  # of the loads with the same balance
         for load in loads:
-            s = load.place(model.beam)
-            index, given = model.element_at(s), sum(map(len, properties)) + np.arange(3)
-            places = NODE * (index + model.root) + np.arange(2 * NODE)
-            acting.setdefault(load_balance(s / l - index, l), []).append((places, given))
-            properties.append(np.array(load.values))
-        parts += [EqualElements(balance, *map(np.array, zip(*rows, strict=True))) for balance, rows in acting.items()]
-        return cls(model, tuple(parts), np.concatenate(properties))
+            balance_of = load_balance if isinstance(load, PointLoad) else line_balance
+            own = rows.setdefault(balance_of(follower=load.follower), [])
+            given = len(properties) + np.arange(len(load.values))
+            for index, constants in _loaded_elements(model, load):
+                own.append((NODE * (index + model.root) + np.arange(2 * NODE), given, constants))
+            properties = np.concatenate([properties, load.values])
+        acting = [_placed(model, balance, *map(np.array, zip(*own, strict=True))) for balance, own in rows.items()]
+        return cls(model, (*parts, *acting), properties)
 
-    def inputs(self, part: EqualElements, at: Position) -> tuple[Array, Array]:
-        """Return coordinates, with positions relative to the first node, and properties, one row per element."""
-        return relative(at.coordinates[part.coordinates]), self.properties[part.properties]
+    def inputs(self, part: EqualElements, at: Position) -> tuple[Array, Array, Array]:
+        """Return coordinates, with positions relative to the first node, properties and constants of each element."""
+        return relative(at.coordinates[part.coordinates]), self.properties[part.properties], part.constants
 
     def linearisation(self, at: Position) -> tuple[Array, Array, Array]:
         """Return R, K and M of the free coordinates at the rounded coordinates; K and M are stored by diagonals."""
-        size, free, bands = self.model.size, self.model.free, 2 * BANDWIDTH + 1
-        force, stiffness, mass = np.zeros((size, 1)), np.zeros((bands * size, 1)), np.zeros((bands * size, 1))
+        size, N, bands = self.model.size, self.model.freedoms, 2 * BANDWIDTH + 1
+        force, stiffness, mass = np.zeros((size, 1)), np.zeros((bands * N + 1, 1)), np.zeros((bands * N + 1, 1))
         for part in self.parts:
             of_force, of_stiffness, _, of_mass = per_element(part.balance.linearisation, *self.inputs(part, at))
-            rows, columns = part.coordinates[:, :, None], part.coordinates[:, None, :]
-            places = (BANDWIDTH + rows - columns) * size + columns
+            places, products = part.bands
             force += scatter(part.coordinates, of_force, size)
-            stiffness += scatter(places, of_stiffness, bands * size)
-            mass += scatter(places, of_mass, bands * size)
-        return force[free, 0], stiffness.reshape(bands, size)[:, free], mass.reshape(bands, size)[:, free]
+            stiffness += scatter(places, of_stiffness if products is None else products * of_stiffness, bands * N + 1)
+            mass += scatter(places, of_mass if products is None else products * of_mass, bands * N + 1)
+        return self.model.of_free(force)[:, 0], stiffness[:-1].reshape(bands, N), mass[:-1].reshape(bands, N)
 
     def stiffness_product(self, at: Position) -> Callable[[Array], Array]:
         """Return x -> K x for the free coordinates, summed element by element."""
-        size, free = self.model.size, self.model.free
-        given = [(part, *self.inputs(part, at), relative(at.remainder[part.coordinates])) for part in self.parts]
+        product = self.whole_product(at)
+        return lambda x: product(self.model.moved(x))
 
-        def product(x: Array) -> Array:
-            whole, force = np.zeros(size), np.zeros((size, 1))
-            whole[free] = x
-            for part, e, p, de in given:
-                (of_force,) = per_element(part.balance.stiffness_product, e, p, de, relative(whole[part.coordinates]))
-                force += scatter(part.coordinates, of_force, size)
-            return force[free, 0]
+    def whole_product(self, at: Position) -> Callable[[Array], Array]:
+        """Return x -> N^T K x for a change of all coordinates, summed element by element."""
+        model, size = self.model, self.model.size
+        bound = []
+        for part in self.parts:
+            x = np.zeros(part.coordinates.shape)
+            inputs = *self.inputs(part, at), relative(at.remainder[part.coordinates]), x
+            bound.append((part.coordinates, x, bound_per_element(part.balance.stiffness_product, *inputs)))
+
+        def product(whole: Array) -> Array:
+            force = np.zeros((size, 1))
+            for coordinates, x, evaluate in bound:
+                x[:] = relative(whole[coordinates])
+                force += scatter(coordinates, evaluate()[0], size)
+            return model.of_free(force)[:, 0]
 
         return product
 
@@ -240,9 +323,19 @@ def relative(rows: Array) -> Array:
 
 def per_element(function: cs.Function, *inputs: Array) -> list[Array]:
     """Call a Function for each element, with one row of each input; return its outputs, (elements, rows, columns)."""
-    count = len(inputs[0])
+    return bound_per_element(function, *inputs)()
+
+
+def bound_per_element(function: cs.Function, *inputs: Array) -> Callable[[], list[Array]]:
+    """Return the call of ``per_element`` with the values that the inputs, arrays in C order, have at the time."""
+    count, sizes = len(inputs[0]), [function.size1_out(k) for k in range(function.n_out())]
     evaluate = Buffered(_mapped(function, count), *(np.ascontiguousarray(values) for values in inputs))
-    return [output.reshape(count, -1, function.size1_out(k)).transpose(0, 2, 1) for k, output in enumerate(evaluate())]
+
+    def call() -> list[Array]:
+        outputs = zip(evaluate(), sizes, strict=True)
+        return [output.reshape(count, -1, size).transpose(0, 2, 1) for output, size in outputs]
+
+    return call
 
 
 @lru_cache(maxsize=64)

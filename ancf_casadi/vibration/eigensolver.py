@@ -12,8 +12,10 @@ with banded Cholesky factors of K + a M and solutions refined by products K x th
 
 It is 1e-6 of the lowest lambda with 20 elements, and as large as the lowest lambda with 4000.  With the shift the
 factors exist even if rounding alone would make K indefinite.  Rayleigh's quotient, with the same product, gives lambda
-with an error of the order of the squared error of phi.  The equilibrium is stable if and only if all lambda are
-positive.
+with an error of the order of the squared error of phi.  The equilibrium is stable if and only if no lambda is negative.
+
+The rounding of the strains, u, leaves tensions of u E A, which change a lambda by u E A/(m L) in a beam of mass m.  A
+lambda below a hundred times this is zero: the beam is not held against a rigid motion.
 
 References
 ----------
@@ -29,7 +31,7 @@ import scipy.linalg
 import scipy.sparse.linalg
 
 from ancf_casadi.exceptions import EquilibriumError
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import sparse
 from ancf_casadi.vibration.assembly import BANDWIDTH, EPSILON, Position, Structure, refined
@@ -38,13 +40,13 @@ from ancf_casadi.vibration.assembly import BANDWIDTH, EPSILON, Position, Structu
 def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array, Array] | None:
     """Return the lowest modes about an equilibrium of a structure; None if it is not stable.
 
-    They are squared angular frequencies (count,), (rad/s)^2, ascending, and mass-normalised mode shapes (size, count)
-    in all coordinates, zero at the clamp.
+    They are squared angular frequencies (count,), (rad/s)^2, ascending, 0 for rigid motions, and mass-normalised mode
+    shapes (size, count) in all coordinates, zero where supports hold the beam.
     """
     _, stiffness, mass = structure.linearisation(at)
     inertia, product = sparse(mass).tocsr(), structure.stiffness_product(at)
     try:
-        vectors = _vectors(stiffness, mass, product, count)
+        vectors = _vectors(structure.model, stiffness, mass, product, count)
     except np.linalg.LinAlgError:
         return None
     except scipy.sparse.linalg.ArpackError as error:
@@ -55,19 +57,30 @@ def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array,
     for k, phi in enumerate(vectors.T):
         phi /= np.sqrt(phi @ (inertia @ phi))
         eigenvalues[k] = phi @ product(phi)
-    if not (eigenvalues > 0.0).all():
+    rounding = rounding_of(structure.model)
+    if not (eigenvalues > -rounding).all():
         return None
-    order, shapes = np.argsort(eigenvalues), np.zeros((structure.model.size, count))
-    shapes[structure.model.free] = vectors[:, order]
-    return eigenvalues[order], shapes
+    eigenvalues[np.abs(eigenvalues) <= rounding] = 0.0
+    order = np.argsort(eigenvalues)
+    return eigenvalues[order], structure.model.moved(vectors[:, order])
 
 
-def _vectors(stiffness: Array, mass: Array, product: Callable[[Array], Array], count: int) -> Array:
+def rounding_of(model: Model) -> float:
+    """Return the size below which a squared angular frequency is zero, (rad/s)^2."""
+    width, thickness, _, modulus = model.properties
+    return 100 * EPSILON * float((modulus * width * thickness).max()) / (model.beam.mass * model.beam.length)
+
+
+def shift_of(model: Model, stiffness: Array, mass: Array) -> float:
+    """Return the shift a for matrices of the free coordinates, stored by diagonals, (rad/s)^2."""
+    translation, positions = (model.of_free(np.resize(row, model.size)) for row in ([1.0, 0, 0, 0], [1.0, 1.0, 0, 0]))
+    total_mass = translation @ (sparse(mass) @ translation)
+    return float(10.0 * EPSILON * (stiffness[BANDWIDTH] @ (positions != 0.0)) / total_mass)  # c in the shift a
+
+
+def _vectors(model: Model, stiffness: Array, mass: Array, product: Callable[[Array], Array], count: int) -> Array:
     """Return the eigenvectors of the lowest eigenvalues as columns."""
-    size, inertia = mass.shape[1], sparse(mass).tocsr()
-    translation = np.resize([1.0, 0.0, 0.0, 0.0], size)
-    total_mass = translation @ (inertia @ translation)
-    shift = 10.0 * EPSILON * stiffness[BANDWIDTH].reshape(-1, NODE)[:, :2].sum() / total_mass  # c in the shift a
+    size, inertia, shift = mass.shape[1], sparse(mass).tocsr(), shift_of(model, stiffness, mass)
     shifted = stiffness + shift * mass
     factors = scipy.linalg.cholesky_banded(shifted[BANDWIDTH:], lower=True), True
     if 2 * count + 1 >= size:  # too many for Lanczos' method

@@ -29,15 +29,16 @@ import numpy as np
 import scipy.sparse
 
 from ancf_casadi.exceptions import EquilibriumError
-from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.mechanics.point_load import PointLoad
+from ancf_casadi.mechanics.loads import LineLoad, Load, PointLoad
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import factorised, sparse
 from ancf_casadi.support.inputs import check_instance, check_size, instances, number, vector
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Reported, Table, counted
 from ancf_casadi.vibration.assembly import Position, Structure, refined
-from ancf_casadi.vibration.eigensolver import lowest_modes
+from ancf_casadi.vibration.eigensolver import lowest_modes, shift_of
 
 LARGEST_ROTATION = 0.5  # norm of the change of a slope vector in one load step; about the angle, rad
 
@@ -58,7 +59,7 @@ class Equilibrium(Reported):
         Moment at the tip, counterclockwise, N m.
     remainder : array (4 n + 4,), optional
         The part of the coordinates lost by rounding; zero if not given.
-    loads : tuple of PointLoad
+    loads : tuple of PointLoad or LineLoad
         Further loads.
 
     Examples
@@ -80,10 +81,10 @@ class Equilibrium(Reported):
     tip_force: tuple[float, float] = (0.0, 0.0)
     tip_moment: float = 0.0
     remainder: Array | None = None
-    loads: tuple[PointLoad, ...] = ()
+    loads: tuple[Load, ...] = ()
 
     @property
-    def all_loads(self) -> tuple[PointLoad, ...]:
+    def all_loads(self) -> tuple[Load, ...]:
         """All loads that are not zero."""
         return _all_loads(self.tip_force, self.tip_moment, self.loads)
 
@@ -152,7 +153,7 @@ def static_equilibrium(
     *,
     tip_force: tuple[float, float] = (0.0, 0.0),
     tip_moment: float = 0.0,
-    loads: Sequence[PointLoad] = (),
+    loads: Sequence[Load] = (),
 ) -> Equilibrium:
     """Return the equilibrium reached from the straight beam as gravity and all loads grow together.
 
@@ -164,8 +165,8 @@ def static_equilibrium(
         Force at the tip in the laboratory frame, N.
     tip_moment : float
         Moment at the tip, positive counterclockwise, N m.
-    loads : sequence of PointLoad
-        Further loads, at any points of the beam.
+    loads : sequence of PointLoad or LineLoad
+        Further loads, at any points and along any parts of the beam.
 
     Raises
     ------
@@ -187,20 +188,27 @@ def static_equilibrium(
     force, moment = vector(tip_force, "tip_force"), number(tip_moment, "tip_moment")
     check_size(force, "tip_force")
     check_size(moment, "tip_moment")
-    further = instances(loads, "loads", PointLoad, least=0)
+    further = instances(loads, "loads", PointLoad, LineLoad, least=0)
     acting = _all_loads(force, moment, further)
     rest = Position.of(model.straight)
     weight = -Structure.of(model).linearisation(rest)[0]
+    way = model.displacement if model.displacement.any() else None
     factor, step, trials = 0.0, 1.0, 0
     while factor < 1.0:
         trials += 1
         s = min(factor + step, 1.0)
         loaded = Structure.of(model, [load.scaled(s) for load in acting])
-        trial = neighbour(loaded, rest, (1.0 - s) * weight)
+        trial = neighbour(loaded, rest, (1.0 - s) * weight, None if way is None else (s - factor) * way)
         if trial is None:
             step /= 2
             # a path that needs smaller steps of the load factor, or more of them, is close to a fold
             if step < 1e-5 or trials > 500:
+                if not model.is_held:
+                    raise EquilibriumError(
+                        f"no static equilibrium was found beyond {factor:.4g} of the load ({_described(acting)}, "
+                        f"gravity {model.beam.gravity} m/s^2): the supports do not hold the beam against rigid "
+                        "motions. Hold it, turn it to where it hangs, or simulate its motion from start='straight'"
+                    )
                 raise EquilibriumError(
                     f"no static equilibrium was found beyond {factor:.4g} of the load ({_described(acting)}, "
                     f"gravity {model.beam.gravity} m/s^2). Either an element bends by more than half a "
@@ -213,41 +221,41 @@ def static_equilibrium(
     return Equilibrium(model, rest.coordinates, force, moment, rest.remainder, further)
 
 
-def _all_loads(
-    tip_force: tuple[float, float], tip_moment: float, loads: tuple[PointLoad, ...]
-) -> tuple[PointLoad, ...]:
+def _all_loads(tip_force: tuple[float, float], tip_moment: float, loads: tuple[Load, ...]) -> tuple[Load, ...]:
     """Return the loads that are not zero."""
     return tuple(load for load in (PointLoad(tip_force, tip_moment), *loads) if any(load.values))
 
 
-def _described(loads: Sequence[PointLoad]) -> str:
+def _described(loads: Sequence[Load]) -> str:
     """Return the loads in words."""
-    words = []
-    for load in loads:
-        place = "the tip" if load.point is None else f"{load.point:g} m"
-        words.append(f"force {load.force} N and moment {load.moment:g} N m at {place}")
-    return "; ".join(words) or "no load"
+    return "; ".join(load.text for load in loads) or "no load"
 
 
-def neighbour(structure: Structure, near: Position, support: Array | float = 0.0) -> Position | None:
+def neighbour(
+    structure: Structure, near: Position, support: Array | float = 0.0, way: Array | None = None
+) -> Position | None:
     """Return the equilibrium next to a position; None if Newton's method fails or a slope rotates too far.
 
-    ``support`` (free,) are generalized forces that carry a part of the loads; they are added to the balance R.
+    ``support`` (N,) are generalized forces that carry a part of the loads; they are added to the balance R.  ``way``
+    (size,) is the motion of the supports from the position to the equilibrium; the first correction is that of K.
     """
     model, at = structure.model, near
-    free, scale = model.free, model.scale[model.free]
     slopes = np.arange(model.size).reshape(-1, NODE)[:, 2:]
     converged = False
     for _ in range(12):
         at = Position.of(at.coordinates)
-        force, stiffness, _ = structure.linearisation(at)
-        update = np.zeros(model.size)
+        force, stiffness, mass = structure.linearisation(at)
+        if not model.is_held:
+            stiffness = stiffness + shift_of(model, stiffness, mass) * mass
+        if way is not None:
+            force = force + structure.whole_product(at)(way)
         try:
-            update[free] = -refined(factorised(stiffness).solve, structure.stiffness_product(at), force + support)
+            step = -refined(factorised(stiffness).solve, structure.stiffness_product(at), force + support)
         except np.linalg.LinAlgError:
             return None
-        if not np.isfinite(update).all():
+        if not np.isfinite(step).all():
             return None
+        update, way = model.moved(step) + (0.0 if way is None else way), None
         if converged:
             return Position(at.coordinates, update)
         at = Position.of(at.coordinates + update)
@@ -255,7 +263,7 @@ def neighbour(structure: Structure, near: Position, support: Array | float = 0.0
         if rotation > 2 * LARGEST_ROTATION:
             return None
         # of a correction, relative to the beam's length (positions) and to 1/2 (slopes)
-        converged = np.abs(update[free] / scale).max() < 1e-11
+        converged = np.abs(update / model.scale).max() < 1e-11
         if converged and rotation > LARGEST_ROTATION:
             return None
     return None

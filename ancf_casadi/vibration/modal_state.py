@@ -39,7 +39,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.banded import BandedFactors, factorised, sparse
 from ancf_casadi.vibration.assembly import BANDWIDTH, EqualElements, Position, Structure, per_element
-from ancf_casadi.vibration.eigensolver import lowest_modes
+from ancf_casadi.vibration.eigensolver import lowest_modes, shift_of
 from ancf_casadi.vibration.equilibrium import neighbour
 from ancf_casadi.vibration.modes import Modes
 
@@ -106,8 +106,10 @@ class ModalState:
 
     @cached_property
     def stiffness_factors(self) -> BandedFactors:
-        """Factors of the stiffness K of the free coordinates."""
-        return factorised(self._matrices[0])
+        """Factors of the stiffness K of the free coordinates, shifted as for the modes if the beam is not held."""
+        stiffness, mass = self._matrices
+        shift = 0.0 if self.model.is_held else shift_of(self.model, stiffness, mass)
+        return factorised(stiffness + shift * mass if shift else stiffness)
 
     @cached_property
     def pencil_solvers(self) -> list[Callable[[Array], Array]]:
@@ -115,7 +117,7 @@ class ModalState:
         stiffness, mass = self._matrices
         return [
             pencil_solver(stiffness - eigenvalue * mass, stiffness[BANDWIDTH], phi)
-            for eigenvalue, phi in zip(self.eigenvalues, self.shapes[self.model.free].T, strict=True)
+            for eigenvalue, phi in zip(self.eigenvalues, self.model.of_free(self.shapes).T, strict=True)
         ]
 
     @cached_property
@@ -134,16 +136,16 @@ class ModalState:
             found.append((part, by_coordinate, by_property, of_norm))
         return found
 
-    def inputs(self, part: EqualElements) -> tuple[Array, Array]:
-        """Return coordinates and properties, one row per element."""
+    def inputs(self, part: EqualElements) -> tuple[Array, Array, Array]:
+        """Return coordinates, properties and constants, one row per element."""
         return self.structure.inputs(part, self.at)
 
-    def inputs_of_modes(self, part: EqualElements) -> tuple[Array, Array, Array, Array]:
-        """Return coordinates, properties, shapes and eigenvalues, one row per element, mode by mode."""
+    def inputs_of_modes(self, part: EqualElements) -> tuple[Array, ...]:
+        """Return coordinates, properties, constants, shapes and eigenvalues, one row per element, mode by mode."""
         m, elements = len(self.eigenvalues), len(part.coordinates)
-        e, p = self.inputs(part)
         phi = self.shapes.T[:, part.coordinates].reshape(m * elements, -1)
-        return np.tile(e, (m, 1)), np.tile(p, (m, 1)), phi, np.repeat(self.eigenvalues, elements)[:, None]
+        tiled = [np.tile(rows, (m, 1)) for rows in self.inputs(part)]
+        return *tiled, phi, np.repeat(self.eigenvalues, elements)[:, None]
 
     @cached_property
     def _matrices(self) -> tuple[Array, Array]:
@@ -188,7 +190,7 @@ def _step(here: ModalState, properties: Array, smallest: bool) -> ModalState | N
     """Return the modes of a neighbouring state; None if there is none, or the step is ambiguous and not smallest."""
     model = here.model
     # additional modes computed above the highest one followed
-    count = min(model.size - model.free.start, int(here.numbers.max()) + 1 + 4)
+    count = min(model.freedoms, int(here.numbers.max()) + 1 + 4)
     state = modes_near(replace(here.structure, properties=properties), here.at, count)
     if state is None:
         return None
@@ -205,7 +207,6 @@ def _step(here: ModalState, properties: Array, smallest: bool) -> ModalState | N
 
 def _correlations(before: ModalState, after: ModalState) -> Array:
     """Return phi^T M phi_0 / (phi_0^T M phi_0)^(1/2), the signed root of the MAC, (modes after, modes before)."""
-    free = before.model.free
-    shapes = before.shapes[free]
+    shapes = before.model.of_free(before.shapes)
     inertia = after.inertia @ shapes
-    return np.asarray(after.shapes[free].T @ inertia / np.sqrt(np.sum(shapes * inertia, axis=0)))
+    return np.asarray(after.model.of_free(after.shapes).T @ inertia / np.sqrt(np.sum(shapes * inertia, axis=0)))

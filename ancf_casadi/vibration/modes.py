@@ -16,6 +16,7 @@ Allemang 2003, "The modal assurance criterion: twenty years of use and abuse" (M
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from types import NoneType
 from typing import Any
 
@@ -24,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, check_instance, numbers, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
@@ -45,8 +47,8 @@ class Modes(Reported):
     frequencies : array (m,)
         Natural frequencies, Hz.
     shapes : array (4 n + 4, m)
-        Mass-normalised mode shapes Phi in all nodal coordinates, zero at the clamp.  The larger component of the tip
-        displacement is positive.
+        Mass-normalised mode shapes Phi in all nodal coordinates, zero where the beam is held.  The larger component of
+        the displacement of the tip, or of the reference point if the tip is held, is positive.
 
     Examples
     --------
@@ -81,10 +83,17 @@ class Modes(Reported):
         """Natural frequencies omega, rad/s."""
         return 2 * np.pi * self.frequencies
 
+    @cached_property
+    def reference_points(self) -> tuple[float, ...]:
+        """Arc length of the point of each mode to which amplitudes refer, m: the tip, or, if it is held, another node.
+
+        The other node is the one that moves most, the one nearest to the middle if several do.
+        """
+        return _reference_points(self.model, self.shapes)
+
     def tip_amplitudes(self) -> Array:
-        """Return the magnitude of each mass-normalised mode shape at the tip, (m,), kg^-1/2."""
-        tip = self.model.interpolation(self.model.beam.length)
-        return np.asarray(np.linalg.norm(tip @ self.shapes, axis=0))
+        """Return the magnitude of each mass-normalised mode shape at its reference point, (m,), kg^-1/2."""
+        return np.asarray(np.linalg.norm(_reference_displacements(self.model, self.shapes), axis=0))
 
     def modal_coordinate(self, coordinates: Array, mode: int) -> Array:
         """Return the modal coordinate of one mode in a given motion, scaled to the displacement of the tip, (...,), m.
@@ -180,23 +189,43 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
     """
     check_instance(model, "model", Model)
     check_instance(equilibrium, "equilibrium", Equilibrium, NoneType)
-    count = whole(count, "count", 1, model.size - model.free.start)
+    count = whole(count, "count", 1, model.freedoms)
     if equilibrium is None:
         equilibrium = static_equilibrium(model)
     if equilibrium.model != model:
         raise InputError("belongs to another model", "equilibrium")
     found = lowest_modes(equilibrium.structure, equilibrium.exact, count)
     if found is None:
-        short = model.beam.element_length < 1.5 * max(model.beam.thickness)
+        short = model.beam.element_lengths.min() < 1.5 * max(model.beam.thickness)
         raise EquilibriumError(
             "the equilibrium is unstable, so it has no modes; a standing beam may be too slender for its weight"
             + (", and elements as short as the beam is thick are unstable in bending: use fewer" if short else "")
         )
     eigenvalues, shapes = found
-    tip = model.interpolation(model.beam.length) @ shapes
-    larger = np.abs(tip).argmax(axis=0)
-    shapes *= np.where(tip[larger, np.arange(count)] < 0, -1.0, 1.0)
+    moved = _reference_displacements(model, shapes)
+    larger = np.abs(moved).argmax(axis=0)
+    shapes *= np.where(moved[larger, np.arange(count)] < 0, -1.0, 1.0)
     return Modes(equilibrium, np.sqrt(eigenvalues) / (2 * np.pi), shapes)
+
+
+def _reference_points(model: Model, shapes: Array) -> tuple[float, ...]:
+    """Return the arc lengths of the points to which the amplitudes of mode shapes (4 n + 4, m) refer, m."""
+    beam = model.beam
+    if not beam.tip_is_held:
+        return (beam.length,) * int(shapes.shape[1])
+    found = []
+    for phi in shapes.T:
+        moved = np.linalg.norm(phi.reshape(-1, NODE)[model.root :, :2], axis=1)
+        most = beam.node_points[moved > (1 - 1e-9) * moved.max()]
+        found.append(float(most[np.abs(most - beam.length / 2).argmin()]))
+    return tuple(found)
+
+
+def _reference_displacements(model: Model, shapes: Array) -> Array:
+    """Return the displacements of the reference points in mode shapes (4 n + 4, m), (2, m)."""
+    points = _reference_points(model, shapes)
+    rows = {s: model.interpolation(s) for s in points}
+    return np.column_stack([rows[s] @ phi for s, phi in zip(points, shapes.T, strict=True)])
 
 
 def mac(first: Array, second: Array) -> Array:
@@ -230,3 +259,10 @@ def mac(first: Array, second: Array) -> Array:
         raise InputError(f"must be columns as long as the first, got {second.shape} for {first.shape}", "second")
     cross = (first.T @ second) ** 2
     return np.asarray(cross / np.outer((first**2).sum(axis=0), (second**2).sum(axis=0)))
+
+
+def rigid_modes(model: Model) -> int:
+    """Return the number of modes of a beam that are rigid motions, with frequency 0: none to three."""
+    if model.is_held:
+        return 0
+    return int(np.count_nonzero(natural_modes(model, count=min(3, model.freedoms)).frequencies == 0.0))

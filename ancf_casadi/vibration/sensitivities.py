@@ -54,12 +54,10 @@ DIRECTIONS_AT_ONCE = 128  # directions at once: few enough that the products of 
 
 def coordinate_derivatives(state: ModalState, directions: Array) -> Array:
     """Return the derivatives of the coordinates at rest along N changes of the properties, (4 n + 4, N)."""
-    free, size = state.model.free, state.model.size
-    coordinates, force = np.zeros((2, size, directions.shape[1]))
+    model, force = state.model, np.zeros((state.model.size, directions.shape[1]))
     for part, force_jacobian in state.force_jacobians:
-        force += scatter(part.coordinates, force_jacobian @ directions[part.properties], size)
-    coordinates[free] = -state.stiffness_factors.solve(force[free])
-    return coordinates
+        force += scatter(part.coordinates, force_jacobian @ directions[part.properties], model.size)
+    return np.asarray(model.moved(-state.stiffness_factors.solve(model.of_free(force))))
 
 
 def sensitivities(state: ModalState, directions: Array) -> tuple[Array, Array, Array]:
@@ -68,7 +66,7 @@ def sensitivities(state: ModalState, directions: Array) -> tuple[Array, Array, A
     They are those of the coordinates at rest (4 n + 4, N), of the squared angular frequencies (m, N), and of the
     mass-normalised mode shapes (m, 4 n + 4, N).
     """
-    free, size, m, N = state.model.free, state.model.size, len(state.eigenvalues), directions.shape[1]
+    model, size, m, N = state.model, state.model.size, len(state.eigenvalues), directions.shape[1]
     coordinates = coordinate_derivatives(state, directions)
     f, half_norm = np.zeros((m, size, N)), np.zeros((m, N))
     for part, by_coordinate, by_property, of_norm in state.pencil_jacobians:
@@ -77,11 +75,11 @@ def sensitivities(state: ModalState, directions: Array) -> tuple[Array, Array, A
             f[k] += scatter(part.coordinates, by_coordinate[k] @ dq + by_property[k] @ dp, size)
             half_norm[k] += (of_norm[k] @ dp).sum(axis=(0, 1))
     eigenvalues, shapes = np.zeros((m, N)), np.zeros((m, size, N))
-    for k, phi in enumerate(state.shapes[free].T):
-        inertia = state.inertia @ phi
-        eigenvalues[k] = phi @ f[k, free]
-        particular = state.pencil_solvers[k](np.outer(inertia, eigenvalues[k]) - f[k, free])
-        shapes[k, free] = particular - np.outer(phi, inertia @ particular + half_norm[k])
+    for k, phi in enumerate(model.of_free(state.shapes).T):
+        inertia, own = state.inertia @ phi, model.of_free(f[k])
+        eigenvalues[k] = phi @ own
+        particular = state.pencil_solvers[k](np.outer(inertia, eigenvalues[k]) - own)
+        shapes[k] = model.moved(particular - np.outer(phi, inertia @ particular + half_norm[k]))
     return coordinates, eigenvalues, shapes
 
 
@@ -102,24 +100,22 @@ def gradient(state: ModalState, b: Array, c: Array) -> Array:
 
 def multipliers(state: ModalState, b: Array, c: Array) -> tuple[Array, Array, Array]:
     """Return a (m, 4 n + 4, C), beta (m, C) and z (4 n + 4, C) for combinations as in ``gradient``."""
-    free = state.model.free
-    a, beta = np.zeros_like(c), np.zeros_like(b)
-    force, z = np.zeros((2, *c.shape[1:]))
-    for k, phi in enumerate(state.shapes[free].T):
-        inertia = state.inertia @ phi
-        beta[k] = phi @ c[k, free]
-        particular = state.pencil_solvers[k](np.outer(inertia, beta[k]) - c[k, free])
-        a[k, free] = particular + np.outer(phi, b[k] - inertia @ particular)
+    model = state.model
+    a, beta, force = np.zeros_like(c), np.zeros_like(b), np.zeros(c.shape[1:])
+    for k, phi in enumerate(model.of_free(state.shapes).T):
+        inertia, own = state.inertia @ phi, model.of_free(c[k])
+        beta[k] = phi @ own
+        particular = state.pencil_solvers[k](np.outer(inertia, beta[k]) - own)
+        a[k] = model.moved(particular + np.outer(phi, b[k] - inertia @ particular))
     for part, by_coordinate, _, _ in state.pencil_jacobians:
         for k, block in enumerate(by_coordinate):
             force += scatter(part.coordinates, block.transpose(0, 2, 1) @ a[k, part.coordinates], len(force))
-    z[free] = -state.stiffness_factors.solve(force[free])
-    return a, beta, z
+    return a, beta, model.moved(-state.stiffness_factors.solve(model.of_free(force)))
 
 
 def hessian(state: ModalState, directions: Array, b: Array, c: Array) -> Array:
     """Return the second derivatives, (N, N), of one combination, b (m,) and c (m, 4 n + 4), along N directions."""
-    free, N = state.model.free, directions.shape[1]
+    of_free, N = state.model.of_free, directions.shape[1]
     transposed = scipy.sparse.csr_array(directions).T
     a, beta, z = multipliers(state, b[:, None], c[:, :, None])
     blocks = _lagrangian_hessians(state, a[:, :, 0], beta[:, 0], z[:, 0])
@@ -131,10 +127,11 @@ def hessian(state: ModalState, directions: Array, b: Array, c: Array) -> Array:
         first = sensitivities(state, directions[:, columns])
         half[:, columns] = np.asarray(transposed @ _b_of_all_properties(state, directions[:, columns], first, blocks))
         eigenvalues[:, columns] = first[1]
-        for k, shape in enumerate(first[2][:, free]):
-            projections[k, columns] = (state.inertia @ a[k, free, 0]) @ shape
+        own = np.array([of_free(shape) for shape in first[2]])
+        for k, shape in enumerate(own):
+            projections[k, columns] = (state.inertia @ of_free(a[k, :, 0])) @ shape
         if beta.any():
-            shapes.append(first[2][:, free])
+            shapes.append(own)
     if shapes:
         for k, shape in enumerate(np.concatenate(shapes, axis=2)):
             normalisation -= beta[k] * shape.T @ (state.inertia @ shape)
@@ -163,7 +160,7 @@ def _b_of_all_properties(
     blocks: list[tuple[EqualElements, Array]],
 ) -> Array:
     """Return B with all properties as its rows and the directions, with their derivatives ``first``, as its columns."""
-    free, N = state.model.free, directions.shape[1]
+    model, N = state.model, directions.shape[1]
     coordinates, eigenvalues, shapes = first
     by_coordinate, by_property = np.zeros_like(coordinates), np.zeros_like(directions)
     for part, block in blocks:
@@ -174,8 +171,7 @@ def _b_of_all_properties(
         terms = block @ np.concatenate(rows, axis=1)
         by_coordinate += scatter(part.coordinates, terms[:, :d], len(by_coordinate))
         by_property += scatter(part.properties, terms[:, d:], len(by_property))
-    z = np.zeros_like(by_coordinate)
-    z[free] = -state.stiffness_factors.solve(by_coordinate[free])
+    z = model.moved(-state.stiffness_factors.solve(model.of_free(by_coordinate)))
     for part, force_jacobian in state.force_jacobians:
         terms = force_jacobian.transpose(0, 2, 1) @ z[part.coordinates]
         by_property += scatter(part.properties, terms, len(by_property))

@@ -108,8 +108,10 @@ def fit_beam(
         The law; its parameters (``damping.parameters``) are the guesses.  None if there is no damping.
     unknowns : sequence of str, optional
         What else to estimate: properties, each by a factor common to all elements, or to those in brackets, as
-        ``thickness[1:5]``: ``width``, ``thickness``, ``density``, ``elastic_modulus``, ``tip_mass``,
-        ``clamp_stiffness``, ``bending_stiffness`` (E I, by the modulus), ``mass_per_length`` (by the density);
+        ``thickness[1:5]``: ``width``, ``thickness``, ``density``, ``elastic_modulus``, ``bending_stiffness`` (E I, by
+        the modulus), ``mass_per_length`` (by the density); lumped properties, named as in ``Beam.lumped``:
+        ``tip_mass``, ``mass_2``, ``clamp_stiffness``, ``spring_y``, ``natural_curvature`` and so on, of which a name
+        means the same part in all configurations that have it;
         ``natural_frequencies``; ``excitation`` (common) or ``excitations`` (one for each response curve);
         ``base_amplitude``; ``start_force_x``, ``start_force_y``, ``start_moment`` and their ``_rate``.  If not given,
         natural frequencies for response curves alone, the elastic modulus for these together with others.  A rigid
@@ -118,8 +120,9 @@ def fit_beam(
         Parameters of the law to keep at their guesses.
     bounds : mapping, optional
         Bounds (lower, upper) by name of the unknown, SI units.  By default parameters of the law are at least 0 (and
-        ratios at most 1); properties from a tenth to ten times the first value, a tip mass from 0 to a hundred times,
-        a clamp from 0.01 to 1e5 E I/L; natural frequencies within 10 %; excitations from 0.5 to 1.5; loads unbounded.
+        ratios at most 1); properties from a tenth to ten times the first value, masses and dashpots from 0, and
+        springs from a hundredth, to a hundred times, clamps from 0.01 to 1e5 E I/L, a natural curvature up to ten
+        times to either side; natural frequencies within 10 %; excitations from 0.5 to 1.5; loads unbounded.
     priors : mapping, optional
         Mean and standard deviation of an unknown by name before the fit, SI units: ``{"excitation": (1, 0.01)}``.
     robust : bool
@@ -180,7 +183,7 @@ def fit_beam(
     first = first_values(list(models.values()), [name for name in wanted if is_property(name)])
     for one in models.values():
         Owners.of(one.beam, tuple(first))  # check
-    count = min(12, model.size - model.free.start)  # modes among which those of the response curves are sought
+    count = min(12, model.freedoms)  # modes among which those of the response curves are sought
     frequencies = natural_modes(model, count=count).frequencies if curves else np.zeros(0)
     listed = [
         *of_law(damping, fixed),
@@ -198,7 +201,7 @@ def fit_beam(
     for one, numbered in _configured(curves, model, models):
         # modes of the reduced model above the highest that a response curve is about
         enough = max(mode_of(record, frequencies) for record in curves) + 1 + 2
-        count = enough if modes is None else whole(modes, "modes", 1, one.size - one.free.start)
+        count = enough if modes is None else whole(modes, "modes", 1, one.freedoms)
         number, names = whole(harmonics, "harmonics", 1), [unknown.name for unknown in own]
         block = curve_block(one, numbered, law, names, first, modes=count, harmonics=number)
         blocks.append(block.checked(frequencies))

@@ -4,12 +4,14 @@
     thickness[3:5]       of the elements 3, 4 and 5, counted from 1; ``thickness[3]`` of one element
     bending_stiffness    E I = E b h^3/12, by the elastic modulus
     mass_per_length      rho b h, by the density
-    tip_mass, clamp_stiffness
+    tip_mass, mass_2, spring_y, ...    lumped properties, named as in ``Beam.lumped``
+    spring_stiffness     of all springs, by a common factor; the value is their mean
 
 A change of E I by the modulus, or of rho b h by the density, is the only one for a beam that hardly stretches.
 
 Small deflections are linear in 1/(E I) and 1/k, and so are, nearly, the squares of the periods of vibration.
-Stiffnesses therefore enter a fit by their reciprocals.  A rigid clamp has 1/k = 0.
+Stiffnesses of the beam and of its clamps therefore enter a fit by their reciprocals.  A rigid clamp has 1/k = 0.  Those
+of springs enter as they are, because a spring beside others adds to their stiffness.
 """
 
 from __future__ import annotations
@@ -18,16 +20,18 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam import BEAM_UNITS, LUMPED, PROPERTIES, Beam
+from ancf_casadi.mechanics.beam import PROPERTIES, Beam
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.property_names import BEAM_UNITS, lumped_kind
+from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.assembly import structure_properties
+from ancf_casadi.vibration.changed_model import changed_model, check_curvature, lumped_places, lumped_value
 
 CLAMP_STIFFNESS = "clamp_stiffness"
 PROPERTY_POWERS: Mapping[str, Mapping[str, int]] = {
@@ -37,27 +41,31 @@ PROPERTY_POWERS: Mapping[str, Mapping[str, int]] = {
 CONSTANTS = {"bending_stiffness": 1 / 12}
 DRIVEN_BY = {"bending_stiffness": "elastic_modulus", "mass_per_length": "density"}
 PROPERTY_UNITS: Mapping[str, str] = {**BEAM_UNITS, "bending_stiffness": "N m^2", "mass_per_length": "kg/m"}
+CURVATURE = "natural_curvature"
+# parts with strain energy of their own
+ELASTIC = (CLAMP_STIFFNESS, "rotational_spring", "spring_x", "spring_y", "spring_stiffness")
 STIFFNESSES = (CLAMP_STIFFNESS, "elastic_modulus", "bending_stiffness")
 GROUP = re.compile(rf"({'|'.join(PROPERTIES)})\[(\d+)(?::(\d+))?\]")
 
 MOST_FACTOR = 10.0  # factor on a property, either way, without other bounds
+MOST_LUMPED = 100.0  # largest factor on a lumped property without other bounds
 SAME_PROPERTY = 1e-9  # relative difference of properties that are the same
 
 
 def is_property(name: str) -> bool:
     """Return whether a name is that of a property, a group of elements, or a combination."""
-    return name in PROPERTY_UNITS or GROUP.fullmatch(name) is not None
+    return name in PROPERTY_UNITS or GROUP.fullmatch(name) is not None or bool(lumped_kind(name))
 
 
 def kind_of(name: str) -> str:
-    """Return the property that an unknown changes, without the elements."""
+    """Return the property that an unknown changes, without the elements; lumped ones keep their number."""
     kind = name.partition("[")[0]
     return DRIVEN_BY.get(kind, kind)
 
 
 def unit_of(name: str) -> str:
     """Return the SI unit of a property."""
-    return PROPERTY_UNITS[name.partition("[")[0]]
+    return PROPERTY_UNITS[lumped_kind(name) or name.partition("[")[0]]
 
 
 def elements_of(name: str, beam: Beam) -> slice:
@@ -73,9 +81,9 @@ def elements_of(name: str, beam: Beam) -> slice:
 
 
 def value_of(beam: Beam, name: str) -> float:
-    """Return a property or a combination of a beam, SI units; the mean over its elements."""
-    if name in LUMPED:
-        return float(getattr(beam, name))
+    """Return a property or a combination of a beam, SI units; the mean over its elements, 0 of what it has not."""
+    if lumped_kind(name):
+        return lumped_value(beam, name)
     kind = name.partition("[")[0]
     powers = [np.array(getattr(beam, one)) ** power for one, power in PROPERTY_POWERS.get(kind, {kind: 1}).items()]
     return float(CONSTANTS.get(kind, 1.0) * np.mean(np.prod(powers, axis=0)[elements_of(name, beam)]))
@@ -86,20 +94,21 @@ class Owners:
     """The factors that multiply the properties of a beam."""
 
     count: int  # p factors
-    index: Index  # (4 n + 2,): factor of each property, in the order of ``structure_properties``; -1 for none
+    index: Index  # (4 n + lumped,): factor of each property, in the order of ``structure_properties``; -1 for none
 
     @classmethod
     def of(cls, beam: Beam, names: Sequence[str]) -> Owners:
-        """Return the factors of unknown properties on those of a beam."""
+        """Return the factors of unknown properties on those of a beam, which may lack some of the lumped ones."""
         n = beam.elements
-        index = np.full(len(PROPERTIES) * n + len(LUMPED), -1)
+        if CURVATURE in names:
+            check_curvature(beam)
+        index = np.full(len(PROPERTIES) * n + len(beam.lumped), -1)
         for k, name in enumerate(names):
-            kind = kind_of(name)
-            if kind in LUMPED:
-                own = slice(len(PROPERTIES) * n + LUMPED.index(kind), len(PROPERTIES) * n + LUMPED.index(kind) + 1)
+            if lumped_kind(name):
+                own = len(PROPERTIES) * n + np.array(lumped_places(beam, name), dtype=np.int64)
             else:
-                elements, row = elements_of(name, beam), PROPERTIES.index(kind)
-                own = slice(row * n + elements.start, row * n + elements.stop)
+                elements, row = elements_of(name, beam), PROPERTIES.index(kind_of(name))
+                own = row * n + np.arange(elements.start, elements.stop)
             if (index[own] >= 0).any():
                 other = names[int(index[own].max())]
                 raise InputError(f"{name} changes the same property as {other}; estimate one or the other", "unknowns")
@@ -122,13 +131,7 @@ class Owners:
         """Return a model with the factors on its properties."""
         if (factors == 1.0).all():
             return model
-        given = structure_properties(model)
-        found = self.applied(given, factors)[0]
-        rows = found[: -len(LUMPED)].reshape(len(PROPERTIES), -1).tolist()
-        values: dict[str, Any] = dict(zip(PROPERTIES, rows, strict=True))
-        lumped = zip(LUMPED, found[-len(LUMPED) :].tolist(), strict=True)
-        values |= {name: value for name, value in lumped if math.isfinite(getattr(model.beam, name))}
-        return Model(model.beam.with_(**values), model.measures)
+        return changed_model(model, self.applied(structure_properties(model), factors)[0])
 
 
 def with_clamp(models: Sequence[Model]) -> list[Model]:
@@ -140,8 +143,8 @@ def with_clamp(models: Sequence[Model]) -> list[Model]:
 
 
 def clamped(model: Model, first: float) -> Model:
-    """Return a model with a stiffness of its clamp if that is rigid."""
-    rigid = math.isinf(model.beam.clamp_stiffness)
+    """Return a model with a stiffness of its clamp if that is rigid; as it is if it has no clamp."""
+    rigid = math.isinf(model.beam.clamp_stiffness) and any(isinstance(one, Clamp) for one in model.beam.supports)
     return Model(model.beam.with_(clamp_stiffness=first), model.measures) if rigid else model
 
 
@@ -150,10 +153,11 @@ def first_values(models: Sequence[Model], names: Sequence[str]) -> dict[str, flo
     first = {}
     for name in dict.fromkeys((*PROPERTIES, *names)):
         values = [value_of(one.beam, name) for one in models]
-        values = [value for value in values if not (name == "tip_mass" and value == 0.0)]
+        values = [value for value in values if value]
         if not values:
-            raise InputError("no beam has a tip mass to estimate; give one of the models a first value", name)
-        if max(values) - min(values) > SAME_PROPERTY * max(values):
+            what = name.replace("_", " ")
+            raise InputError(f"no beam has a {what} to estimate; give one of the models a first value", name)
+        if max(values) - min(values) > SAME_PROPERTY * max(map(abs, values)):
             raise InputError(
                 f"the records must be of the same beam, but their models have a {name} from {min(values):g} to "
                 f"{max(values):g} {unit_of(name)}",
@@ -166,18 +170,22 @@ def first_values(models: Sequence[Model], names: Sequence[str]) -> dict[str, flo
 def property_unknown(name: str, first: float, models: Sequence[Model]) -> Unknown:
     """Return a property as an unknown within its usual bounds.
 
-    These are a tenth and ten times the first value; 0 and a hundred times for a tip mass; 0.01 and 1e5 E I/L of the
-    shortest beam for a clamp.
+    These are a tenth and ten times the first value; 0 and a hundred times for masses and dashpots; a hundredth and a
+    hundred times for springs; 0.01 and 1e5 E I/L of the shortest beam for clamps; ten times the first value to either
+    side for a natural curvature.
     """
-    if name == "tip_mass":
-        lower, upper = 0.0, 100.0 * first  # factor on a tip mass without other bounds
-    elif name == CLAMP_STIFFNESS:
+    kind = lumped_kind(name)
+    if kind == CLAMP_STIFFNESS:
         # largest and least clamp stiffness without other bounds, in units of E I/L
         lower, upper = (bound * _clamp_unit(models) for bound in (1e-2, 1e5))
+    elif kind == CURVATURE:
+        lower, upper = -MOST_FACTOR * abs(first), MOST_FACTOR * abs(first)
+    elif kind:
+        lower, upper = first / MOST_LUMPED if kind in ELASTIC else 0.0, first * MOST_LUMPED
     else:
         lower, upper = first / MOST_FACTOR, first * MOST_FACTOR
-    inverse = name.partition("[")[0] in STIFFNESSES
-    return Unknown(name, first, first, lower, upper, unit_of(name), reciprocal=inverse)
+    inverse = (kind or name.partition("[")[0]) in STIFFNESSES
+    return Unknown(name, first, abs(first), lower, upper, unit_of(name), reciprocal=inverse)
 
 
 def _clamp_unit(models: Sequence[Model]) -> float:

@@ -114,7 +114,7 @@ class BeamFit(BlocksResult):
             model = clamped(model, self.first[CLAMP_STIFFNESS])
         for name, first in self.first.items():
             own = value_of(model.beam, name)
-            if own and abs(own - first) > SAME_PROPERTY * first:
+            if own and abs(own - first) > SAME_PROPERTY * abs(first):
                 raise InputError(
                     f"is {own:g} {unit_of(name)} in this model; it is an unknown of the fit, which began at {first:g}",
                     name,

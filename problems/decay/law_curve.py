@@ -1,7 +1,7 @@
 """Damping ratio and frequency against amplitude under the law of a fit, with 95 % bands, as curves, tables and figures.
 
-The band at each amplitude is the interval of a derived quantity, to first order in the unknowns (``Fit``); it
-holds for one amplitude at a time.
+The band at each amplitude is the interval of a derived quantity (``Fit``): to first order in the unknowns, but by the
+likelihood of the corner of a logarithmic frequency.  It holds for one amplitude at a time.
 """
 
 from __future__ import annotations

@@ -166,7 +166,7 @@ class DecayModel:
             Unknown("frequency_change", turn, turn),
             Unknown("frequency_exponent", 1.0, 1.0, *FREQUENCY_EXPONENTS),
             Unknown("frequency_log_slope", turn, turn),
-            Unknown("log_corner", -2.0, 1.0, *LOG_CORNERS),
+            Unknown("log_corner", -2.0, 1.0, *LOG_CORNERS, curved=True),
             *(Unknown(name, 0.0, turn) for name in FREQUENCY_TERMS["smooth"]),
         )
         return [one for one in unknowns if one.name in self.frequency_terms]

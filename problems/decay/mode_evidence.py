@@ -12,7 +12,9 @@ z = A exp(i phi), these are Re(k z^n) with one complex constant k.  The mode as 
 does not hold exactly, the band from a half to three halves of its frequency in the residuals corrects z.  A mode with
 a frequency and a damping ratio of its own must be evident beside the better of the two harmonics.
 
-Noise.  The amplitude of a mode must be visible beside its standard error, which allows for the colour of the noise.
+Noise.  The amplitude of a mode must be visible beside its standard error, which allows for the colour of the noise, in
+the fit with all other modes.  A mode far from the others and their harmonics must be visible alone, too; near them, the
+rest holds what the fit of one mode has missed, and would hide it.
 """
 
 from __future__ import annotations
@@ -39,7 +41,6 @@ from problems.decay.solution import curve_at, fit_one, reduced, reduced_counts
 
 MOVING_LAWS: tuple[FrequencyLaw, ...] = ("logarithmic", "power")
 HARMONICS = (2, 3, 4, 5)
-NEAR_HARMONIC = 0.05  # relative distance from a multiple of a frequency, within which an oscillation may be a harmonic
 
 
 def is_visible(mode: DecayFit) -> bool:
@@ -67,6 +68,13 @@ def single(first: DecayFit, second: DecayFit, t: Array, y: Array) -> DecayFit | 
     return None if evident(left, beside, samples, further, float(y @ y)) else one
 
 
+def is_better(mode: DecayFit, rest: Array, curve: Array) -> bool:
+    """Return whether another fit of a mode clearly leaves less than the present one, with its curve and its rest."""
+    left = rest + curve - mode.displacement(mode.time)
+    squares = float(rest @ rest), float(left @ left)
+    return evident(*squares, effective_samples(mode), 0, float(curve @ curve))
+
+
 def effective_samples(fit: DecayFit) -> float:
     """Return the number of samples with white noise that would determine a mode as well."""
     return float(fit.fit.effective_samples * fit.samples / fit.fitted_samples)
@@ -89,7 +97,7 @@ def _moving(mode: DecayFit, t: Array, y: Array) -> DecayFit | None:
 def harmonic_order(mode: DecayFit, other: DecayFit) -> int | None:
     """Return the order of the harmonic of a mode that another, weaker one may be; None if it cannot be one."""
     order = round(other.frequency / mode.frequency)
-    near = abs(other.frequency - order * mode.frequency) <= NEAR_HARMONIC * other.frequency
+    near = abs(other.frequency - order * mode.frequency) <= CLOSE * order * mode.frequency
     return order if order in HARMONICS and near and mode.amplitude > other.amplitude else None
 
 
@@ -136,6 +144,11 @@ class JointFit:
     def effective_samples(self) -> float:
         """Number of samples with white noise that would determine the modes as well."""
         return self.fit.effective_samples * len(self.values) / len(self.fit.residuals)
+
+    def shows(self, position: int) -> bool:
+        """Return whether the noise, with its colour, leaves a mode visible beside the others."""
+        place = self.fit.names.index(f"e0_{position + 1}")
+        return bool(visible(self.fit.values[place], self.fit.errors[place], len(self.values)))
 
 
 def together(modes: Sequence[DecayFit], t: Array, y: Array) -> JointFit:

@@ -1,7 +1,8 @@
 """The result of a decay fit: values with units, standard errors, 95 % intervals and warnings.
 
-Standard errors and intervals are those of ``ancf_casadi.estimation``, which allow for coloured residuals.  Warnings
-name terms that are strongly correlated or not significant, and the ``limitations`` of the record and the law.
+Standard errors and intervals are those of ``ancf_casadi.estimation``, which allow for coloured residuals.  Under the
+logarithmic frequency, intervals follow the likelihood of its corner.  Warnings name terms that are strongly correlated
+or not significant, and the ``limitations`` of the record and the law.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest import REST_TERMS
-from ancf_casadi.estimation.intervals import Quantities, first_order_ends
+from ancf_casadi.estimation.intervals import Quantities
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.records.measurement import Measurement
@@ -141,7 +142,7 @@ class DecayFit(LeastSquaresResult):
     def _ends(self, level: float) -> Array:
         """Return the intervals (q, 2) of all quantities within their bounds."""
         lower, upper = np.array(list(self.model.bounds.values())).T[:, :, None]
-        return np.clip(first_order_ends(self.fit, *self._linearised, level), lower, upper)
+        return np.clip(self.fit.derived_intervals(self.quantities[2], level), lower, upper)
 
     @property
     def law(self) -> Law:

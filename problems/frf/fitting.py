@@ -86,15 +86,19 @@ def fit_frf(
     candidates = candidate_poles(record.frequencies, scaled) if near is None else poles_near(model, scaled, near)
     estimated = record.std is None and record.coherence is None
     coarse = replace(model, starts=bins(record.frequencies, candidates))
-    binned = coarse.binned(values), np.sqrt(coarse.binned(deviations**2) / np.sqrt(coarse.bin_sizes)[:, None])
-    best, merged = select_modes(Selection(*binned, estimated, candidates, wanted), coarse)
+    means = coarse.binned(values), np.sqrt(coarse.binned(deviations**2) / np.sqrt(coarse.bin_sizes)[:, None])
+    best, merged = select_modes(Selection(*means, estimated, candidates, wanted), coarse)
     if near is not None and len(best.frequencies) < len(near):
         raise FitError(f"only {len(best.frequencies)} of the {wanted} modes were found; {FRF_ADVICE}")
     selection = Selection(values, deviations, estimated, candidates, len(best.frequencies))
-    if best.model.starts is not None:  # the same modes at all lines
+    binned = best.model.starts is not None
+    if binned:  # the same modes at all lines
         best = replace(best, model=replace(best.model, starts=None), values=values, weights=1 / deviations)
-    for _ in range(3):  # rounds in which weights and estimates settle
-        best = selection.weighted(best)
+    for turn in range(3):  # rounds in which weights and estimates settle; with those from the bins, one fit is enough
+        if turn == 0 or not binned:
+            best = selection.weighted(best)
+        else:
+            best = replace(best, weights=1 / selection.deviations_of(best))
     found, lines = len(best.frequencies), record.frequencies
     notes = tuple(merged) if wanted is None or found == wanted else (f"the record supports {found} of {wanted} modes",)
     order = np.argsort(best.frequencies)

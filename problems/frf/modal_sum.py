@@ -41,11 +41,11 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares
 
 from ancf_casadi.estimation.solver.noise import estimated_noise
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
+from ancf_casadi.support.tall import inner, tall_qr, tall_times, tall_triangle
 
 MODAL_SUM_POWERS = {
     "receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 2, "relative-transmissibility": 2
@@ -92,9 +92,13 @@ class ModalSum:
 
     def modal(self, frequencies: Array, ratios: Array) -> ComplexArray:
         """Return the columns of modes, (k, 2 m), or (bins, 2 m): those of a and b of each mode."""
+        resonance = self._resonances(frequencies, ratios)
+        return np.asarray(self.binned(np.stack([resonance, self._iω * resonance], axis=2).reshape(len(self._iω), -1)))
+
+    def _resonances(self, frequencies: Array, ratios: Array) -> ComplexArray:
+        """Return the resonance of each mode at all frequencies, (k, m)."""
         iω, ω_k = self._iω, 2 * np.pi * frequencies
-        resonance = iω**self.derivatives / (ω_k**2 + iω**2 + 2 * ratios * ω_k * iω)
-        return np.asarray(self.binned(np.stack([resonance, iω * resonance], axis=2).reshape(len(iω), -1)))
+        return np.asarray(iω**self.derivatives / (ω_k**2 + iω**2 + 2 * ratios * ω_k * iω))
 
     def columns(self, frequencies: Array, ratios: Array) -> ComplexArray:
         """Return the columns of all coefficients, (k, 2 m + powers)."""
@@ -110,11 +114,15 @@ class ModalSum:
     def slopes(self, frequencies: Array, ratios: Array, coefficients: Array) -> ComplexArray:
         """Return the derivatives of the functions by frequency and damping ratio of each mode in turn, (F, k, 2 m)."""
         iω, ω_k = self._iω, 2 * np.pi * frequencies
-        common = -2 * iω**self.derivatives / (ω_k**2 + iω**2 + 2 * ratios * ω_k * iω) ** 2
-        a, b = _pairs(coefficients, len(frequencies))
-        sizes = (a.T[:, None, :] + iω * b.T[:, None, :]) * common
-        slopes = np.stack([sizes * 2 * np.pi * (ω_k + ratios * iω), sizes * ω_k * iω], axis=3)
-        return np.asarray(self.binned(slopes.reshape(*sizes.shape[:2], -1), axis=1))
+        common = -2 * self._resonances(frequencies, ratios) ** 2 / iω**self.derivatives
+        # shared by all functions, and therefore averaged over bins before these are formed
+        powers = [self.binned(common * iω**power) for power in range(3)]
+        a, b = (part.T[:, None, :] for part in _pairs(coefficients, len(frequencies)))
+        found = np.empty((coefficients.shape[1], len(powers[0]), 2 * len(frequencies)), dtype=complex)
+        twice = a * powers[1] + b * powers[2]
+        found[:, :, ::2] = 2 * np.pi * (ω_k * (a * powers[0] + b * powers[1]) + ratios * twice)
+        found[:, :, 1::2] = ω_k * twice
+        return found
 
     def constants(self, frequencies: Array, ratios: Array, coefficients: Array) -> ComplexArray:
         """Return the modal constants C (m, F) from the coefficients (2 m + powers, F)."""
@@ -126,24 +134,6 @@ class ModalSum:
 def _pairs(coefficients: Array, modes: int) -> tuple[Array, Array]:
     """Return a and b of each mode, (m, F) each, from the coefficients."""
     return coefficients[0 : 2 * modes : 2], coefficients[1 : 2 * modes : 2]
-
-
-def tall_qr(matrix: Array) -> tuple[Array, Array]:
-    """Return QR factors of a matrix with many more rows than columns, by those of blocks of its rows.
-
-    Small blocks stay in the cache; a Cholesky factor of Q' Q, which is nearly the identity, makes Q orthonormal.
-    """
-    size, (rows, columns) = 8 * matrix.shape[1], matrix.shape
-    whole = rows // size * size
-    if whole < 4 * size:
-        return np.linalg.qr(matrix)
-    length = np.linalg.norm(matrix, axis=0)
-    scaled = matrix / length
-    blocks: Array = np.asarray(np.linalg.qr(scaled[:whole].reshape(-1, size, columns), mode="r"))
-    triangle = np.linalg.qr(np.concatenate([blocks.reshape(-1, columns), scaled[whole:]]), mode="r")
-    q = solve_triangular(triangle, scaled.T, trans=1).T
-    correction = np.linalg.cholesky(q.T @ q).T
-    return solve_triangular(correction, q.T, trans=1).T, correction @ triangle * length
 
 
 def stacked(values: ComplexArray) -> Array:
@@ -178,32 +168,35 @@ class TrialFit:
         return np.column_stack([self.frequencies * ratios, ratios]).ravel()
 
     @cached_property
+    def columns(self) -> ComplexArray:
+        """Columns of all coefficients (k, c)."""
+        return self.model.columns(self.frequencies, self.ratios)
+
+    @cached_property
     def factors(self) -> list[tuple[Array, Array]]:
         """QR factors of the weighted columns, (2 k, c) and (c, c), for each function."""
-        columns = stacked(self.model.columns(self.frequencies, self.ratios))
+        columns = stacked(self.columns)
         return [tall_qr(np.tile(weight, 2)[:, None] * columns) for weight in self.weights.T]
 
     @cached_property
     def coefficients(self) -> Array:
         """Coefficients (2 m + powers, F)."""
-        weighted = np.tile(self.weights, (2, 1)) * stacked(self.values)
-        found = []
-        for (q, triangle), y in zip(self.factors, weighted.T, strict=True):
-            size = np.linalg.norm(triangle, axis=0)
-            found.append(np.linalg.lstsq(triangle / size, q.T @ y)[0] / size)
+        weighted, found = stacked(self.weights * self.values), []
+        for function, (q, triangle) in enumerate(self.factors):
+            size, y = np.linalg.norm(triangle, axis=0), weighted[:, [function]]
+            found.append(np.linalg.lstsq(triangle / size, inner(q, y)[:, 0])[0] / size)
         return np.column_stack(found)
 
     @cached_property
     def fitted(self) -> ComplexArray:
         """Fitted values (k, F)."""
-        return self._with(self.model)
-
-    def _with(self, model: ModalSum) -> ComplexArray:
-        return np.asarray(model.columns(self.frequencies, self.ratios) @ self.coefficients)
+        return np.asarray(tall_times(self.columns, self.coefficients))
 
     def at(self, frequencies: Array) -> ComplexArray:
         """Return the fitted functions (k, F) at other frequencies, Hz."""
-        return self._with(replace(self.model, frequencies=frequencies, starts=None))
+        return replace(self.model, frequencies=frequencies, starts=None).columns(self.frequencies, self.ratios) @ (
+            self.coefficients
+        )
 
     @property
     def residuals(self) -> ComplexArray:
@@ -221,8 +214,13 @@ class TrialFit:
         slopes, rows = self.model.slopes(self.frequencies, self.ratios, self.coefficients), []
         for (q, _), weight, own in zip(self.factors, self.weights.T, slopes, strict=True):
             change = stacked(weight[:, None] * own)
-            rows.append(change - q @ (q.T @ change))
+            rows.append(change - tall_times(q, inner(q, change)))
         return np.concatenate(rows)
+
+    @cached_property
+    def triangle(self) -> Array:
+        """Triangle of the QR factors of the Jacobian and the weighted residuals, (2 m + 1, 2 m + 1)."""
+        return tall_triangle(np.column_stack([self.jacobian, self.weighted_residuals]))
 
     @property
     def parameters(self) -> int:
@@ -254,11 +252,14 @@ class TrialFit:
     @cached_property
     def _basis(self) -> Array:
         """Orthonormal basis of the columns of the Jacobian."""
-        return np.linalg.qr(self.jacobian / np.linalg.norm(self.jacobian, axis=0))[0]
+        return tall_qr(self.jacobian)[0]
 
 
 def quick_fit(start: TrialFit) -> TrialFit | None:
-    """Return the fit of all parameters from the modes of a start; None if the functions do not determine the modes."""
+    """Return the fit of all parameters from the modes of a start; None if the functions do not determine the modes.
+
+    The triangle of Jacobian and residuals has the same products as these, and the solver needs no more.
+    """
     bounded = start.bounded
 
     @lru_cache(maxsize=1)  # residuals and Jacobian are asked for in turn
@@ -266,10 +267,10 @@ def quick_fit(start: TrialFit) -> TrialFit | None:
         return start.moved(np.frombuffer(x))
 
     def residuals(x: Array) -> Array:
-        return at(x.tobytes()).weighted_residuals
+        return at(x.tobytes()).triangle[:, -1]
 
     def jacobian(x: Array) -> Array:
-        return at(x.tobytes()).jacobian
+        return at(x.tobytes()).triangle[:, :-1]
 
     upper = np.tile([np.inf, LARGEST_RATIO], len(start.frequencies))
     try:

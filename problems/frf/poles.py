@@ -14,6 +14,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
+from ancf_casadi.support.tall import tall_triangle
 from problems.frf.modal_sum import ModalSum, stacked
 
 RATIO_RANGE = (1e-5, 0.6)  # least and largest damping ratio of a candidate
@@ -85,8 +86,8 @@ def poles_near(model: ModalSum, values: ComplexArray, frequencies: Array) -> Can
         for ζ in RATIO_GRID:
             ratios[k] = ζ
             columns = stacked(model.columns(frequencies, ratios))
-            q = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
-            rests.append(-np.sum((q.T @ measured) ** 2))
+            triangle = tall_triangle(np.hstack([columns / np.linalg.norm(columns, axis=0), measured]))
+            rests.append(np.sum(triangle[columns.shape[1] :] ** 2))
         ratios[k] = RATIO_GRID[int(np.argmin(rests))]
     return Candidates(frequencies, ratios, np.arange(len(frequencies)))
 

@@ -33,6 +33,7 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.callbacks import Differentiable, kept
+from ancf_casadi.support.tall import tall_qr
 from problems.decay.limitations import IMPRECISE
 from problems.frf.modal_sum import LARGEST_RATIO, RESIDUAL_POWERS, TrialFit, stacked
 from problems.frf.weights import LEAST_REMAINDER
@@ -80,7 +81,7 @@ def corrected(trial: TrialFit, fit: Fit) -> Fit:
     free = ~fit.active_bounds
     covariance = inflation(trial, fit) * fit.covariance
     if trial.values.shape[1] > 1 and free.any() and fit.residual_rms > 0.0:
-        q, triangle = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
+        q, triangle = tall_qr(fit.jacobian[:, free] * fit.scale[free])
         scaled = triangle / fit.scale[free]
         scatter = scaled @ covariance[np.ix_(free, free)] @ scaled.T
         inverse = np.linalg.inv(scaled)

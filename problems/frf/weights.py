@@ -24,13 +24,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import minimize_scalar
 from scipy.special import chdtri
 
 from ancf_casadi.support.arrays import Array, ComplexArray
 from problems.frf.record import FrfRecord, moving_mean
 
-LOG_BOUNDS = (-30.0, 30.0)  # of the logarithms of A and B, relative to their first guesses
+LOG_BOUNDS = (-30.0, 30.0)  # of the logarithm of B/A, relative to the first guess
 LEAST_STD = 1e-6  # standard deviation, relative to the median of the function
 LEAST_REMAINDER = 0.05  # least 1 - h
 
@@ -76,15 +76,14 @@ def _variance(squares: Array, power: Array) -> Array:
     quiet = float(np.median(squares[power <= np.median(power)])) or float(squares.mean())
     relative = float(np.median(squares / np.maximum(power, LEAST_STD * power.max()))) or quiet / float(power.mean())
 
-    def deviance(logarithms: Array) -> tuple[float, Array]:
-        parts = np.exp(logarithms)[:, None] * np.stack([np.full(len(power), quiet), relative * power])
-        variance = parts.sum(axis=0)
-        slope = (1 - squares / variance) / variance
-        return float(np.sum(np.log(variance) + squares / variance)), parts @ slope
+    def deviance(logarithm: float) -> float:
+        """Return the deviance with the common factor of A and B that makes it least."""
+        variance = quiet + math.exp(logarithm) * relative * power
+        return len(power) * math.log(np.mean(squares / variance)) + float(np.sum(np.log(variance)))
 
-    found = minimize(deviance, np.zeros(2), jac=True, bounds=[LOG_BOUNDS, LOG_BOUNDS], method="L-BFGS-B")
-    first, second = np.exp(found.x)
-    return np.asarray(first * quiet + second * relative * power)
+    share = math.exp(minimize_scalar(deviance, bounds=LOG_BOUNDS, method="bounded").x)
+    variance = quiet + share * relative * power
+    return np.asarray(variance * np.mean(squares / variance))
 
 
 def _slow_factor(ratio: Array) -> Array:

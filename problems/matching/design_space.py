@@ -7,8 +7,8 @@ quadratic form of the factors f(x) on the properties along the beam, x = s/L fro
     Smoothness     w/2 sum over the properties of int_0^1 (df/dx)^2 dx.
 
 For n elements the integrals are 1/n sum (f_i - 1)^2 and n sum (f_(i+1) - f_i)^2: each element counts by its fraction of
-the length, so that the integrals, and the result, converge with the mesh.  For a ``Global`` property, including the tip
-mass and the clamp stiffness, the first integral is (f - 1)^2, the second 0.
+the length, so that the integrals, and the result, converge with the mesh.  For a ``Global`` property, including the
+lumped ones, the first integral is (f - 1)^2, the second 0.
 
 The factor c is 1 for properties that change as a whole or smoothly, and 20 for ``PerElement``: a change of one
 twentieth of the beam then costs as much as the same change of a global property.  With c = 1, the elements would change
@@ -31,12 +31,14 @@ import scipy  # its packages are imported on first use
 
 from ancf_casadi.estimation.solver.least_squares import AT_BOUND
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES, Beam
+from ancf_casadi.mechanics.beam import PROPERTIES, Beam
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.arrays import Array, Mask
+from ancf_casadi.mechanics.property_names import lumped_kind
+from ancf_casadi.support.arrays import Array, Index, Mask
 from ancf_casadi.support.inputs import check_instance, is_sequence, numbers, positive, shown
 from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.assembly import structure_properties
+from ancf_casadi.vibration.changed_model import changed_model, check_curvature, lumped_places, lumped_value
 from problems.matching.unknowns import PAPER_UNKNOWNS, Global, PerElement, PropertyUnknown, Smooth, check_bounds
 
 SMALLEST_FACTOR = 1e-7  # factor: a property never vanishes
@@ -68,8 +70,12 @@ class DesignSpace:
         for name in given:
             if given.count(name) > 1:
                 raise InputError(f"{name} is given {given.count(name)} times; give it once", "unknowns")
-            if name in LUMPED and getattr(self.beam, name) in (0.0, math.inf):
+            if lumped_kind(name) and not lumped_value(self.beam, name):
                 raise InputError(f"the beam has no {name} to change; give the beam a first value of it", "unknowns")
+        if "natural_curvature" in given:
+            check_curvature(self.beam)
+        if given.count("spring_stiffness") and {"spring_x", "spring_y"} & set(map(lumped_kind, given)):
+            raise InputError("spring_stiffness contains the other springs; give one or the other", "unknowns")
         _ = self.shapes  # which are checked
 
     @cached_property
@@ -131,7 +137,7 @@ class DesignSpace:
 
     @cached_property
     def given(self) -> Array:
-        """Properties of the given beam, (4 n + 2,)."""
+        """Properties of the given beam, (4 n + lumped,)."""
         return structure_properties(Model(self.beam))
 
     @cached_property
@@ -147,34 +153,31 @@ class DesignSpace:
 
     @cached_property
     def directions(self) -> Array:
-        """Derivatives of the properties by the unknowns, (4 n + 2, N)."""
+        """Derivatives of the properties by the unknowns, (4 n + lumped, N)."""
         found, columns = np.zeros((len(self.given), self.size)), iter(range(self.size))
         for unknown, shape in zip(self.unknowns, self.shapes, strict=True):
             for column in shape.T:
                 found[self._rows_of(unknown.name), next(columns)] = column
         return self.given[:, None] * found
 
-    def _rows_of(self, name: str) -> slice:
+    def _rows_of(self, name: str) -> Index:
         """Return the rows of a property among all properties, in the order of ``structure_properties``."""
         n = self.beam.elements
-        if name in LUMPED:
-            row = n * len(PROPERTIES) + LUMPED.index(name)
-            return slice(row, row + 1)
-        return slice(n * PROPERTIES.index(name), n * (PROPERTIES.index(name) + 1))
+        if lumped_kind(name):
+            return n * len(PROPERTIES) + np.array(lumped_places(self.beam, name))
+        return n * PROPERTIES.index(name) + np.arange(n)
 
     def changes(self, m: Array) -> Array:
         """Return the relative changes of the factors, (F,)."""
         return np.asarray(self.map @ (m - self.standard))
 
     def properties(self, m: Array) -> Array:
-        """Return the properties, (4 n + 2,)."""
+        """Return the properties, (4 n + lumped,)."""
         return np.asarray(self.given + self.directions @ (m - self.standard))
 
     def changed(self, m: Array) -> Beam:
         """Return the beam with these properties."""
-        values = self.properties(m)
-        found = {unknown.name: values[self._rows_of(unknown.name)].tolist() for unknown in self.unknowns}
-        return self.beam.with_(**{name: own[0] if name in LUMPED else tuple(own) for name, own in found.items()})
+        return changed_model(Model(self.beam), self.properties(m)).beam
 
     def room(self, m: Array) -> tuple[Array, Array]:
         """Return the changes of the factors that lead to the lower and to the upper bounds, (F,) each."""

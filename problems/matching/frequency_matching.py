@@ -249,7 +249,7 @@ def _solution(matching: Matching, start: Array) -> NlpSolution:
 
 def _mac(matching: Matching, state: ModalState) -> Array:
     """Return the MAC of the measured shapes with all of the lowest modes at the optimum, followed or not."""
-    free = matching.model.size - matching.model.free.start
+    free = matching.model.freedoms
     # modes above the highest followed mode that the MAC includes
     lowest = modes_near(state.structure, state.at, min(int(state.numbers.max()) + 1 + 2, free))
     assert lowest is not None  # the equilibrium of the optimum is stable

@@ -38,7 +38,7 @@ from problems.matching.unknowns import Global
 RANK_TOLERANCE = 1e-6  # times the largest singular value; smaller ones count as zero
 BOUND_ROUNDING = 1e-9  # excess over a bound that may be due to rounding
 # order of the columns in the row reduction of the exponents
-PROPERTY_ORDER = ("elastic_modulus", "thickness", "density", "width", "tip_mass", "clamp_stiffness")
+PROPERTY_ORDER = ("elastic_modulus", "thickness", "density", "width")  # and then the lumped ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +193,7 @@ class Identifiability:
     def exponents(self) -> tuple[tuple[str, ...], Array]:
         """The G global unknowns, and the exponents, (r, G), of the products that the data determine, all else held."""
         given = {unknown.name for unknown in self.space.unknowns if isinstance(unknown, Global)}
-        names = tuple(name for name in PROPERTY_ORDER if name in given)
+        names = tuple(name for name in (*PROPERTY_ORDER, *sorted(given - {*PROPERTY_ORDER})) if name in given)
         if not names:
             return (), np.zeros((0, 0))
         columns = [self.space.names.index(name) for name in names]

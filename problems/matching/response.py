@@ -1,7 +1,7 @@
 """Residuals between the modes of a beam and the measured ones, and their derivatives by the unknowns.
 
 Targets with shapes are assigned to the modes of the given beam by the largest sum of MAC values; targets without shapes
-to the lowest modes, in their order.  As the beam changes, each mode is followed by its shape
+to the lowest modes that are no rigid motions, in their order.  As the beam changes, each mode is followed by its shape
 (``ancf_casadi.vibration.modal_state``), so that modes that cross are not exchanged.
 
 The residuals are (u/sigma_k) (f_k/target_k - 1), with the relative standard deviations sigma_k of the frequencies and
@@ -27,7 +27,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.modal_state import ModalState, follow, followed_modes
-from ancf_casadi.vibration.modes import Modes, natural_modes
+from ancf_casadi.vibration.modes import Modes, natural_modes, rigid_modes
 from ancf_casadi.vibration.sensitivities import gradient, hessian
 from problems.matching.design_space import WEIGHT, DesignSpace, LeastChange, Preference
 from problems.matching.measured_modes import MeasuredModes
@@ -57,11 +57,11 @@ class Matching:
     def standard_modes(self) -> Modes:
         """The lowest modes of the given beam, among them the modes of the targets."""
         model = Model(self.space.beam)
-        count = self.measured.count
+        count, rigid = self.measured.count, rigid_modes(model)
         if self.measured.shapes:
             # modes searched for a measured shape, beyond twice the number of shapes
-            count = min(2 * count + 6, model.size - model.free.start)
-        return natural_modes(model, count=count)
+            count = min(2 * count + 6, model.freedoms - rigid)
+        return natural_modes(model, count=rigid + count)
 
     @cached_property
     def standard(self) -> ModalState:
@@ -77,7 +77,7 @@ class Matching:
     def numbers(self) -> Index:
         """Numbers, from 0, of the modes of the given beam to which the targets are assigned, (m,)."""
         if not self.measured.shapes:
-            return np.arange(self.measured.count)
+            return rigid_modes(self.model) + np.arange(self.measured.count)
         mac = self.measured.mac(self.observer @ self.standard_modes.shapes)
         targets, modes = scipy.optimize.linear_sum_assignment(-mac)
         for target, mode in zip(targets.tolist(), modes.tolist(), strict=True):

@@ -14,7 +14,8 @@ from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, quantile
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.result import FitResult, Interval
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam import BEAM_UNITS, LUMPED, Beam
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.property_names import lumped_kind, unit_of
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Table
 from ancf_casadi.support.tables import known as finite
@@ -139,12 +140,12 @@ class FrequencyMatch(FitResult):
     @property
     def units(self) -> dict[str, str]:
         """SI unit of each property that may change."""
-        return {name: BEAM_UNITS[name.partition("[")[0]] for name in self._names}
+        return {name: unit_of(name) for name in self._names}
 
     @property
     def standard_errors(self) -> dict[str, float]:
         """Standard error of each property that may change, SI units; nan if the data do not determine it."""
-        return self._named(self.identifiability.standard_errors * self._given)
+        return self._named(self.identifiability.standard_errors * np.abs(self._given))
 
     def intervals(self, level: float = CONFIDENCE_LEVEL) -> dict[str, Interval]:
         """Return the interval of each property that may change, within its bounds; nan if it is not determined.
@@ -156,9 +157,9 @@ class FrequencyMatch(FitResult):
         """
         t, known, given = quantile(level, math.inf), self.identifiability, self._given
         half, (below, above) = t * known.standard_errors, known.room
-        low = (known.factors + np.maximum(-half, below)) * given  # nan stays nan
-        high = (known.factors + np.minimum(half, above)) * given
-        return dict(zip(self._names, zip(low.tolist(), high.tolist(), strict=True), strict=True))
+        ends = np.array([np.maximum(-half, below), np.minimum(half, above)])  # nan stays nan
+        low, high = np.sort((known.factors + ends) * given, axis=0).tolist()  # a natural curvature may be negative
+        return dict(zip(self._names, zip(low, high, strict=True), strict=True))
 
     @property
     def _names(self) -> tuple[str, ...]:
@@ -204,8 +205,8 @@ class FrequencyMatch(FitResult):
         if not self.matching.noisy:
             raise InputError("has no scatter: give the standard deviations of the targets", "fit")
         k = self._names.index(name)
-        low, high = self.identifiability.extremes(k, t**2)
-        return low * float(self._given[k]), high * float(self._given[k])
+        low, high = sorted(end * float(self._given[k]) for end in self.identifiability.extremes(k, t**2))
+        return low, high
 
     def predict(self, record: MeasuredModes | Sequence[float]) -> RecordPrediction:
         """Compute the frequencies of other targets of the same beam, such as higher modes, and compare.
@@ -259,12 +260,12 @@ class FrequencyMatch(FitResult):
             )
             worst = f"a frequency error of {100 * self.max_relative_error:.3g} % remains"
             notes.append(f"the targets are out of reach of these unknowns: {worst}, and {limit}")
-        if self.mac is None and any(mode != k for k, mode in enumerate(self.modes, start=1)):
+        before = (self.matching.numbers + 1).tolist()
+        if self.mac is None and before != [*self.modes]:
             notes.append(
                 f"the targets are matched to modes {', '.join(map(str, self.modes))}, which are not the lowest modes "
                 "of the matched beam; give measured shapes to identify the modes"
             )
-        before = (self.matching.numbers + 1).tolist()
         for target, (mode, was) in enumerate(zip(self.modes, before, strict=True), start=1):
             if mode != was:
                 notes.append(f"target {target} is mode {was} of the given beam, and mode {mode} of the matched one")
@@ -323,6 +324,7 @@ class FrequencyMatch(FitResult):
             "elastic_modulus": list(self.beam.elastic_modulus),
             "tip_mass": self.beam.tip_mass,
             "clamp_stiffness": self.beam.clamp_stiffness if math.isfinite(self.beam.clamp_stiffness) else None,
+            "lumped": self.beam.lumped,
             "max_relative_error": self.max_relative_error,
             "holding": [{"name": name, "multiplier": cost} for name, cost in self.holding],
             "out_of_reach": self.out_of_reach,
@@ -353,7 +355,7 @@ class FrequencyMatch(FitResult):
         known = self.identifiability
         ranges = np.full((len(known.factors), 2), math.nan) if self.out_of_reach else known.spread
         values, errors = self.estimates.values(), map(finite, self.standard_errors.values())
-        low, high = ([finite(end) for end in ends] for ends in (ranges * self._given[:, None]).T)
+        low, high = ([finite(end) for end in ends] for ends in np.sort(ranges * self._given[:, None], axis=1).T)
         changes = (known.factors - 1).tolist()
         return list(zip(self._names, self.units.values(), values, changes, low, high, errors, strict=True))
 
@@ -371,6 +373,6 @@ def match_figure(matches: Mapping[str, FrequencyMatch]) -> Figure:
     (match,) = matches.values()
     known, space = match.identifiability, match.matching.space
     ends = np.column_stack([known.factors, known.factors]) if match.out_of_reach else known.spread
-    changes = {name: own for name, own in space.by_property(ends - 1).items() if name not in LUMPED}
+    changes = {name: own for name, own in space.by_property(ends - 1).items() if not lumped_kind(name)}
     along = {name: np.broadcast_to(own, (match.beam.elements, 2)) for name, own in changes.items()}
     return properties_figure(space.beam, match.beam, along)

@@ -2,9 +2,9 @@
 
 The properties P, one value per element, become P f with the factors f = 1 + T (m - m_0), element by element:
 
-    Global        one factor for all elements (or for the tip mass or the clamp stiffness);  the given beam has m = 1
-    PerElement    one factor for each element;                                               m = 1
-    Smooth        1 + sum_j m_j L_j(x), x = 2 s/L - 1 from -1 to 1;                          m = 0
+    Global        one factor for all elements, or for a lumped property;  the given beam has m = 1
+    PerElement    one factor for each element;                            m = 1
+    Smooth        1 + sum_j m_j L_j(x), x = 2 s/L - 1 from -1 to 1;       m = 0
 
 L_j are Legendre polynomials at the centres of the elements.  The first two are the mean and the linear taper, which
 matter most; unlike cosines, they need not be flat at the ends.  Each polynomial is at most 1 in magnitude, so that m_j
@@ -22,7 +22,8 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam import LUMPED, MAXIMUM_ELEMENTS, PROPERTIES
+from ancf_casadi.mechanics.beam import MAXIMUM_ELEMENTS, PROPERTIES
+from ancf_casadi.mechanics.property_names import LUMPED_KINDS, lumped_kind
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import choice, positive, shown, whole
 from ancf_casadi.support.tables import Displayed
@@ -50,7 +51,8 @@ class Global(Displayed):
     Parameters
     ----------
     name : str
-        ``width``, ``thickness``, ``density``, ``elastic_modulus``, ``tip_mass`` or ``clamp_stiffness``.
+        ``width``, ``thickness``, ``density`` or ``elastic_modulus``, or a lumped property of the beam, such as
+        ``tip_mass``, ``clamp_stiffness`` or ``spring_y`` (``Beam.lumped``).
     relative_bounds : float, optional
         Largest relative change, above 0 and at most 1; if not given, the ``bounds`` of ``match_frequencies``.
 
@@ -75,7 +77,8 @@ class Global(Displayed):
 
     def __post_init__(self) -> None:
         """Validate."""
-        _check(self.name, self.relative_bounds, PROPERTIES + LUMPED)
+        numbered = (self.name,) if lumped_kind(str(self.name)) else ()
+        _check(self.name, self.relative_bounds, (*PROPERTIES, *sorted(LUMPED_KINDS), *numbered))
 
     def shape(self, elements: int) -> Array:
         """Return T of the only factor, (1, 1)."""

@@ -66,9 +66,10 @@ def viscous_damping_ratios(modes: Modes, air: Air) -> Array:
     reynolds = air.density * ω * width**2 / (4 * air.viscosity)
     coefficients = math.pi / 4 * air.density * ω * width**2 * hydrodynamic_function(reynolds).imag
     points, weights = gauss(4)  # of an element, exact for the square of a cubic shape
-    places = beam.element_length * (np.arange(beam.elements)[:, None] + points)
+    places = beam.node_points[:-1, None] + beam.element_lengths[:, None] * points
     shapes = np.array([[modes.model.interpolation(s) @ modes.shapes for s in row] for row in places.tolist()])
-    squares = beam.element_length * np.einsum("g,egdm->em", weights, shapes**2)  # int phi^2 dp of element and mode
+    # int phi^2 dp of element and mode
+    squares = beam.element_lengths[:, None] * np.einsum("g,egdm->em", weights, shapes**2)
     return np.asarray((coefficients * squares).sum(axis=0) / (2 * ω))
 
 

@@ -41,8 +41,9 @@ from ancf_casadi.decay.envelope import damping_curve
 from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.mechanics.point_load import PointLoad
+from ancf_casadi.mechanics.loads import PointLoad
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium

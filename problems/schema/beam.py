@@ -23,9 +23,23 @@ BEAM_KEYS = """\
   [beam]        length (m), elements; width, thickness (m), density (kg/m^3),
                 elastic_modulus (Pa): each a number, or a list with one value
                 per element; optional: axis, gravity (m/s^2), tip_mass (kg),
-                clamp_stiffness (N m/rad);
+                clamp_stiffness (N m/rad), natural_curvature (1/m);
+                supports = []: a free beam
                 or only document = "BEAM.json": a JSON document with a beam and
                 its damping; a relative path starts at the folder of this file
+"""
+PART_KEYS = """\
+  [[beam.supports]]
+                instead of a clamp at 0; kind = "clamp": point (m), stiffness
+                (N m/rad, inf if rigid), displacement (m), rotation (rad)
+                kind = "pin": point, displacement
+                kind = "roller": point, direction of sliding, displacement
+                kind = "guide": point, direction, displacement, rotation
+  [[beam.attachments]]
+                kind = "mass": point (m), mass (kg), rotary_inertia (kg m^2)
+                kind = "spring": point, stiffness = [X, Y] (N/m)
+                kind = "rotational_spring": point, stiffness (N m/rad)
+                kind = "dashpot": point, coefficient = [X, Y] (N s/m)
 """
 DAMPING_KEYS = """\
   [[damping]]   law = "rayleigh": alpha (1/s), beta (s),
@@ -36,7 +50,7 @@ DAMPING_KEYS = """\
                 law = "modal": ratios, frequencies (Hz)
                 several tables add up
 """
-BEAM_HELP = HEAD + BEAM_KEYS
+BEAM_HELP = HEAD + BEAM_KEYS + PART_KEYS
 DAMPED_HELP = BEAM_HELP + DAMPING_KEYS
 DAMPING_LAWS: dict[str, Callable[..., DampingLaw]] = {
     "rayleigh": RayleighDamping,
@@ -92,5 +106,5 @@ def term_of(table: Any, model: Model, where: str) -> DampingLaw:
     if kind != "modal":
         return made(own, DAMPING_LAWS[kind], where)
     ratios: Any = own.get("ratios")
-    count = min(max(1, len(ratios) if is_sequence(ratios) else 1), model.size - model.free.start)
+    count = min(max(1, len(ratios) if is_sequence(ratios) else 1), model.freedoms)
     return made(own, ModalDamping, where, modes=natural_modes(model, count=count))

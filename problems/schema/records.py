@@ -20,8 +20,9 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.beam_table import PART_KINDS, with_parts
+from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.recording import Recording
 from ancf_casadi.records.sensor import Sensor
@@ -71,7 +72,8 @@ RECORD_KEYS = """\
   [[frequencies]]
                 natural frequencies: frequencies (Hz), std (Hz), modes (from 1)
                 a measurement in another configuration of the beam has length
-                (m), axis, tip_mass (kg), clamp_stiffness (N m/rad)
+                (m), axis, tip_mass (kg), clamp_stiffness (N m/rad), supports,
+                attachments: lists of tables as those of [beam]
   [fit]         unknowns (properties such as "elastic_modulus", "tip_mass",
                 "thickness[1:5]"; "base_amplitude"; "start_force_x",
                 "start_force_y", "start_moment" and their _rate),
@@ -100,7 +102,7 @@ CURVE_NUMBERS = {"frequencies", "values", "phases", "levels"}
 CURVE_MADE = {"sensor", "model", "notes"}  # of other keys
 CURVE_READING = {"file", "column", "frequency", "level", "phase", "unit", "level_unit", "phase_unit"}
 UNKNOWN_KEYS = {"std", "offset", "zero"}
-CONFIGURATION = {"length", "axis", "tip_mass", "clamp_stiffness"}
+CONFIGURATION = {"length", "axis", "tip_mass", "clamp_stiffness", *PART_KINDS}
 CHANNEL = {"file", "column", "unit", "sensor", "begin", "end", *SENSOR, *READING, *UNKNOWN_KEYS}
 RECORD = {"channels", "release_time", "camera", "base", "load", "release", "start", *CHANNEL, *CONFIGURATION}
 FIT = {"unknowns", "fixed", "bounds", "priors", "robust", "tolerance"}  # of ``fit_beam``
@@ -148,7 +150,7 @@ def read_measurements(given: str | StudyFile) -> Measurements:
 
 def _configuration(given: Mapping[str, Any], model: Model, where: str) -> Model:
     """Return the beam in the configuration of a table."""
-    changes = {key: given[key] for key in CONFIGURATION & given.keys()}
+    changes = with_parts({key: given[key] for key in CONFIGURATION & given.keys()}, where)
     with located(where):
         return Model(model.beam.with_(**changes), model.measures) if changes else model
 

@@ -125,7 +125,7 @@ def read_response(given: str | StudyFile) -> ResponseTask:
 
 def _modes(table: ResponseTable, model: Model, where: str) -> int:
     """Return the number of modes of the reduced model; 0 for the full beam."""
-    most = model.size - model.free.start
+    most = model.freedoms
     if table.model == "full":
         if table.modes:
             raise InputError("belongs to the reduced model; leave it out", where)

@@ -120,7 +120,7 @@ class Source:
     @property
     def most_modes(self) -> int:
         """Number of modes of the beam."""
-        count: int = self.model.size - self.model.free.start
+        count: int = self.model.freedoms
         return count
 
     def law_choice(self, name: Any, where: str) -> LawChoice:

@@ -82,7 +82,7 @@ def eigenvalue_ratios(law, modes):
 
     Eigenvalues of the inverse, in units of the first natural frequency: the low modes are its largest.
     """
-    model, free, omega = modes.model, modes.model.free, modes.angular_frequencies[0]
+    model, free, omega = modes.model, slice(4, modes.model.size), modes.angular_frequencies[0]
     mass, C = model.mass(model.properties).full()[free, free], damping_matrix(law, modes)[free, free]
     K = modes.equilibrium.stiffness.toarray()
     size = len(K)

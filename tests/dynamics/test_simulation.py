@@ -44,7 +44,7 @@ def explicit(model, pieces, instants, coordinates, velocities, damping=None):
 
     ``pieces`` are pairs of an end time and a function from time to the clamped node, as ``clamped``.
     """
-    free, size = model.free, model.size - 4
+    free, size = slice(4, model.size), model.size - 4
     mass = model.mass(model.properties).full()
     gravity = model.gravity_force(model.properties, model.beam.gravity).full().ravel()
     q, v, node = cs.MX.sym("q", size), cs.MX.sym("v", size), cs.MX.sym("node", 12)

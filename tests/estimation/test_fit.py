@@ -26,9 +26,11 @@ def line(a, b):
     return a + b * cs.DM(X) - cs.DM(-1 + 2 * X + 0.1 * NOISE)
 
 
-def puromycin():
+def puromycin(**options):
     c, v = cs.DM(CONCENTRATION), cs.DM(VELOCITY)
-    return least_squares(lambda vm, k: vm * c / (k + c) - v, [Unknown("Vm", 200.0, 100.0), Unknown("K", 0.1, 0.1)])
+    return least_squares(
+        lambda vm, k: vm * c / (k + c) - v, [Unknown("Vm", 200.0, 100.0), Unknown("K", 0.1, 0.1, **options)]
+    )
 
 
 def straight(*, lower=-math.inf):
@@ -44,6 +46,32 @@ def test_intervals_of_a_line_are_those_of_linear_regression_both_ways():
     np.testing.assert_allclose(profile_interval(fit, "a"), fit.intervals()[0], rtol=1e-7)
     np.testing.assert_allclose(profile_interval(fit, "b", 0.5), fit.intervals(0.5)[1], rtol=1e-7)
     assert np.diff(fit.intervals(0.99)).min() > np.diff(fit.intervals()).min()
+
+
+@pytest.mark.parametrize("bound", [0.0, 0.06, 0.07])
+def test_with_a_curved_unknown_held_intervals_are_those_by_profile_likelihood(bound):
+    """For given K, the rates are linear in Vm; K is free, or near its bound, or at it."""
+    fit = puromycin(lower=bound, curved=True)
+    assert fit.at_bound == (("K",) if bound == 0.07 else ())
+
+    def rates(vm, k):
+        return cs.vertcat(*(vm * c / (k + c) for c in (0.01, 0.1, 10.0)), k, vm, 3.0)
+
+    found = fit.derived_intervals(rates)
+    assert np.isnan(found[-1]).all()
+    for j in range(5):
+        exact = profile_interval(fit, lambda *x, j=j: rates(*x)[j])
+        np.testing.assert_allclose(found[j], exact, atol=1e-2 * (exact[1] - exact[0]))
+    first_order = puromycin(lower=bound).derived_intervals(rates)
+    assert (np.abs(found - first_order)[:5] / np.ptp(first_order, axis=1)[:5, None]).max() > 0.03
+
+
+def test_a_curved_unknown_that_is_linear_leaves_first_order_intervals():
+    def both(a, b):
+        return cs.vertcat(a + b, a - b)
+
+    fit = least_squares(line, [Unknown("a", -0.5), Unknown("b", 0.0, lower=-9.0, upper=9.0, curved=True)])
+    np.testing.assert_allclose(fit.derived_intervals(both), straight().derived_intervals(both), rtol=2e-3)
 
 
 def test_profile_intervals_of_a_curve_are_where_the_profiled_sum_of_squares_says():

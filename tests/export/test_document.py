@@ -19,13 +19,21 @@ from hypothesis import strategies as st
 
 from ancf_casadi import (
     Beam,
+    Clamp,
     DampingLaw,
+    Dashpot,
     FrictionDamping,
+    Guide,
     InputError,
     ModalDamping,
     Model,
+    Pin,
+    PointMass,
     QuadraticDamping,
     RayleighDamping,
+    Roller,
+    RotationalSpring,
+    Spring,
     StrainMeasures,
     natural_modes,
     static_equilibrium,
@@ -38,28 +46,31 @@ from problems import fit_decay
 
 WRITTEN = "2025-01-31T12:00:00Z"
 FIT = {"kind": "decay", "estimates": []}
-EARLIER = """
+VERSION_1 = """
 {"format": "ancf-casadi", "schema": 1, "beam": {"length": 0.5, "width": [0.005, 0.005], "thickness": [0.0005, 0.0005],
 "density": [8000.0, 8000.0], "elastic_modulus": [210000000000.0, 210000000000.0], "axis": [0.0, -1.0], "gravity":
-[0.0, -9.81], "tip_mass": 0.001, "clamp_stiffness": 0.5}, "strain_measures": {"axial": "engineering", "curvature":
-"material", "axial_points": 2, "bending_points": 2}, "damping": {"law": "sum", "laws": [{"law": "rayleigh", "alpha":
-0.14285714285714285, "beta": 0.0, "stiffness": "strain-rate"}, {"law": "modal", "ratios": [0.01], "frequencies":
-[1.9], "modes": {"frequencies": [1.7824412638300706], "shapes": [[0.0, 0.0, 0.0, 0.0, 4.462274246670742e-06,
-1.7370370152692336e-24, 12.260805964667028, -4.856960128413904e-25, 6.902490138636331, 3.892405539129809e-24,
-38.346080487969935, -8.52236575017544e-24, 17.36339006357583, 1.0349947736793464e-23, 43.07486120302888,
--4.010510995379492e-23]], "equilibrium": {"coordinates": [0.0, 0.0, 0.0, -1.0, 0.0, -4.6714285714285704e-08, 0.0,
--1.0, 0.0, -0.25000008175000005, 0.0, -0.9999999065714292, 0.0, -0.5000000934285715, 0.0, -0.9999998131428584],
-"tip_force": [0.0, 0.0], "tip_moment": 0.0}, "beam": {"length": 0.5, "width": [0.005, 0.005], "thickness": [0.0006,
-0.0006], "density": [8000.0, 8000.0], "elastic_modulus": [210000000000.0, 210000000000.0], "axis": [0.0, -1.0],
-"gravity": [0.0, -9.81], "tip_mass": 0.0, "clamp_stiffness": 0.25}, "strain_measures": {"axial": "engineering",
-"curvature": "material", "axial_points": 2, "bending_points": 2}}}]}, "identifications": [{"result": {"kind":
-"decay", "estimates": [], "drift_stderr_m_per_s": null}, "data": [{"name": "decay.csv", "sha256":
-"0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f"}]}], "provenance": {"written":
-"2025-01-31T12:00:00Z", "versions": {"ancf-casadi": "0.1.0"}, "note": "by an earlier release"}}
+[0.0, -9.81], "natural_curvature": [0.2, -0.1], "supports": [{"kind": "clamp", "point": 0.0, "stiffness": null,
+"displacement": [0.0, 0.0], "rotation": 0.0}, {"kind": "roller", "point": 0.25, "direction": [0.6, 0.8],
+"displacement": [0.0, 0.001]}], "attachments": [{"kind": "mass", "point": 0.5, "mass": 0.001, "rotary_inertia":
+0.0}]}, "strain_measures": {"axial": "engineering", "curvature": "material", "axial_points": 2, "bending_points": 2},
+"damping": {"law": "sum", "laws": [{"law": "rayleigh", "alpha": 0.14285714285714285, "beta": 0.0, "stiffness":
+"strain-rate"}, {"law": "modal", "ratios": [0.01], "frequencies": [1.9], "modes": {"frequencies":
+[2.1734449664191433], "shapes": [[0.0, 0.0, 0.0, 0.0, 6.225569520977857, -6.218566224497187e-26, 42.369740121363485,
+2.2650766694875953e-25, 18.252840131698463, -3.4813145095477417e-25, 50.13581385331348, 5.212222737412323e-24]],
+"equilibrium": {"coordinates": [0.0, 0.0, 0.0, -1.0, 0.0, -0.25000003503571433, 0.0, -0.9999999065714292, 0.0,
+-0.5000000467142858, 0.0, -0.9999998131428591], "tip_force": [0.0, 0.0], "tip_moment": 0.0}, "beam": {"length": 0.5,
+"width": [0.005, 0.005], "thickness": [0.0006, 0.0006], "density": [8000.0, 8000.0], "elastic_modulus":
+[210000000000.0, 210000000000.0], "axis": [0.0, -1.0], "gravity": [0.0, -9.81], "natural_curvature": [], "supports":
+[{"kind": "clamp", "point": 0.0, "stiffness": null, "displacement": [0.0, 0.0], "rotation": 0.0}], "attachments": []},
+"strain_measures": {"axial": "engineering", "curvature": "material", "axial_points": 2, "bending_points": 2}}}]},
+"identifications": [{"result": {"kind": "decay", "estimates": [], "drift_stderr_m_per_s": null}, "data": [{"name":
+"decay.csv", "sha256": "0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f"}]}], "provenance":
+{"written": "2025-01-31T12:00:00Z", "versions": {"ancf-casadi": "0.1.0"}, "note": "by an earlier release"}}
 """
 
 positive = st.floats(min_value=1e-300, max_value=1e300)
 sizes = st.floats(min_value=1e-10, max_value=1e10)  # of what masses and stiffnesses are products of
+small = sizes.map(lambda size: size - 1.0) | st.just(-0.0)
 finite = st.floats(allow_nan=False, allow_infinity=False)
 coefficients = st.floats(min_value=0.0, max_value=1e300)
 ratios = st.floats(min_value=0.0, max_value=1.0, exclude_max=True)
@@ -67,16 +78,45 @@ ratios = st.floats(min_value=0.0, max_value=1.0, exclude_max=True)
 
 @st.composite
 def beams(draw, elements=None):
-    n = draw(st.integers(2, 4)) if elements is None else elements
-    angle = draw(st.floats(-4.0, 4.0))
+    n = draw(st.integers(4, 6)) if elements is None else elements
+    angle, length = draw(st.floats(-4.0, 4.0)), draw(sizes)
     return Beam(
-        length=draw(sizes),
+        length=length,
         **{
             name: tuple(draw(st.lists(sizes, min_size=n, max_size=n)))
             for name in ("width", "thickness", "density", "elastic_modulus")
         },
         axis=(draw(positive) * np.cos(angle), draw(positive) * np.sin(angle)),
         gravity=(draw(finite), draw(finite)),
+        natural_curvature=draw(st.sampled_from([(), tuple(draw(st.lists(small, min_size=n, max_size=n)))])),
+        supports=draw(supports(length)),
+        attachments=draw(attachments(length)),
+    )
+
+
+@st.composite
+def supports(draw, length):
+    """Draw none to four supports, each of another kind and at another point."""
+    pairs, points = st.tuples(small, small), draw(st.permutations([0.0, 0.3 * length, length / 3, length]))
+    across, rest = st.tuples(positive, small), {"displacement": pairs}
+    kinds = (
+        st.builds(Clamp, st.just(points[0]), sizes | st.just(math.inf), **rest, rotation=small),
+        st.builds(Pin, st.just(points[1]), **rest),
+        st.builds(Roller, st.just(points[2]), across, **rest),
+        st.builds(Guide, st.just(points[3]), across, **rest, rotation=small),
+    )
+    return [draw(one) for one in kinds if draw(st.booleans())]
+
+
+def attachments(length):
+    """Draw any number of attachments, at two points between the ends at most."""
+    points, pairs = st.sampled_from([0.0, 0.3 * length, length / 3, length]), st.tuples(sizes, sizes)
+    return st.lists(
+        st.builds(PointMass, points, sizes, sizes)
+        | st.builds(Spring, points, pairs)
+        | st.builds(RotationalSpring, points, sizes)
+        | st.builds(Dashpot, points, pairs),
+        max_size=5,
     )
 
 
@@ -188,30 +228,69 @@ class TestRoundTrip:
 
     @pytest.mark.parametrize(("stiffness", "written"), [(math.inf, None), (2.5, 2.5)])
     def test_the_stiffness_of_a_rigid_clamp_is_null(self, paper_beam, tmp_path, stiffness, written):
-        """No other number may be null, and the stiffness must be positive."""
+        """No other number may be null, and values have their ranges; a beam without the key has a rigid clamp."""
         path = tmp_path / "beam.json"
         document = Document(Model(paper_beam(2, clamp_stiffness=stiffness)))
         write_document(path, document)
         data = json.loads(path.read_text())
-        assert data["beam"]["clamp_stiffness"] == written
+        [clamp] = data["beam"]["supports"]
+        assert clamp["stiffness"] == written
         assert read_document(path).model == document.model
-        for key, wrong in (("tip_mass", None), ("clamp_stiffness", 0.0), ("clamp_stiffness", [None])):
-            message = refused(tmp_path, json.dumps(data | {"beam": data["beam"] | {key: wrong}}))
-            assert message.startswith(f"$.beam.{key}: expected `float")
+        for key, wrong in (("point", None), ("stiffness", 0.0), ("stiffness", [None]), ("point", -1.0)):
+            message = refused(
+                tmp_path, json.dumps(data | {"beam": data["beam"] | {"supports": [clamp | {key: wrong}]}})
+            )
+            assert message.startswith(f"$.beam.supports[0].{key}: expected `float")
+        del data["beam"]["supports"]
+        path.write_text(json.dumps(data))
+        assert read_document(path).model == Model(paper_beam(2))
 
     def test_a_document_of_an_earlier_release_is_read_and_written_unchanged(self, paper_beam, tmp_path):
-        """Version 0.1.0 wrote this document before msgspec; its modal law holds modes of another beam."""
+        """Its modal law holds modes of another beam."""
         path = tmp_path / "beam.json"
-        path.write_text(EARLIER)
+        path.write_text(VERSION_1)
         found = read_document(path)
-        assert found.model == Model(paper_beam(2, tip_mass=1e-3, clamp_stiffness=0.5))
+        supports = (Clamp(), Roller(0.25, (0.6, 0.8), displacement=(0.0, 1e-3)))
+        assert found.model == Model(paper_beam(2, tip_mass=1e-3, supports=supports, natural_curvature=[0.2, -0.1]))
         rayleigh, modal = found.damping.laws
         assert rayleigh == RayleighDamping(alpha=1 / 7)
-        assert modal.modes.model == Model(paper_beam(2, clamp_stiffness=0.25, thickness=0.6e-3))
+        assert modal.modes.model == Model(paper_beam(2, thickness=0.6e-3))
         assert (modal.ratios, modal.frequencies) == ((0.01,), (1.9,))
         assert found.identifications[0].result == {"kind": "decay", "estimates": [], "drift_stderr_m_per_s": None}
         assert found.provenance == Provenance(WRITTEN, {"ancf-casadi": "0.1.0"}, "by an earlier release")
-        assert json.dumps(found.to_dict()) == json.dumps(json.loads(EARLIER))
+        assert json.dumps(found.to_dict()) == json.dumps(json.loads(VERSION_1))
+
+    @pytest.mark.parametrize(
+        ("field", "table", "message"),
+        [
+            (
+                "supports",
+                {"kind": "glue"},
+                "$.beam.supports[0].kind: invalid value 'glue'; must be one of clamp, pin, ",
+            ),
+            ("supports", {"point": 0.0}, "$.beam.supports[0]: object missing required field `kind`"),
+            ("supports", {"kind": "pin", "point": 9.0}, "$.beam: supports: the point 9.0 m is not on the beam"),
+            ("supports", {"kind": "pin", "point": 0, "mass": 1}, "$.beam.supports[0]: object contains unknown field"),
+            (
+                "supports",
+                {"kind": "guide", "point": 0, "direction": [0, 0]},
+                "$.beam: supports: 1: direction: must not be the zero vector",
+            ),
+            (
+                "attachments",
+                {"kind": "clamp"},
+                "$.beam.attachments[0].kind: invalid value 'clamp'; must be one of mass, ",
+            ),
+            (
+                "attachments",
+                {"kind": "spring", "point": 0, "stiffness": [1, -1]},
+                "$.beam.attachments[0].stiffness[1]: expected `float` >= 0.0",
+            ),
+        ],
+    )
+    def test_wrong_supports_and_attachments_are_refused(self, paper_beam, tmp_path, field, table, message):
+        data = Document(Model(paper_beam(2))).to_dict()
+        assert refused(tmp_path, json.dumps(data | {"beam": data["beam"] | {field: [table]}})).startswith(message)
 
 
 class TestSchema:

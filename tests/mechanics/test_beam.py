@@ -35,7 +35,7 @@ def test_a_rectangular_section_has_area_bh_and_second_moment_bh3_12():
 def test_a_number_applies_to_all_elements_and_a_sequence_is_kept():
     beam = Beam.uniform(**{**GOOD, "thickness": [1e-3, 2e-3, 3e-3, 4e-3]})
     assert beam.elements == 4
-    assert beam.element_length == 0.125
+    assert beam.element_lengths.tolist() == [0.125] * 4
     assert beam.width == (5e-3,) * 4
     assert beam.thickness == (1e-3, 2e-3, 3e-3, 4e-3)
     assert [section.thickness for section in beam.sections] == [1e-3, 2e-3, 3e-3, 4e-3]
@@ -148,7 +148,9 @@ def test_the_constructor_needs_one_value_per_element():
 
 
 def test_with_rejects_unknown_properties():
-    with pytest.raises(InputError, match=r"^colour: is not a property of a beam; known are axis, clamp_stiffness, "):
+    with pytest.raises(
+        InputError, match=r"^colour: is not a property of the beam; known are attachments, axis, clamp_stiffness, "
+    ):
         Beam.uniform(**GOOD).with_(colour="red")
     with pytest.raises(InputError, match=r"^width: has 2 values for 4 elements$"):
         Beam.uniform(**GOOD).with_(width=[1e-3, 1e-3])
@@ -160,7 +162,10 @@ def test_with_rejects_unknown_properties():
         ("length = 0.5", "{path}: has no table [beam]"),
         ("beam = 3", "{path}: has no table [beam]"),
         (TOML.replace("width = 5e-3", ""), "{path}: [beam]: the key 'width' is missing"),
-        (TOML + "colour = 'red'", "{path}: [beam]: unknown key 'colour'; known are axis, clamp_stiffness, density"),
+        (
+            TOML + "colour = 'red'",
+            "{path}: [beam]: unknown key 'colour'; known are attachments, axis, clamp_stiffness, density",
+        ),
         (TOML.replace("5e-3\nthickness", "-5e-3\nthickness"), "{path}: [beam]: width: must be positive, got -0.005"),
         (TOML.replace("[0, 1]", "{x = 0, y = 1}"), "{path}: [beam]: axis: must be a pair of numbers (x, y), got {"),
         ("[beam", "{path}: is not TOML ("),
@@ -200,7 +205,7 @@ def test_any_positive_numbers_make_a_beam_of_mass_rho_b_h_l(length, width, thick
         axis=axis,
     )
     assert beam.mass == pytest.approx(density * width * thickness * length, rel=1e-12)
-    assert beam.element_length * beam.elements == pytest.approx(length, rel=1e-12)
+    assert beam.element_lengths.sum() == pytest.approx(length, rel=1e-12)
     assert math.hypot(*beam.axis) == pytest.approx(1.0, rel=1e-12)
 
 

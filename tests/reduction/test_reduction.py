@@ -194,7 +194,7 @@ def test_energies_are_those_of_the_full_model_and_constant_without_damping(hangi
     np.testing.assert_allclose(np.linalg.norm(slopes, axis=1), 1.0, atol=1e-6)
     whole = nodal_slopes(modes)
     angles, stiffness = whole.angles + whole.rotations @ Q, 210e9 * hanging.beam.sections[0].second_moment
-    steps = ((k, k * hanging.beam.element_length / 2) for k in (1, 2))
+    steps = ((k, k * hanging.beam.element_lengths[0] / 2) for k in (1, 2))
     fine, coarse = (stiffness * (np.diff(angles[::k]) ** 2).sum() / h / 2 for k, h in steps)
     assert strain == pytest.approx(fine + (fine - coarse) / 3, rel=1e-3)
 

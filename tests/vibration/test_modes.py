@@ -144,7 +144,7 @@ def test_a_stubby_beam_has_an_axial_mode_at_a_quarter_of_the_wave_speed_over_the
 
 def test_modes_are_mass_normalised_and_diagonalise_mass_and_stiffness(hanging):
     modes = natural_modes(hanging, count=6)
-    shapes, free = modes.shapes, hanging.free
+    shapes, free = modes.shapes, slice(4, hanging.size)
     mass = hanging.mass(hanging.properties).full()
     modal_mass = shapes.T @ mass @ shapes
     modal_stiffness = shapes[free].T @ modes.equilibrium.stiffness @ shapes[free]

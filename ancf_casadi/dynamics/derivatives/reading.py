@@ -6,7 +6,7 @@ With coordinates e, velocities e_t and accelerations e_tt, a sensor at the arc l
     velocity            d . S e_t
     acceleration        d . (S e_tt - g)              g only for an accelerometer that responds to gravity
     slope               angle of S' e from the axis
-    surface strain      eps - z kappa                 z along the normal, half the thickness if not given
+    surface strain      eps - z (kappa - kappa_0)     z along the normal, half the thickness if not given
     clamp force         d . sum of R over the nodes   R = M e_tt + Q_damp - Q_g - Q_tip
     clamp moment        sum of (r - r_0) x R_r + tau x R_tau over the nodes
 
@@ -31,7 +31,8 @@ from functools import cached_property, partial
 import casadi as cs
 
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.mechanics.model import NODE, Model, axial_strains_near, curvature_at
+from ancf_casadi.mechanics.model import Model, axial_strains_near, curvature_at
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.sensor import AT_CLAMP, Sensor
 from ancf_casadi.support.arrays import Array
 
@@ -50,14 +51,16 @@ class SampledMotion:
     e: cs.MX  # coordinates at s samples, (4 n + 4, s)
     e_t: cs.MX  # velocities there; without rows if no sensor needs them
     e_tt: cs.MX  # accelerations there; without rows if no sensor needs them
+    natural_curvature: cs.MX  # the largest one of the beam, 1/m; 0 if the beam is straight
     balance: Callable[[], cs.MX]  # returns R and the elastic forces at all nodes, (4 n + 4, s), if a sensor reads them
 
     @staticmethod
     def of(equations: Equations, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX, parameters: cs.MX) -> SampledMotion:
         """Return samples under the tip loads (3, s), with parameters in the order of ``Equations.parameters``."""
         terms = equations.balance(parameters)
+        curvature = terms.lumped.get("natural_curvature", cs.MX(0))
         return SampledMotion(
-            equations.model, terms.properties, e, e_t, e_tt, lambda: terms.forces(e, e_t, e_tt, load)[0]
+            equations.model, terms.properties, e, e_t, e_tt, curvature, lambda: terms.forces(e, e_t, e_tt, load)[0]
         )
 
     def read(self, sensor: Sensor) -> cs.MX:
@@ -79,7 +82,7 @@ class SampledMotion:
             case "strain":
                 return self._strain(s, sensor.distance)
             case "force":
-                x, y = (self._of_clamp(cs.sum1(self._forces[k::NODE, :]), self._forces[k, :]) for k in range(2))
+                x, y = (self._of_clamp(cs.sum1(self._forces[k::NODE, :]), self._on_base[k, :]) for k in range(2))
                 return self._along(sensor, 0.0, (x, y))
             case _:
                 return self._moment
@@ -89,13 +92,19 @@ class SampledMotion:
         return self.balance()
 
     @cached_property
+    def _on_base(self) -> cs.MX:
+        """The generalized force of the base on the beam, (4, s)."""
+        return self.model.of_base(self._forces)
+
+    @cached_property
     def _moment(self) -> cs.MX:
         """The moment of the base on the beam about the clamp, (1, s)."""
         x, y, slope_x, slope_y = (self.e[k::NODE, :] for k in range(NODE))
         fx, fy, hx, hy = (self._forces[k::NODE, :] for k in range(NODE))
         x, y = (part - cs.repmat(part[0, :], part.size1(), 1) for part in (x, y))
         own = slope_x * hy - slope_y * hx
-        return self._of_clamp(cs.sum1(x * fy - y * fx + own), own[0, :])
+        base, (_, _, hx, hy) = self.e[2:NODE, :], cs.vertsplit(self._on_base)
+        return self._of_clamp(cs.sum1(x * fy - y * fx + own), base[0, :] * hy - base[1, :] * hx)
 
     def _of_clamp(self, whole: cs.MX, node: cs.MX) -> cs.MX:
         """Return the balance of the whole beam or, at rest, where a load may hold the beam, of the clamped node."""
@@ -109,7 +118,11 @@ class SampledMotion:
         thickness = self.properties[1, model.element_at(s)]
         z = thickness / 2 if distance is None else distance
         axial = sum(weight * strain for weight, _, strain in axial_strains_near(model, s, at))
-        strain: cs.MX = axial - z * curvature_at(model, s, at)
+        bent = curvature_at(model, s, at)
+        if model.beam.natural_curvature:
+            natural = model.beam.natural_curvature[model.element_at(s)] / model.lumped["natural_curvature"]
+            bent -= natural * self.natural_curvature
+        strain: cs.MX = axial - z * bent
         return strain
 
     def _along(self, sensor: Sensor, s: float, components: tuple[cs.MX, cs.MX]) -> cs.MX:

@@ -23,7 +23,8 @@ from ancf_casadi.dynamics.radau.collocation import QUINTIC, RADAU, powers
 from ancf_casadi.dynamics.radau.stepper import RadauStep
 from ancf_casadi.dynamics.segments import SAME_TIME
 from ancf_casadi.exceptions import SimulationError
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.interrupts import interrupted
 
@@ -84,12 +85,16 @@ def samples_of(times: Array, steps: list[RadauStep], begin: float, end: float, *
     return [np.flatnonzero(inside & (owner == k)) for k in range(len(steps))]
 
 
-def sampled(passages: list[Passage], times: Array, rest: Index, size: int, orders: int) -> Array:
+def whole_samples(model: Model, q: Array, base: Array) -> Array:
+    """Return samples of all coordinates, (k, orders, 4 n + 4, ...), from those of the free ones and of the base."""
+    return np.moveaxis(model.whole(np.moveaxis(q, 2, 0), np.moveaxis(base, 2, 0)), 0, 2)
+
+
+def sampled(model: Model, passages: list[Passage], times: Array, rest: Index, orders: int) -> Array:
     """Return the coordinates and their time derivatives, (k, orders, 4 n + 4), at the samples ``times`` (k,)."""
-    result = np.zeros((times.size, orders, size))
+    result = np.zeros((times.size, orders, model.size))
     first = passages[0]
-    result[rest, 0, :NODE] = first.excitation.at(first.excitation.begin)[:NODE]
-    result[rest, 0, NODE:] = first.steps[0].q
+    result[rest, 0] = model.whole(first.steps[0].q, first.excitation.at(first.excitation.begin)[:NODE])
     for passage in passages:
         for step, samples in zip(passage.steps, passage.samples, strict=True):
             if samples.size:
@@ -98,6 +103,6 @@ def sampled(passages: list[Passage], times: Array, rest: Index, size: int, order
                 last = step.q + step.increments[-1], velocities[-1], accelerations
                 ends = np.array([step.q, step.v, step.a, *last])
                 nodes = [passage.excitation.derivatives(time) for time in times[samples].tolist()]
-                result[samples, :, :NODE] = np.reshape(nodes, (samples.size, -1, NODE))[:, :orders]
-                result[samples, :, NODE:] = sample_weights(step, times[samples], orders) @ ends
+                base = np.reshape(nodes, (samples.size, -1, NODE))[:, :orders]
+                result[samples] = whole_samples(model, sample_weights(step, times[samples], orders) @ ends, base)
     return result

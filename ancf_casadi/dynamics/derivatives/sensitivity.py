@@ -39,11 +39,12 @@ from ancf_casadi.dynamics.start import (
     rigid_motion,
     start_jacobians,
 )
-from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TipLoad
+from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TIP, LoadPlace, TipLoad
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.beam import PROPERTIES
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.support.compilation import compiled
 from ancf_casadi.support.inputs import number
@@ -79,7 +80,7 @@ class SensitivityProblem:
                 "start",
             )
         if self.lumped and not self.equations.model.lumped:
-            raise InputError("the beam has neither a mass at the tip nor an elastic clamp", "lumped")
+            raise InputError("the beam has no mass, spring, dashpot, elastic clamp or natural curvature", "lumped")
 
     @cached_property
     def layout(self) -> Layout:
@@ -114,7 +115,7 @@ class SensitivityProblem:
             left -= len(steps)
         rest = np.flatnonzero(times < first - SAME_TIME * (last - first))
         orders = self.orders + bool(shifts.size)
-        found = sampled(passages, times, rest, model.size, orders)
+        found = sampled(model, passages, times, rest, orders)
         return MotionRun(
             parameters=parameters,
             times=times,
@@ -148,7 +149,12 @@ class SensitivityProblem:
 
     @cached_property
     def _start_jacobians(self) -> tuple[cs.Function, cs.Function]:
-        return start_jacobians(self.equations.model)
+        return start_jacobians(self.equations.model, self._held_at)
+
+    @property
+    def _held_at(self) -> LoadPlace:
+        """Where a load holds the beam until its release."""
+        return TIP if self.held or isinstance(self.start, Equilibrium) else self.equations.place
 
     @cached_property
     def _rigid_motion(self) -> cs.Function:
@@ -168,7 +174,7 @@ class SensitivityProblem:
                 if isinstance(start, Equilibrium):
                     own_load = np.array([*start.tip_force, start.tip_moment])
                 load = np.concatenate([own_load, np.zeros(LOAD_SIZE)])
-            state, held = held_start(model, self._start_jacobians, load)
+            state, held = held_start(model, self._start_jacobians, load, self._held_at)
             sizes = model.properties.size, len(self.equations.model.lumped), len(START_LOAD_NAMES)
             given = slice(layout["properties"].start, layout["start"].stop)
             jacobian[:, given] = held[:, np.repeat([True, self.lumped, self.held], sizes)]
@@ -176,9 +182,11 @@ class SensitivityProblem:
             return state, jacobian
         moved = self._rigid_motion(state.coordinates, velocity)
         by_coordinates, by_velocity = self._rigid_motion.jacobian()(state.coordinates, velocity, moved)
-        jacobian[free:] += by_coordinates.full()[NODE:, NODE:] @ jacobian[:free]
-        jacobian[free:, layout["base"]] += by_velocity.full()[NODE:] @ excitation.jacobian(0.0)[NODE : 2 * NODE]
-        return State(state.coordinates, state.velocities + moved.full().ravel()), jacobian
+        jacobian[free:] += model.of_free(by_coordinates.full() @ model.moved(jacobian[:free]))
+        by_base = model.of_free(by_velocity.full()) @ excitation.jacobian(0.0)[NODE : 2 * NODE]
+        jacobian[free:, layout["base"]] += by_base
+        rigid = model.whole(model.of_free(moved.full().ravel()), velocity)
+        return State(state.coordinates, state.velocities + rigid), jacobian
 
     def _parts(self, values: Array) -> dict[str, Array]:
         """Return views of the parts of values, or of directions, that are parameters of the equation of motion."""
@@ -191,7 +199,8 @@ class SensitivityProblem:
         rows = properties.reshape(model.properties.shape, order="F")
         changed: dict[str, Any] = {name: row.tolist() for name, row in zip(PROPERTIES, rows, strict=True)}
         if self.lumped:
-            changed |= {name: number(value, name) for name, value in zip(model.lumped, lumped.tolist(), strict=True)}
+            values = {name: number(value, name) for name, value in zip(model.lumped, lumped.tolist(), strict=True)}
+            return Model(model.beam.with_(**changed).with_lumped(values), model.measures)
         return Model(model.beam.with_(**changed), model.measures)
 
     def _pass(
@@ -223,7 +232,8 @@ class SensitivityProblem:
         q, v, a = (cs.MX.sym(name, free) for name in "qva")
         excitation, p = cs.MX.sym("excitation", EXCITATION), cs.MX.sym("p", self.equations.layout.size)
         *node, load = cs.vertsplit(excitation, NODE)
-        motion = [cs.vertcat(part, x) for part, x in zip(node, (q, v, a), strict=True)]
-        forces, _ = Collocation(self.equations).balance(*motion, load, p)
-        jacobian = cs.horzcat(*(cs.jacobian(forces[NODE:], x) for x in (q, v, excitation, p)))
+        model = self.equations.model
+        motion = [model.whole(x, part) for part, x in zip(node, (q, v, a), strict=True)]
+        forces = model.of_free(Collocation(self.equations).balance(*motion, load, p)[0])
+        jacobian = cs.horzcat(*(cs.jacobian(forces, x) for x in (q, v, excitation, p)))
         return cs.Function("force_jacobian", [q, v, a, excitation, p], [jacobian])

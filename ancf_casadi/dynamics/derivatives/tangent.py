@@ -33,12 +33,14 @@ from ancf_casadi.dynamics.derivatives.run import (
     clamp_jacobians,
     sample_weights,
     stop_if_interrupted,
+    whole_samples,
 )
 from ancf_casadi.dynamics.equations import Balance
 from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.radau.collocation import RADAU, STAGES, Collocation, stage_motion
 from ancf_casadi.dynamics.radau.stepper import RadauStep
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.support.banded import BandedFactors, lapack_place, lapack_storage
 from ancf_casadi.support.compilation import Buffered
@@ -64,9 +66,9 @@ class Tangent:
     @cached_property
     def order(self) -> Index:
         """Places in G of the unknowns listed stage by stage, (3 N,)."""
+        node = self.form.equations.model.first_moved // NODE
         stage, coordinate = np.divmod(np.arange(STAGES * self._free), self._free)
-        node, component = np.divmod(coordinate, NODE)
-        return np.asarray((node * STAGES + stage) * NODE + component)
+        return np.argsort(np.lexsort((coordinate, stage, node[coordinate])))
 
     @cached_property
     def inverse_order(self) -> Index:
@@ -137,7 +139,8 @@ class Tangent:
         z, h, u = self._symbols
         forces, _ = self._balance(u).forces(*self._motion(z, h, u))
         seed = cs.MX.sym("seed", len(self.order) if transposed else u.numel())
-        product = cs.densify(cs.jtimes(cs.vec(forces[NODE:, :]), u, seed, transposed))
+        own = self.form.equations.model.of_free(forces)
+        product = cs.densify(cs.jtimes(cs.vec(own), u, seed, transposed))
         return _bound(cs.Function("tangent_product", [z, h, u, seed], [product], {"is_diff_in": [False] * 4}))
 
     def _band(self, weights: Array) -> cs.DM:
@@ -146,7 +149,7 @@ class Tangent:
         Weight (i, j) belongs to the derivative of the residual at stage i with respect to the increments at stage j.
         """
         model = self.form.equations.model
-        kept, rows, columns = model.entries_from(NODE)
+        kept, rows, columns, products = model.free_entries
         count = model.entries[0].size
         width, shape = self.bandwidth, (STAGES * self._free, count * STAGES)
         places, entries, values = [], [], []
@@ -154,7 +157,7 @@ class Tangent:
             row, column = self.order[rows + i * self._free], self.order[columns + j * self._free]
             places.append(lapack_place(row, column, width))
             entries.append(kept + i * count)
-            values.append(np.full(kept.size, weights[i, j]))
+            values.append(weights[i, j] * products)
         whole = scipy.sparse.csc_array(
             (np.concatenate(values), (np.concatenate(places), np.concatenate(entries))),
             shape=((3 * width + 1) * shape[0], shape[1]),
@@ -172,7 +175,7 @@ class Tangent:
     def _motion(self, z: cs.MX, h: cs.MX, u: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
         """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (3, 3), at the stages."""
         q, v, excitations, _ = cs.vertsplit(u, self.layout.offsets)
-        return stage_motion(z, q, v, h, cs.reshape(excitations, EXCITATION, STAGES))
+        return stage_motion(self.form.equations.model, z, q, v, h, cs.reshape(excitations, EXCITATION, STAGES))
 
     def _balance(self, u: cs.MX) -> Balance:
         return self.form.equations.balance(u[self.layout["parameters"]])
@@ -188,8 +191,8 @@ def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters
     orders = run.samples.shape[1]
     result = np.zeros((*run.samples.shape, d))
     first = run.passages[0]
-    result[run.rest, 0, :NODE] = first.excitation.jacobian(first.excitation.begin)[:NODE] @ b
-    result[run.rest, 0, NODE:] = dq
+    model = tangent.form.equations.model
+    result[run.rest, 0] = model.whole(dq, first.excitation.jacobian(first.excitation.begin)[:NODE] @ b)
     for passage in run.passages:
         excitation = passage.excitation
         da = passage.acceleration_jacobian @ np.vstack([dq, dv, excitation.jacobian(excitation.begin) @ b, parameters])
@@ -202,8 +205,8 @@ def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters
             ends = np.array([dq, dv, da, dq + dZ[-1], dV[-1], accelerations])
             if samples.size:
                 times = run.times[samples]
-                result[samples, :, :NODE] = clamp_jacobians(excitation, times, orders) @ b
-                result[samples, :, NODE:] = np.tensordot(sample_weights(step, times, orders), ends, 1)
+                moved = np.tensordot(sample_weights(step, times, orders), ends, 1)
+                result[samples] = whole_samples(model, moved, clamp_jacobians(excitation, times, orders) @ b)
             dq, dv, da = ends[3:]
     return result
 
@@ -213,7 +216,7 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
 
     The weights are an array (k, orders, 4 n + 4, d); the instants of the samples are fixed.
     """
-    d, given_layout = weights.shape[3], tangent.layout
+    d, given_layout, model = weights.shape[3], tangent.layout, tangent.form.equations.model
     free = given_layout["q"].stop
     first_layout = Layout.of(q=free, v=free, excitation=EXCITATION, parameters=run.parameters.size)
     p, b = np.zeros((run.parameters.size, d)), np.zeros((run.passages[0].excitation.parameters.size, d))
@@ -221,7 +224,7 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
     for passage in reversed(run.passages):
         excitation, a = passage.excitation, np.zeros((free, d))
         for step, samples, factors in tangent.steps(run, passage, backwards=True):
-            ends = _sampled(run, passage, step, samples, weights, b)
+            ends = _sampled(model, run, passage, step, samples, weights, b)
             q, v, a = ends[3] + q, ends[4] + v, ends[5] + a
             by_velocities = RADAU.inverse[-1] / step.length
             velocities = np.multiply.outer(by_velocities, a)
@@ -241,17 +244,20 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
         b += excitation.jacobian(excitation.begin).T @ given
         p += parameters
     first, still = run.passages[0], weights[run.rest, 0].sum(axis=0)
-    b += first.excitation.jacobian(first.excitation.begin)[:NODE].T @ still[:NODE]
-    return np.vstack([q + still[NODE:], v]), b, p
+    b += first.excitation.jacobian(first.excitation.begin)[:NODE].T @ model.of_base(still)
+    return np.vstack([q + model.of_free(still), v]), b, p
 
 
-def _sampled(run: MotionRun, passage: Passage, step: RadauStep, samples: Index, weights: Array, b: Array) -> Array:
+def _sampled(
+    model: Model, run: MotionRun, passage: Passage, step: RadauStep, samples: Index, weights: Array, b: Array
+) -> Array:
     """Return the weights (6, N, d) of q, v and a at both ends of a step from its samples; add those of b to ``b``."""
     if not samples.size:
-        return np.zeros((6, weights.shape[2] - NODE, weights.shape[3]))
-    times, own, orders = run.times[samples], weights[samples], weights.shape[1]
-    b += np.einsum("soim,soid->md", clamp_jacobians(passage.excitation, times, orders), own[:, :, :NODE])
-    return np.asarray(np.tensordot(sample_weights(step, times, orders), own[:, :, NODE:], ((0, 1), (0, 1))))
+        return np.zeros((6, model.freedoms, weights.shape[3]))
+    times, orders = run.times[samples], weights.shape[1]
+    own = np.moveaxis(weights[samples], 2, 0)
+    b += np.einsum("soim,isod->md", clamp_jacobians(passage.excitation, times, orders), model.of_base(own))
+    return np.asarray(np.einsum("soe,isod->eid", sample_weights(step, times, orders), model.of_free(own)))
 
 
 def _bound(function: cs.Function) -> StepFunction:

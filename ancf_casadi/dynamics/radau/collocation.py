@@ -3,14 +3,14 @@
 Stages.  With the nodes c and the weights A of the method and a step h, the increments Z_i of the free coordinates at
 the stages t + c_i h determine velocities and accelerations there,
 
-    V = A^-1 Z/h,    a = A^-1 (V - v)/h,    0 = R = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g - Q_tip   at each stage,
+    V = A^-1 Z/h,    a = A^-1 (V - v)/h,    0 = R = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g - Q_load   at each stage,
 
 and the last stage is the end of the step.
 
 Newton's method.  T^-1 A^-1 T has one real eigenvalue gamma and one complex pair mu.  If all stages share their
 matrices, a real and a complex banded system in N unknowns, with s = gamma/h and s = mu/h,
 
-    (s^2 M + s D + K) dW = T^-1 R,    D = dQ_damp/de_t,    K = d(Q_damp + Q_e - Q_tip)/de,
+    (s^2 M + s D + K) dW = T^-1 R,    D = dQ_damp/de_t,    K = d(Q_damp + Q_e - Q_load)/de,
 
 replace one system in 3 N (``elimination``).  As the beam turns, K changes by its axial part, which is thousands of
 times stiffer than its bending part; in coordinates that turn with the beam, K hardly changes.  Residuals are therefore
@@ -42,9 +42,10 @@ import scipy.sparse.linalg
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.radau.corotation import Corotation
-from ancf_casadi.dynamics.radau.elimination import Elimination, node_blocks
+from ancf_casadi.dynamics.radau.elimination import Elimination, node_blocks, node_places
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 
 STAGES = 3
@@ -122,8 +123,8 @@ class Collocation:
         increments, motion = self._corrected()
         residuals, _ = self.equations.balance(s.parameters).forces(*motion)
         turns = self._corotation.turns(s.reference, motion[0])
-        r = self._corotation.back(residuals[NODE:, :], turns) @ cs.DM(np.linalg.inv(RADAU.transform)).T
-        corrections = cs.horzcat(self._real.solve(s.real, r[:, :1]), self._pair.solve(s.pair, r[:, 1:]))
+        r = self._corotation.back(residuals, turns) @ cs.DM(np.linalg.inv(RADAU.transform)).T
+        corrections = cs.horzcat(self._solved(self._real, s.real, r[:, :1]), self._solved(self._pair, s.pair, r[:, 1:]))
         return _function("stages", [*vars(s).values()], [corrections, increments, turns])
 
     @cached_property
@@ -133,32 +134,35 @@ class Collocation:
         ``error`` is the estimate, turned back; ``powers`` (3, 3) are those of ``Balance.forces`` at the stages.
         """
         s = self._symbols
-        a, still = cs.MX.sym("a", self.equations.free), cs.MX(NODE, 1)
+        a, model = cs.MX.sym("a", self.equations.free), self.equations.model
         increments, (e, e_t, e_tt, load) = self._corrected()
         balance, real, embedded = self.equations.balance(s.parameters), RADAU.gamma / s.h, cs.DM(RADAU.embedded)
         _, powers = balance.forces(e, e_t, e_tt, load)
         deviation = s.v / real + increments @ embedded
-        velocity_deviation = real * deviation + a / real + (e_t[NODE:, :] - cs.repmat(s.v, 1, STAGES)) @ embedded
-        deviations = [cs.densify(cs.vertcat(still, part)) for part in (deviation, velocity_deviation)]
+        velocity_deviation = real * deviation + a / real + (model.of_free(e_t) - cs.repmat(s.v, 1, STAGES)) @ embedded
+        deviations = [cs.densify(model.moved(part)) for part in (deviation, velocity_deviation)]
         error = balance.resistance(e[:, -1], e_t[:, -1], *deviations)
         if balance.projection.numel():
             error += balance.of_low_rank(e[:, -1], deviations[0])
-        solved = self._real.solve(s.real, self._frames(1).back(real * error[NODE:], s.turns[-NODE:, :]))
+        solved = self._solved(self._real, s.real, self._frames(1).back(real * error, s.turns[-NODE:, :]))
         *shared, _ = vars(s).values()
-        return _function("finish", [*shared, a], [e, e_t[NODE:, -1], e_tt[NODE:, -1], solved, powers])
+        return _function(
+            "finish", [*shared, a], [e, model.of_free(e_t[:, -1]), model.of_free(e_tt[:, -1]), solved, powers]
+        )
 
     @cached_property
     def factors(self) -> cs.Function:
         """(q, v, h, excitation, parameters) -> factors of s^2 M + s D + K, for the real s, and for the complex one."""
         s, excitation = self._symbols, cs.MX.sym("excitation", EXCITATION)
         position, velocity, _, load = cs.vertsplit(excitation, NODE)
-        e, e_t = cs.vertcat(position, s.q), cs.vertcat(velocity, s.v)
+        model = self.equations.model
+        e, e_t = model.whole(s.q, position), model.whole(s.v, velocity)
         balance = self.equations.balance(s.parameters)
         k, d, m = balance.tangents(e, e_t, load)
         real, a, b = RADAU.gamma / s.h, RADAU.mu.real / s.h, RADAU.mu.imag / s.h
         parts = k + real * d + real**2 * m, k + a * d + (a**2 - b**2) * m, b * d + 2 * a * b * m
-        alone, *pair = (node_blocks(self.equations.model, part) for part in parts)
-        low_rank = balance.turned_projection(e)[NODE:, :], balance.modal_coefficients / s.h
+        alone, *pair = (node_blocks(model, part, unit) for part, unit in zip(parts, (1.0, 1.0, 0.0), strict=True))
+        low_rank = self._placed(model.of_free(balance.turned_projection(e))), balance.modal_coefficients / s.h
         outputs = [
             self._real.factors(alone, *low_rank, complex(RADAU.gamma)),
             self._pair.factors(cs.vertcat(*pair), *low_rank, RADAU.mu),
@@ -191,29 +195,30 @@ class Collocation:
         data = cs.horzcat(s.q, s.h * s.v, s.h**2 * a, q1, s.h * v1, s.h**2 * a1)
         weights = cs.DM(QUINTIC) @ cs.horzcat(*(cs.vertcat(*p) / s.h**order for order, p in enumerate(powers(x, 3))))
         *node, load = cs.vertsplit(excitation, NODE)
-        e, e_t, e_tt = cs.horzsplit(cs.vertcat(cs.horzcat(*node), data @ weights))
+        model = self.equations.model
+        e, e_t, e_tt = cs.horzsplit(model.whole(data @ weights, cs.horzcat(*node)))
         balance, frames = self.equations.balance(s.parameters), self._frames(1)
         residual, _ = balance.forces(e, e_t, e_tt, load)
         turns = frames.turns(s.reference, e)
-        correction = self._real.solve(s.real, frames.back(residual[NODE:], turns))
-        corrected = cs.vertcat(e[:NODE], e[NODE:] - frames.forth(correction, turns))
+        correction = self._solved(self._real, s.real, frames.back(residual, turns))
+        corrected = e - model.moved(frames.forth(correction, turns))
         forces, _ = balance.forces(corrected, e_t, e_tt, load)
         inputs = [x, s.h, s.q, s.v, a, q1, v1, a1, excitation, s.reference, s.parameters, s.real]
-        return _function("sample", inputs, [corrected, e_t, forces[:NODE]])
+        return _function("sample", inputs, [corrected, e_t, model.of_base(forces)])
 
     def accelerations(self, q: Array, v: Array, excitation: Array, parameters: Array) -> Array:
         """Return the accelerations a in a state (q, v) under an excitation (15,)."""
         position, velocity, acceleration, load = np.split(excitation, [NODE, 2 * NODE, 3 * NODE])
-        motion = [np.concatenate(parts) for parts in ((position, q), (velocity, v), (acceleration, 0 * q))]
-        forces, _ = self.balance(*motion, load, parameters)
-        free = self.equations.model.free
-        return np.asarray(scipy.sparse.linalg.spsolve(self.mass(parameters).sparse(), -forces.full().ravel()[free]))
+        model = self.equations.model
+        motion = [model.whole(*parts) for parts in ((q, position), (v, velocity), (0 * q, acceleration))]
+        forces = model.of_free(self.balance(*motion, load, parameters)[0].full().ravel())
+        return np.asarray(scipy.sparse.linalg.spsolve(self.mass(parameters).sparse(), -forces))
 
     @cached_property
     def mass(self) -> cs.Function:
         """(parameters) -> mass matrix of the free coordinates."""
-        parameters, free = self._symbols.parameters, self.equations.model.free
-        return cs.Function("mass", [parameters], [self.equations.balance(parameters).mass()[free, free]])
+        parameters = self._symbols.parameters
+        return cs.Function("mass", [parameters], [self.equations.balance(parameters).free_mass()])
 
     @cached_property
     def _forces(self) -> str:
@@ -230,7 +235,18 @@ class Collocation:
 
     def _elimination(self, parts: int) -> Elimination:
         equations = self.equations
-        return Elimination(parts, equations.free, equations.projection.shape[1], equations.make)
+        places = equations.model.size - NODE
+        return Elimination(parts, places, equations.projection.shape[1], equations.make)
+
+    def _placed(self, x: cs.MX) -> cs.MX:
+        """Return free coordinates (N, c) at four places per node, zero where a coordinate is held."""
+        model = self.equations.model
+        return x if model.held_at_base_alone else _selection(model) @ x
+
+    def _solved(self, elimination: Elimination, factors: cs.MX, right: cs.MX) -> cs.MX:
+        """Return the solution (N, c) for right-hand sides of the free coordinates."""
+        model, found = self.equations.model, elimination.solve(factors, self._placed(right))
+        return found if model.held_at_base_alone else _selection(model).T @ found
 
     def _frames(self, configurations: int) -> Corotation:
         return Corotation(self.equations.model, configurations, self.equations.make)
@@ -243,7 +259,7 @@ class Collocation:
         """Return Z minus T dW, turned forth, and the motion and the load at the stages."""
         s = self._symbols
         z = s.increments - self._corotation.forth(s.corrections @ cs.DM(RADAU.transform).T, s.turns)
-        return z, stage_motion(z, s.q, s.v, s.h, s.excitations)
+        return z, stage_motion(self.equations.model, z, s.q, s.v, s.h, s.excitations)
 
     @cached_property
     def _symbols(self) -> SimpleNamespace:
@@ -256,7 +272,7 @@ class Collocation:
             v=cs.MX.sym("v", free),
             h=cs.MX.sym("h"),
             excitations=cs.MX.sym("excitations", EXCITATION, STAGES),
-            turns=cs.MX.sym("turns", NODE * STAGES, model.size // NODE - 1),
+            turns=cs.MX.sym("turns", NODE * STAGES, self._corotation.links),
             reference=cs.MX.sym("reference", model.size),
             parameters=cs.MX.sym("parameters", self.equations.parameters.size),
             real=cs.MX.sym("real", self._real.layout.size),
@@ -278,15 +294,25 @@ def first_equal(form: Collocation) -> Collocation:
     return form
 
 
-def stage_motion(z: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX, excitations: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
+def stage_motion(
+    model: Model, z: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX, excitations: cs.MX
+) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
     """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (3, 3), at the stages, from Z and the data of the step."""
     inverse = cs.DM(RADAU.inverse).T
     velocities = z @ inverse / h
     accelerations = (velocities - cs.repmat(v, 1, STAGES)) @ inverse / h
     *nodes, load = cs.vertsplit(excitations, NODE)
     moved = cs.repmat(q, 1, STAGES) + z, velocities, accelerations
-    e, e_t, e_tt = (cs.vertcat(node, free) for node, free in zip(nodes, moved, strict=True))
+    e, e_t, e_tt = (model.whole(free, node) for node, free in zip(nodes, moved, strict=True))
     return e, e_t, e_tt, load
+
+
+def _selection(model: Model) -> cs.DM:
+    """Return the sparse matrix that takes free coordinates to four places per node."""
+    places = node_places(model)
+    return cs.DM.triplet(
+        places.tolist(), list(range(places.size)), cs.DM.ones(places.size), model.size - NODE, places.size
+    )
 
 
 def _lagrange(nodes: Array, x: cs.MX) -> list[cs.MX]:

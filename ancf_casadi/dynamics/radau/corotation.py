@@ -14,9 +14,12 @@ the same in both, inertia and bending are nearly so.  Residuals go the other way
 Prediction.  A motion is extrapolated in the logarithms of the slopes, log length and angle, so that errors of the
 angles do not stretch the beam.
 
-A link joins two nodes.  It is an element, whose pair of vectors are the slopes at its Gauss points, or an elastic
-clamp, whose pair of vectors are the position and slope of its second node.  The Functions of a link take positions in
-units of l, so that their machine code serves all meshes.
+A link joins two nodes.  It is an element, whose pair of vectors are the slopes at its Gauss points, or joins a base of
+its own to the first node of the beam, and then its pair of vectors are the position and slope of this node.  The
+Functions of a link take positions in units of l, so that their machine code serves all meshes.
+
+A beam that supports hold beyond its beginning turns little.  Corrections that turn with it would not end at these
+supports; there X is 1, and the coordinates themselves are extrapolated.
 """
 
 from __future__ import annotations
@@ -29,7 +32,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.element_forces import mapped, side_by_side
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.strain import gauss, hermite_slope
 from ancf_casadi.support.arrays import Array, Index
 
@@ -45,44 +49,64 @@ class Corotation:
     configurations: int  # their number c
     make: Callable[[cs.Function], cs.Function]  # compiles a Function, or leaves it to the virtual machine
 
+    @cached_property
+    def links(self) -> int:
+        """Number of links; 0 if supports hold the beam beyond its beginning."""
+        model = self.model
+        beyond = slice(NODE * (model.root + 1), None)
+        return 0 if (model.weights[beyond] != 1.0).any() else model.size // NODE - 1
+
     def turns(self, reference: cs.MX, e: cs.MX) -> cs.MX:
         """Return the turns from a reference (4 n + 4,) to configurations with coordinates e (4 n + 4, c)."""
+        if not self.links:
+            return cs.MX(NODE * self.configurations, 0)
         return self._mapped("turns", self._gathered(reference), self._gathered(e))
 
     def forth(self, corrections: cs.MX, turns: cs.MX) -> cs.MX:
         """Return X dW for corrections of the free coordinates (N, c)."""
-        steps = self._mapped("forth", self._gathered(corrections), turns)
-        return self._nodes(_running_sum(self._scaled(steps, 1)))
+        if not self.links:
+            return corrections
+        steps = self._mapped("forth", self._gathered(self.model.moved(corrections)), turns)
+        return self._of_free(self._nodes(_running_sum(self._scaled(steps, 1))))
 
     def back(self, residuals: cs.MX, turns: cs.MX) -> cs.MX:
-        """Return X^T R for residuals of the free coordinates (N, c)."""
-        c, links = self.configurations, self._links
-        behind = _picked(residuals, np.arange(NODE * links * c).reshape(c, links, NODE).transpose(1, 0, 2), NODE * c)
+        """Return X^T N^T R for residuals at all nodes (4 n + 4, c)."""
+        if not self.links:
+            return self.model.of_free(residuals)
+        c, links = self.configurations, self.links
+        places = NODE + np.arange(links * NODE) + self.model.size * np.arange(c)[:, None]
+        behind = _picked(residuals, places.reshape(c, links, NODE).transpose(1, 0, 2), NODE * c)
         summed = self._scaled(_running_sum(behind, back=True), 1)
         turned = self._scaled(self._mapped("back", summed, turns), -1)
         places = np.arange(2 * NODE * c * links).reshape(links, c, 2, NODE)  # of first and second nodes
         second, first = _picked(turned, places[:, :, 1], NODE * c), _picked(turned, places[1:, :, 0], NODE * c)
-        return self._nodes(second + cs.horzcat(first, cs.DM.zeros(NODE * c, 1)))
+        return self._of_free(self._nodes(second + cs.horzcat(first, cs.DM.zeros(NODE * c, 1))))
 
-    def continued(self, weights: cs.MX, motion: cs.MX, clamped: cs.MX) -> cs.MX:
+    def continued(self, weights: cs.MX, motion: cs.MX, base: cs.MX) -> cs.MX:
         """Extrapolate a motion in the logarithms of the slopes, and return the free coordinates (N, c).
 
         ``motion`` (4 n + 4, k + 1) are coordinates at k + 1 instants.  Column i of ``weights`` (k, c) holds the weights
-        of the logarithms, from the first instant to each other one, in configuration i; ``clamped`` (4, c) are the
-        clamped nodes of the configurations.
+        of the logarithms, from the first instant to each other one, in configuration i; ``base`` (4, c) are the
+        base nodes of the configurations.
         """
-        found = self._mapped("continued", self._gathered(motion), cs.repmat(cs.vec(weights), 1, self._links))
-        steps = self._scaled(found, 1)
-        first = steps[:, 0] + cs.vec(clamped)
-        if self.model.root:  # ``continued`` of an elastic clamp gives its slope, not a change of slope
-            still = cs.vertcat(*(cs.vertcat(cs.MX(2, 1), clamped[2:, i]) for i in range(self.configurations)))
-            first -= still
-        return self._nodes(_running_sum(cs.horzcat(first, steps[:, 1:])))
+        c, model = self.configurations, self.model
+        if not self.links:
+            return model.of_free(_extrapolated(motion, weights))
+        found = self._mapped("continued", self._gathered(motion), cs.repmat(cs.vec(weights), 1, self.links))
+        steps, first = self._scaled(found, 1), base
+        if model.root:  # of the link to the base, ``continued`` gives the slope alone
+            own, along = slice(NODE, NODE + 2), np.diag(model.weights[NODE : NODE + 2] == 1.0).astype(float)
+            if model.free_of[NODE] == model.free_of[NODE + 1] >= 0:
+                along = np.outer(model.weights[own], model.weights[own])
+            position = cs.DM(along) @ _extrapolated(motion[own, :], weights) + cs.DM(model.whole_of_base[own]) @ base
+            first = cs.vertcat(position, cs.MX(2, c))
+        return self._of_free(self._nodes(_running_sum(cs.horzcat(steps[:, 0] + cs.vec(first), steps[:, 1:]))))
 
-    @property
-    def _links(self) -> int:
-        """Number of links."""
-        return self.model.size // NODE - 1
+    def _of_free(self, nodes: cs.MX) -> cs.MX:
+        """Return N^T x of coordinates x of all nodes but the base."""
+        if self.model.held_at_base_alone:
+            return nodes
+        return self.model.of_free(cs.vertcat(cs.MX(NODE, nodes.shape[1]), nodes))
 
     @cached_property
     def _element(self) -> dict[str, cs.Function]:
@@ -109,24 +133,22 @@ class Corotation:
         return result
 
     def _gathered(self, vectors: cs.MX) -> cs.MX:
-        """Return the coordinates of each link as columns, (8 c, links), positions in units of l.
-
-        If the coordinates of the clamped node are missing, they are 0.
-        """
+        """Return the coordinates of each link as columns, (8 c, links), positions in units of l."""
         size, columns = vectors.shape
-        rows = NODE * np.arange(self._links)[:, None, None] + np.arange(2 * NODE) - (self.model.size - size)
-        places = np.where(rows < 0, 0, 1 + rows + size * np.arange(columns)[:, None])
-        return self._scaled(_picked(cs.vertcat(0.0, cs.vec(vectors)), places, 2 * NODE * columns), -1)
+        rows = NODE * np.arange(self.links)[:, None, None] + np.arange(2 * NODE)
+        places = rows + size * np.arange(columns)[:, None]
+        return self._scaled(_picked(vectors, places, 2 * NODE * columns), -1)
 
     def _scaled(self, columns: cs.MX, power: int) -> cs.MX:
         """Multiply the first two of each four rows, positions or forces on them, by a power of l."""
-        l = self.model.beam.element_length**power
-        factors = np.tile([l, l, 1.0, 1.0], columns.shape[0] // NODE)
-        return columns * cs.repmat(cs.MX(cs.DM(factors)), 1, columns.shape[1])
+        lengths = self.model.beam.element_lengths**power
+        lengths = np.concatenate([lengths[:1], lengths]) if self.model.root else lengths
+        position = np.tile([1.0, 1.0, 0.0, 0.0], columns.shape[0] // NODE)[:, None]
+        return columns * cs.DM(position * lengths + (1.0 - position))
 
     def _nodes(self, columns: cs.MX) -> cs.MX:
-        """Return the free coordinates (N, c) from those of each node as columns (4 c, links)."""
-        c, links = self.configurations, self._links
+        """Return the coordinates (4 links, c) of all nodes but the base from those of each as columns (4 c, links)."""
+        c, links = self.configurations, self.links
         return _picked(columns, np.arange(NODE * c * links).reshape(links, c, NODE).transpose(1, 0, 2), NODE * links)
 
 
@@ -199,6 +221,13 @@ def _continued(angles: cs.DM, step: cs.DM, count: int) -> cs.Function:
     return cs.Function("continued", [cs.vec(motion), cs.vec(weights)], [cs.densify(cs.vertcat(*columns))])
 
 
+def _extrapolated(motion: cs.MX, weights: cs.MX) -> cs.MX:
+    """Return coordinates (d, c) from those at k + 1 instants, (d, k + 1), with weights as of ``continued``."""
+    first = motion[:, 0]
+    changes = motion[:, 1:] - cs.repmat(first, 1, motion.shape[1] - 1)
+    return cs.repmat(first, 1, weights.shape[1]) + changes @ weights
+
+
 def _running_sum(columns: cs.MX, *, back: bool = False) -> cs.MX:
     """Return the sum of all columns up to each, or from each on, in log2(n) additions of arrays."""
     width = 1
@@ -211,4 +240,4 @@ def _running_sum(columns: cs.MX, *, back: bool = False) -> cs.MX:
 
 def _picked(x: cs.MX, places: Index, rows: int) -> cs.MX:
     """Return entries of x as a matrix with ``rows`` rows; places count down the columns, in x and in the result."""
-    return cs.reshape(cs.vec(x).nz[places.ravel().tolist()], rows, places.size // rows)
+    return cs.reshape(cs.vec(cs.densify(x)).nz[places.ravel().tolist()], rows, places.size // rows)

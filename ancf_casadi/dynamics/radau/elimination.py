@@ -27,8 +27,9 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.element_forces import ELEMENTS_PER_CALL
-from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.support.arrays import Layout
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.support.arrays import Index, Layout
 
 BLOCK_ENTRIES = NODE**2
 BLOCKS = 3 * BLOCK_ENTRIES  # entries of D, B and C of a node, or of P, B and L
@@ -38,10 +39,10 @@ Complex = list[cs.SX]  # the real part of a matrix, or its real and imaginary pa
 
 @dataclass(frozen=True, eq=False)
 class Elimination:
-    """Solution of systems with a real or a complex matrix A + s V diag(d) V^T of the free coordinates."""
+    """Solution of systems with a real or a complex matrix A + s V diag(d) V^T, for four coordinates per node."""
 
     parts: int  # 1 for a real matrix, 2 for a complex one
-    free: int  # number of free coordinates N
+    free: int  # number of coordinates N, four per node
     rank: int  # number of columns of V, m
     make: Callable[[cs.Function], cs.Function]  # compiles a Function, or leaves it to the virtual machine
 
@@ -120,20 +121,39 @@ def _split(column: cs.SX, length: int, count: int) -> list[Complex]:
     return [pieces[k::count] for k in range(count)]
 
 
-def node_blocks(model: Model, entries: cs.MX) -> cs.MX:
-    """Return D, B and C of each free node, (48, N/4), as sums of element matrices (entries as in ``Model.entries``)."""
-    kept, rows, columns = model.entries_from(NODE)
+def node_blocks(model: Model, entries: cs.MX, unit: float = 1.0) -> cs.MX:
+    """Return D, B and C of each node, (48, nodes), as sums of element matrices (entries as in ``Model.entries``).
+
+    The places of coordinates that are held have ``unit`` on the diagonal (``node_places``).
+    """
+    kept, rows, columns, products = model.free_entries
+    places = node_places(model)
+    rows, columns = places[rows], places[columns]
     row, column = rows // NODE, columns // NODE
     block = np.where(row == column, 0, np.where(row < column, 1, 2))
     target = BLOCKS * np.minimum(row, column) + BLOCK_ENTRIES * block + NODE * (columns % NODE) + rows % NODE
+    if not model.is_selection:
+        weights = np.zeros(entries.numel())
+        weights[kept] = products
+        entries = entries * cs.DM(weights)
     padded, total = cs.vertcat(entries, 0.0), cs.MX(BLOCKS * (model.size // NODE - 1), 1)
+    held = np.setdiff1d(np.arange(model.size - NODE), places)
+    if held.size:
+        diagonal = np.zeros(total.numel())
+        diagonal[BLOCKS * (held // NODE) + (NODE + 1) * (held % NODE)] = unit
+        total = cs.MX(cs.DM(diagonal))
     while target.size:  # each place takes an entry of one element after the other
-        places, first = np.unique(target, return_index=True)
+        found, first = np.unique(target, return_index=True)
         sources = np.full(total.numel(), entries.numel())
-        sources[places] = kept[first]
+        sources[found] = kept[first]
         total += padded.nz[sources.tolist()]
         target, kept = np.delete(target, first), np.delete(kept, first)
     return cs.reshape(total, BLOCKS, -1)
+
+
+def node_places(model: Model) -> Index:
+    """Return the place of each free coordinate in a vector with four places per node beyond the base, (N,)."""
+    return model.first_moved - NODE
 
 
 def _chained(name: str, inputs: list[cs.SX], outputs: list[cs.SX], *, back: bool = False) -> cs.Function:

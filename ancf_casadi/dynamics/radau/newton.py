@@ -24,7 +24,7 @@ import numpy as np
 from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.radau.collocation import STAGES, Collocation
 from ancf_casadi.dynamics.segments import SAME_TIME
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import Buffered
 
@@ -48,8 +48,8 @@ class StepArrays:
     at its start and its stages, when a step is accepted.  For the step being tried, it writes ``time``, its start, s,
     ``length``, s, ``ratio``, relative to that of the last step, and the ``excitations`` at the stages, and predicts the
     ``increments`` Z of the free coordinates.  ``Newton`` writes their last ``corrections`` dW, the ``turns`` of the
-    stages from the reference of the matrices, and, where it takes the matrices, the coordinates and excitation of this
-    ``reference`` and the factors of the ``real`` and the complex matrix, the ``pair``.
+    stages from the reference of the matrices, and, where it takes the matrices, all and the free coordinates and the
+    excitation of this ``reference``, and the factors of the ``real`` and the complex matrix, the ``pair``.
     """
 
     def __init__(self, form: Collocation, parameters: Array) -> None:
@@ -59,7 +59,11 @@ class StepArrays:
         self.excitations = np.zeros((STAGES, EXCITATION))
         self.increments, self.corrections = np.zeros((STAGES, free)), np.zeros((STAGES, free))
         self.turns = np.zeros(form.stages.numel_out(2))
-        self.reference, self.reference_excitation = np.zeros(size), np.zeros(EXCITATION)
+        self.reference, self.reference_q, self.reference_excitation = (
+            np.zeros(size),
+            np.zeros(free),
+            np.zeros(EXCITATION),
+        )
         self.real, self.pair = (np.zeros(form.factors.numel_out(k)) for k in range(2))
         self.parameters = parameters
 
@@ -81,10 +85,10 @@ class Newton:
         model = form.equations.model
         self.iterations = self.factorisations = 0
         self.contraction = 1.0
-        self._arrays = arrays
-        self._weights = 1 / (model.scale[model.free] * tolerance * math.sqrt(form.equations.free))
+        self._arrays, self._model = arrays, model
+        self._weights = 1 / (model.free_scale * tolerance * math.sqrt(form.equations.free))
         self._stage_weights = np.tile(self._weights / math.sqrt(STAGES), STAGES)
-        state = arrays.reference[NODE:], arrays.end[1], arrays.length, arrays.reference_excitation
+        state = arrays.reference_q, arrays.end[1], arrays.length, arrays.reference_excitation
         self._stages = Buffered(form.stages, *arrays.of_stages)
         self._factors = Buffered(form.factors, *state, arrays.parameters)
 
@@ -93,8 +97,8 @@ class Newton:
         self.factorisations += 1
         arrays = self._arrays
         arrays.reference_excitation[:] = arrays.excitations[MIDDLE]
-        arrays.reference[:NODE] = arrays.reference_excitation[:NODE]
-        arrays.reference[NODE:] = arrays.end[0] + arrays.increments[MIDDLE]
+        arrays.reference_q[:] = arrays.end[0] + arrays.increments[MIDDLE]
+        arrays.reference[:] = self._model.whole(arrays.reference_q, arrays.reference_excitation[:NODE])
         arrays.real[:], arrays.pair[:] = self._factors()
 
     def converge(self) -> int:

@@ -30,7 +30,7 @@ from ancf_casadi.dynamics.radau.newton import Newton, StepArrays, StepControl
 from ancf_casadi.dynamics.segments import ENERGY_STATES, SAME_TIME, Segment, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import SimulationError
-from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import Buffered
 
@@ -107,7 +107,7 @@ class Stepper:
         tolerance: float,
         largest_step: float = math.inf,
     ) -> None:
-        free, first = form.equations.model.free, piece.at(piece.begin)
+        model, first = form.equations.model, piece.at(piece.begin)
         self.now, self.steps = piece.begin, 0
         self._form, self._piece, self._largest_step, self._control = form, piece, largest_step, StepControl()
         # energies at the start of the last step, and coefficients of x, x^2 and x^3 of those added within it
@@ -115,9 +115,9 @@ class Stepper:
 
         self._arrays = arrays = StepArrays(form, parameters)
         arrays.excitations[:] = first
-        arrays.nodes[:, :NODE], arrays.nodes[:, NODE:] = first[:NODE], start.coordinates[free]
         q, v, a = arrays.end
-        q[:], v[:] = start.coordinates[free], start.velocities[free]
+        q[:], v[:] = model.of_free(start.coordinates), model.of_free(start.velocities)
+        arrays.nodes[:] = model.whole(q, first[:NODE])
         a[:] = form.accelerations(q, v, first, parameters)
 
         self.newton = Newton(form, arrays, tolerance)
@@ -130,7 +130,7 @@ class Stepper:
     def state(self) -> State:
         """The state at the end of the last step."""
         arrays = self._arrays
-        velocities = np.concatenate([arrays.excitations[-1, NODE : 2 * NODE], arrays.end[1]])
+        velocities = self._form.equations.model.whole(arrays.end[1], arrays.excitations[-1, NODE : 2 * NODE])
         return State(arrays.nodes[-1].copy(), velocities, self.now)
 
     @property
@@ -138,7 +138,8 @@ class Stepper:
         """The last step."""
         arrays, h = self._arrays, self._control.length
         q, v, a = arrays.start.copy()
-        return RadauStep(self.now - h, h, q, v, a, arrays.nodes[1:, NODE:] - q, arrays.excitations.copy())
+        stages = self._form.equations.model.of_free(arrays.nodes[1:].T).T
+        return RadauStep(self.now - h, h, q, v, a, stages - q, arrays.excitations.copy())
 
     def reach(self, instant: float) -> None:
         """Take steps until an instant is passed."""
@@ -186,7 +187,8 @@ class Stepper:
         self._added = h * RADAU.integral @ powers.reshape(STAGES, ENERGY_STATES)
         arrays.nodes[0], arrays.nodes[1:] = arrays.nodes[-1], nodes.reshape(STAGES, -1)
         arrays.start[:] = arrays.end
-        arrays.end[0], arrays.end[1], arrays.end[2] = arrays.nodes[-1, NODE:], velocities, accelerations
+        last = self._form.equations.model.of_free(arrays.nodes[-1])
+        arrays.end[0], arrays.end[1], arrays.end[2] = last, velocities, accelerations
         self.now += h
         self.steps += 1
 

@@ -29,6 +29,7 @@ from ancf_casadi.estimation.solver.polish import POLISHED_ENOUGH, gauss_newton_f
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, started
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, Mask
+from ancf_casadi.support.tall import tall_triangle
 
 TIGHT: Mapping[str, Any] = {
     "ipopt.tol": 1e-12,
@@ -173,7 +174,7 @@ def _inverse_root(jacobian: Array) -> tuple[Array, float, Mask]:
     if not n:
         return np.empty((0, 0)), math.nan, np.zeros(0, dtype=bool)
     length = np.linalg.norm(jacobian, axis=0)
-    triangle = np.linalg.qr(jacobian / np.where(length > 0.0, length, 1.0), mode="r")
+    triangle = tall_triangle(jacobian / np.where(length > 0.0, length, 1.0))
     _, singular, directions = np.linalg.svd(triangle, full_matrices=False)
     if singular[-1] < m * np.finfo(float).eps:
         # component of an unknown in an undetermined direction above which the error message names it

@@ -21,6 +21,7 @@ import scipy  # its packages are imported on first use
 
 from ancf_casadi.estimation.solver.loss import dispersion, influence, loss, loss_value, row_weights
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.compilation import evaluated
 from ancf_casadi.support.interrupts import delayed_interrupts
 
 POLISHED = 0.01  # change of the residuals by the last step, in standard deviations
@@ -31,8 +32,8 @@ POLISH_STEPS, POLISH_HALVINGS = 20, 5
 def residuals_and_jacobian(evaluate: cs.Function, z: Array) -> tuple[Array, Array]:
     """Return residuals (m,) and Jacobian (m, n) from a Function that gives both."""
     with delayed_interrupts():
-        residuals, jacobian = evaluate(z)
-    return residuals.full().ravel(), jacobian.full()
+        residuals, jacobian = evaluated(evaluate, z)
+    return residuals.ravel(), jacobian
 
 
 def gauss_newton_functions(evaluate: cs.Function, huber: float, weight: float, forward: bool) -> dict[str, cs.Function]:

@@ -26,6 +26,7 @@ class Unknown:
     unit: str = ""  # SI, for reports
     reciprocal: bool = False  # solve for 1/x, in which the data are nearly linear, as in that of a stiffness
     prior: tuple[float, float] | None = None  # mean and standard deviation that are known without the data
+    curved: bool = False  # far from linear, so that intervals of derived quantities follow its likelihood; one in a fit
 
     def __post_init__(self) -> None:
         """Validate."""

@@ -1,7 +1,7 @@
 """The full beam and the reduced beam as second-order systems (``system``).
 
-Full beam.  The coordinates are those of the free nodes, and R is Eq. (6) with damping in their rows.  The rows of the
-clamped node give the force of the base, whose power is supplied to the beam.
+Full beam.  The coordinates are the free ones, e = N q + G b (``mechanics.model``), and R = N^T Q is Eq. (6) with
+damping.  G^T Q is the force of the base, whose power is supplied to the beam.
 
 Reduced beam.  The coordinates are modal (``reduction``).  Its expressions take all samples at once, so that each
 operation is a product of matrices; the derivatives follow column by column, for all samples together.
@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import lru_cache, partial
 from typing import Literal
 
 import casadi as cs
@@ -22,10 +22,11 @@ from ancf_casadi.damping import DampingLaw, Parameter
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.signals import Signal, parameter_signals
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE, tip_force
-from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.mechanics.strain import gauss
-from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
-from ancf_casadi.reduction.reduced import ReducedModel
+from ancf_casadi.mechanics.attachments import Dashpot, Spring
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.reduction.forces import BASE_SIZE
+from ancf_casadi.reduction.reduced import ReducedModel, reduced_motion
 from ancf_casadi.response.harmonic_balance.drive import BEAM_EXCITATION
 from ancf_casadi.response.harmonic_balance.system import (
     KEPT_FUNCTIONS,
@@ -49,14 +50,14 @@ def full_system(model: Model, law: DampingLaw) -> SecondOrderSystem:
 
     Its parameters are gravity, the properties of each element in turn, and the parameters of the law.
     """
-    rest = static_equilibrium(model).coordinates[NODE:]
+    rest = static_equilibrium(model).coordinates
     return SecondOrderSystem(
         functions=partial(_full_functions, model, law),
         entries=_one_sample(model, law)[0],
         parameters=parameters_of(parameter_signals(Equations(model, law)), law),
         excitation=BEAM_EXCITATION,
-        rest=rest,
-        scale=model.scale[NODE:],
+        rest=model.of_free(rest),
+        scale=model.free_scale,
         mirror=_mirror(model, rest),
         corrections=Turning.of(model),
     )
@@ -79,14 +80,15 @@ def _one_sample(model: Model, law: DampingLaw) -> tuple[tuple[Index, Index], Sam
     B = terms.turned_projection(e)
     if B.shape[1]:
         D += B @ cs.diag(terms.modal_coefficients) @ B.T
-    at_tip = cs.vertcat(cs.MX.zeros(model.size - 2 * NODE, BEAM_EXCITATION), cs.jacobian(tip_force(e, load), u))
-    U = cs.horzcat(*(cs.horzcat(matrix[NODE:, :2], cs.MX(model.size - NODE, 1)) for matrix in (K, D, M)),
-                   cs.MX(model.size - NODE, LOAD_SIZE)) - at_tip  # fmt: skip
-    free = [matrix[NODE:, NODE:] for matrix in (K, D, M)]
+    by_base = [cs.horzcat(model.of_base(matrix.T)[:2, :].T, cs.MX(model.size, 1)) for matrix in (K, D, M)]
+    at_tip = cs.vertcat(cs.MX(model.size - NODE, BEAM_EXCITATION), cs.jacobian(tip_force(e, load), u))
+    U = model.of_free(cs.horzcat(*by_base, cs.MX(model.size, LOAD_SIZE)) - at_tip)
+    free = [model.of_free(model.of_free(matrix).T).T for matrix in (K, D, M)]
     pattern = free[0].sparsity() + free[1].sparsity()
     outputs = [*(cs.project(matrix, pattern).nz[:] for matrix in free), *(U @ direction for direction in directions)]
     entries = np.array(pattern.row()), np.array(pattern.get_col())
-    return entries, SampledFunctions.of([*symbols, *directions], forces[NODE:], outputs, powers, plain[NODE:])
+    balance = [model.of_free(own) for own in (forces, plain)]
+    return entries, SampledFunctions.of([*symbols, *directions], balance[0], outputs, powers, balance[1])
 
 
 def _symbols(equations: Equations) -> list[cs.MX]:
@@ -97,28 +99,28 @@ def _symbols(equations: Equations) -> list[cs.MX]:
 
 
 def _full_motion(equations: Equations, symbols: Sequence[cs.MX]) -> tuple[cs.MX, list[cs.MX], list[cs.MX]]:
-    """Return the forces of a beam whose clamp does not rotate, powers, and coordinates of all nodes with their rates.
+    """Return the forces of a beam whose base does not rotate, powers, and coordinates of all nodes with their rates.
 
-    The forces are the left side of the equation of motion, (4 n + 4,); the first four are those of the base.  The
-    powers are lost to damping, and supplied at the base and the tip, W.
+    The forces are the left side of the equation of motion at all nodes.  The powers are lost to damping, and supplied
+    at the base and the tip, W.
     """
     *free, u, p = symbols
-    still = cs.MX.zeros(2)
-    clamped = [cs.vertcat(u[3 * k : 3 * k + 2], still) for k in range(3)]
-    clamped[0][2:] = cs.DM(equations.model.beam.axis)
-    e, e_t, e_tt = nodes = [cs.vertcat(*pair) for pair in zip(clamped, free, strict=True)]
+    model, still = equations.model, cs.MX.zeros(2)
+    base = [cs.vertcat(u[3 * k : 3 * k + 2], still) for k in range(3)]
+    base[0][2:] = cs.DM(model.beam.axis)
+    e, e_t, e_tt = nodes = [model.whole(*pair) for pair in zip(free, base, strict=True)]
     terms = equations.balance_for(p)
     low_rank = terms.of_low_rank(e, e_t)
     local, lost, supplied = terms.local(e, e_t, e_tt, u[BASE_SIZE:])
     forces = local + low_rank
-    return forces, [lost + cs.dot(e_t, low_rank), supplied + cs.dot(e_t[:2], forces[:2])], nodes
+    return forces, [lost + cs.dot(e_t, low_rank), supplied + cs.dot(e_t[:2], model.of_base(forces)[:2])], nodes
 
 
 def base_force(model: Model, law: DampingLaw) -> cs.Function:
-    """Return the Function of q, v, a, u and p that gives the force of the base on the clamped node, (4,)."""
+    """Return the Function of q, v, a, u and p that gives the force of the base on the beam, (4,)."""
     equations = Equations(model, law)
     symbols = _symbols(equations)
-    return cs.Function("base_force", symbols, [_full_motion(equations, symbols)[0][:NODE]])
+    return cs.Function("base_force", symbols, [model.of_base(_full_motion(equations, symbols)[0])])
 
 
 @lru_cache(maxsize=KEPT)
@@ -129,7 +131,7 @@ def reduced_system(reduced: ReducedModel, *, tuned: bool = False) -> SecondOrder
     modulus, with the forces diag((c_k^2 - 1) w_k^2) q + (E - 1) dU/dq.
     """
     m, model, projection = reduced.count, reduced.model, reduced.projection
-    rest, parameters = reduced.modes.equilibrium.coordinates[NODE:], parameters_of(reduced.parameters, reduced.law)
+    rest, parameters = reduced.modes.equilibrium.coordinates, parameters_of(reduced.parameters, reduced.law)
     if tuned:
         factors = [
             Parameter(f"frequency_{k}", 1.0, "1", f"factor on the frequency of mode {k}") for k in range(1, m + 1)
@@ -143,7 +145,7 @@ def reduced_system(reduced: ReducedModel, *, tuned: bool = False) -> SecondOrder
         excitation=BEAM_EXCITATION,
         rest=np.zeros(m),
         scale=np.full(m, model.beam.length * np.sqrt(projection.total_mass)),
-        mirror=np.full(m, -1.0 if _across(model, rest).max() <= STRAIGHT else 1.0),
+        mirror=np.full(m, -1.0 if _is_symmetric(model, rest) else 1.0),
     )
 
 
@@ -156,14 +158,13 @@ def _reduced_functions(reduced: ReducedModel, tuned: bool, samples: int) -> Samp
     values = cs.vertcat(cs.DM(reduced.values[:GRAVITY_SIZE]), p) if tuned else p
     gravity, of_law, factors = cs.vertsplit(values, [0, GRAVITY_SIZE, GRAVITY_SIZE + laws, values.numel()])
     directions = [cs.MX.sym(name, BEAM_EXCITATION, samples) for name in ("u_1", "u_2")]
-    motion = ReducedMotion(projection, q, v, u[:BASE_SIZE, :], gravity=gravity)
+    motion = reduced_motion(projection, q, v, u[:BASE_SIZE, :], gravity)
     damping, tip = motion.damping(law, of_law, model), motion.tip_force(u[BASE_SIZE:, :])
     forces = motion.undamped_forces(a) + damping - tip
     velocity, balance = cs.vertcat(v, u[3:5, :]), forces[:m, :]
     if tuned:
-        by_bending = cs.repmat(cs.DM(projection.rest_force), 1, samples) + cs.DM(projection.bending_stiffness) @ q
         balance += cs.diag((factors[:-1] ** 2 - 1) * reduced.modes.angular_frequencies**2) @ q
-        balance += (factors[-1] - 1) * by_bending
+        balance += (factors[-1] - 1) * motion.elastic_force
     supplied = cs.sum1(u[3:5, :] * forces[m:, :]) + cs.sum1(velocity * tip)
     rows = [cs.DM.zeros(m, samples) for _ in range(m)]
     for k, row in enumerate(rows):
@@ -174,21 +175,26 @@ def _reduced_functions(reduced: ReducedModel, tuned: bool, samples: int) -> Samp
     return SampledFunctions.of([*coordinates, u, p, *directions], balance, [*matrices, *driven], powers)
 
 
-def _across(model: Model, rest: Array) -> Array:
-    """Return the distances of the nodes at rest from the axis, m, and the sine of the angle from it to gravity."""
-    ax, ay = model.beam.axis
-    x, y = rest.reshape(-1, 2).T
-    gravity = model.beam.gravity
-    size = np.hypot(*gravity) or 1.0
-    return np.append(np.abs(ax * y - ay * x), abs(ax * gravity[1] - ay * gravity[0]) / size)
+def _is_symmetric(model: Model, rest: Array) -> bool:
+    """Return whether the beam at rest, with gravity and all that holds it, is its own mirror image in the axis."""
+    beam, (ax, ay), (x, y) = model.beam, model.beam.axis, rest.reshape(-1, 2).T
+    gx, gy = np.array(beam.gravity) / (np.hypot(*beam.gravity) or 1.0)
+    slides = np.array([one.sliding for one in beam.supports if one.sliding]).reshape(-1, 2).T
+    pairs = [one.stiffness if isinstance(one, Spring) else one.coefficient
+             for one in beam.attachments if isinstance(one, Spring | Dashpot)]  # fmt: skip
+    across = [*(ax * y - ay * x), ax * gy - ay * gx]
+    oblique = (ax * slides[0] + ay * slides[1]) * (ax * slides[1] - ay * slides[0])
+    mixed = [(own[0] - own[1]) / max(own) * ax * ay for own in pairs if any(own)]
+    return bool(np.abs([*across, *oblique, *mixed]).max() <= STRAIGHT)
 
 
 def _mirror(model: Model, rest: Array) -> Array:
-    """Return the signs of free nodal coordinates mirrored in the axis: -1 across it, if it is x or y; else ones."""
+    """Return the signs of free coordinates mirrored in the axis: -1 across it, if it is x or y; else ones."""
     ax, ay = np.abs(model.beam.axis)
-    if min(ax, ay) > STRAIGHT or _across(model, rest).max() > STRAIGHT:
-        return np.ones(len(rest))
-    return np.tile([1.0, -1.0] if ax > ay else [-1.0, 1.0], len(rest) // 2)
+    if min(ax, ay) > STRAIGHT or not _is_symmetric(model, rest):
+        return np.ones(model.freedoms)
+    signs = np.tile([1.0, -1.0] if ax > ay else [-1.0, 1.0], model.size // 2)
+    return np.asarray(np.round(model.of_free(signs * model.moved(np.ones(model.freedoms)))))
 
 
 def parameters_of(signals: Sequence[Signal], law: DampingLaw) -> tuple[Parameter, ...]:
@@ -205,54 +211,55 @@ def parameters_of(signals: Sequence[Signal], law: DampingLaw) -> tuple[Parameter
 class Turning:
     """Corrections of the free coordinates that turn the slopes of a beam; a sum would stretch it.
 
-    The coordinates are equivalent to pairs G q + g: the slopes r' at the two Gauss points of each element and, with an
-    elastic clamp, slope and position of the first node.  A correction turns each slope by the angle (r' x dr')/|r'|^2
-    and multiplies its length by exp(r' . dr'/|r'|^2).
+    The coordinates of the nodes of the beam are equivalent to pairs P e: the slopes r' at the two Gauss points of each
+    element, and slope and position of the first node.  A correction turns each slope by the angle (r' x dr')/|r'|^2 and
+    multiplies its length by exp(r' . dr'/|r'|^2).
     """
 
-    matrix: Array  # G, (4 n, 4 n)
-    constant: Array  # g, (4 n,)
-    slopes: int  # number of slopes among the pairs; they come first
+    matrix: Array  # P N, (4 n + 4, N)
+    constant: Array  # P G b with the base at the origin, (4 n + 4,)
+    inverse: Array  # N^T P^-1, (N, 4 n + 4)
+    translation: Array  # change of the free coordinates per displacement of the whole beam, (N, 2)
 
     @staticmethod
-    def of(model: Model) -> Turning:
-        """Return the corrections of a beam."""
-        l, n = model.beam.element_length, model.beam.elements
-        points = ((np.arange(n)[:, None] + gauss(2)[0]) * l).ravel()
-        rows = [model.slope_interpolation(float(s)) for s in points]
-        first = np.eye(model.size)[NODE : 2 * NODE]
-        rows += [first[2:], first[:2]] if model.root else []
-        pairs = np.vstack(rows)
-        constant = pairs[:, :NODE] @ np.array([0.0, 0.0, *model.beam.axis])
-        return Turning(pairs[:, NODE:], constant, 2 * n + model.root)
+    def of(model: Model) -> Turning | None:
+        """Return the corrections of a beam; none if supports hold it beyond its beginning, where it would not end."""
+        beam, first, node = model.beam, NODE * model.root, np.eye(NODE, model.size, NODE * model.root)
+        if (model.weights[first + NODE :] != 1.0).any():
+            return None
+        points = [s for index in range(beam.elements) for s in model.gauss_points(index)]
+        pairs = np.vstack([*(model.slope_interpolation(s) for s in points), node[2:], node[:2]])
+        none, own = np.zeros((first, len(pairs))), np.linalg.inv(pairs[:, first:])
+        return Turning(
+            matrix=pairs @ model.moved(np.eye(model.freedoms)),
+            constant=pairs @ model.whole_of_base @ np.array([0.0, 0.0, *beam.axis]),
+            inverse=model.of_free(np.vstack([none, own])),
+            translation=model.of_free(np.tile(np.eye(NODE, 2), (model.size // NODE, 1))),
+        )
 
     def moved(self, q: Array, change: Array) -> Array:
-        """Return coordinates (4 n, N) after corrections (4 n, N)."""
+        """Return coordinates (N, k) after corrections (N, k)."""
         pairs, corrections = self._pairs(q), _complex(self.matrix @ change)
-        rate = (corrections / pairs)[: self.slopes]
+        rate = corrections[:-1] / pairs[:-1]
         # logarithm of the factor by which a correction stretches a slope at most
         turn = np.exp(np.minimum(rate.real, 5.0) + 1j * rate.imag)
-        moved = np.concatenate([pairs[: self.slopes] * turn, (pairs + corrections)[self.slopes :]])
-        return np.asarray(self._inverse @ (_real(moved) - self.constant[:, None]))
+        moved = np.concatenate([pairs[:-1] * turn, (pairs + corrections)[-1:]])
+        return np.asarray(self.inverse @ (_real(moved) - self.constant[:, None]))
 
     def turned(self, reference: Array, q: Array, vectors: Array, way: Literal["forth", "back"]) -> Array:
         """Return corrections with each slope turned by its angle from the reference to q (forth).
 
         Residuals are turned back by the transposed matrix.
         """
-        before, after = (self._pairs(own)[: self.slopes] for own in (reference, q))
+        before, after = (self._pairs(own)[:-1] for own in (reference, q))
         turn = after / before if way == "forth" else before / after
-        into, out = (self.matrix, self._inverse) if way == "forth" else (self._inverse.T, self.matrix.T)
+        into, out = (self.matrix, self.inverse) if way == "forth" else (self.inverse.T, self.matrix.T)
         pairs = _complex(into @ vectors)
-        pairs[: self.slopes] *= turn / np.abs(turn)
+        pairs[:-1] *= turn / np.abs(turn)
         return np.asarray(out @ _real(pairs))
 
-    @cached_property
-    def _inverse(self) -> Array:
-        return np.asarray(np.linalg.inv(self.matrix))
-
     def _pairs(self, q: Array) -> ComplexArray:
-        """Return the slopes, and the position behind an elastic clamp, (k, N)."""
+        """Return the slopes, and the position of the first node, (2 n + 2, k)."""
         return _complex(self.matrix @ q + self.constant[:, None])
 
 

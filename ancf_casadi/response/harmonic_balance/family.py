@@ -23,7 +23,7 @@ import math
 import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import scipy.linalg
@@ -38,6 +38,9 @@ from ancf_casadi.response.harmonic_balance.balance import (
 )
 from ancf_casadi.response.harmonic_balance.fourier import fourier, resized
 from ancf_casadi.support.arrays import Array, ComplexArray
+
+if TYPE_CHECKING:
+    from ancf_casadi.response.harmonic_balance.beams import Turning
 
 NEWTON_ERROR = 1e-11  # error of the unknowns relative to their scales
 LARGEST_NEWTON_STEP = 100.0  # largest step, relative to the scales
@@ -106,7 +109,7 @@ class Family:
         end, turning, count = z + change, self.balance.system.corrections, len(z) - len(self.free)
         if turning is None:
             return end
-        q, carried = self._relative(z), self._carried(end)
+        q, carried = self._relative(z, turning), self._carried(end, turning)
         moved = turning.moved(q, self._sampled(end[:count]) - carried - q)
         return self._analysed(moved + carried, end[count:])
 
@@ -115,23 +118,23 @@ class Family:
         turning, count = self.balance.system.corrections, len(z) - len(self.free)
         if turning is None or reference is z:
             return vector
-        turned = turning.turned(self._relative(reference), self._relative(z), self._sampled(vector[:count]), way)
+        before, after = (self._relative(own, turning) for own in (reference, z))
+        turned = turning.turned(before, after, self._sampled(vector[:count]), way)
         return self._analysed(turned, vector[count:])
 
     def _sampled(self, coefficients: Array) -> Array:
         """Return the coordinates at the samples, (n, N), of the coefficients that are not zero by symmetry."""
         return np.asarray((self.balance.fourier.basis @ self._all(coefficients)).T)
 
-    def _carried(self, z: Array) -> Array:
-        """Return the displacements of the clamp at all nodes and samples, (n, N)."""
+    def _carried(self, z: Array, turning: Turning) -> Array:
+        """Return the displacement of the base in the coordinates at the samples, (n, N)."""
         setting, series = self.split(z)[1], self.balance.fourier
         u, _, _ = self.balance.drive.samples(series.phases, setting.omega, setting.amplitude)
-        displacement = np.vstack([u[:2], np.zeros_like(u[:2])])
-        return np.tile(displacement, (self.balance.system.size // len(displacement), 1))
+        return np.asarray(turning.translation @ u[:2])
 
-    def _relative(self, z: Array) -> Array:
-        """Return the coordinates at the samples relative to the clamp."""
-        return np.asarray(self._sampled(z[: len(z) - len(self.free)]) - self._carried(z))
+    def _relative(self, z: Array, turning: Turning) -> Array:
+        """Return the coordinates at the samples relative to the base."""
+        return np.asarray(self._sampled(z[: len(z) - len(self.free)]) - self._carried(z, turning))
 
     def _analysed(self, samples: Array, last: Array) -> Array:
         """Return the coefficients of sampled coordinates, followed by other entries."""

@@ -6,7 +6,6 @@ harmonics more shows the effect of this truncation.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -20,6 +19,7 @@ from ancf_casadi.estimation.block import Account, Evaluation, Fitted
 from ancf_casadi.estimation.solve import LARGEST_SHIFT, meaningful
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.property_names import lumped_kind
 from ancf_casadi.reduction import ReducedModel, reduce_model
 from ancf_casadi.reduction.reduced import rebuilt
 from ancf_casadi.response.harmonic_balance.drive import beam_drive
@@ -31,7 +31,7 @@ from problems.beam.curves.driven import Driven, driven, small_response
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.curves.residuals import first_weights
 from problems.beam.curves.response_block import ResponseBlock
-from problems.beam.properties import Owners
+from problems.beam.properties import ELASTIC, Owners, value_of
 from problems.beam.unknowns import frequency_name, mode_of
 
 MODULUS = ("elastic_modulus", "bending_stiffness")  # the strain energy of all elements is proportional to each
@@ -87,7 +87,7 @@ class CurveBlock(ResponseBlock):
 
     def finer(self) -> Self:
         """Return the block with one mode and two harmonics more."""
-        most = self.model.size - self.model.free.start
+        most = self.model.freedoms
         return replace(
             self, modes=min(self.modes + 1, most), harmonics=self.harmonics + 2, refinements=self.refinements + 1
         )
@@ -155,11 +155,12 @@ class CurveBlock(ResponseBlock):
     def of_model(self) -> tuple[str, ...]:
         """The properties in the constants of the reduced model.
 
-        The modulus is one of them only if the damping contains it, or the clamp has strain energy of its own.
+        The modulus is one of them only if the damping contains it, or a clamp or spring has strain energy of its own.
         """
         terms, beam = self.law.laws if isinstance(self.law, SumOfLaws) else (self.law,), self.model.beam
-        free = math.isinf(beam.clamp_stiffness) and all(isinstance(term, WITHOUT_MODULUS) for term in terms)
-        without = {*(MODULUS if free else ()), *(() if beam.tip_mass else ("tip_mass",))}
+        free = not any(lumped_kind(name) in ELASTIC for name in beam.lumped)
+        free = free and all(isinstance(term, WITHOUT_MODULUS) for term in terms)
+        without = {*(MODULUS if free else ()), *(name for name in self.first if not value_of(beam, name))}
         return tuple(name for name in self.first if name not in without)
 
     @cached_property
@@ -208,7 +209,7 @@ def curve_block(
     """Return response curves as a block with first weights, which knows those of the unknowns that matter to it."""
     weights, known = first_weights([record for _, record in numbered]), {*first, *(own.name for own in law.parameters)}
     own = tuple(name for name in names if name in known or name.startswith(("frequency_", "excitation")))
-    most = model.size - model.free.start
+    most = model.freedoms
     return CurveBlock(
         tuple(numbered), own, weights, model=model, law=law, first=first, modes=min(modes, most), harmonics=harmonics
     )

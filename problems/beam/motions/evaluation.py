@@ -18,7 +18,6 @@ from ancf_casadi.dynamics.derivatives.reading import SampledMotion, orders_of
 from ancf_casadi.dynamics.derivatives.sensitivity import SensitivityProblem
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TipLoad
-from ancf_casadi.mechanics.beam import LUMPED
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 from problems.beam.motions.record import Channel, MotionRecord
@@ -158,9 +157,8 @@ def _properties(block: MotionBlock, given: Mapping[str, cs.MX]) -> tuple[cs.MX, 
         cs.DM(own).T * (cs.horzcat(*(factors[k] for k in row)) if row.max() >= 0 else factors[-1])
         for own, row in zip(values, rows, strict=True)
     ]
-    lumped = [
-        value * factors[int(index[values.size + LUMPED.index(name)])] for name, value in block.model.lumped.items()
-    ]
+    owners = index[values.size :].tolist()
+    lumped = [value * factors[k] for value, k in zip(block.model.lumped.values(), owners, strict=True)]
     return cs.vertcat(*scaled), cs.vertcat(cs.MX(0, 1), *lumped)
 
 

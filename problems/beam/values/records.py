@@ -1,7 +1,7 @@
 """Measurements that determine properties of a beam: load-deflection tables and natural frequencies.
 
-A record holds the configuration in which it was measured, as a model: free length, orientation, gravity, tip mass,
-clamp.  Its residuals (``block``) are
+A record holds the configuration in which it was measured, as a model: free length, orientation, gravity, supports,
+attachments.  Its residuals (``block``) are
 
     (computed - measured)/standard deviation,    or    computed/measured - 1
 
@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.records.sensor import SENSOR_UNITS, Sensor
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import (
@@ -38,6 +38,7 @@ from ancf_casadi.support.inputs import (
     whole,
 )
 from ancf_casadi.support.tables import Displayed
+from ancf_casadi.vibration.modes import rigid_modes
 from problems.beam.properties import Owners
 from problems.beam.values.response import Respond, modal_response, place, readings, static_response
 
@@ -236,13 +237,13 @@ class FrequencyRecord(PropertyRecord):
     Parameters
     ----------
     model : Model
-        The beam in the configuration of the test, with the tip mass and the clamp that it had; its gravity acts.
+        The beam in the configuration of the test, with the masses and supports that it had; its gravity acts.
     frequencies : array_like (m,)
         Natural frequencies, Hz.
     std : float or array_like (m,), optional
         Standard deviation of the frequencies, Hz.
     modes : sequence of int, optional
-        Numbers of the modes, from 1, ascending; the lowest if not given.
+        Numbers of the modes, from 1, ascending; if not given, the lowest that are no rigid motions.
     name : str
         Name in reports.
 
@@ -280,11 +281,10 @@ class FrequencyRecord(PropertyRecord):
             raise InputError("must be a sequence of frequencies", "frequencies")
         for value in found.tolist():
             physical(value, "frequencies")
-        free = self.model.size - self.model.free.start
-        given = range(1, found.size + 1) if self.modes is None else self.modes
+        given = rigid_modes(self.model) + np.arange(1, found.size + 1) if self.modes is None else self.modes
         if not is_sequence(given):
             raise InputError(f"must be numbers of modes, got {shown(given)}", "modes")
-        modes = tuple(whole(k, "modes", 1, free) for k in given)
+        modes = tuple(whole(k, "modes", 1, self.model.freedoms) for k in given)
         if len(modes) != found.size or any(b <= a for a, b in pairwise(modes)):
             raise InputError(f"must be {found.size} ascending numbers, one per frequency, got {modes}", "modes")
         deviation = _deviations(self.std, found)

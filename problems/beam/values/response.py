@@ -8,9 +8,9 @@ those of ``ancf_casadi.vibration.sensitivities``; with f the generalized forces 
     K dq = -R_p dp,    dy = y_q dq + y_f (f_q dq + f_p dp) + y_p dp.
 
 The readings y are those of a motion (``dynamics.derivatives.reading``) without velocities; a displacement is the change
-from rest without the loads.  Force F and moment M that the clamp exerts on the beam follow from the generalized forces
-f = Q_e - Q_g on the clamped coordinates (r_0, tau_0): F = (f_1, f_2) and M = tau_0 x (f_3, f_4), because a rotation of
-the clamp by dtheta turns tau_0 by dtheta (-tau_y, tau_x).
+from rest without the loads.  Force F and moment M that the base exerts on the beam follow from the generalized forces
+f = G^T (Q_e - Q_g) on the base (r_b, tau_b): F = (f_1, f_2) and M = tau_b x (f_3, f_4), because a rotation of the base
+by dtheta turns tau_b by dtheta (-tau_y, tau_x).
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ import numpy as np
 
 from ancf_casadi.dynamics.derivatives.reading import SampledMotion
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.mechanics.point_load import PointLoad
+from ancf_casadi.mechanics.loads import PointLoad
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.assembly import per_element, scatter, structure_properties
@@ -86,14 +87,14 @@ def _read_at_rest(
         at = static_equilibrium(owners.changed(model, factors), loads=rest.loads).exact
     state = ModalState(structure, at, np.arange(0), np.zeros(0), np.zeros((model.size, 0)))
     dq = coordinate_derivatives(state, directions)
-    force, change = _clamp_forces(state, dq, directions)
+    force, change = _base_forces(state, dq, directions)
     size = len(owners.index)
     y, by_e, by_force, by_p = (part.full() for part in read(at.coordinates, force, own[:size]))
     return y.ravel(), by_e @ dq + by_force @ change + by_p @ directions[:size]
 
 
-def _clamp_forces(state: ModalState, dq: Array, directions: Array) -> tuple[Array, Array]:
-    """Return the generalized forces on the clamped coordinates, (4,), and their derivatives, (4, N)."""
+def _base_forces(state: ModalState, dq: Array, directions: Array) -> tuple[Array, Array]:
+    """Return the generalized forces on the base, (4,), and their derivatives, (4, N)."""
     size = state.model.size
     force, change = np.zeros((size, 1)), np.zeros(dq.shape)
     for part in state.structure.parts:
@@ -101,14 +102,14 @@ def _clamp_forces(state: ModalState, dq: Array, directions: Array) -> tuple[Arra
         force += scatter(part.coordinates, own, size)
         moved = by_coordinate @ dq[part.coordinates] + by_property @ directions[part.properties]
         change += scatter(part.coordinates, moved, size)
-    return force[:NODE, 0], change[:NODE]
+    return state.model.of_base(force)[:, 0], state.model.of_base(change)
 
 
 def readings(model: Model, sensors: Sequence[Sensor]) -> cs.Function:
     """Return (e, f, properties) -> the readings of k sensors, and their Jacobians by e, f and the properties.
 
-    f are the generalized forces on the clamped coordinates, (4,); the properties those of the beam, (4 n + 2,), in the
-    order of ``structure_properties``.
+    f are the generalized forces on the base, (4,); the properties those of the beam, (4 n + lumped,), in the order of
+    ``structure_properties``.
     """
     for sensor in sensors:
         if sensor.quantity not in STATIC_QUANTITIES:
@@ -120,7 +121,9 @@ def readings(model: Model, sensors: Sequence[Sensor]) -> cs.Function:
     e, f, properties = (cs.MX.sym(name, size) for name, size in sizes.items())
     rows = cs.reshape(properties[: model.properties.size], model.beam.elements, -1).T
     forces, still = cs.vertcat(f, cs.MX(model.size - NODE, 1)), cs.MX.zeros(model.size)
-    motion = SampledMotion(model, rows, e, still, still, lambda: forces)
+    lumped = dict(zip(model.lumped, cs.vertsplit(properties[model.properties.size :]), strict=True))
+    curvature = lumped.get("natural_curvature", cs.MX(0))
+    motion = SampledMotion(model, rows, e, still, still, curvature, lambda: forces)
     y = cs.vertcat(*(motion.read(sensor) for sensor in sensors))
     jacobians = [cs.densify(cs.jacobian(y, x)) for x in (e, f, properties)]
     return cs.Function("readings", [e, f, properties], [cs.densify(y), *jacobians])

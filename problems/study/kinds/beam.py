@@ -9,8 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, final
 import numpy as np
 from msgspec import Meta
 
+from ancf_casadi.export.model_document import beam_data, beam_from
+from ancf_casadi.export.structs import BeamData
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.property_names import unit_of
+from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import located, whole
 from ancf_casadi.vibration.modes import natural_modes
@@ -62,10 +66,11 @@ class BeamProperties(Part):
         notes = [f"{beam.elements} elements; axis {beam.axis}, gravity {beam.gravity} m/s²."]
         if varying:
             notes.append(f"Means over the elements: {', '.join(varying).replace('_', ' ')} vary along the beam.")
-        if beam.tip_mass:
-            notes.append(f"Mass at the tip: {1e3 * beam.tip_mass:.4g} g.")
-        if np.isfinite(beam.clamp_stiffness):
-            notes.append(f"Stiffness of the clamp: {beam.clamp_stiffness:.4g} N m/rad.")
+        for name, value in beam.lumped.items():
+            amount = f"{1e3 * value:.4g} g" if unit_of(name) == "kg" else f"{value:.4g} {unit_of(name)}"
+            notes.append(f"{name.replace('_', ' ').capitalize()}: {amount}.")
+        if beam.supports != (Clamp(),):
+            notes.append(f"Supports: {', '.join(map(repr, beam.supports)) or 'none'}.")
         table = self.data_table("Properties of the beam", columns, *notes)
         data = {
             **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in ELEMENT_ROWS},
@@ -112,7 +117,7 @@ class ModesOfBeam(Part):
 class Matched:
     """A matched beam as plain data."""
 
-    beam: Beam
+    beam: BeamData
     data: dict[str, Any]  # the result for JSON, as ``FrequencyMatch.to_dict``
     ranges: dict[str, Array]  # (n, 2), relative changes of a property that fit equally well; empty if out of reach
 
@@ -126,7 +131,7 @@ def match_plain(beam: Beam, request: dict[str, Any]) -> Matched:
     data["elastic_modulus_per_element"] = data["elastic_modulus"]
     data["density_per_element"] = data["density"]
     data["elastic_modulus"], data["density"] = data["elastic_modulus"][0], data["density"][0]
-    return Matched(match.beam, data, ranges)
+    return Matched(beam_data(match.beam), data, ranges)
 
 
 @final
@@ -172,7 +177,7 @@ class Match(Part, MatchTable):
             self._errors(matched),
         )  # fmt: skip
         tables = (self._properties(matched, beam), self._frequencies(matched, beam))
-        return Finding(matched.data, tables, figures, tuple(matched.data["warnings"]), matched.beam)
+        return Finding(matched.data, tables, figures, tuple(matched.data["warnings"]), beam_from(matched.beam))
 
     def _properties(self, matched: Matched, beam: Beam) -> DataTable:
         arrays = {name: scale * np.array(getattr(matched.beam, name)) for name, _, scale in ELEMENT_ROWS}

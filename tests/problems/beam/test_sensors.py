@@ -17,7 +17,7 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.mechanics.point_load import PointLoad
+from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.plot import rendered
 from ancf_casadi.records.sensor import Sensor
 from problems import Camera, Channel, MarkerRecord, MotionRecord, StaticRecord, fit_beam

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES
+from ancf_casadi.mechanics.beam import PROPERTIES
 from problems.beam.properties import Owners
 
-FACTORS = (*PROPERTIES, *LUMPED)
+FACTORS = (*PROPERTIES, "tip_mass", "clamp_stiffness")
 ONES = np.ones(len(FACTORS))
 
 

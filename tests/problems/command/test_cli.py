@@ -563,7 +563,7 @@ class TestUnusableInput:
             (
                 "elements = 20",
                 "elements = 20\ncolour = 1",
-                "[beam]: unknown key 'colour'; known are axis, clamp_stiffness",
+                "[beam]: unknown key 'colour'; known are attachments, axis, clamp_stiffness",
             ),
             (
                 "[match]",

@@ -54,6 +54,10 @@ def test_a_law_that_does_not_hold_has_errors_of_its_own_scatter():
     error, white = whole.standard_errors["damping_ratio"], whole.fit.white_errors[whole.fit.names.index("zeta")]
     assert abs(late.damping_ratio - whole.damping_ratio) < 2 * error
     assert error > 5 * white
+    basis, noise = np.linalg.qr(whole.fit.jacobian * whole.fit.scale)[0], whole.fit.noise
+    growth = np.trace(noise.form(basis)) / (basis.shape[1] * noise.variance)  # of the variances, in the mean
+    assert growth > 25
+    assert whole.fit.effective_samples == pytest.approx(len(TIME) / growth)
     right = fit_decay(TIME, y, law="quadratic", frequency_law="constant")
     assert right.fit.noise.white
 
@@ -70,3 +74,15 @@ def test_silicone_creeps(load, most):
         assert abs(getattr(later, name) - getattr(fit, name)) < 2 * fit.standard_errors[name]
     ends = (one.offset + one.drift / one.creep for one in (fit, later))
     assert np.ptp(list(ends)) < 5e-5
+
+
+@pytest.mark.skipif(not SILICONE.is_dir(), reason="the measured records are not part of the repository")
+def test_laws_of_silicone_that_do_not_hold_over_the_record_are_not_chosen():
+    """A frequency quadratic in the amplitude, with the lower misfit, would have another sign after 0.3 s."""
+    time, tip = np.loadtxt(SILICONE / "beam_gravity_tip.csv", delimiter=",", skiprows=1).T
+    fit = fit_decay(time, tip, law="auto", rest="creep")
+    laws = {"law": fit.law, "frequency_law": fit.frequency_law, "rest": "creep"}
+    later = fit_decay(time, tip, release_time=fit.release_time + 0.3, **laws)
+    assert fit.law == "quadratic"
+    for name in {"frequency", *fit.model.terms, "drift", "creep"}:
+        assert abs(getattr(later, name) - getattr(fit, name)) < 2 * fit.standard_errors[name]

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,8 +17,8 @@ from ancf_casadi import (
 from ancf_casadi.estimation.result import FitResult
 from ancf_casadi.plot import rendered
 from problems import FrfRecord, Global, fit_frf, match_frequencies
-from problems.frf import fitting, poles
-from problems.frf.modal_sum import tall_qr
+from problems.frf import fitting, poles, selection
+from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, TrialFit
 from tests.coverage import covers
 
 
@@ -424,6 +425,31 @@ def test_a_nonlinear_resonance_is_one_mode_and_the_note_names_it():
     assert any(note.startswith("one mode near 17.") and "a second pole at 17." in note for note in fit.warnings)
 
 
+@pytest.mark.parametrize(("assurance", "modes"), [(0.8, 2), (0.98, 1)])
+def test_two_poles_within_a_bandwidth_are_two_modes_if_their_shapes_differ(assurance, modes):
+    f, rng = np.linspace(5.0, 30.0, 1001), np.random.default_rng(1)
+    other = np.sqrt(assurance) * np.array([1.0, 0.2]) + np.sqrt(1 - assurance) * np.array([-0.2, 1.0])
+    values = modal_sum(f, [(15.0, 0.03, (1.0, 0.2)), (15.4, 0.03, other)])
+    noise = 0.003 * np.median(np.abs(values)) * complex_noise(rng, values.shape)
+    fit = fit_frf(FrfRecord(f, values + noise, "receptance"))
+    assert len(fit.frequencies) == modes
+    assert any(note.startswith("one mode near") for note in fit.warnings) == (modes == 1)
+
+
+def test_bins_are_few_and_lose_three_percent_of_the_precision_at_most():
+    f, own, ratio = np.arange(8.0, 32.0, 0.01), np.array([15.0]), np.array([0.01])
+    lines = ModalSum.of(f, 0, RESIDUAL_POWERS[0])
+    bins = replace(lines, starts=selection.bins(f, poles.Candidates(own, ratio, np.array([0]))))
+    assert 5 * len(bins.bin_sizes) < len(f)
+    triangles, values = [], modal_sum(f, [(15.0, 0.01, (1.0,))])[0].T
+    for model in (lines, bins):
+        weights = np.ones((len(model.bin_sizes), 1))
+        jacobian = TrialFit(model, model.binned(values), weights, own, ratio).jacobian
+        triangles.append(np.linalg.inv(np.linalg.qr(jacobian, mode="r")))
+    all_lines, means = (np.linalg.norm(triangle, axis=1) for triangle in triangles)
+    assert (means < 1.03 * all_lines).all()
+
+
 def test_bins_of_a_record_with_many_lines_leave_the_estimates_unchanged(monkeypatch):
     f, rng = np.arange(8.0, 32.0, 0.02), np.random.default_rng(21)
     modes = [(12.0, 0.02, (1.0, 0.5)), (25.0, 0.03, (0.6, -1.0))]
@@ -441,12 +467,3 @@ def test_bins_of_a_record_with_many_lines_leave_the_estimates_unchanged(monkeypa
     assert 3 * sizes[0] < sizes[1] == len(f)
     for name, error in every.standard_errors.items():
         assert abs(binned.estimates[name] - every.estimates[name]) < 1e-3 * error
-
-
-def test_factors_of_a_tall_matrix_are_those_of_householder():
-    matrix = np.random.default_rng(22).normal(size=(5000, 12)) @ np.diag(10.0 ** np.arange(12))
-    matrix[:, 3] = matrix[:, 2] + 1e-7 * matrix[:, 3] / 10.0
-    q, triangle = tall_qr(matrix)
-    np.testing.assert_allclose(q.T @ q, np.eye(12), atol=1e-13)
-    np.testing.assert_allclose(q @ triangle, matrix, rtol=0.0, atol=1e-12 * np.abs(matrix).max())
-    np.testing.assert_allclose(np.tril(triangle, -1), 0.0, atol=0.0)

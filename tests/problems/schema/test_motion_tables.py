@@ -8,7 +8,9 @@ from ancf_casadi import (
     HarmonicBase,
     HarmonicLoad,
     InputError,
+    Pin,
     PointLoad,
+    Roller,
     SampledBase,
     SampledLoad,
     Sensor,
@@ -210,6 +212,25 @@ class TestRecords:
         (record,) = study.records
         assert study.damping is None and study.laws == ()
         assert record.model.beam.tip_mass == 1e-3 and record.std.tolist() == [0.01, 0.05] and record.modes == (1, 2)
+
+    def test_supports_and_attachments_of_another_configuration(self, file):
+        """The mass stays at the tip of the shorter strip; the second strip has other parts in place of all of it."""
+        mass = '[[beam.attachments]]\nkind = "mass"\npoint = 0.5\nmass = 1e-3\n'
+        text = """
+            [[frequencies]]
+            frequencies = [1.8]
+            length = 0.4
+            [[frequencies]]
+            frequencies = [1.8]
+            supports = [{kind = "pin", point = 0.0}, {kind = "roller", point = 0.5, direction = [0.0, 1.0]}]
+            attachments = [{kind = "spring", point = 0.25, stiffness = [0.0, 20.0]}]
+            """
+        shorter, other = (one.model.beam for one in read_measurements(file(BEAM, mass, text)).records)
+        assert (shorter.length, shorter.lumped) == (0.4, {"tip_mass": 1e-3})
+        assert other.supports == (Pin(0.0), Roller(0.5, (0.0, 1.0))) and other.lumped == {"spring_y": 20.0}
+        wrong = text.replace('"roller"', '"glue"')
+        with pytest.raises(InputError, match=r"\[frequencies\]: supports: 2: kind must be one of clamp"):
+            read_measurements(file(BEAM, wrong))
 
     def test_a_static_test_of_another_configuration(self, file):
         """Two sensors, three load cases: a weight, a force with a moment, and both."""

@@ -1,5 +1,6 @@
 """TOML files give the same beams, laws, base motions and settings as Python, or an error with the name of the key."""
 
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -7,18 +8,28 @@ import pytest
 
 from ancf_casadi import (
     Beam,
+    Clamp,
+    Dashpot,
     FrictionDamping,
+    Guide,
     HarmonicBase,
     InputError,
     ModalDamping,
     Model,
+    Pin,
+    PointMass,
     QuadraticDamping,
     RayleighDamping,
+    Roller,
+    RotationalSpring,
+    Spring,
     natural_modes,
 )
+from ancf_casadi.export import Document, write_document
+from ancf_casadi.mechanics.beam_table import PART_KINDS
 from ancf_casadi.support.inputs import numbers
 from problems import Global, MeasuredModes, PerElement, Smooth
-from problems.schema.beam import read_beam, read_damped
+from problems.schema.beam import BEAM_HELP, read_beam, read_damped
 from problems.schema.match import read_match
 from problems.schema.simulation import read_simulation
 
@@ -50,6 +61,111 @@ class TestBeam:
 
     def test_tables_of_other_commands_do_not_disturb(self, file):
         assert read_beam(file(BEAM, "[match]\ntargets = 1\n[base]\n", SIMULATION)).model.beam == beam()
+
+    def test_supports_attachments_and_natural_curvature(self, file, tmp_path):
+        """The same file, read for a command and by ``Beam.from_toml``, gives the beam that Python makes."""
+        text = """
+        natural_curvature = 0.4
+        tip_mass = 1e-3
+        [[beam.supports]]
+        kind = "clamp"
+        stiffness = inf
+        [[beam.supports]]
+        kind = "roller"
+        point = 0.2
+        direction = [3.0, 4.0]
+        displacement = [0.0, 1e-3]
+        [[beam.supports]]
+        kind = "pin"
+        point = 0.4
+        [[beam.supports]]
+        kind = "guide"
+        point = 0.5
+        rotation = 0.1
+        [[beam.attachments]]
+        kind = "mass"
+        point = 0.3
+        mass = 5e-3
+        rotary_inertia = 1e-7
+        [[beam.attachments]]
+        kind = "spring"
+        point = 0.3
+        stiffness = [0.0, 80.0]
+        [[beam.attachments]]
+        kind = "rotational_spring"
+        point = 0.0
+        stiffness = 2.0
+        [[beam.attachments]]
+        kind = "dashpot"
+        point = 0.5
+        coefficient = [0.0, 0.1]
+        """
+        expected = beam(
+            natural_curvature=0.4,
+            tip_mass=1e-3,
+            supports=(
+                Clamp(0.0),
+                Roller(0.2, (0.6, 0.8), displacement=(0.0, 1e-3)),
+                Pin(0.4),
+                Guide(0.5, rotation=0.1),
+            ),
+            attachments=(
+                PointMass(0.3, 5e-3, rotary_inertia=1e-7),
+                Spring(0.3, (0.0, 80.0)),
+                RotationalSpring(0.0, 2.0),
+                Dashpot(0.5, (0.0, 0.1)),
+            ),
+        )
+        path = file(BEAM, text)
+        assert read_beam(path).model.beam == Beam.from_toml(path) == expected
+        write_document(tmp_path / "beam.json", Document(Model(expected)))
+        assert read_beam(file('[beam]\ndocument = "beam.json"\n')).model.beam == expected
+
+    def test_a_beam_without_supports_is_free(self, file):
+        assert read_beam(file(BEAM, "supports = []\n")).model.beam == beam(supports=())
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("supports = 1", "supports: must be a list of tables, got 1"),
+            ("supports = [1]", "supports: 1: kind must be one of clamp, pin, roller, guide, got None"),
+            ('supports = [{kind = "glue"}]', "supports: 1: kind must be one of clamp, pin, roller, guide, got 'glue'"),
+            ("supports = [{kind = 1}]", "supports: 1: kind must be one of clamp, pin, roller, guide, got 1"),
+            ('supports = [{kind = "pin"}]', "supports: 1: the key 'point' is missing"),
+            (
+                'supports = [{kind = "clamp"}, {kind = "pin", point = 0.5, rotation = 1}]',
+                "supports: 2: unknown key 'rotation'; known are displacement, point",
+            ),
+            ('supports = [{kind = "clamp", stiffness = -1}]', "supports: 1: stiffness: must be positive, got -1"),
+            ('supports = [{kind = "pin", point = 0.7}]', "supports: the point 0.7 m is not on the beam"),
+            (
+                'supports = [{kind = "pin", point = 0}, {kind = "clamp"}]',
+                "supports: two supports hold the point at 0 m; give one that holds both",
+            ),
+            (
+                'attachments = [{kind = "clamp"}]',
+                "attachments: 1: kind must be one of mass, spring, rotational_spring, dashpot, got 'clamp'",
+            ),
+            ('attachments = [{kind = "mass", point = 0}]', "attachments: 1: the key 'mass' is missing"),
+            (
+                'attachments = [{kind = "spring", point = 0, stiffness = 3.0}]',
+                "attachments: 1: stiffness: must be a pair of numbers (x, y), got 3.0",
+            ),
+            ("natural_curvature = [1.0]", "natural_curvature: has 1 values for 4 elements"),
+        ],
+    )
+    def test_wrong_supports_and_attachments_are_refused_in_one_line(self, file, text, message):
+        path = file(BEAM, f"{text}\n")
+        for read in (read_beam, Beam.from_toml):
+            with pytest.raises(InputError) as caught:
+                read(path)
+            assert str(caught.value).startswith(f"{path}: [beam]: {message}")
+
+    def test_the_help_names_all_fields_of_supports_and_attachments(self):
+        for kinds in PART_KINDS.values():
+            for kind, made in kinds.items():
+                own = BEAM_HELP.partition(f'kind = "{kind}"')[2].partition("kind =")[0]
+                assert all(field.name in own for field in fields(made)), kind
 
     @pytest.mark.parametrize("text", ["# a beam", "[base]\n", "beam = 1\n"])
     def test_missing(self, file, text):

@@ -16,7 +16,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from ancf_casadi import Beam
+from ancf_casadi import Beam, Clamp, Pin, PointMass, Roller, Spring
+from ancf_casadi.export.model_document import beam_data, beam_from
+from ancf_casadi.export.structs import BeamData
 from ancf_casadi.support.arrays import Array
 from problems.study import store as store_module
 from problems.study.part import Task
@@ -33,7 +35,7 @@ class Sample:
     pairs: tuple[tuple[float, float], ...]
     text: str
     content: bytes
-    beam: Beam | None
+    beam: BeamData | None
     anything: Any
 
 
@@ -45,7 +47,7 @@ def sample(scale: float, beam: Beam | None = None) -> Sample:
         pairs=((0.1, 1e300), (math.nan, 2.0)),
         text="η2 = 0.11 1/m",
         content=b"\x89PNG\x00",
-        beam=beam,
+        beam=None if beam is None else beam_data(beam),
         anything={"rows": [1, 2.5, None, True], "ratio": 0.1 + 0.2},
     )
 
@@ -61,7 +63,7 @@ def touch(path: str) -> list[float]:
 
 @pytest.fixture
 def beam(paper_beam) -> Beam:
-    return paper_beam(3)
+    return paper_beam(3, supports=(Clamp(), Roller(0.3)), attachments=(PointMass(0.5, 1e-3), Spring(0.3, (0.0, 1.0))))
 
 
 class TestKey:
@@ -95,6 +97,7 @@ class TestKey:
         inputs = [
             (1.0, None), (np.nextafter(1.0, 2.0).item(), None), (math.nan, None), (-0.0, None), (0.0, None), (1, None),
             ("1.0", None), (1.0, beam), (beam, 1.0), (1.0, beam.with_(tip_mass=1e-9)),
+            (1.0, beam.with_(supports=(Clamp(), Pin(0.3)))),
             (1.0, beam.with_(density=8000.1)),
             (array, None), (array.astype(np.float32), None), (array.reshape(1, 2), None), (array[::-1], None),
             ({"a": 1.0}, None), ({"b": 1.0}, None), ([1.0, 2.0], None),
@@ -142,7 +145,7 @@ class TestContent:
         assert repr(found.numbers) == repr(given.numbers)
         assert repr(found.pairs) == repr(given.pairs)
         assert (found.text, found.content, found.anything) == (given.text, given.content, given.anything)
-        assert found.beam == beam
+        assert beam_from(found.beam) == beam
 
     @pytest.mark.parametrize("array", [np.empty((0, 3)), np.array(2.0), np.ones((2, 3)).T, np.arange(9)[::2]])
     def test_keeps_arrays_of_any_shape(self, array):

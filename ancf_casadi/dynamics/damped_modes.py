@@ -1,0 +1,336 @@
+"""Damped modes: complex eigenvalues of small motion about an equilibrium, and the load at which it becomes unstable.
+
+With the tangent stiffness K at the equilibrium, follower loads included, the damping matrix D of the law and of the
+dashpots at rest, and the mass matrix M, all of the free coordinates, small motion is a sum of terms phi exp(s t) with
+
+    P(s) phi = 0,    P(s) = K + s D + s^2 M,    D = dQ_damp/de_t.
+
+Each pair s = -zeta w +- i w (1 - zeta^2)^(1/2) is one mode, with the damped frequency |Im s|/2 pi and the damping ratio
+zeta = -Re s/|s|; a real s is a mode that does not oscillate.  With v = s phi, the eigenvalues s next to a shift sigma
+are those of largest 1/(s - sigma) of the operator
+
+    (f_1, f_2) -> (q, v),    P(sigma) q = -M f_2 - (D + sigma M) f_1,    v = f_1 + sigma q.
+
+With the banded factors of P(sigma) they follow from the matrix of the operator or, if it is large, by Arnoldi's method.
+
+An equilibrium is unstable if some s has a positive real part: by divergence if it is real, as in buckling, by flutter
+if not, as under follower loads.
+
+References
+----------
+F. Tisseur, K. Meerbergen, The quadratic eigenvalue problem, SIAM Review 43 (2001).
+V. V. Bolotin, Nonconservative Problems of the Theory of Elastic Stability, Pergamon (1963).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from types import NoneType
+from typing import Any, Literal
+
+import casadi as cs
+import numpy as np
+import scipy.linalg
+import scipy.sparse
+import scipy.sparse.linalg
+
+from ancf_casadi.damping import DampingLaw, RayleighDamping
+from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.tip_load import LOAD_SIZE
+from ancf_casadi.exceptions import EquilibriumError, InputError
+from ancf_casadi.mechanics.loads import LineLoad, Load, PointLoad
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array, ComplexArray
+from ancf_casadi.support.banded import BandedFactors, sparse
+from ancf_casadi.support.inputs import check_instance, instances, positive, whole
+from ancf_casadi.support.interrupts import lasting_interrupts
+from ancf_casadi.support.tables import Displayed, Reported, Table, counted
+from ancf_casadi.vibration.assembly import BANDWIDTH
+from ancf_casadi.vibration.eigensolver import rounding_of, shift_of
+from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
+
+DENSE = 800  # size of the operator up to which all its eigenvalues are computed
+GROWING = 1e-7  # real part of a growing mode, relative to |s|; rounding leaves 1e-12, or 1e-6 where two modes meet
+
+
+@dataclass(frozen=True)
+class DampedModes(Reported):
+    """The damped modes about an equilibrium that are next to rest, in ascending order of the size of s.
+
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+        The equilibrium about which the beam vibrates.
+    eigenvalues : array (m,)
+        Complex eigenvalues s with imaginary parts of 0 or more, 1/s.
+    shapes : array (4 n + 4, m)
+        Complex mode shapes phi in all nodal coordinates, of unit length.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Dashpot, Model, damped_modes
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9,
+    ...                     elements=8, attachments=[Dashpot(0.5, (2e-3, 0.0))])
+    >>> modes = damped_modes(Model(beam), count=2)
+    >>> modes.frequencies.round(2), modes.damping_ratios.round(3), modes.is_stable
+    (array([ 1.88, 10.58]), array([0.034, 0.006]), True)
+    """
+
+    _drawing = "ancf_casadi.plot.damped_modes_figure"
+
+    equilibrium: Equilibrium
+    eigenvalues: ComplexArray
+    shapes: ComplexArray
+
+    @property
+    def count(self) -> int:
+        """Number of modes m."""
+        return len(self.eigenvalues)
+
+    @property
+    def frequencies(self) -> Array:
+        """Damped frequencies, Hz; 0 for modes that do not oscillate."""
+        return np.asarray(self.eigenvalues.imag / (2 * np.pi))
+
+    @property
+    def damping_ratios(self) -> Array:
+        """Damping ratios; negative for modes that grow."""
+        size = np.abs(self.eigenvalues)
+        return np.asarray(-self.eigenvalues.real / np.where(size > 0.0, size, 1.0))
+
+    @property
+    def is_stable(self) -> bool:
+        """Stability: True if no mode grows, as far as rounding tells."""
+        return _growth(self) <= 0.0
+
+    def table(self) -> Table:
+        """Return damped frequencies, damping ratios and eigenvalues."""
+        numbers = zip(self.frequencies, self.damping_ratios, self.eigenvalues.real, self.eigenvalues.imag, strict=True)
+        rows = [(k, *map(float, row)) for k, row in enumerate(numbers, start=1)]
+        columns = ("mode", "f_Hz", "damping_ratio", "real_1/s", "imaginary_rad/s")
+        return Table("damped_modes", "Damped modes", columns, rows)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return frequencies, damping ratios and eigenvalues as plain data."""
+        return {
+            "kind": "damped modes",
+            "frequencies_hz": self.frequencies.tolist(),
+            "damping_ratios": self.damping_ratios.tolist(),
+            "eigenvalues": [[float(s.real), float(s.imag)] for s in self.eigenvalues],
+            "stable": self.is_stable,
+        }
+
+    def _summary(self) -> str:
+        return f"{counted(self.count, 'mode')}, {'stable' if self.is_stable else 'unstable'}"
+
+
+@lasting_interrupts()
+def damped_modes(
+    model: Model, damping: DampingLaw | None = None, *, count: int = 5, equilibrium: Equilibrium | None = None
+) -> DampedModes:
+    """Return the damped modes about an equilibrium, those next to rest.
+
+    Parameters
+    ----------
+    model : Model
+        The beam.
+    damping : DampingLaw, optional
+        The damping law, as it is for vanishing motion; none if not given.  Dashpots of the beam act too.
+    count : int
+        Number of modes; at most half the number of free coordinates.
+    equilibrium : Equilibrium, optional
+        The equilibrium, under any loads, stable or not; by default under gravity alone.
+
+    Raises
+    ------
+    InputError
+        If ``count`` is not a whole number in this range, or the equilibrium belongs to another model.
+    EquilibriumError
+        If no equilibrium is found, or its modes are not.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, Pin, RayleighDamping, damped_modes
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9,
+    ...                     elements=8, supports=[Pin(0.0), Pin(0.5)], gravity=(0.0, 0.0))
+    >>> damped_modes(Model(beam), RayleighDamping(alpha=0.5), count=2).damping_ratios.round(4)
+    array([0.0086, 0.0021])
+    """
+    check_instance(model, "model", Model)
+    check_instance(damping, "damping", DampingLaw, NoneType)
+    check_instance(equilibrium, "equilibrium", Equilibrium, NoneType)
+    count = whole(count, "count", 1, model.freedoms // 2)
+    rest = static_equilibrium(model) if equilibrium is None else equilibrium
+    if rest.model != model:
+        raise InputError("belongs to another model", "equilibrium")
+    inverse, sigma = _inverse(rest, RayleighDamping() if damping is None else damping)
+    found, vectors = _largest(inverse, 2 * model.freedoms, 2 * count + 2)
+    s = sigma + 1 / found
+    still = np.abs(s) ** 2 <= 10 * rounding_of(model)
+    s = np.where(still, 0.0, np.where(np.abs(s.imag) <= 1e-9 * np.abs(s), s.real, s))
+    upper = np.concatenate([np.flatnonzero(still)[::2], np.flatnonzero(~still & (s.imag >= 0.0))])
+    order = upper[np.argsort(np.abs(s[upper]), kind="stable")][:count]
+    shapes = vectors[: model.freedoms]
+    return DampedModes(rest, s[order], model.moved(shapes[:, order]))
+
+
+@dataclass(frozen=True)
+class CriticalLoad(Displayed):
+    """The load at which an equilibrium becomes unstable.
+
+    Parameters
+    ----------
+    factor : float
+        Factor on the given loads.
+    kind : {"divergence", "flutter"}
+        Divergence if the growing mode does not oscillate, flutter if it does.
+    modes : DampedModes
+        The damped modes just beyond.
+
+    Examples
+    --------
+    A column under a force that follows its tip flutters at 20.05 E I/L^2 (Beck):
+
+    >>> from ancf_casadi import Beam, Model, PointLoad, critical_load
+    >>> column = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9,
+    ...                       elements=8, axis=(1.0, 0.0), gravity=(0.0, 0.0))
+    >>> unit = 210e9 * column.sections[0].second_moment / column.length**2
+    >>> found = critical_load(Model(column), [PointLoad((-unit, 0.0), follower=True)], largest_factor=30.0)
+    >>> print(f"{found.kind} at {found.factor:.2f}")
+    flutter at 20.06
+    """
+
+    factor: float
+    kind: Literal["divergence", "flutter"]
+    modes: DampedModes
+
+
+@lasting_interrupts()
+def critical_load(
+    model: Model,
+    loads: Sequence[Load],
+    damping: DampingLaw | None = None,
+    *,
+    largest_factor: float = 1.0,
+    steps: int = 50,
+) -> CriticalLoad | None:
+    """Return the smallest factor on some loads at which the equilibrium under them and gravity is unstable.
+
+    The factor grows from 0 in equal steps, and is then narrowed down to nine digits; None if all are stable.
+
+    Parameters
+    ----------
+    model : Model
+        The beam.
+    loads : sequence of PointLoad or LineLoad
+        The loads, which grow together; gravity does not.
+    damping : DampingLaw, optional
+        The damping law; none if not given.
+    largest_factor : float
+        Largest factor.
+    steps : int
+        Number of equal steps up to it.
+
+    Raises
+    ------
+    InputError
+        If an argument is not of its kind.
+    EquilibriumError
+        If there is no equilibrium under a factor on the way.
+
+    Examples
+    --------
+    A column buckles under pi^2 E I/(4 L^2):
+
+    >>> import math
+    >>> from ancf_casadi import Beam, Model, PointLoad, critical_load
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9,
+    ...                     elements=8, axis=(1.0, 0.0), gravity=(0.0, 0.0))
+    >>> euler = math.pi**2 * 210e9 * 5e-3 * 0.5e-3**3 / 12 / (4 * 0.5**2)
+    >>> found = critical_load(Model(beam), [PointLoad((-euler, 0.0))], largest_factor=2.0)
+    >>> print(f"{found.factor:.4f}, {found.kind}")
+    1.0000, divergence
+    """
+    check_instance(model, "model", Model)
+    acting = instances(loads, "loads", PointLoad, LineLoad)
+    largest, steps = positive(largest_factor, "largest_factor"), whole(steps, "steps", 1)
+
+    def at(factor: float) -> DampedModes:
+        rest = static_equilibrium(model, loads=[load.scaled(factor) for load in acting])
+        return damped_modes(model, damping, count=min(4, model.freedoms // 2), equilibrium=rest)
+
+    stable = 0.0
+    for unstable in np.linspace(0.0, largest, steps + 1).tolist():
+        modes = at(unstable)
+        if not modes.is_stable:
+            break
+        stable = unstable
+    else:
+        return None
+    while unstable - stable > 1e-9 * unstable:
+        middle = (stable + unstable) / 2
+        own = at(middle)
+        if own.is_stable:
+            stable = middle
+        else:
+            unstable, modes = middle, own
+    growing = modes.eigenvalues[modes.eigenvalues.real.argmax()]
+    return CriticalLoad(unstable, "flutter" if growing.imag else "divergence", modes)
+
+
+def _growth(modes: DampedModes) -> float:
+    """Return the largest real part beyond what rounding leaves, relative to the size of the eigenvalues, 1/s."""
+    s = modes.eigenvalues
+    return float((s.real - GROWING * np.abs(s)).max())
+
+
+def _largest(inverse: Callable[[Array], Array], size: int, count: int) -> tuple[ComplexArray, ComplexArray]:
+    """Return the largest eigenvalues of an operator, at least ``count``, and eigenvectors as columns."""
+    if size <= DENSE or count > size - 2:
+        values, vectors = scipy.linalg.eig(inverse(np.eye(size)))
+        order = np.argsort(-np.abs(values))
+        return values[order], vectors[:, order]
+    operator = scipy.sparse.linalg.LinearOperator((size, size), matvec=lambda f: inverse(f.ravel()), dtype=float)
+    start = inverse(np.random.default_rng(0).standard_normal(size))
+    try:
+        values, vectors = scipy.sparse.linalg.eigs(operator, count, v0=start, ncv=min(6 * count, size))
+    except scipy.sparse.linalg.ArpackError as error:
+        raise EquilibriumError(f"the damped modes were not found ({error}); ask for fewer modes") from None
+    return values, vectors
+
+
+@lru_cache(maxsize=8)
+def _damping_matrix(model: Model, law: DampingLaw) -> cs.Function:
+    """(e) -> D of the free coordinates at rest without its low-rank part, and the coefficients d of that part."""
+    equations, e = Equations(model, law), cs.MX.sym("e", model.size)
+    terms = equations.balance(cs.MX(cs.DM(equations.parameters)))
+    _, entries, _ = terms.tangents(e, cs.MX.zeros(model.size), cs.MX.zeros(LOAD_SIZE))
+    return cs.Function("damping_matrix", [e], [model.free_matrix(entries), cs.densify(terms.modal_coefficients)])
+
+
+def _inverse(rest: Equilibrium, law: DampingLaw) -> tuple[Callable[[Array], Array], float]:
+    """Return the operator whose eigenvalues are 1/(s - sigma), of vectors or columns, and sigma, 1/s."""
+    model = rest.model
+    _, stiffness, mass = rest.structure.linearisation(rest.exact)
+    resistance, d = _damping_matrix(model, law)(rest.coordinates)
+    local, B = scipy.sparse.csc_array(resistance.sparse()), model.of_free(law.projection(model))
+    coefficients = d.full().ravel()
+    M, N, sigma = sparse(mass).tocsr(), model.freedoms, float(np.sqrt(shift_of(model, stiffness, mass)))
+
+    def damped(x: Array) -> Array:
+        return np.asarray(local @ x + (B * coefficients) @ (B.T @ x))
+
+    storage = np.zeros((3 * BANDWIDTH + 1, N), order="F")
+    storage[BANDWIDTH:] = stiffness + sigma**2 * mass
+    matrix = local.tocoo()
+    storage[2 * BANDWIDTH + matrix.row - matrix.col, matrix.col] += sigma * matrix.data
+    factors = BandedFactors.of(storage, BANDWIDTH, sigma * B * coefficients, B)
+
+    def solve(f: Array) -> Array:
+        first, second = np.split(f, 2)
+        q = factors.solve(-(M @ second) - damped(first) - sigma * (M @ first))
+        return np.concatenate([q, first + sigma * q])
+
+    return solve, sigma

@@ -1,0 +1,190 @@
+"""Masses, springs and dashpots at points of a beam.
+
+Springs and dashpots join a point of the beam to the base, with which their other ends move.  They are free of force
+where the beam is without load, and in rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.supports import checked_point
+from ancf_casadi.support.inputs import check_size, number, vector
+from ancf_casadi.support.tables import Displayed
+
+
+@dataclass(frozen=True)
+class Attachment(Displayed):
+    """Base class of what is attached to a beam.
+
+    Parameters
+    ----------
+    point : float
+        Arc length of the point, m.
+
+    Raises
+    ------
+    InputError
+        If the point is negative or not finite.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Attachment, PointMass
+    >>> isinstance(PointMass(0.25, 5e-3), Attachment)
+    True
+    """
+
+    point: float
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        object.__setattr__(self, "point", checked_point(self.point))
+
+
+@final
+@dataclass(frozen=True)
+class PointMass(Attachment):
+    """A mass at a point, such as an accelerometer.
+
+    Parameters
+    ----------
+    point : float
+        Arc length of the point, m.
+    mass : float
+        Mass, kg.
+    rotary_inertia : float
+        Moment of inertia about the point, kg m^2.
+
+    Raises
+    ------
+    InputError
+        If the point, the mass or the inertia is negative or not finite.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, PointMass, natural_modes
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9,
+    ...                     elements=8, attachments=(PointMass(0.25, 5e-3),))
+    >>> natural_modes(Model(beam), count=2).frequencies.round(2)
+    array([1.76, 7.85])
+    """
+
+    mass: float
+    rotary_inertia: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        super().__post_init__()
+        for name in ("mass", "rotary_inertia"):
+            object.__setattr__(self, name, not_negative(getattr(self, name), name))
+
+
+@final
+@dataclass(frozen=True)
+class Spring(Attachment):
+    """A spring that joins a point to the base.
+
+    Parameters
+    ----------
+    point : float
+        Arc length of the point, m.
+    stiffness : (float, float)
+        Stiffness along x and y, N/m.
+
+    Raises
+    ------
+    InputError
+        If the point or a stiffness is negative or not finite.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Spring
+    >>> Spring(0.3, (0.0, 80.0))
+    Spring(point=0.3, stiffness=(0, 80))
+    """
+
+    stiffness: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        super().__post_init__()
+        object.__setattr__(self, "stiffness", _pair(self.stiffness, "stiffness"))
+
+
+@final
+@dataclass(frozen=True)
+class RotationalSpring(Attachment):
+    """A torsional spring that resists the rotation of the beam at a point.
+
+    Parameters
+    ----------
+    point : float
+        Arc length of the point, m.
+    stiffness : float
+        Torsional stiffness, N m/rad.
+
+    Raises
+    ------
+    InputError
+        If the point or the stiffness is negative or not finite.
+
+    Examples
+    --------
+    >>> from ancf_casadi import RotationalSpring
+    >>> RotationalSpring(0.0, 2.0).stiffness
+    2.0
+    """
+
+    stiffness: float
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        super().__post_init__()
+        object.__setattr__(self, "stiffness", not_negative(self.stiffness, "stiffness"))
+
+
+@final
+@dataclass(frozen=True)
+class Dashpot(Attachment):
+    """A viscous damper that joins a point to the base.
+
+    Parameters
+    ----------
+    point : float
+        Arc length of the point, m.
+    coefficient : (float, float)
+        Force per velocity along x and y, N s/m.
+
+    Raises
+    ------
+    InputError
+        If the point or a coefficient is negative or not finite.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Dashpot
+    >>> Dashpot(0.5, (0.0, 0.1)).coefficient
+    (0.0, 0.1)
+    """
+
+    coefficient: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        super().__post_init__()
+        object.__setattr__(self, "coefficient", _pair(self.coefficient, "coefficient"))
+
+
+def not_negative(value: float, where: str) -> float:
+    """Return a number that is 0 or more."""
+    if number(value, where) < 0.0:
+        raise InputError(f"must not be negative, got {value:g}", where)
+    check_size(value, where)
+    return float(value)
+
+
+def _pair(values: tuple[float, float], where: str) -> tuple[float, float]:
+    x, y = vector(values, where)
+    return not_negative(x, where), not_negative(y, where)

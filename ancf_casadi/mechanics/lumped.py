@@ -1,0 +1,88 @@
+"""Lumped properties: numbers that a beam does not have once per element, by name.
+
+    tip_mass, mass                     of a ``PointMass`` at the tip, or elsewhere, kg
+    rotary_inertia                     of a ``PointMass``, if it is not 0, kg m^2
+    rotational_spring                  stiffness of a ``RotationalSpring``, N m/rad
+    spring_x, spring_y                 stiffnesses of a ``Spring`` that are not 0, N/m
+    dashpot_x, dashpot_y               coefficients of a ``Dashpot`` that are not 0, N s/m
+    clamp_stiffness                    torsional stiffness of a ``Clamp``, if it is finite, N m/rad
+
+A second one of a name counts on along the beam: mass, mass_2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, RotationalSpring, Spring
+from ancf_casadi.mechanics.supports import Clamp, Support
+
+
+@dataclass(frozen=True)
+class Place:
+    """The place of a lumped property among the supports and attachments of a beam."""
+
+    kind: str  # the name without its number
+    owner: Literal["supports", "attachments"]
+    number: int  # of the support or attachment, from 0
+    attribute: str
+    component: int | None = None  # 0 for x, 1 for y, None for a single number
+
+    def value(self, supports: Sequence[Support], attachments: Sequence[Attachment]) -> float:
+        """Return the value of the property."""
+        found = getattr((supports if self.owner == "supports" else attachments)[self.number], self.attribute)
+        return float(found if self.component is None else found[self.component])
+
+
+def lumped_places(length: float, supports: Sequence[Support], attachments: Sequence[Attachment]) -> dict[str, Place]:
+    """Return the place of each lumped property of a beam: those of attachments, then those of supports."""
+    places = []
+    for k, one in enumerate(attachments):
+        if isinstance(one, PointMass):
+            places.append(Place("tip_mass" if one.point == length else "mass", "attachments", k, "mass"))
+            if one.rotary_inertia:
+                places.append(Place("rotary_inertia", "attachments", k, "rotary_inertia"))
+        elif isinstance(one, RotationalSpring):
+            places.append(Place("rotational_spring", "attachments", k, "stiffness"))
+        elif isinstance(one, Spring | Dashpot):
+            kind, attribute = ("spring", "stiffness") if isinstance(one, Spring) else ("dashpot", "coefficient")
+            pairs = [(j, axis) for j, axis in enumerate("xy") if getattr(one, attribute)[j]]
+            places += [Place(f"{kind}_{axis}", "attachments", k, attribute, j) for j, axis in pairs]
+    for k, support in enumerate(supports):
+        if isinstance(support, Clamp) and math.isfinite(support.stiffness):
+            places.append(Place("clamp_stiffness", "supports", k, "stiffness"))
+    found: dict[str, Place] = {}
+    for place in places:
+        count = sum(other.kind == place.kind for other in found.values())
+        found[f"{place.kind}_{count + 1}" if count else place.kind] = place
+    return found
+
+
+def changed_parts(
+    length: float, supports: tuple[Support, ...], attachments: tuple[Attachment, ...], name: str, value: Any
+) -> tuple[tuple[Support, ...], tuple[Attachment, ...]]:
+    """Return supports and attachments with another value of a lumped property, or with a tip mass or clamp stiffness.
+
+    A value that is unusable, or a clamp stiffness without a clamp, raises an ``InputError`` with the name.
+    """
+    place = lumped_places(length, supports, attachments).get(name)
+    if place is None and name == "tip_mass":
+        attachments = (*attachments, PointMass(length, 0.0))
+        place = Place("tip_mass", "attachments", len(attachments) - 1, "mass")
+    elif place is None:
+        clamps = [k for k, one in enumerate(supports) if isinstance(one, Clamp)]
+        if not clamps:
+            raise InputError("the beam has no clamp", name)
+        place = Place("clamp_stiffness", "supports", clamps[0], "stiffness")
+    parts: list[Any] = list(supports if place.owner == "supports" else attachments)
+    old = getattr(parts[place.number], place.attribute)
+    new = value if place.component is None else tuple(value if j == place.component else x for j, x in enumerate(old))
+    try:
+        parts[place.number] = replace(parts[place.number], **{place.attribute: new})
+    except InputError as error:
+        raise InputError(str(error).removeprefix(f"{place.attribute}: "), name) from None
+    return (tuple(parts), attachments) if place.owner == "supports" else (supports, tuple(parts))

@@ -1,0 +1,103 @@
+"""Symbols of supports and attachments in drawings of a beam.
+
+    clamp       a wall across the beam            point mass          a disc
+    pin         a triangle on hatched ground      spring              a zigzag to the ground
+    roller      a triangle on two wheels          torsional spring    a spiral
+    guide       a wall on two wheels              dashpot             a piston in its cylinder
+
+The ground lies below the beam as it is drawn, and for a roller or a guide along its direction of sliding.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.markers import MarkerStyle
+from matplotlib.path import Path
+from matplotlib.transforms import Affine2D
+
+from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, RotationalSpring, Spring
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.supports import Clamp, Support
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.figures import MEASURED
+
+Stroke = Sequence[tuple[float, float]]
+
+HATCH: list[Stroke] = [[(x, 0.0), (x - 0.35, -0.45)] for x in (-0.7, -0.15, 0.4, 0.95)]
+
+
+def draw_set_up(axes: Axes, model: Model, coordinates: Array) -> None:
+    """Draw supports and attachments of a beam with the given coordinates, in axes of mm."""
+    parts: list[Support | Attachment] = [*model.beam.supports, *model.beam.attachments]
+    for one in parts:
+        x, y = 1e3 * (model.interpolation(one.point) @ coordinates)
+        slope = model.slope_interpolation(one.point) @ coordinates
+        path, direction, size = _symbol(one, math.atan2(slope[1], slope[0]))
+        style = MarkerStyle(path, transform=Affine2D().rotate(direction))
+        full = MEASURED if isinstance(one, PointMass) else "none"
+        axes.plot(x, y, marker=style, ms=size, mec=MEASURED, mfc=full, mew=1.0, ls="none", zorder=3, label="_nolegend_")
+
+
+def _symbol(one: Support | Attachment, angle: float) -> tuple[Path, float, float]:
+    """Return the path of a symbol, its rotation for a beam at an angle (rad), and its size in points."""
+    if isinstance(one, PointMass):
+        return Path.unit_circle(), 0.0, 7.0
+    if isinstance(one, RotationalSpring):
+        turns = np.linspace(0.0, 4 * math.pi, 60)
+        radius = 0.15 + 0.85 * turns / turns[-1]
+        return Path(np.column_stack([radius * np.cos(turns), radius * np.sin(turns)])), angle, 12.0
+    if isinstance(one, Spring | Dashpot):
+        pair = one.stiffness if isinstance(one, Spring) else one.coefficient
+        strokes = ZIGZAG if isinstance(one, Spring) else PISTON
+        return _path(strokes), 0.0 if pair[1] >= pair[0] else math.pi / 2, 26.0
+    assert isinstance(one, Support)
+    if isinstance(one, Clamp):
+        return _path([[(-1.0, 0.0), (1.0, 0.0)], *HATCH]), _wall(one, angle), 16.0
+    if one.sliding is None:
+        return _path([*TRIANGLE, *_moved(HATCH, -1.0)]), _ground(angle), 18.0
+    along = math.atan2(one.sliding[1], one.sliding[0])
+    body = TRIANGLE if one.turns else [[(-0.8, 0.0), (0.8, 0.0), (0.8, -1.0), (-0.8, -1.0), (-0.8, 0.0)]]
+    return _path([*body, *WHEELS, [(-1.0, -1.5), (1.0, -1.5)]]), _ground(along), 22.0
+
+
+def _wall(one: Clamp, angle: float) -> float:
+    """Return the rotation of a wall across the beam, with its hatching away from it."""
+    return angle + (math.pi / 2 if one.point else -math.pi / 2)
+
+
+def _ground(angle: float) -> float:
+    """Return the rotation of ground along a direction, below it rather than above."""
+    return angle if math.cos(angle) >= -1e-9 else angle + math.pi
+
+
+def _moved(strokes: Sequence[Stroke], height: float) -> list[Stroke]:
+    return [[(x, y + height) for x, y in stroke] for stroke in strokes]
+
+
+def _path(strokes: Sequence[Stroke]) -> Path:
+    codes = [Path.MOVETO if k == 0 else Path.LINETO for stroke in strokes for k in range(len(stroke))]
+    return Path([point for stroke in strokes for point in stroke], codes)
+
+
+def _circle(x: float, y: float, radius: float) -> Stroke:
+    return [(x + radius * math.cos(t), y + radius * math.sin(t)) for t in np.linspace(0.0, 2 * math.pi, 17).tolist()]
+
+
+TRIANGLE: list[Stroke] = [[(0.0, 0.0), (0.8, -1.0), (-0.8, -1.0), (0.0, 0.0)]]
+WHEELS: list[Stroke] = [_circle(-0.45, -1.25, 0.25), _circle(0.45, -1.25, 0.25)]
+GROUND: list[Stroke] = [[(-0.5, -2.0), (0.5, -2.0)], *([(x, -2.0), (x - 0.2, -2.25)] for x in (-0.3, 0.1, 0.5))]
+ZIGZAG: list[Stroke] = [
+    [(0.0, 0.0), (0.0, -0.5), (0.3, -0.65), (-0.3, -0.95), (0.3, -1.25), (-0.3, -1.55), (0.0, -1.7), (0.0, -2.0)],
+    *GROUND,
+]
+PISTON: list[Stroke] = [
+    [(0.0, 0.0), (0.0, -1.0)],
+    [(-0.3, -1.0), (0.3, -1.0)],
+    [(-0.4, -0.7), (-0.4, -1.5), (0.4, -1.5), (0.4, -0.7)],
+    [(0.0, -1.5), (0.0, -2.0)],
+    *GROUND,
+]

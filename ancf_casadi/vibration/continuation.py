@@ -1,0 +1,318 @@
+"""Continuation of equilibria as loads and displacements of supports grow together with a factor.
+
+The equilibria R(q, s) = 0 under the factor s form paths, along which s may decrease, as in snap-through.  With free
+coordinates q relative to their typical sizes, the tangent (q', s') of a path and the next equilibrium satisfy
+
+    K q' + R_s s' = 0,    |q'| = 1,    R = 0,    q'.(dq - step q') = 0,    R_s = dR/ds.
+
+Lengths are measured in the coordinates alone (root mean square), which vary smoothly where s turns.  Where s varies
+much more than they do, as in a column before it buckles, ds = step s' replaces the last equation.  A step is halved if
+Newton's method fails, if a slope turns too far, if the factor does not follow its slopes at both ends, or if the step
+passes more than one critical point.  So the path is followed instead of jumping to another one.
+
+The bordered systems are solved with the banded factors of K and refined with exact products
+(``ancf_casadi.vibration.assembly``).
+
+References
+----------
+E. Riks, An incremental approach to the solution of snapping and buckling problems, Int. J. Solids Structures 15 (1979).
+H. B. Keller, Lectures on Numerical Methods in Bifurcation Problems, Springer (1987), Chapters 4 and 5.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+
+from ancf_casadi.mechanics.loads import Load
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.mechanics.supports import Clamp
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.banded import BandedFactors, factorised
+from ancf_casadi.vibration.assembly import BANDWIDTH, Position, Structure, refined
+from ancf_casadi.vibration.eigensolver import shift_of
+from ancf_casadi.vibration.equilibrium import Equilibrium
+
+LARGEST_STEP = 0.05  # change of the factor per step, relative to the largest factor, and first step along a branch
+FACTOR_STEP = 1e-4  # of the factor, relative to the largest, for the derivative where supports move
+CONVERGED = 1e-11  # last correction of Newton's method relative to the sizes of the unknowns, and shortest step
+STIFF = 1e3  # slope above which points are sought at given factors, which rounding of q would change by 1e-13 or more
+LARGEST_TURN = 0.25  # norm of the change of a slope vector in one step; about the angle, rad
+LARGEST_MISMATCH = 0.1  # of the change of the factor and the mean slope, relative to the larger slope
+
+
+@dataclass(frozen=True, eq=False)
+class Growing:
+    """A beam with loads and displacements of supports that grow with a factor."""
+
+    model: Model
+    loads: tuple[Load, ...]
+    largest: float
+
+    @cached_property
+    def moves(self) -> bool:
+        """Whether a support moves with the factor."""
+        return any(any(one.displacement) or one.angle for one in self.model.beam.supports)
+
+    def model_at(self, factor: float) -> Model:
+        """Return the model with its supports displaced by a multiple."""
+        if not self.moves:
+            return self.model
+        supports = []
+        for one in self.model.beam.supports:
+            turned = {"rotation": factor * one.angle} if hasattr(one, "rotation") else {}
+            x, y = one.displacement
+            own = replace(one, displacement=(factor * x, factor * y), **turned)
+            # a clamp of the beginning that is not displaced would take its node from the model
+            supports.append(replace(own, displacement=(1e-29, 0.0)) if own == Clamp() != one else own)
+        return replace(self.model, beam=replace(self.model.beam, supports=tuple(supports)))
+
+    def point(self, factor: float, equilibrium: Equilibrium) -> PathPoint:
+        """Return an equilibrium as a point."""
+        return PathPoint(self, equilibrium.model.of_free(equilibrium.coordinates), factor, equilibrium.exact.remainder)
+
+
+@dataclass(frozen=True, eq=False)
+class PathPoint:
+    """Free coordinates q and a factor s, and the balance R there.
+
+    Tangents and rows refer to the unknowns x = (q/scale, s/largest), (N + 1,).
+    """
+
+    growing: Growing
+    q: Array
+    factor: float
+    remainder: Array  # of all nodal coordinates
+
+    @cached_property
+    def equilibrium(self) -> Equilibrium:
+        """The point as a result."""
+        loads, model = (
+            tuple(load.scaled(self.factor) for load in self.growing.loads),
+            self.growing.model_at(self.factor),
+        )
+        coordinates = model.whole(self.q, np.array([0.0, 0.0, *model.beam.axis]))
+        return Equilibrium(model, coordinates, remainder=self.remainder, loads=loads)
+
+    @cached_property
+    def structure(self) -> Structure:
+        """The beam and its loads."""
+        return Structure.of(self.equilibrium.model, self.equilibrium.loads)
+
+    @property
+    def at(self) -> Position:
+        """The nodal coordinates."""
+        return self.equilibrium.exact
+
+    @cached_property
+    def balance(self) -> tuple[Array, Array, Array]:
+        """The balance R, and K, shifted if the supports do not hold the beam, and M, stored by diagonals."""
+        force, stiffness, mass = self.structure.linearisation(self.at)
+        if not self.growing.model.is_held:
+            stiffness = stiffness + shift_of(self.structure.model, stiffness, mass) * mass
+        return force, stiffness, mass
+
+    @cached_property
+    def factors(self) -> BandedFactors:
+        """The factors of K."""
+        return factorised(self.balance[1])
+
+    @cached_property
+    def determinant(self) -> tuple[float, float]:
+        """Sign of the determinant of K, and the logarithm of its size."""
+        diagonal, swaps = self.factors.band[2 * BANDWIDTH], self.factors.pivots != np.arange(self.q.size)
+        sign = np.prod(np.sign(diagonal)) * (-1.0) ** np.count_nonzero(swaps)
+        return float(sign), float(np.log(np.abs(diagonal)).sum())
+
+    @cached_property
+    def negative(self) -> int:
+        """Number of negative eigenvalues of K, modulo 2 if forces follow the beam."""
+        if any(load.follower for load in self.growing.loads):
+            return int(self.determinant[0] < 0.0)
+        size = np.sqrt(np.abs(self.balance[1][BANDWIDTH]))
+        lower = self.balance[1][BANDWIDTH:].copy()
+        for k, row in enumerate(lower):
+            row[: row.size - k] /= size[k:] * size[: row.size - k]
+        return int(np.count_nonzero(scipy.linalg.eig_banded(lower, lower=True, eigvals_only=True) < 0.0))
+
+    @cached_property
+    def rate(self) -> Array:
+        """The derivative of R with respect to s/largest, (N,)."""
+        largest = self.growing.largest
+        if self.growing.moves:
+            ends = (replace(self, factor=self.factor + sign * FACTOR_STEP * largest) for sign in (1.0, -1.0))
+            return np.subtract(*(one.balance[0] for one in ends)) / (2 * FACTOR_STEP)
+        model = self.structure.model
+        unit = Structure.of(model, [load.scaled(largest) for load in self.growing.loads])
+        return replace(unit, parts=unit.parts[len(model.groups) :]).linearisation(self.at)[0]
+
+    def solve(self, rows: Array, columns: Array, right: Array) -> Array:
+        """Return the solution (x, y) of K (scale x) + columns y = right[:N], rows (x, y) = right[N:]."""
+        scale, product, N = self.structure.model.free_scale, self.structure.stiffness_product(self.at), self.q.size
+        by_columns = self.factors.solve(columns) / scale[:, None]
+        complement = rows[:, N:] - rows[:, :N] @ by_columns
+
+        def approximate(right: Array) -> Array:
+            x = self.factors.solve(right[:N]) / scale
+            y = np.linalg.solve(complement, right[N:] - rows[:, :N] @ x)
+            return np.append(x - by_columns @ y, y)
+
+        def exact(x: Array) -> Array:
+            return np.append(product(scale * x[:N]) + columns @ x[N:], rows @ x)
+
+        return refined(approximate, exact, right)
+
+    def tangent(self, row: Array) -> Array:
+        """Return the tangent of the path whose product with a row is positive."""
+        direction = self.solve(row[None], self.rate[:, None], np.append(np.zeros(self.q.size), 1.0))
+        return np.asarray(direction / size_of(direction[:-1]))
+
+    def moved(self, x: Array) -> PathPoint:
+        """Return the point at a distance."""
+        q = self.q + self.structure.model.free_scale * x[:-1]
+        return replace(
+            self, q=q, factor=self.factor + self.growing.largest * float(x[-1]), remainder=0.0 * self.remainder
+        )
+
+    def corrected(self, row: Array, null: Array | None = None) -> PathPoint | None:
+        """Return the equilibrium on the plane through the point normal to a row; None if Newton's method fails.
+
+        Next to a bifurcation rounding would move it along the null vector of K, (N,).  If this is given, it does not
+        move along the vector; a force in its direction, zero on a path that the other one crosses symmetrically,
+        replaces this unknown.
+        """
+        nulls = np.zeros((0, self.q.size)) if null is None else null[None]
+        m, scale = 1 + len(nulls), self.structure.model.free_scale
+        rows = np.zeros((m, self.q.size + m))
+        rows[0, : row.size], rows[1:, : self.q.size] = row, nulls * scale
+        at, away, converged = self, np.zeros(self.q.size + m), False
+        for _ in range(12):
+            try:
+                columns = np.column_stack([at.rate, *nulls])
+                push = nulls.T @ away[row.size :]
+                step = -at.solve(rows, columns, np.append(at.balance[0] + push, rows @ away))
+            except np.linalg.LinAlgError:
+                return None
+            if not np.isfinite(step).all():
+                return None
+            change, away = step[: row.size], away + step
+            if converged:
+                factor = at.factor + self.growing.largest * float(change[-1])
+                return replace(at, factor=factor, remainder=at.structure.model.moved(scale * change[:-1]))
+            at = at.moved(change)
+            converged = bool(np.abs(change).max() < CONVERGED)
+        return None
+
+    def null_vector(self) -> Array:
+        """Return the eigenvector of K next to zero, of unit length, by inverse iteration."""
+        vector = np.random.default_rng(0).standard_normal(self.q.size)
+        for _ in range(3):
+            vector = self.factors.solve(vector)
+            vector /= np.linalg.norm(vector)
+        return vector
+
+    def determinant_relative_to(self, other: PathPoint) -> float:
+        """Return the determinant of K, relative to its size at another point."""
+        (sign, own), (_, reference) = self.determinant, other.determinant
+        return sign * float(np.exp(own - reference))
+
+    def chord(self, other: PathPoint) -> Array:
+        """Return the way to another point, (N + 1,)."""
+        way = (other.q - self.q) / self.structure.model.free_scale
+        return np.append(way, (other.factor - self.factor) / self.growing.largest)
+
+
+def next_point(here: PathPoint, tangent: Array, step: float, *, regular: bool) -> tuple[list[PathPoint], Array] | None:
+    """Return the critical point, if any, and the equilibrium one step along a path, and the tangent at the latter.
+
+    None if the step is too long.  The step ends at the largest factor.  ``regular`` is False at a bifurcation.
+    """
+    row = _normal(tangent)
+    trial = here.moved(step * tangent).corrected(row)
+    if trial is None:
+        return None
+    try:
+        direction = trial.tangent(row)
+        passed = abs(trial.negative - here.negative) if regular else 0
+    except np.linalg.LinAlgError:
+        return None
+    way, slopes = here.chord(trial), np.arange(here.at.coordinates.size).reshape(-1, NODE)[:, 2:]
+    turn = np.linalg.norm((trial.at.coordinates - here.at.coordinates)[slopes], axis=1).max()
+    rates = np.array([tangent[-1], direction[-1]])
+    mismatch = abs(way[-1] / size_of(way[:-1]) - rates.mean())
+    follows = (
+        turn <= LARGEST_TURN
+        and abs(way[-1]) <= 2 * LARGEST_STEP
+        and mismatch <= LARGEST_MISMATCH * np.abs(rates).max()
+        and (passed == 1 or (passed == 0 and (rates.prod() >= 0.0 or not regular)))
+    )
+    if follows and abs(trial.factor) > here.growing.largest:
+        trial = at_factor(here, trial, math.copysign(here.growing.largest, trial.factor))
+    if not follows or trial is None:
+        return None
+    if not regular or trial.negative == here.negative:
+        return [trial], direction
+    critical = _critical_between(here, trial, limit=bool(rates.prod() < 0.0))
+    return None if critical is None else ([critical, trial], direction)
+
+
+def longest_step(tangent: Array) -> float:
+    """Return the step by which the factor changes by ``LARGEST_STEP``, at most 1."""
+    return LARGEST_STEP / max(abs(float(tangent[-1])), LARGEST_STEP)
+
+
+def size_of(x: Array) -> float:
+    """Return the root mean square."""
+    return float(np.linalg.norm(x) / np.sqrt(x.size))
+
+
+def _normal(direction: Array) -> Array:
+    """Return the normal of the planes on which points are sought along a direction."""
+    if abs(direction[-1]) > STIFF * size_of(direction[:-1]):
+        return np.append(np.zeros(direction.size - 1), 1.0)
+    return np.append(direction[:-1], 0.0)
+
+
+def at_factor(first: PathPoint, last: PathPoint, factor: float) -> PathPoint | None:
+    """Return the point at a factor between two points of a path; None if Newton's method fails."""
+    near = _root(first, last, lambda one: one.factor - factor, _normal(first.chord(last)))
+    row = np.append(np.zeros(first.q.size), 1.0)
+    return near and replace(near, factor=factor).corrected(row)
+
+
+def _critical_between(first: PathPoint, last: PathPoint, *, limit: bool) -> PathPoint | None:
+    """Return the limit point or bifurcation between two points of a path, whose determinants have opposite signs."""
+    chord = first.chord(last)
+    row = np.append(chord[:-1], 0.0) if limit else _normal(chord)
+    return _root(first, last, lambda one: one.determinant_relative_to(last), row, deflate=not limit)
+
+
+def _root(
+    first: PathPoint, last: PathPoint, value: Callable[[PathPoint], float], row: Array, *, deflate: bool = False
+) -> PathPoint | None:
+    """Return the point between two points of a path at which a value of opposite signs there is zero.
+
+    The Illinois variant of the regula falsi keeps a bracket; its order is 1.44.
+    """
+    chord, point = first.chord(last), last
+    (a, b), (low, high) = (0.0, 1.0), (value(first), value(last))
+    for _ in range(60):
+        x = b - high * (b - a) / (high - low)
+        trial = first.moved(x * chord).corrected(row, point.null_vector() if deflate else None)
+        if trial is None:
+            return None
+        point, own, change = trial, value(trial), abs(x - b)
+        if own * high < 0.0:
+            a, low = b, high
+        else:
+            low /= 2
+        b, high = x, own
+        if own == 0.0 or change < CONVERGED:
+            break
+    return point

@@ -1,0 +1,93 @@
+"""Matching of beams with any supports and attachments to their frequencies."""
+
+import numpy as np
+import pytest
+
+from ancf_casadi import Beam, Clamp, InputError, Model, Pin, PointMass, Spring, natural_modes
+from problems import Global, MeasuredModes, match_frequencies
+
+STRIP = {"length": 0.5, "width": 20e-3, "thickness": 1e-3, "density": 7850.0, "elements": 8, "axis": (1.0, 0.0)}
+
+
+def strip(modulus=200e9, **given):
+    return Beam.uniform(**{**STRIP, "elastic_modulus": modulus, **given})
+
+
+def clamped(modulus, stiffness):
+    """A strip between a rigid clamp and one that yields."""
+    return strip(modulus, supports=(Clamp(0.0), Clamp(0.5, stiffness)))
+
+
+def soft(modulus, stiffness):
+    """A strip on two soft springs, free to move along itself."""
+    springs = tuple(Spring(s, (0.0, stiffness)) for s in (0.1, 0.4))
+    return strip(modulus, gravity=(0.0, 0.0), supports=(), attachments=springs)
+
+
+@pytest.mark.parametrize(
+    ("make", "name", "truth", "rigid"),
+    [(clamped, "clamp_stiffness", 3.0, 0), (soft, "spring_stiffness", 20.0, 1)],
+)
+def test_modulus_and_stiffness_from_six_noisy_frequencies(make, name, truth, rigid):
+    """The errors are those of the estimates over six draws of the noise."""
+    given, unknowns = make(170e9, 1.4 * truth), [Global("elastic_modulus"), Global(name)]
+    frequencies = natural_modes(Model(make(200e9, truth)), count=6 + rigid).frequencies[rigid:]
+    std, draw, scores = 2e-3 * frequencies, np.random.default_rng(2), []
+    for _ in range(6):
+        noisy = frequencies + std * draw.standard_normal(6)
+        measured = MeasuredModes(tuple(noisy.tolist()), frequency_std=tuple(std.tolist()))
+        match = match_frequencies(given, targets=measured, unknowns=unknowns, bounds=0.6)
+        assert match.modes == tuple(range(rigid + 1, rigid + 7)) and match.identifiability.rank == 2
+        errors = np.array([*match.estimates.values()]) - [200e9, truth]
+        scores.append(errors / [*match.standard_errors.values()])
+    assert np.abs(scores).max() < 3.5
+    assert max(match.standard_errors.values()) > 0.0
+    assert "The data determine all 2 unknowns." in match.report()
+    assert match.to_dict()["lumped"] == match.beam.lumped
+
+
+def test_one_frequency_determines_a_product_of_modulus_and_stiffness():
+    given = clamped(200e9, 3.0)
+    target = 1.01 * natural_modes(Model(given), count=1).frequencies
+    match = match_frequencies(given, targets=target, unknowns=[Global("elastic_modulus"), Global("clamp_stiffness")])
+    (known, statement) = match.identifiability.statements()
+    assert known.startswith("The data determine 1 independent combinations of the 2 unknowns")
+    assert statement.startswith("Of elastic_modulus, clamp_stiffness, they determine only elastic_modulus clamp_stiff")
+
+
+def test_the_curvature_of_an_arch_whose_hinges_stay():
+    """The frequencies of an arch between two hinges depend on its curvature, here a negative one."""
+    bent = Model(strip(natural_curvature=-0.5))
+    x, y = bent.unloaded[0][-1].tolist()
+
+    def arch(curvature):
+        own = Model(strip(natural_curvature=curvature, gravity=(0.0, 0.0)))
+        shift = np.array([x, y]) - own.unloaded[0][-1]
+        return own.beam.with_(supports=(Pin(0.0), Pin(0.5, displacement=tuple(shift.tolist()))))
+
+    targets = natural_modes(Model(arch(-0.45)), count=3).frequencies
+    measured = MeasuredModes(tuple(targets.tolist()), frequency_std=tuple((1e-3 * targets).tolist()))
+    match = match_frequencies(arch(-0.5), targets=measured, unknowns=[Global("natural_curvature")], bounds=0.3)
+    assert match.estimates["natural_curvature"] == pytest.approx(-0.45, rel=1e-5)
+    low, high = match.intervals()["natural_curvature"]
+    assert low < -0.45 < high < 0.0 < match.standard_errors["natural_curvature"]
+    assert match.profile("natural_curvature") == pytest.approx((low, high), rel=1e-2)
+    assert natural_modes(Model(match.beam), count=3).frequencies == pytest.approx(targets, rel=1e-6)
+    assert match.beam.supports[1].displacement == pytest.approx(arch(-0.45).supports[1].displacement, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (["glue"], "unknowns: must be one of width"),
+        (["mass_2"], "unknowns: the beam has no mass_2 to change; give the beam a first value of it"),
+        (["clamp_stiffness"], "unknowns: the beam has no clamp_stiffness to change"),
+        (["natural_curvature"], "natural_curvature: cannot be estimated for a beam with a Spring at 0.25 m"),
+        (["spring_y", "spring_stiffness"], "unknowns: spring_stiffness contains the other springs"),
+    ],
+)
+def test_unknowns_that_a_beam_does_not_have_are_refused(names, message):
+    beam = strip(natural_curvature=0.1, attachments=(PointMass(0.2, 1e-3), Spring(0.25, (0.0, 5.0))))
+    with pytest.raises(InputError) as caught:
+        match_frequencies(beam, targets=[3.0], unknowns=[Global(name) for name in names])
+    assert str(caught.value).startswith(message)

@@ -55,10 +55,10 @@ HOSTILE = {
     "folder": Path("."), "pair of large whole numbers": (10**30, 10**400),
 }  # fmt: skip
 NOT_CALLED = frozenset(
-    "BaseMotion DampingLaw TipLoad __version__"  # abstract
+    "Attachment BaseMotion DampingLaw Support TipLoad __version__"  # abstract
     " Backbone Equilibrium LinearFrf Modes PeriodicMotion ReducedModel ReducedTrajectory ResponseCurve Trajectory"
     " DampingCurve LawCurve BeamFunctions MotionFunctions ReducedFunctions DecayFit DecayFits DecayModes"
-    " FrequencyMatch FrfFit ModeFit"
+    " CriticalLoad CriticalPoint DampedModes EquilibriumPath FrequencyMatch FrfFit ModeFit"
     " IsolatedMode LawComparison MonteCarlo RayleighFit RecordPrediction SavedFit"
     " StudyReport BeamFit".split()  # results, which the package makes
 )
@@ -127,8 +127,24 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
     found = {
         "Beam": (a.Beam, {
             "length": 0.5, "width": (5e-3,) * 2, "thickness": (5e-4,) * 2, "density": (8e3,) * 2,
-            "elastic_modulus": (2e11,) * 2, "axis": (0.0, -1.0), "gravity": (0.0, -9.81), "tip_mass": 0.0,
-            "clamp_stiffness": np.inf,
+            "elastic_modulus": (2e11,) * 2, "axis": (0.0, -1.0), "gravity": (0.0, -9.81),
+            "natural_curvature": (0.1,) * 2, "supports": (a.Clamp(),), "attachments": (a.PointMass(0.5, 1e-3),),
+        }),
+        "Clamp": (a.Clamp, {"point": 0.1, "stiffness": 1.0, "displacement": (0.0, 0.01), "rotation": 0.1}),
+        "Pin": (a.Pin, {"point": 0.1, "displacement": (0.0, 0.01)}),
+        "Roller": (a.Roller, {"point": 0.1, "direction": (1.0, 0.0), "displacement": (0.0, 0.01)}),
+        "Guide": (a.Guide, {"point": 0.1, "direction": (1.0, 0.0), "displacement": (0.0, 0.0), "rotation": 0.1}),
+        "PointMass": (a.PointMass, {"point": 0.1, "mass": 1e-3, "rotary_inertia": 1e-8}),
+        "Spring": (a.Spring, {"point": 0.1, "stiffness": (1.0, 0.0)}),
+        "RotationalSpring": (a.RotationalSpring, {"point": 0.1, "stiffness": 1.0}),
+        "Dashpot": (a.Dashpot, {"point": 0.1, "coefficient": (0.1, 0.0)}),
+        "LineLoad": (a.LineLoad, {"force": (0.0, 0.1), "begin": 0.1, "end": 0.4, "follower": True}),
+        "damped_modes": (a.damped_modes, {"model": model, "damping": law, "count": 2, "equilibrium": rest}),
+        "critical_load": (a.critical_load, {
+            "model": model, "loads": [point], "damping": law, "largest_factor": 1.0, "steps": 2,
+        }),
+        "equilibrium_path": (a.equilibrium_path, {
+            "model": model, "loads": [point], "largest_factor": 1.0, "most_steps": 5, "start": None, "side": 1,
         }),
         "Beam.uniform": (a.Beam.uniform, uniform),
         "Beam.with_": (beam.with_, {"length": 0.4, "axis": (1.0, 0.0)}),

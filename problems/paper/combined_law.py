@@ -39,6 +39,7 @@ from scipy.linalg import solve_triangular
 from scipy.special import chdtrc
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping
+from ancf_casadi.export.model_document import beam_from
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
@@ -189,8 +190,9 @@ def finding(part: PaperPart, results: Sequence[Any], found: Found, effort: Effor
     air = Air(**part.inputs["air"])
     modes = natural_modes(Model(part.beam_in(found)), count=len(measured))
     fit = fit_combined_law(measured, modes)
-    beam, given = modes.model.beam, found[""].beam
-    assert given is not None
+    beam, standard = modes.model.beam, found[""].beam
+    assert standard is not None
+    given = beam_from(standard)
     drag = [
         implied_drag_coefficient(one.eta2, beam, air, eta2_error=math.sqrt(one.covariance[1, 1])) for one in measured
     ]

@@ -18,6 +18,8 @@ from typing import Annotated, Any, ClassVar, Self
 from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.export.model_document import beam_from
+from ancf_casadi.export.structs import BeamData
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import StrainMeasures
@@ -63,7 +65,7 @@ class Finding:
     tables: tuple[DataTable, ...] = ()  # in the order of the document
     figures: tuple[Drawing, ...] = ()  # likewise
     warnings: tuple[str, ...] = ()  # limitations of the results
-    beam: Beam | None = None  # the beam that the part has found
+    beam: BeamData | None = None  # the beam that the part has found, as results are kept
     terms: Terms = ()  # the damping law that it has found, as tables [[damping]]
 
 
@@ -195,10 +197,10 @@ class Part(ABC):
     def beam_in(self, found: Found) -> Beam:
         """Return the beam of the file, or of the part that the key ``beam`` names."""
         name: str = getattr(self, "beam", "")
-        beam = found[name].beam
-        if beam is None:
+        data = found[name].beam
+        if data is None:
             raise InputError(f"the part {name!r} finds no beam; name a part of the kind match", "beam")
-        return beam
+        return beam_from(data)
 
     def data_table(self, title: str, columns: Sequence[Column], *notes: str) -> DataTable:
         """Return a table that names the origin of the printed numbers."""

@@ -19,6 +19,7 @@ from typing import Any
 
 from tqdm import tqdm
 
+from ancf_casadi.export.model_document import beam_data
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.parallel import COUNT_BAR, processes, unbroken
 from problems.study.drawing import only
@@ -46,7 +47,7 @@ def run_parts(
     A part may stand before those that it needs.  The folder is that of the results, with the finished tasks of an
     earlier run.
     """
-    findings = {"": Finding(None, beam=study.beam)}  # of the file
+    findings = {"": Finding(None, beam=None if study.beam is None else beam_data(study.beam))}  # of the file
     awaited = {name for part in study.parts for name in part.needs}
     waiting = list(study.parts)
     running: dict[str, tuple[_Steps, list[str]]] = {}  # with the keys of the tasks that a part waits for

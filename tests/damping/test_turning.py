@@ -247,7 +247,7 @@ def test_the_linearised_step_is_that_of_the_residual_where_the_clamp_turns_withi
     Z, excitations = 1e-3 * random.normal(size=(3, free)), excitations_turned([0.3, 0.8, 1.3])
 
     unknowns = cs.MX.sym("Z", free, 3)
-    motion = stage_motion(unknowns, cs.DM(q), cs.DM(v), cs.MX(h), cs.DM(excitations.T))
+    motion = stage_motion(form.equations.model, unknowns, cs.DM(q), cs.DM(v), cs.MX(h), cs.DM(excitations.T))
     forces, _ = form.balance.map(3)(*motion, cs.repmat(cs.DM(p), 1, 3))
     jacobian = cs.Function("G", [unknowns], [cs.jacobian(cs.vec(forces[4:, :]), cs.vec(unknowns))])(Z.T).full()
     rates = cs.evalf(equations.balance(cs.MX(cs.DM(p))).modal_coefficients).full().ravel()

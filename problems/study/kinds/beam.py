@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, final
 import numpy as np
 from msgspec import Meta
 
-from ancf_casadi.export.model_document import beam_data, beam_from
+from ancf_casadi.export.model_document import beam_data
 from ancf_casadi.export.structs import BeamData
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
@@ -79,7 +79,7 @@ class BeamProperties(Part):
             "axis": list(beam.axis),
             "gravity": list(beam.gravity),
         }
-        return Finding(data, (table,), beam=beam)
+        return Finding(data, (table,), beam=beam_data(beam))
 
 
 @final
@@ -110,7 +110,7 @@ class ModesOfBeam(Part):
         )
         table = self.data_table("Natural frequencies", columns)
         figure = drawn("Mode shapes about the equilibrium.", modes.figure)
-        return Finding({"frequency_hz": frequencies}, (table,), (figure,), beam=beam)
+        return Finding({"frequency_hz": frequencies}, (table,), (figure,), beam=beam_data(beam))
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ class Match(Part, MatchTable):
             self._errors(matched),
         )  # fmt: skip
         tables = (self._properties(matched, beam), self._frequencies(matched, beam))
-        return Finding(matched.data, tables, figures, tuple(matched.data["warnings"]), beam_from(matched.beam))
+        return Finding(matched.data, tables, figures, tuple(matched.data["warnings"]), matched.beam)
 
     def _properties(self, matched: Matched, beam: Beam) -> DataTable:
         arrays = {name: scale * np.array(getattr(matched.beam, name)) for name, _, scale in ELEMENT_ROWS}

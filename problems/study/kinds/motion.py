@@ -15,6 +15,7 @@ import numpy as np
 
 from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.export.model_document import beam_data
 from problems.beam.fitting import compare_laws, fit_beam
 from problems.schema.file import StudyFile
 from problems.schema.records import NUMBERS, read_measurements
@@ -150,7 +151,7 @@ class MotionFit(FilePart):
         tables = [_estimates(data["fit"]["estimates"])]
         if predictions:
             tables.append(_errors(data["predictions"]))
-        return Finding(data, tuple(tables), tuple(figures), warnings, fit.model.beam)
+        return Finding(data, tuple(tables), tuple(figures), warnings, beam_data(fit.model.beam))
 
 
 @final

@@ -45,7 +45,7 @@ def heights(model):
 def propped(curvature, modulus=200e9):
     """Return a coiled strip that a clamp and a hinge hold level, wherever its curvature would take the hinge."""
     coiled = strip(modulus, natural_curvature=[curvature] * 4 + [0.5 * curvature] * 4)
-    x, y = coiled.unloaded[0][-1].tolist()
+    x, y = coiled.natural_nodes[0][-1].tolist()
     supports = (Clamp(0.0), Pin(0.5, displacement=(0.4999 - x, -y)))
     return Model(coiled.beam.with_(supports=supports))
 
@@ -71,7 +71,7 @@ def test_natural_curvature_and_modulus_from_a_static_test(make, first):
 def test_a_curvature_that_bends_nothing_is_open():
     """Between two clamps at the length of the strip, a uniform curvature changes their moments alone."""
     coiled = strip(natural_curvature=0.2)
-    (x, y), (along, across) = coiled.unloaded[0][-1].tolist(), coiled.unloaded[1][-1].tolist()
+    (x, y), (along, across) = coiled.natural_nodes[0][-1].tolist(), coiled.natural_nodes[1][-1].tolist()
     level = Clamp(0.5, displacement=(0.5 - x, -y), rotation=-np.arctan2(across, along))
     model = Model(coiled.beam.with_(supports=(Clamp(0.0), level)))
     measured, sensors = heights(model)

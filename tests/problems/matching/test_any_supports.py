@@ -58,11 +58,11 @@ def test_one_frequency_determines_a_product_of_modulus_and_stiffness():
 def test_the_curvature_of_an_arch_whose_hinges_stay():
     """The frequencies of an arch between two hinges depend on its curvature, here a negative one."""
     bent = Model(strip(natural_curvature=-0.5))
-    x, y = bent.unloaded[0][-1].tolist()
+    x, y = bent.natural_nodes[0][-1].tolist()
 
     def arch(curvature):
         own = Model(strip(natural_curvature=curvature, gravity=(0.0, 0.0)))
-        shift = np.array([x, y]) - own.unloaded[0][-1]
+        shift = np.array([x, y]) - own.natural_nodes[0][-1]
         return own.beam.with_(supports=(Pin(0.0), Pin(0.5, displacement=tuple(shift.tolist()))))
 
     targets = natural_modes(Model(arch(-0.45)), count=3).frequencies

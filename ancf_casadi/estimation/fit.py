@@ -46,6 +46,7 @@ from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.tables import finite
 
 CORRELATED = 0.95  # correlation of two unknowns beyond which there is a warning
+ROUNDING = 1e-10  # standard error relative to the scale of an unknown that only a record without noise leaves
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,7 +252,9 @@ class Fit:
             for name in self.at_bound
         ]
         with np.errstate(invalid="ignore"):
-            pairs = np.argwhere(np.triu(np.abs(self.correlations), 1) > CORRELATED).tolist()
+            strong = np.triu(np.abs(self.correlations), 1) > CORRELATED
+        exact = np.sqrt(np.diag(self.covariance)) < ROUNDING * self.scale  # where the residuals are rounding alone
+        pairs = np.argwhere(strong & ~np.logical_and.outer(exact, exact)).tolist()
         if pairs:
             named = [f"{self.names[i]} and {self.names[j]} ({self.correlations[i, j]:.3f})" for i, j in pairs]
             notes.append(

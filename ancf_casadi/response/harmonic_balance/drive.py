@@ -19,7 +19,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.base_motion import BaseMotion, HarmonicBase
-from ancf_casadi.dynamics.tip_load import HarmonicLoad, TipLoad
+from ancf_casadi.dynamics.tip_load import TIP, HarmonicLoad, TipLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, check_instance, physical
@@ -119,6 +119,8 @@ def beam_drive(base: BaseMotion | None, load: TipLoad | None) -> Drive:
     check_instance(load, "load", HarmonicLoad)
     assert isinstance(load, HarmonicLoad)
     _check_endless(load.stop, "load")
+    if load.place != TIP:
+        raise InputError("acts elsewhere than at the tip, or follows the beam, which needs simulate or motion", "load")
     force = math.hypot(*load.force)
     amplitude, unit = (force, "N") if force else (abs(load.moment), "N m")
     if not amplitude:

@@ -7,7 +7,7 @@ same times share a series of samples; one with an unknown offset has a series of
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import casadi as cs
@@ -91,7 +91,7 @@ class MotionEvaluation:
                 orders = cs.vertsplit(part, block.model.size)
                 e, e_t, e_tt = [*orders, *[cs.MX(0, part.size2())] * (3 - len(orders))]
                 load = _load_at(record.load, own_times, shift)
-                sampled.append(SampledMotion.of(self.equations, e, e_t, e_tt, load, parameters))
+                sampled.append(SampledMotion.of(_loaded(self.equations, record), e, e_t, e_tt, load, parameters))
             for j, (channel, place) in enumerate(zip(record.own_channels, series, strict=True), start=1):
                 zero = given.get(f"zero_{number}_{j}", cs.MX(0.0))
                 found.append((_seen(number, record, channel, sampled[place], given) + zero).T)
@@ -103,7 +103,7 @@ def _problem(block: MotionBlock, equations: Equations, record: MotionRecord) -> 
     series = _clocks(record)[0]
     times, places = np.concatenate(series), np.repeat(np.arange(len(series)), [one.size for one in series])
     return SensitivityProblem(
-        equations=equations,
+        equations=_loaded(equations, record),
         base=record.own_base,
         load=record.load,
         start=record.start,
@@ -115,6 +115,13 @@ def _problem(block: MotionBlock, equations: Equations, record: MotionRecord) -> 
         span=(record.origin, record.end),
         lumped=_has_lumped(block),
     )
+
+
+def _loaded(equations: Equations, record: MotionRecord) -> Equations:
+    """Return the equations with the load of a record at its place."""
+    if record.load is None or record.load.place == equations.place:
+        return equations
+    return replace(equations, place=record.load.place)
 
 
 def _clocks(record: MotionRecord) -> tuple[list[Array], list[int]]:

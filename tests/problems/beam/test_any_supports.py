@@ -17,6 +17,7 @@ from ancf_casadi import (
     PointMass,
     Roller,
     RotationalSpring,
+    SampledLoad,
     Sensor,
     Spring,
     State,
@@ -144,6 +145,18 @@ def test_a_dashpot_and_a_spring_from_a_motion():
     record = MotionRecord([Measurement(run.time, run.position(0.3)[:, 1], sensor=sensor)], start=let_go)
     fit = fit_beam(start, record, unknowns=["dashpot_y", "spring_y"])
     assert fit.estimates == pytest.approx({"dashpot_y": 0.4, "spring_y": 300.0}, rel=1e-3)
+
+
+def test_a_modulus_from_the_motion_under_a_blow_beside_the_tip():
+    """The clamp force balances the blow where it acts; at the tip, the modulus would be another one."""
+    blow = SampledLoad([0.0, 0.01, 0.02], [[0.0, 0.0], [0.0, -1.0], [0.0, 0.0]], point=0.2)
+    run = simulate(strip(), load=blow, duration=0.12, sample_rate=400.0, tolerance=1e-8)
+    channels = [
+        Measurement(run.time, run.position(0.3)[:, 1], sensor=Sensor("position", 0.3, (0.0, 1.0))),
+        Measurement(run.time, run.clamp_force[:, 1], "N", sensor=Sensor("force", direction=(0.0, 1.0))),
+    ]
+    fit = fit_beam(strip(195e9), MotionRecord(channels, load=blow), unknowns=["elastic_modulus"])
+    assert fit.estimates == pytest.approx({"elastic_modulus": 200e9}, rel=1e-4)
 
 
 FULL = strip(

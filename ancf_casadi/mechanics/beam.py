@@ -40,7 +40,7 @@ from ancf_casadi.support.inputs import (
     instances,
     is_sequence,
     located,
-    number,
+    numbers,
     positive,
     shown,
     unit_vector,
@@ -123,10 +123,10 @@ class Beam(Displayed):
         whole(self.elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
         object.__setattr__(self, "axis", unit_vector(self.axis, "axis"))
         object.__setattr__(self, "gravity", vector(self.gravity, "gravity"))
-        curvature = self.natural_curvature if any(self.natural_curvature) else ()
+        curvature = numbers(self.natural_curvature, "natural_curvature")
         if len(curvature) not in (0, self.elements):
             raise InputError(f"has {len(curvature)} values for {self.elements} elements", "natural_curvature")
-        object.__setattr__(self, "natural_curvature", tuple(number(x, "natural_curvature") for x in curvature))
+        object.__setattr__(self, "natural_curvature", curvature if any(curvature) else ())
         kinds = {"supports": Support, "attachments": Attachment}
         parts = {name: instances(getattr(self, name), name, kind, least=0) for name, kind in kinds.items()}
         places = np.array([0.0, self.length, *sorted(one.point for found in parts.values() for one in found)])

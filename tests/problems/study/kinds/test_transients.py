@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import InputError
+from ancf_casadi.export.model_document import beam_data
 from problems.study.part import FULL, QUICK, Finding
 from problems.study.study import StudyReport
 from tests.problems.conftest import BEAM, run_in, study_in
@@ -128,7 +129,7 @@ def test_equal_experiments_run_once(report):
 def test_a_quick_look_drives_for_less_time(study_file):
     study = study_in(study_file(BEAM, LAWS, PARTS))
     for effort in (FULL, QUICK):
-        _, _, run, *_ = study.parts[0].tasks({"": Finding(None, beam=study.beam)}, effort)[0].inputs
+        _, _, run, *_ = study.parts[0].tasks({"": Finding(None, beam=beam_data(study.beam))}, effort)[0].inputs
         assert run.stop == pytest.approx(5.0 * effort.driving)
     assert QUICK.driving < 0.2 < FULL.driving == 1.0
     assert QUICK.steps_per_period < FULL.steps_per_period

@@ -295,6 +295,7 @@ def test_a_strip_buckled_by_a_support_vibrates_about_its_buckled_state(support, 
     assert bent.equilibria[-1].model == model
 
 
+@pytest.mark.slow
 def test_each_equilibrium_has_the_supports_of_its_factor():
     """A clamp that turns and one in a spring, both displaced, under gravity and a force."""
     supports = (Clamp(displacement=(0.0, 0.1)), Clamp(1.0, 20.0, rotation=1.0, displacement=(-0.05, 0.0)))

@@ -89,6 +89,7 @@ def configurations(mass, stiffness):
     return [*models, Model(models[0].beam.with_(attachments=heavier))]
 
 
+@pytest.mark.slow
 def test_mass_and_spring_at_mid_span_from_frequencies_of_two_configurations():
     truth = {"mass": 12e-3, "spring_y": 900.0}
     true, start = configurations(*truth.values()), configurations(5e-3, 3000.0)
@@ -130,6 +131,7 @@ def test_modulus_and_springs_of_a_free_beam_from_six_frequencies():
     assert len({*fit.model.beam.lumped.values()}) == 1
 
 
+@pytest.mark.slow
 def test_a_dashpot_and_a_spring_from_a_motion():
     """A strip on a hinge and a roller is let go; the strip of the fit has other values."""
 
@@ -147,6 +149,7 @@ def test_a_dashpot_and_a_spring_from_a_motion():
     assert fit.estimates == pytest.approx({"dashpot_y": 0.4, "spring_y": 300.0}, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_modulus_from_the_motion_under_a_blow_beside_the_tip():
     """The clamp force balances the blow where it acts; at the tip, the modulus would be another one."""
     blow = SampledLoad([0.0, 0.01, 0.02], [[0.0, 0.0], [0.0, -1.0], [0.0, 0.0]], point=0.2)

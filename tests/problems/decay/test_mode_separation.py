@@ -150,6 +150,7 @@ def test_coloured_noise_is_no_mode():
     assert fit.frequency == pytest.approx(1.85, rel=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_mode_weaker_than_several_peaks_of_the_noise_is_found(seed):
     """The noise at low frequencies is refused four or five times before the mode at 60 Hz is the strongest rest."""

@@ -25,7 +25,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, number, numbers
+from ancf_casadi.support.inputs import check_instance, not_negative, numbers
 from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.modes import Modes
 
@@ -258,10 +258,7 @@ def checked_values(law: DampingLaw, values: Sequence[float] | Array) -> tuple[fl
 def check_coefficients(law: DampingLaw, *names: str) -> None:
     """Check the coefficients of a law, and keep them as floats."""
     for name in names:
-        value = number(getattr(law, name), name)
-        if value < 0.0:
-            raise InputError(f"must not be negative, got {value:g}", name)
-        object.__setattr__(law, name, value)
+        object.__setattr__(law, name, not_negative(getattr(law, name), name))
 
 
 def at_tip_amplitudes(modes: Modes, amplitudes: Sequence[float] | Array) -> tuple[Array, Array, Array]:

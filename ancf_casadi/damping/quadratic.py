@@ -39,10 +39,9 @@ from ancf_casadi.damping.law import (
     nonzero,
     weighted_sum,
 )
-from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, number, positive
+from ancf_casadi.support.inputs import check_instance, not_negative, positive
 from ancf_casadi.vibration.modes import Modes
 
 DRAG_CONSTANT = 1183 / 876  # exact in Eqs. (24) and (25), where the paper rounds its inverse to 0.74
@@ -117,9 +116,7 @@ class QuadraticDamping(DampingLaw):
         0.11
         """
         check_instance(beam, "beam", Beam)
-        drag_coefficient = number(drag_coefficient, "drag_coefficient")
-        if drag_coefficient < 0.0:
-            raise InputError(f"must not be negative, got {drag_coefficient:g}", "drag_coefficient")
+        drag_coefficient = not_negative(drag_coefficient, "drag_coefficient")
         air_density = positive(air_density, "air_density")
         share = np.diff((ASSUMED_SHAPE**3).integ()(np.linspace(0.0, 1.0, beam.elements + 1)))
         widths = share @ np.array(beam.width)

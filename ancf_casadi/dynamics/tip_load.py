@@ -43,7 +43,7 @@ LOAD_SIZE = 3  # components of a load: force x and y, N, and moment, N m
 
 @dataclass(frozen=True)
 class LoadPlace:
-    """Where a load acts, and in which frame."""
+    """The point at which a load acts, and the frame of its force."""
 
     point: float | None = None  # arc length, m; the tip if None
     follower: bool = False  # whether the force turns with the beam
@@ -76,7 +76,7 @@ class TipLoad(Displayed, ABC):
 
     @property
     def place(self) -> LoadPlace:
-        """Where the load acts."""
+        """The place of the load."""
         return LoadPlace(self.point, self.follower)
 
     @property
@@ -259,11 +259,6 @@ def point_force(slope: S, load: S, *, follower: bool) -> tuple[S, S]:
     length = cs.sqrt(x * x + y * y)
     along, across = load[0, :] / length, load[1, :] / length
     return cs.vertcat(along * x - across * y, along * y + across * x), h
-
-
-def tip_force(e: cs.MX, load: cs.MX) -> cs.MX:
-    """Return the generalized force of a dead load (3, s) on the tip node, (4, s), for coordinates e of s states."""
-    return cs.vertcat(*point_force(e[-2:, :], load, follower=False))
 
 
 @dataclass(frozen=True, eq=False)

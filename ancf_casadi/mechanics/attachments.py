@@ -9,9 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import final
 
-from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.supports import checked_point
-from ancf_casadi.support.inputs import check_size, number, vector
+from ancf_casadi.support.inputs import check_size, not_negative, vector
 from ancf_casadi.support.tables import Displayed
 
 
@@ -78,7 +77,7 @@ class PointMass(Attachment):
         """Validate."""
         super().__post_init__()
         for name in ("mass", "rotary_inertia"):
-            object.__setattr__(self, name, not_negative(getattr(self, name), name))
+            object.__setattr__(self, name, _amount(getattr(self, name), name))
 
 
 @final
@@ -142,7 +141,7 @@ class RotationalSpring(Attachment):
     def __post_init__(self) -> None:
         """Validate."""
         super().__post_init__()
-        object.__setattr__(self, "stiffness", not_negative(self.stiffness, "stiffness"))
+        object.__setattr__(self, "stiffness", _amount(self.stiffness, "stiffness"))
 
 
 @final
@@ -177,14 +176,13 @@ class Dashpot(Attachment):
         object.__setattr__(self, "coefficient", _pair(self.coefficient, "coefficient"))
 
 
-def not_negative(value: float, where: str) -> float:
-    """Return a number that is 0 or more."""
-    if number(value, where) < 0.0:
-        raise InputError(f"must not be negative, got {value:g}", where)
+def _amount(value: float, where: str) -> float:
+    """Return a number of 0 or more whose powers are finite."""
+    value = not_negative(value, where)
     check_size(value, where)
-    return float(value)
+    return value
 
 
 def _pair(values: tuple[float, float], where: str) -> tuple[float, float]:
     x, y = vector(values, where)
-    return not_negative(x, where), not_negative(y, where)
+    return _amount(x, where), _amount(y, where)

@@ -283,7 +283,7 @@ class Beam(Displayed):
 
     @property
     def tip_is_held(self) -> bool:
-        """Whether a support is at the tip."""
+        """True if a support is at the tip."""
         return any(one.point == self.length for one in self.supports)
 
     @property

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.supports import checked_point
 from ancf_casadi.support.inputs import check_size, flag, number, positive, vector
 from ancf_casadi.support.tables import Displayed
 
@@ -61,8 +62,8 @@ class PointLoad(Displayed):
         object.__setattr__(self, "moment", number(self.moment, "moment"))
         check_size(self.force, "force")
         check_size(self.moment, "moment")
-        if self.point is not None and number(self.point, "point") < 0.0:
-            raise InputError(f"must be 0 or more, got {self.point:g}", "point")
+        if self.point is not None:
+            checked_point(self.point)
 
     @classmethod
     def hung(cls, mass: float, point: float | None = None, *, gravity: tuple[float, float] = (0.0, -9.81)) -> PointLoad:
@@ -151,8 +152,7 @@ class LineLoad(Displayed):
         object.__setattr__(self, "force", vector(self.force, "force"))
         check_size(self.force, "force")
         object.__setattr__(self, "follower", flag(self.follower, "follower"))
-        if number(self.begin, "begin") < 0.0:
-            raise InputError(f"must be 0 or more, got {self.begin:g}", "begin")
+        checked_point(self.begin, "begin")
         if self.end is not None and number(self.end, "end") <= self.begin:
             raise InputError(f"must be beyond the beginning at {self.begin:g} m, got {self.end:g}", "end")
 

@@ -148,12 +148,12 @@ class Nodes(Displayed):
 
     @cached_property
     def is_selection(self) -> bool:
-        """Whether all entries of N are 1 and each free coordinate is a nodal one."""
+        """True if all entries of N are 1 and each free coordinate is a nodal one."""
         return bool(np.isin(self.weights, (0.0, 1.0)).all()) and self.freedoms == np.count_nonzero(self.weights)
 
     @cached_property
     def held_at_base_alone(self) -> bool:
-        """Whether the coordinates of the base are held and no others, so that N and G select."""
+        """True if the coordinates of the base are held and no others, so that N and G select."""
         return self.freedoms == self.size - NODE and bool((self.weights[NODE:] == 1.0).all())
 
     @cached_property
@@ -222,7 +222,7 @@ class Nodes(Displayed):
 
     @cached_property
     def is_held(self) -> bool:
-        """Whether the supports, without any springs, hold the beam against all rigid motions."""
+        """True if the supports, without any springs, hold the beam against all rigid motions."""
         nodes = self.straight.reshape(-1, 2).copy()
         turning = np.column_stack([-nodes[:, 1], nodes[:, 0]]).ravel() / self.scale
         motions = np.column_stack([np.resize(row, self.size) for row in ([1.0, 0, 0, 0], [0, 1.0, 0, 0])] + [turning])

@@ -1,4 +1,4 @@
-"""What is attached to a beam at a node, as elements: springs, dashpots and masses.
+"""Springs, dashpots and masses at the nodes of a beam, as elements.
 
 The base is a node of its own, with position r_b and slope tau_b.  A point of the base, where the node (r, tau) of the
 beam is without load, has the position

@@ -140,9 +140,26 @@ class Pin(Support):
     """
 
 
+@dataclass(frozen=True)
+class _Sliding(Support):
+    """A support that lets its point slide along a direction."""
+
+    direction: tuple[float, float] = (1.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        super().__post_init__()
+        object.__setattr__(self, "direction", unit_vector(self.direction, "direction"))
+
+    @property
+    def sliding(self) -> tuple[float, float] | None:
+        """The direction."""
+        return self.direction
+
+
 @final
 @dataclass(frozen=True)
-class Roller(Support):
+class Roller(_Sliding):
     """A roller, which lets the point slide along a direction, and the beam turn.
 
     Parameters
@@ -166,22 +183,10 @@ class Roller(Support):
     (1.0, 0.0)
     """
 
-    direction: tuple[float, float] = (1.0, 0.0)
-
-    def __post_init__(self) -> None:
-        """Validate."""
-        super().__post_init__()
-        object.__setattr__(self, "direction", unit_vector(self.direction, "direction"))
-
-    @property
-    def sliding(self) -> tuple[float, float] | None:
-        """The direction."""
-        return self.direction
-
 
 @final
 @dataclass(frozen=True)
-class Guide(Support):
+class Guide(_Sliding):
     """A guide, which lets the point slide along a direction, and does not let the beam turn.
 
     Parameters
@@ -209,19 +214,12 @@ class Guide(Support):
 
     turns: ClassVar[bool] = False
 
-    direction: tuple[float, float] = (1.0, 0.0)
     rotation: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
         """Validate."""
         super().__post_init__()
-        object.__setattr__(self, "direction", unit_vector(self.direction, "direction"))
         object.__setattr__(self, "rotation", number(self.rotation, "rotation"))
-
-    @property
-    def sliding(self) -> tuple[float, float] | None:
-        """The direction."""
-        return self.direction
 
     @property
     def angle(self) -> float:
@@ -229,11 +227,11 @@ class Guide(Support):
         return self.rotation
 
 
-def checked_point(point: float) -> float:
+def checked_point(point: float, where: str = "point") -> float:
     """Return the arc length of a point, m, 0 or more."""
-    point = number(point, "point")
+    point = number(point, where)
     if point < 0.0:
-        raise InputError(f"must be 0 or more, got {point:g}", "point")
+        raise InputError(f"must be 0 or more, got {point:g}", where)
     return point
 
 

@@ -33,7 +33,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.dynamics.tip_load import tip_force
+from ancf_casadi.dynamics.tip_load import point_force
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.element import SMOOTHING_SPEED
 from ancf_casadi.mechanics.model import Model
@@ -127,8 +127,8 @@ class ReducedMotion(ABC):
         """Return the force of a load (force x and y, N, and moment, N m) at the tip, (m + 2,)."""
         x, y = self.parts
         position, slope = (cs.DM(row) for row in self.projection.shape[-2:])
-        fx, fy, hx, hy = cs.vertsplit(tip_force(cs.vertcat(slope.T @ x, slope.T @ y), load))
-        modal = self.modal_force(position @ fx + slope @ hx, position @ fy + slope @ hy)
+        F, h = point_force(cs.vertcat(slope.T @ x, slope.T @ y), load, follower=False)
+        modal = self.modal_force(*(position @ F[k, :] + slope @ h[k, :] for k in range(2)))
         return cs.vertcat(modal, load[:2, :])
 
     def damping(self, law: DampingLaw, parameters: Expression, model: Model) -> Expression:

@@ -154,6 +154,14 @@ def positive(value: Any, where: str) -> float:
     return result
 
 
+def not_negative(value: Any, where: str) -> float:
+    """Return a finite number of zero or more as a float."""
+    result = number(value, where)
+    if result < 0.0:
+        raise InputError(f"must not be negative, got {result:g}", where)
+    return result
+
+
 def physical(value: Any, where: str) -> float:
     """Return a time, a frequency or a tolerance: a number from 1e-30 to 1e30, so that its powers are finite."""
     result = positive(value, where)

@@ -57,7 +57,7 @@ class Growing:
 
     @cached_property
     def moves(self) -> bool:
-        """Whether a support moves with the factor."""
+        """True if a support moves with the factor."""
         return any(any(one.displacement) or one.angle for one in self.model.beam.supports)
 
     def model_at(self, factor: float) -> Model:

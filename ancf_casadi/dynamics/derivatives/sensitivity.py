@@ -153,7 +153,7 @@ class SensitivityProblem:
 
     @property
     def _held_at(self) -> LoadPlace:
-        """Where a load holds the beam until its release."""
+        """The place of the load that holds the beam until its release."""
         return TIP if self.held or isinstance(self.start, Equilibrium) else self.equations.place
 
     @cached_property

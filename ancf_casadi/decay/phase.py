@@ -71,7 +71,7 @@ def frequency_change(
         return 0 * amplitude
     if law == "smooth":
         n, square = len(terms), (amplitude / reference) ** 2
-        nodes, steps = span ** (-2 * np.arange(n + 1) / n), np.geomspace(1.5, 1 / span, n) ** 2  # squared
+        nodes, steps = smooth_nodes(1.0, span) ** 2, np.geomspace(1.5, 1 / span, n) ** 2
         values = nodes[:, None] / (nodes[:, None] + steps)
         middle = values[NODE_OF_OMEGA]
         heights = np.linalg.inv(np.delete(values - middle, NODE_OF_OMEGA, axis=0))
@@ -84,6 +84,12 @@ def frequency_change(
         corner = cs.exp(shape[0])
         return k * cs.log((amplitude / reference + corner) / (1 + corner))
     return k * amplitude ** (1 if law == "linear" else 2)
+
+
+def smooth_nodes(reference: float, span: float) -> Array:
+    """Return the amplitudes (7,), m, at which a smooth frequency has its unknowns, from that of reference on."""
+    count = len(FREQUENCY_TERMS["smooth"])
+    return np.asarray(reference * span ** (-np.arange(count + 1) / count))
 
 
 def integral(function: Callable[[cs.MX], cs.MX], time: Array) -> cs.MX:

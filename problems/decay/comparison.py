@@ -27,7 +27,7 @@ from ancf_casadi.support.inputs import is_sequence, number, shown
 from ancf_casadi.support.interrupts import lasting_interrupts
 from problems.decay.laws import DECAY_TERMS, RATIO_BOUNDS, DecayModel, Law
 from problems.decay.result import DecayFit
-from problems.decay.solution import as_record, fit_from
+from problems.decay.solution import after_release, as_record, fit_from
 from problems.decay.start import evident_law
 
 LAWS_COMPARED: tuple[Law, ...] = ("linear", "quadratic", "friction", "power")
@@ -98,7 +98,7 @@ def compare_decay_laws(
     release = None if release_time is None else number(release_time, "release_time")
     guess = first_guess(record, release_time=release, rest="creep")
     guesses = {rest: with_rest(guess, record, rest) for rest in rests}
-    bent = evident_law(record, guesses[rests[0]], frequency_laws)
+    bent = evident_law(after_release(record, guess.release), guesses[rests[0]], frequency_laws)
     best = next(model for model in models if model.frequency_law == bent)
     fits: dict[DecayModel, DecayFit] = {}
     failed: dict[DecayModel, str] = {}

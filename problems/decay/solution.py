@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import DecayGuess, first_guess
+from ancf_casadi.decay.phase import NODE_OF_OMEGA, FrequencyLaw, smooth_nodes
 from ancf_casadi.decay.spectrum import is_even
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.later_start import allowing_for_later_starts
@@ -46,10 +47,11 @@ from ancf_casadi.support.inputs import check_instance
 from problems.decay.laws import DecayModel
 from problems.decay.limitations import NOISE_FREE, late_part
 from problems.decay.result import DecayFit
-from problems.decay.start import of_motion, span_of, starting_values
+from problems.decay.start import evident_law, of_motion, span_of, starting_values
 
 LEAST_REDUCED_LENGTH = 2500  # samples to which a longer record is reduced, if the band of the mode needs no more
 LATER_STARTS = (0.25, 0.5, 0.75)  # shares of the information before a later start, for which errors allow
+SIMPLER_LAWS: Sequence[FrequencyLaw] = ("constant", "linear", "quadratic", "logarithmic")  # than a smooth frequency
 REDUCED_PER_PERIOD = 6  # samples that this band needs
 
 
@@ -86,10 +88,7 @@ def fit_from(
     """
     stated, sensor = model, records[0].sensor
     times = [record.time[guess.release :] for record, guess in zip(records, guesses, strict=True)]
-    decays = [
-        Measurement(time - time[0], record.values[-len(time) :], sensor=sensor)
-        for time, record in zip(times, records, strict=True)
-    ]
+    decays = [after_release(record, guess.release) for record, guess in zip(records, guesses, strict=True)]
     moving = [of_motion(guess, sensor.derivatives) for guess in guesses]
     model = replace(model, reference=max(guess.amplitude for guess in moving), sensor=sensor)
     if model.frequency_law == "smooth":
@@ -127,9 +126,15 @@ def _swing(model: DecayModel, guesses: Sequence[DecayGuess]) -> float:
     return max(guess.amplitude * guess.ω**model.sensor.derivatives for guess in guesses)
 
 
+def after_release(record: Measurement, release: int) -> Measurement:
+    """Return a record from the sample of its release on, with the times (s) since then."""
+    time = record.time[release:]
+    return Measurement(time - time[0], record.values[release:], sensor=record.sensor)
+
+
 def fitted_part(record: Measurement, fit: DecayFit) -> Measurement:
     """Return the samples of a record that its fit used: from the release on, reduced to the band of the mode."""
-    decay = Measurement(fit.time - fit.time[0], record.values[-len(fit.time) :], sensor=record.sensor)
+    decay = after_release(record, len(record.time) - len(fit.time))
     return reduced(decay, fit.fitted_samples, lambda time: fit.displacement(time + fit.release_time))
 
 
@@ -164,6 +169,25 @@ def curve_at(model: DecayModel, values: ArrayLike) -> Callable[[Array], Array]:
     return lambda time: np.asarray(cs.evalf(model.curve(time, *x))).ravel()
 
 
+def _bent_starts(model: DecayModel, decays: Sequence[Measurement], guesses: Sequence[DecayGuess]) -> dict[str, float]:
+    """Return starting values under a smooth frequency: the fit of the simplest law that the largest decay shows."""
+    largest = int(np.argmax([guess.amplitude for guess in guesses]))
+    law = evident_law(decays[largest], guesses[largest], SIMPLER_LAWS)
+    bent = replace(model, frequency_law=law)
+    try:
+        fit, (own, *_) = _match(bent, decays, guesses, robust=False)
+    except FitError:
+        return {}
+    nodes = smooth_nodes(model.reference, model.span)
+    f = cs.evalf(bent.against_amplitude(nodes, *(cs.MX(value) for value in fit.values[list(own)]))[1]).full().ravel()
+    at, middle = f / f[NODE_OF_OMEGA] - 1, 2 * math.pi * f[NODE_OF_OMEGA]
+    return {
+        **fit.estimates,
+        "omega": middle,
+        **dict(zip(model.frequency_terms, np.delete(at, NODE_OF_OMEGA).tolist(), strict=True)),
+    }
+
+
 def _match(
     model: DecayModel,
     decays: Sequence[Measurement],
@@ -175,9 +199,12 @@ def _match(
     """Return the fit of a model, and the positions of the unknowns of each record.
 
     Unknowns named in ``start`` begin at the values given there, the others at the guesses.  If it is not given, the
-    fit starts from the guesses, from the track of amplitude and phase, or from there with the values in ``near``.
+    fit starts from the guesses, from the track of amplitude and phase, or from there with the values in ``near``; those
+    of a smooth frequency come from the fit by a simpler law.
     """
     unknowns, columns = _unknowns(model, guesses)
+    if model.frequency_law == "smooth" and start is None:
+        near = _bent_starts(model, decays, guesses)
     times, measured = [decay.time for decay in decays], cs.DM(np.concatenate([decay.values for decay in decays]))
     x = cs.MX.sym("x", len(unknowns))
     curve = cs.vertcat(*(model.curve(t, *(x[i] for i in own)) for t, own in zip(times, columns, strict=True)))

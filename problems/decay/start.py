@@ -56,10 +56,9 @@ def starting_values(model: DecayModel, decay: Measurement, guess: DecayGuess) ->
     return {"omega": ω, **damping, **bending, "e0": e0, "phase": math.remainder(φ, 2 * math.pi)}
 
 
-def evident_law(record: Measurement, guess: DecayGuess, laws: Sequence[FrequencyLaw]) -> FrequencyLaw:
+def evident_law(decay: Measurement, guess: DecayGuess, laws: Sequence[FrequencyLaw]) -> FrequencyLaw:
     """Return the frequency law that the track of a decay shows; the first if it is too short, or shows none."""
-    time = record.time[guess.release :] - record.time[guess.release]
-    found = _track(time, record.values[guess.release :], guess)
+    found = _track(decay.time, decay.values, guess)
     if len(found.time) < 6:  # as above
         return laws[0]
     A = found.amplitude

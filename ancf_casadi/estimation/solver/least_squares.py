@@ -73,7 +73,7 @@ def least_squares(
 
     r, jacobian = residuals_and_jacobian(evaluate, y.guess / y.scale)
     weight = _weight(jacobian)
-    settings = {**TIGHT, "ipopt.mu_init": _barrier(r, weight), **(options or {})}
+    settings = {**TIGHT, **_near_start(r, weight), **(options or {})}
     if gauss_newton:
         settings = {**gauss_newton_functions(evaluate, huber, weight, forward), **settings}
         for name in ("ipopt.tol", "ipopt.compl_inf_tol"):
@@ -155,12 +155,15 @@ def _weight(jacobian: Array) -> float:
     return weight
 
 
-def _barrier(residuals: Array, weight: float) -> float:
-    """Return the initial barrier parameter, the mean contribution of a residual to the objective at the guess.
+def _near_start(residuals: Array, weight: float) -> dict[str, float]:
+    """Return the initial barrier parameter mu, the mean contribution of a residual to the objective at the guess.
 
     At a good guess the residuals are small: the default of IPOPT, 0.1, would outweigh them and drive the unknowns away.
+    So would its least distance from a bound; with a unit second derivative, the barrier keeps mu^1/2.
     """
-    return float(np.clip(np.mean(residuals**2) / (2 * weight), 1e-12, 0.1))  # the tolerance, and the default of IPOPT
+    barrier = float(np.clip(np.mean(residuals**2) / (2 * weight), 1e-12, 0.1))  # the tolerance, and IPOPT's default
+    push = min(math.sqrt(barrier), 0.01)  # its default
+    return {"ipopt.mu_init": barrier, "ipopt.bound_push": push, "ipopt.bound_frac": push}
 
 
 def _inverse_root(jacobian: Array) -> tuple[Array, float, Mask]:

@@ -11,7 +11,7 @@ from scipy import stats
 from ancf_casadi.estimation.fit import colour_warning
 from ancf_casadi.estimation.intervals import profile_interval, quantile
 from ancf_casadi.estimation.solver.least_squares import least_squares
-from ancf_casadi.estimation.solver.unknown import Unknown
+from ancf_casadi.estimation.solver.unknown import Unknown, started
 from ancf_casadi.exceptions import InputError
 
 X = np.linspace(0.0, 3.0, 40)
@@ -135,6 +135,23 @@ def test_a_quantity_of_an_unknown_at_its_bound_has_its_interval():
         [-2 * fit.intervals()[0][::-1], fit.intervals()[1], [math.nan, math.nan]],
         rtol=1e-12,
     )
+
+
+def test_a_fit_that_starts_at_its_solution_stays_there_though_an_unknown_is_at_its_bound():
+    """A decay without friction: pushed off its bound by 0.01, friction of that size would drive the others away."""
+    time = np.linspace(0.0, 1.0, 201)
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(201)
+    y = cs.DM(np.exp(-time) * np.cos(40 * time) + noise)
+
+    def decay(rate, friction, frequency):
+        return (cs.exp(-rate * cs.DM(time)) - friction * cs.DM(time)) * cs.cos(frequency * cs.DM(time)) - y
+
+    unknowns = [Unknown("rate", 0.9, lower=0.0), Unknown("friction", 0.05, lower=0.0), Unknown("frequency", 40.1)]
+    fit = least_squares(decay, unknowns)
+    assert fit.active_bounds.tolist() == [False, True, False]
+    again = least_squares(decay, started(fit.unknowns, fit.estimates))
+    assert again.values == pytest.approx(fit.values, rel=1e-8, abs=1e-12)
+    assert again.iterations < fit.iterations / 2
 
 
 def test_outliers_are_borne():

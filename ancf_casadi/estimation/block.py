@@ -140,7 +140,7 @@ class Block(ABC):
 
     @property
     def stated(self) -> bool:
-        """True if the user states all standard deviations."""
+        """True if the user states all standard deviations, which count as known until residuals contradict them."""
         return False
 
     @property

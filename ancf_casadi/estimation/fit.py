@@ -41,6 +41,7 @@ from ancf_casadi.estimation.intervals import (
 )
 from ancf_casadi.estimation.solver.loss import dispersion, influence, row_weights
 from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, Noise, autocorrelation, concentration
+from ancf_casadi.estimation.solver.stated import CONTRADICTED
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.tables import finite
@@ -246,7 +247,7 @@ class Fit:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Unknowns at a bound, strong correlations, and intervals that reach a bound."""
+        """Unknowns at a bound, correlations, contradicted standard deviations, and intervals that reach a bound."""
         notes = [
             f"{name} is at its bound {self[name]:g}; the other standard errors take it as known"
             for name in self.at_bound
@@ -260,6 +261,11 @@ class Fit:
             notes.append(
                 f"{', '.join(named)} correlate: the data determine a combination of each pair much better than the two "
                 "alone; more data, or fewer unknowns, would help"
+            )
+        if self.noise.chance < CONTRADICTED:
+            notes.append(
+                f"the residuals are {self.noise.excess:.2g} times the stated standard deviations: the model or the "
+                "records are less accurate than stated, and the standard errors allow for it"
             )
         for k in np.flatnonzero(~self.active_bounds).tolist():
             (low, high), unknown = self.intervals()[k], self.unknowns[k]
@@ -316,10 +322,19 @@ class Fit:
     def colour(self) -> str:
         """Return the colour of the noise, and the ratio of the standard errors to those for white noise, as text."""
         if self.noise.white or not self.rank:
-            return "white noise"
+            return "white noise" + self._statement()
         ratio = self.errors / self.white_errors
         ends = dict.fromkeys(f"{end:.2g}" for end in (np.nanmin(ratio), np.nanmax(ratio)))
-        return f"coloured noise: standard errors {' to '.join(ends)} times those for white noise"
+        return f"coloured noise: standard errors {' to '.join(ends)} times those for white noise" + self._statement()
+
+    def _statement(self) -> str:
+        """Return how the residuals agree with stated standard deviations as text; empty without these."""
+        chance, growth = self.noise.chance, self.noise.excess
+        if math.isnan(chance):
+            return ""
+        shown = f"p = {chance:.2g}" if chance >= 1e-4 else "p < 0.0001"
+        used = "are taken as known" if growth == 1.0 else f"count {growth:.3g} times, as the residuals exceed them"
+        return f"; the stated standard deviations {used} ({shown})"
 
 
 def colour_warning(fit: Fit, *, noise_free: float = 0.0) -> str | None:

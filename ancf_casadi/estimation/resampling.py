@@ -2,7 +2,7 @@
 
 With the fitted curve r(x), n free unknowns and the residuals e of a record of m values, the records
 
-    parametric    y* = r(x) + s g,      g normal and white, s^2 = e'e/(m - n), or s as the user states it if larger
+    parametric    y* = r(x) + s g,      g normal and white, s^2 = e'e/(m - n), or s as the user states it
     bootstrap     y* = r(x) + e*,       e* drawn from the residuals, centred and scaled by (m/(m - n))^1/2
 
 are fitted as the measured record was, starting from its estimates.  If residuals correlate, drawing them one by one

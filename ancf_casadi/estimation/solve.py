@@ -129,7 +129,8 @@ class FitProblem:
             times=self.times,
             noise=math.hypot(accuracy, math.sqrt(count) * systematic),
             systematic=systematic,
-            stated=scale * all(block.stated for block in self.blocks),
+            stated=np.repeat([*(block.stated for block in self.blocks), True], [*self._sizes, len(self._priors)]),
+            deviation=scale,
             options=LEAST_SQUARES_OPTIONS,
             advice=FIT_ADVICE,
         )

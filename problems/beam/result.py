@@ -187,12 +187,6 @@ class BeamFit(BlocksResult):
             )
         if not own.noise.freedom or not own.degrees_of_freedom:
             notes.append("there are no more values than unknowns, so nothing shows their uncertainty; measure more")
-        # residuals, in stated standard deviations, beyond which model or records do not fit
-        if all(block.stated for block in self.solution.problem.blocks) and self.scatter > 2.0:
-            notes.append(
-                f"the residuals are {self.scatter:.2g} times the stated standard deviations: the model or the records "
-                "are less accurate than stated, and the standard errors allow for it"
-            )
         notes += [
             f"the records leave {name} open: the relative standard error of this product of powers is {error:.2g}"
             for name, error in self._products

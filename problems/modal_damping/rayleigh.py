@@ -211,7 +211,7 @@ def fit_rayleigh(
             Unknown("beta", scales[1], scales[1], lower=0.0, unit="s"),
         ],
         gauss_newton=True,
-        stated=0.0 if deviations is None else 1.0,
+        stated=None if deviations is None else np.ones(len(f), dtype=bool),
     )
     if deviations is not None:  # they are known, whatever the scatter
         fit = replace(fit, covariance=fit.covariance / fit.noise.variance, noise=Noise(1.0, math.inf))

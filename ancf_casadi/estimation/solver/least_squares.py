@@ -24,8 +24,8 @@ import numpy as np
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solver.loss import influence, loss
 from ancf_casadi.estimation.solver.nlp import solve_nlp
-from ancf_casadi.estimation.solver.noise import estimated_noise
 from ancf_casadi.estimation.solver.polish import POLISHED_ENOUGH, gauss_newton_functions, polish, residuals_and_jacobian
+from ancf_casadi.estimation.solver.stated import noise_with_stated
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, started
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, Mask
@@ -52,7 +52,8 @@ def least_squares(
     times: Array | None = None,  # of the residuals, s; if None, those of a series are equally spaced
     noise: float = 0.0,  # expected standard deviation of the residuals
     systematic: float = 0.0,  # root mean square of a systematic error, for which the standard errors allow (``loss``)
-    stated: float = 0.0,  # standard deviation that the user states; the estimated one counts as no less
+    stated: Mask | None = None,  # residuals (m,) whose standard deviation the user states; those of a robust fit vary
+    deviation: float = 1.0,  # the stated standard deviation
     options: Mapping[str, Any] | None = None,  # of ``nlpsol`` and IPOPT; they override those set here
     advice: str = "",  # for the error message if there is no solution
 ) -> Fit:
@@ -106,7 +107,8 @@ def least_squares(
         which = ", ".join(np.array(names)[free][weak])
         raise FitError(f"the data do not determine {which}; {advice or 'fix one, or add data'}")
     basis, (psi, w) = jacobian[:, free] @ root, influence(r, huber)
-    scatter = estimated_noise(psi, basis, series, times).at_least(stated)
+    known = stated if math.isinf(huber) else None
+    scatter = noise_with_stated(psi, basis, series, times, known, deviation)
     spread = scatter.form(basis) / w**2 + len(r) * systematic**2 * np.eye(len(root))
     covariance = np.full((len(names), len(names)), math.nan)
     covariance[np.ix_(free, free)] = root @ spread @ root.T

@@ -57,7 +57,7 @@ from itertools import pairwise
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.support.arrays import Array, ComplexArray, Index
+from ancf_casadi.support.arrays import Array, ComplexArray, Index, Mask
 
 NARROWEST_BAND = 12  # half-width of the narrowest band, in cycles per length of the series
 SAME_MEAN = 2.0  # difference of two means, in standard errors, up to which they agree
@@ -66,6 +66,7 @@ SPARSE_GRID = 16  # length of the grid over the number of samples, beyond which 
 PEAK_POWER = 10.0  # power over the median of the spectrum, beyond which it is not the floor of the noise
 MOST_CONCENTRATION = 3.0  # concentration beyond which residuals are not noise; 1 for white noise
 CLEAR_EXCESS = 4.0  # standard errors of M by which it is larger than q' R q where it replaces it
+UNSEEN = 1e-6  # share of the noise that a fit leaves, below which the residuals show none of it
 FEWEST_RESIDUALS = 8  # residuals, below which the noise counts as white
 
 
@@ -97,16 +98,21 @@ class Noise:
     freedom: float  # degrees of freedom of the estimated power, for Student's distribution
     spectra: tuple[SeriesSpectrum, ...] = ()  # spectrum of each series; none if the noise is white
     passing: Array | None = None  # significant part of the covariance of q'r (n, n) due to disturbances that die away
-    basis: Array | None = None  # orthonormal basis q of the columns of the Jacobian (m, n), if ``passing`` is given
+    basis: Array | None = None  # q (m, n) of the columns of the Jacobian, dual if not orthonormal, for ``passing``
     growth: float = 1.0  # mean variance in the directions of the fitted curve, relative to s^2
+    parts: tuple[tuple[Mask, Noise], ...] = ()  # residuals with a noise of their own, all (``stated``); s^2 is the mean
+    chance: float = math.nan  # probability of larger residuals for stated standard deviations; nan without these
+    excess: float = 1.0  # standard deviation over the stated one
 
     @property
     def white(self) -> bool:
         """True if the noise is white as far as the residuals tell."""
-        return not self.spectra and self.passing is None
+        return not self.spectra and self.passing is None and all(noise.white for _, noise in self.parts)
 
     def form(self, columns: Array) -> Array:
         """Return X' R X (n, n) of columns X (m, n)."""
+        if self.parts:
+            return np.asarray(sum(noise.form(columns[rows]) for rows, noise in self.parts))
         if self.spectra:
             form = sum(spectrum.form(columns) for spectrum in self.spectra)
         else:
@@ -117,10 +123,8 @@ class Noise:
         return np.asarray(form + inside.T @ self.passing @ inside)
 
     def at_least(self, deviation: float) -> Noise:
-        """Return white noise of no less than a standard deviation, which is known if the residuals do not show it."""
-        if not deviation or not self.white or self.variance >= deviation**2:
-            return self
-        return Noise(deviation**2, self.freedom or math.inf)
+        """Return white noise of no less than a standard deviation."""
+        return self if not self.white or self.variance >= deviation**2 else Noise(deviation**2, self.freedom)
 
     def along(self, column: Array) -> float:
         """Return the variance of the noise in the direction of a column (m,); s^2 if the column is zero."""
@@ -131,13 +135,15 @@ class Noise:
 def estimated_noise(residuals: Array, basis: Array, series: Sequence[int], times: Array | None) -> Noise:
     """Return the noise of a fit with n free unknowns from its residuals (m,), the psi of a robust one.
 
-    The orthonormal ``basis`` (m, n) spans the columns of the Jacobian.  Without series, the residuals have no order and
-    count as white noise; without times (m,), those of a series are equally spaced.
+    The orthonormal ``basis`` (m, n) spans the columns of the Jacobian; for a part of the residuals, it has the rows of
+    these, and their leverage takes the place of n.  Without series, the residuals have no order and count as white
+    noise; without times (m,), those of a series are equally spaced.
     """
-    m, n = basis.shape
-    if m == n:
+    (m, n), gram = basis.shape, basis.T @ basis
+    used = float(np.trace(gram))
+    if m - used < UNSEEN * m:
         return Noise(math.nan, 0.0)
-    white = Noise(float(residuals @ residuals) / (m - n), m - n)
+    white = Noise(float(residuals @ residuals) / (m - used), m - used)
     if not series or m < FEWEST_RESIDUALS or n == 0 or not white.variance > 0.0:
         return white
     grids = _grids(series, times)
@@ -157,13 +163,13 @@ def estimated_noise(residuals: Array, basis: Array, series: Sequence[int], times
     share = np.concatenate([part.leverage for part in parts])
     uncertainty = float(share @ (1 / np.concatenate([freedom for _, freedom in means])))
     coloured = Noise(white.variance, float(share.sum()) / uncertainty, spectra)
-    change = abs(np.linalg.eigvalsh(coloured.form(basis)) / white.variance - 1).max()
+    change = abs(np.linalg.eigvalsh(coloured.form(basis) / white.variance - gram)).max()
     lasting = white if change < max(WHITE_CHANGE, SAME_MEAN * math.sqrt(2 / coloured.freedom)) else coloured
     passing = _passing(residuals, basis, grids, parts, lasting.form(basis))
     if lasting is white and passing is None:
         return white
-    noise = replace(lasting, passing=passing, basis=None if passing is None else basis)
-    return replace(noise, growth=float(np.trace(noise.form(basis))) / (n * white.variance))
+    noise = replace(lasting, passing=passing, basis=None if passing is None else basis @ np.linalg.pinv(gram))
+    return replace(noise, growth=float(np.trace(noise.form(basis))) / (used * white.variance))
 
 
 def _with_misfit(power: Array, variance: float) -> Array:
@@ -201,7 +207,7 @@ def _passing(
         window[1:-1] *= 2
         scores = transform(residuals[rows, None] * basis[rows], places, length)
         products += (scores.conj().T @ (scores * window[:, None])).real / length
-    products *= m / (m - n)
+    products *= m / (m - np.sum(basis**2))
     slots_per_sample = sum(int(places[-1]) + 1 for _, places in grids) / m
     least = np.finfo(float).eps * (float(np.trace(lasting)) + float(residuals @ residuals) / m)
     root = np.linalg.cholesky(lasting + least * np.eye(n))

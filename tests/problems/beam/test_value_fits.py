@@ -149,7 +149,7 @@ class TestUncertainty:
     @pytest.mark.slow
     @pytest.mark.parametrize("stated", [False, True])
     def test_intervals_cover_the_truth_as_often_as_they_say(self, given, stated):
-        """With a stated standard deviation, the larger of it and the scatter counts, which covers more often."""
+        """Also with stated standard deviations, although only a dozen values are left to contradict them."""
         model, hits, runs = given(elements=4), 0, 60
         for seed in range(runs):
             table, tones = (make(model, noise=0.01, seed=seed) for make in (static, frequencies))
@@ -160,7 +160,7 @@ class TestUncertainty:
             found = fit.intervals()
             for name, true in (("density", 1500.0), ("bending_stiffness", 0.6)):
                 hits += found[name][0] <= true <= found[name][1]
-        assert covers(hits, 2 * runs) or (stated and hits > 0.95 * 2 * runs)
+        assert covers(hits, 2 * runs)
 
     def test_stated_deviations_are_the_least_that_intervals_allow_for(self, given):
         exact = static(given(), std=1e-3)

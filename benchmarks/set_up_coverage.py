@@ -1,21 +1,23 @@
 """Coverage of the 95 % intervals of what is attached to a beam, over many seeds of noise.
 
-    python benchmarks/set_up_coverage.py [--seeds 200] [--case mass curvature suspension]
+    python benchmarks/set_up_coverage.py [--seeds 200] [--case mass curvature suspension ends]
 
 Cases: mass and stiffness of a spring at mid-span from frequencies of two configurations; natural curvature and elastic
-modulus from two sags; modulus and suspension of a free strip from six frequencies.
+modulus from two sags; modulus and suspension of a free strip from six frequencies; stiffness of an end and prestress of
+a strip between two clamps from six frequencies, whose noise the fit estimates.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from scipy.stats import binomtest
 
-from ancf_casadi import Beam, Model, PointLoad, PointMass, Sensor, Spring, natural_modes, static_equilibrium
+from ancf_casadi import Beam, Clamp, Model, PointLoad, PointMass, Sensor, Spring, natural_modes, static_equilibrium
 from problems import FrequencyRecord, StaticRecord, fit_beam
 
 STRIP: dict[str, Any] = {"length": 0.5, "width": 20e-3, "thickness": 1e-3, "density": 2700.0, "elements": 10}
@@ -73,10 +75,23 @@ def suspension(random: Random) -> tuple[dict[str, float], Any]:
     return truth, fit_beam(Model(first), noisy(free(*truth.values()), first, 6, 2e-3, random), unknowns=[*truth])
 
 
+def ends(random: Random) -> tuple[dict[str, float], Any]:
+    """Fit the stiffness of one end and the prestress from six frequencies of a strip between two clamps."""
+    truth = {"clamp_stiffness": 2.0, "prestress": 2e6}
+
+    def clamped(k: float, prestress: float) -> Beam:
+        return strip(supports=[Clamp(0.0), Clamp(0.5, k)], prestress=prestress)
+
+    first = clamped(4.0, 1e6)
+    record = replace(noisy(clamped(*truth.values()), first, 6, 5e-4, random), std=None)
+    return truth, fit_beam(Model(first), record, unknowns=[*truth])
+
+
 CASES: dict[str, Callable[[Random], tuple[dict[str, float], Any]]] = {
     "mass": mass,
     "curvature": curvature,
     "suspension": suspension,
+    "ends": ends,
 }
 
 

@@ -128,7 +128,8 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "Beam": (a.Beam, {
             "length": 0.5, "width": (5e-3,) * 2, "thickness": (5e-4,) * 2, "density": (8e3,) * 2,
             "elastic_modulus": (2e11,) * 2, "axis": (0.0, -1.0), "gravity": (0.0, -9.81),
-            "natural_curvature": (0.1,) * 2, "supports": (a.Clamp(),), "attachments": (a.PointMass(0.5, 1e-3),),
+            "natural_curvature": (0.1,) * 2, "prestress": (1e5,) * 2, "supports": (a.Clamp(),),
+            "attachments": (a.PointMass(0.5, 1e-3),),
         }),
         "Clamp": (a.Clamp, {"point": 0.1, "stiffness": 1.0, "displacement": (0.0, 0.01), "rotation": 0.1}),
         "Pin": (a.Pin, {"point": 0.1, "displacement": (0.0, 0.01)}),

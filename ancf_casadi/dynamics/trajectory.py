@@ -296,10 +296,11 @@ class Trajectory(Motion):
         InputError
             If the point is not on the beam.
         """
-        width, thickness, _, modulus = self.model.properties
+        (width, thickness, _, modulus), prestress = self.model.properties, np.array(self.model.beam.prestress or [0.0])
         readings = (axial_strains_near(self.model, point, at) for at in (self._interpolated, self._manufactured))
         strains = [(weight, k, strain - own) for (weight, k, strain), (*_, own) in zip(*readings, strict=True)]
-        return np.asarray(sum(weight * (modulus * width * thickness)[k] * strain for weight, k, strain in strains))
+        stresses = ((weight, k, modulus[k] * strain + prestress[k % prestress.size]) for weight, k, strain in strains)
+        return np.asarray(sum(weight * (width * thickness)[k] * stress for weight, k, stress in stresses))
 
     def bending_moment(self, point: float) -> Array:
         """Return the bending moment at arc length ``point`` (m), (k,), N m, positive counterclockwise.

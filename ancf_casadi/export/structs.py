@@ -51,6 +51,7 @@ NotNegative = Annotated[float, Meta(ge=0.0)]
 Pair = tuple[float, float]
 PerElement = Annotated[tuple[Positive, ...], Meta(min_length=2, description="One value per element, from the clamp.")]
 Curvatures = Annotated[tuple[float, ...], Meta(description="One value per element; none if the beam is straight.")]
+Stresses = Annotated[tuple[float, ...], Meta(min_length=2, description="One value per element, if there is any.")]
 Frequencies = Annotated[tuple[Positive, ...], Meta(min_length=1, description="Natural frequencies, Hz.")]
 Ratio = Annotated[float, Meta(ge=0.0, lt=1.0)]
 Points = Annotated[int, Meta(ge=1, le=9, description="Number of Gauss points.")]
@@ -142,6 +143,7 @@ class BeamData(DocumentObject, frozen=True):
     axis: Pair = (0.0, -1.0)
     gravity: Pair = (0.0, -9.81)
     natural_curvature: Curvatures = ()
+    prestress: Stresses | UnsetType = UNSET
     supports: tuple[SupportData, ...] = (ClampData(),)
     attachments: tuple[AttachmentData, ...] = ()
 

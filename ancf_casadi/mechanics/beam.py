@@ -11,7 +11,7 @@ Where one of these is not at the end of an element, the nearest node moves there
 The laboratory frame has x to the right and y up.
 
 Lumped properties (``lumped``) are those that the beam does not have once per element: masses, stiffnesses,
-coefficients, and the largest natural curvature, which stands for all of them.
+coefficients, and the largest natural curvature and prestress, which stand for all of them.
 """
 
 from __future__ import annotations
@@ -50,6 +50,7 @@ from ancf_casadi.support.inputs import (
 from ancf_casadi.support.tables import Displayed, counted
 
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
+INITIAL = ("natural_curvature", "prestress")  # one value per element, or none; the largest is a lumped property
 MINIMUM_ELEMENTS = 2
 MAXIMUM_ELEMENTS = 10_000  # a larger number is taken for a typing error
 SAME_POINT, SHORTEST_ELEMENT = 1e-9, 1e-5  # distances relative to the length; shorter elements drown in rounding
@@ -77,6 +78,9 @@ class Beam(Displayed):
         Acceleration of gravity, m/s^2.
     natural_curvature : tuple of float
         Curvature of each element without stress, 1/m, positive counterclockwise; empty for a straight beam.
+    prestress : tuple of float
+        Axial stress of each element while the beam has its length, Pa, tension positive; empty if there is none.  It
+        acts where supports keep the ends apart; a beam with a free end becomes shorter until it is without stress.
     supports : tuple of Support
         The supports, none for a free beam; by default a rigid clamp at the beginning.
     attachments : tuple of Attachment
@@ -85,10 +89,10 @@ class Beam(Displayed):
     Raises
     ------
     InputError
-        If a value is not finite and positive (gravity, curvature: not finite), the axis is zero, the tuples differ in
-        length, there are fewer than 2 or more than 10000 elements, the mass or a stiffness of an element is beyond the
-        range of numbers, a support or attachment is not on the beam, two supports hold the same point, or the supports
-        and attachments are at more points than the beam has nodes.
+        If a value is not finite and positive (gravity, curvature, prestress: not finite), the axis is zero, the tuples
+        differ in length, there are fewer than 2 or more than 10000 elements, the mass or a stiffness of an element is
+        beyond the range of numbers, a support or attachment is not on the beam, two supports hold the same point, or
+        the supports and attachments are at more points than the beam has nodes.
 
     Examples
     --------
@@ -108,6 +112,7 @@ class Beam(Displayed):
     axis: tuple[float, float] = (0.0, -1.0)
     gravity: tuple[float, float] = (0.0, -9.81)
     natural_curvature: tuple[float, ...] = ()
+    prestress: tuple[float, ...] = ()
     supports: tuple[Support, ...] = (Clamp(),)
     attachments: tuple[Attachment, ...] = ()
 
@@ -123,10 +128,12 @@ class Beam(Displayed):
         whole(self.elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
         object.__setattr__(self, "axis", unit_vector(self.axis, "axis"))
         object.__setattr__(self, "gravity", vector(self.gravity, "gravity"))
-        curvature = numbers(self.natural_curvature, "natural_curvature")
-        if len(curvature) not in (0, self.elements):
-            raise InputError(f"has {len(curvature)} values for {self.elements} elements", "natural_curvature")
-        object.__setattr__(self, "natural_curvature", curvature if any(curvature) else ())
+        for name in INITIAL:
+            own = numbers(getattr(self, name), name)
+            if len(own) not in (0, self.elements):
+                raise InputError(f"has {len(own)} values for {self.elements} elements", name)
+            check_size(own or 0.0, name)
+            object.__setattr__(self, name, own if any(own) else ())
         kinds = {"supports": Support, "attachments": Attachment}
         parts = {name: instances(getattr(self, name), name, kind, least=0) for name, kind in kinds.items()}
         places = np.array([0.0, self.length, *sorted(one.point for found in parts.values() for one in found)])
@@ -135,7 +142,6 @@ class Beam(Displayed):
             object.__setattr__(self, name, tuple(sorted(joined, key=lambda one: one.point)))
         self._check_points()
         check_elements(self.element_lengths, zip(*(getattr(self, name) for name in PROPERTIES), strict=True))
-        check_size(self.natural_curvature or 0.0, "natural_curvature")
 
     @classmethod
     def uniform(
@@ -150,6 +156,7 @@ class Beam(Displayed):
         axis: tuple[float, float] = (0.0, -1.0),
         gravity: tuple[float, float] = (0.0, -9.81),
         natural_curvature: float | Sequence[float] = 0.0,
+        prestress: float | Sequence[float] = 0.0,
         supports: Sequence[Support] = (Clamp(),),
         attachments: Sequence[Attachment] = (),
         tip_mass: float = 0.0,
@@ -159,7 +166,7 @@ class Beam(Displayed):
 
         Parameters
         ----------
-        width, thickness, density, elastic_modulus, natural_curvature : float or sequence of float
+        width, thickness, density, elastic_modulus, natural_curvature, prestress : float or sequence of float
             As in ``Beam``, or one number for all elements.
         elements : int
             Number of elements, at least 2.
@@ -187,10 +194,10 @@ class Beam(Displayed):
         """
         elements = whole(elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
         given = {"width": width, "thickness": thickness, "density": density, "elastic_modulus": elastic_modulus}
+        given |= {"natural_curvature": natural_curvature, "prestress": prestress}
         spread: dict[str, Any] = {name: _spread(value, elements, name) for name, value in given.items()}
-        curvature = _spread(natural_curvature, elements, "natural_curvature")
         held: dict[str, Any] = {"supports": supports, "attachments": attachments}
-        beam = cls(length=length, axis=axis, gravity=gravity, natural_curvature=curvature, **held, **spread)
+        beam = cls(length=length, axis=axis, gravity=gravity, **held, **spread)
         lumped = {"tip_mass": tip_mass} if tip_mass != 0.0 else {}
         if clamp_stiffness != math.inf:
             lumped["clamp_stiffness"] = clamp_stiffness
@@ -232,7 +239,7 @@ class Beam(Displayed):
         if not isinstance(table, dict):
             raise InputError("has no table [beam]", where)
         required = {"length", "elements", *PROPERTIES}
-        optional = {"axis", "gravity", "tip_mass", "clamp_stiffness", "natural_curvature", *PART_KINDS}
+        optional = {"axis", "gravity", "tip_mass", "clamp_stiffness", *INITIAL, *PART_KINDS}
         check_keys(table, required, optional, f"{where}: [beam]")
         given = with_parts(table, f"{where}: [beam]")
         with located(f"{where}: [beam]"):
@@ -275,11 +282,9 @@ class Beam(Displayed):
 
     @cached_property
     def lumped(self) -> dict[str, float]:
-        """The lumped properties by name: those of attachments and of supports along the beam, then the curvature."""
+        """The lumped properties by name: those of attachments and supports along the beam, curvature, prestress."""
         found = {name: place.value(self.supports, self.attachments) for name, place in self.lumped_places.items()}
-        if self.natural_curvature:
-            found["natural_curvature"] = max(self.natural_curvature, key=abs)
-        return found
+        return found | {name: max(getattr(self, name), key=abs) for name in INITIAL if getattr(self, name)}
 
     @property
     def tip_is_held(self) -> bool:
@@ -320,8 +325,8 @@ class Beam(Displayed):
         """
         names = {field.name for field in fields(self)}
         lumped = {name: changes.pop(name) for name in list(changes) if name not in names}
-        for name in changes.keys() & {*PROPERTIES, "natural_curvature"}:
-            if not (name == "natural_curvature" and is_sequence(changes[name]) and not len(changes[name])):
+        for name in changes.keys() & {*PROPERTIES, *INITIAL}:
+            if not (name in INITIAL and is_sequence(changes[name]) and not len(changes[name])):
                 changes[name] = _spread(changes[name], self.elements, name)
         if "length" in changes:  # what is at the tip stays there
             length = positive(changes["length"], "length")
@@ -338,13 +343,12 @@ class Beam(Displayed):
         return beam
 
     def with_lumped(self, values: Mapping[str, float]) -> Beam:
-        """Return a copy with other lumped properties; the curvatures of all elements keep their ratios."""
-        changes = dict(values)
-        largest = changes.pop("natural_curvature", None)
-        if largest is None:
-            return self.with_(**changes)
-        ratio = largest / self.lumped["natural_curvature"]
-        return self.with_(natural_curvature=[ratio * own for own in self.natural_curvature], **changes)
+        """Return a copy with other lumped properties; curvatures and prestresses of all elements keep their ratios."""
+        changes: dict[str, Any] = dict(values)
+        for name in changes.keys() & {*INITIAL}:
+            ratio = changes[name] / self.lumped[name]
+            changes[name] = [ratio * own for own in getattr(self, name)]
+        return self.with_(**changes)
 
     @cached_property
     def lumped_places(self) -> dict[str, Place]:

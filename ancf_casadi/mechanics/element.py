@@ -21,6 +21,8 @@ With a natural curvature kappa_0, the strains s are those beyond the strains of 
 measures, so that the beam as manufactured is free of stress on any mesh.  (Its cubics miss the arc by a strain of
 (kappa_0 l)^4/480, whose tension can exceed the buckling load of a thin beam.)
 
+A prestress sigma_0 is a further axial strain sigma_0/E.
+
 What is attached to the beam at a node is an element too (``point_elements``).
 
 References
@@ -74,13 +76,15 @@ class Element:
 
 
 @lru_cache(maxsize=8)
-def element(measures: StrainMeasures, *, curved: bool = False) -> Element:
+def element(measures: StrainMeasures, *, curved: bool = False, prestressed: bool = False) -> Element:
     """Derive the Functions of a beam element from its energies, once for each choice of strain measures.
 
-    A ``curved`` element has two more properties: the ratio of its natural curvature to the largest one of the beam, and
-    this largest one, 1/m.
+    A ``curved`` or ``prestressed`` element has more properties: the ratio of its natural curvature to the largest one
+    of the beam, that of its prestress, then the largest curvature, 1/m, and prestress, Pa.
     """
-    e, e_t, p = cs.SX.sym("e", 8), cs.SX.sym("e_t", 8), cs.SX.sym("p", ELEMENT_PROPERTIES + 2 * curved)
+    more = curved + prestressed
+    e, e_t, p = cs.SX.sym("e", 8), cs.SX.sym("e_t", 8), cs.SX.sym("p", ELEMENT_PROPERTIES + 2 * more)
+    own = p[ELEMENT_PROPERTIES : ELEMENT_PROPERTIES + more] * p[ELEMENT_PROPERTIES + more :]
     width, thickness, density, elastic_modulus, l, *axis = cs.vertsplit(p[:ELEMENT_PROPERTIES])
     area, units = width * thickness, cs.vertcat(1, 1, l, l, 1, 1, l, l)  # units * e: for a length of 1
     mu = density * area
@@ -88,14 +92,16 @@ def element(measures: StrainMeasures, *, curved: bool = False) -> Element:
     eps, kappa = axial_strains(units * e, l, measures), bending_strains(units * e, l, measures)
     straight = cs.vertcat(0, 0, *axis, *(l * component for component in axis), *axis)
     if curved:
-        arc = _arc(l, p[ELEMENT_PROPERTIES] * p[ELEMENT_PROPERTIES + 1])
+        arc = _arc(l, own[0])
         before = [axial_strains(arc, l, measures), bending_strains(arc, l, measures)]
         eps, kappa = (
-            [(strain - own, w) for (strain, w), (own, _) in zip(strains, without, strict=True)]
+            [(strain - natural, w) for (strain, w), (natural, _) in zip(strains, without, strict=True)]
             for strains, without in zip((eps, kappa), before, strict=True)
         )
         (ax, ay) = axis
         straight = cs.kron(cs.SX.eye(4), cs.blockcat([[ax, -ay], [ay, ax]])) @ (arc / units)
+    if prestressed:
+        eps = [(strain + own[-1] / elastic_modulus, w) for strain, w in eps]
     d = cs.vertcat(
         *(elastic_modulus * area * l * w for _, w in eps),
         *(elastic_modulus * area * thickness**2 / 12 * l * w for _, w in kappa),

@@ -6,6 +6,7 @@
     spring_x, spring_y                 stiffnesses of a ``Spring`` that are not 0, N/m
     dashpot_x, dashpot_y               coefficients of a ``Dashpot`` that are not 0, N s/m
     clamp_stiffness                    torsional stiffness of a ``Clamp``, if it is finite, N m/rad
+    natural_curvature, prestress       the largest one of the elements, which keep their ratios, 1/m, Pa
 
 A second one of a name counts on along the beam: mass, mass_2.
 """

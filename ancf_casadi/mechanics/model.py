@@ -29,7 +29,7 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.mechanics.beam import PROPERTIES, Beam
+from ancf_casadi.mechanics.beam import INITIAL, PROPERTIES, Beam
 from ancf_casadi.mechanics.element import Element, Group, element
 from ancf_casadi.mechanics.nodes import NODE, Nodes
 from ancf_casadi.mechanics.point_elements import (
@@ -102,15 +102,13 @@ class Model(Nodes):
     @cached_property
     def element(self) -> Element:
         """The Functions of one beam element."""
-        return element(self.measures, curved=bool(self.beam.natural_curvature))
+        return element(self.measures, curved=bool(self.beam.natural_curvature), prestressed=bool(self.beam.prestress))
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
         """The elements of the beam, and what is attached to it."""
         beam, n, coordinates = self.beam, self.beam.elements, np.arange(2 * NODE)
-        constants, lumped = self._constants, {}
-        if beam.natural_curvature:
-            lumped = {"natural_curvature": beam.lumped["natural_curvature"]}
+        constants, lumped = self._constants, {name: beam.lumped[name] for name in INITIAL if name in beam.lumped}
         places = NODE * (np.arange(n)[:, None] + self.root) + coordinates
         groups = [Group(self.element, places, slice(n), constants, lumped)]
         if self.root and not any(np.abs(self.whole_of_base[2 + NODE :: NODE]).sum(axis=1)):
@@ -120,14 +118,14 @@ class Model(Nodes):
 
     @cached_property
     def _constants(self) -> Array:
-        """Length and axis of each element and, if the beam is bent, the ratio of its curvature to the largest."""
+        """Length and axis of each element, and the ratios of its curvature and prestress, if any, to the largest."""
         beam = self.beam
         rows = [beam.element_lengths, *np.outer(beam.axis, np.ones(beam.elements))]
         if beam.natural_curvature:
             slopes = self.natural_nodes[1]
             middle = slopes[:-1] + slopes[1:]
             rows[1:] = (middle / np.linalg.norm(middle, axis=1)[:, None]).T
-            rows.append(np.array(beam.natural_curvature) / beam.lumped["natural_curvature"])
+        rows += [np.array(getattr(beam, name)) / beam.lumped[name] for name in INITIAL if name in beam.lumped]
         return np.array(rows)
 
     def _attached(self, name: str) -> Group:

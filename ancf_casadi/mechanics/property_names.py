@@ -25,6 +25,7 @@ BEAM_UNITS = {
     "dashpot_x": "N s/m",
     "dashpot_y": "N s/m",
     "natural_curvature": "1/m",
+    "prestress": "Pa",
 }
 LUMPED_KINDS = tuple(name for name in BEAM_UNITS if name not in PROPERTIES)
 

@@ -19,6 +19,7 @@ from ancf_casadi.mechanics.beam import PROPERTIES, Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.supports import Clamp, Guide, Support
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import number
 
 
 def lumped_places(beam: Beam, name: str) -> list[int]:
@@ -36,7 +37,8 @@ def lumped_value(beam: Beam, name: str) -> float:
 def changed_model(model: Model, properties: Array) -> Model:
     """Return the model with other properties, in the order of ``structure_properties``."""
     rows: Any = properties[: model.properties.size].reshape(model.properties.shape).tolist()
-    lumped = dict(zip(model.lumped, properties[model.properties.size :].tolist(), strict=True))
+    given = zip(model.lumped, properties[model.properties.size :].tolist(), strict=True)
+    lumped = {name: number(value, name) for name, value in given}
     beam = model.beam.with_(**dict(zip(PROPERTIES, rows, strict=True))).with_lumped(lumped)
     if "natural_curvature" in lumped:
         after = Model(beam)

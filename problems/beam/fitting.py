@@ -110,8 +110,8 @@ def fit_beam(
         What else to estimate: properties, each by a factor common to all elements, or to those in brackets, as
         ``thickness[1:5]``: ``width``, ``thickness``, ``density``, ``elastic_modulus``, ``bending_stiffness`` (E I, by
         the modulus), ``mass_per_length`` (by the density); lumped properties, named as in ``Beam.lumped``:
-        ``tip_mass``, ``mass_2``, ``clamp_stiffness``, ``spring_y``, ``natural_curvature`` and so on, of which a name
-        means the same part in all configurations that have it;
+        ``tip_mass``, ``mass_2``, ``clamp_stiffness``, ``spring_y``, ``natural_curvature``, ``prestress`` and so on, of
+        which a name means the same part in all configurations that have it;
         ``natural_frequencies``; ``excitation`` (common) or ``excitations`` (one for each response curve);
         ``base_amplitude``; ``start_force_x``, ``start_force_y``, ``start_moment`` and their ``_rate``.  If not given,
         natural frequencies for response curves alone, the elastic modulus for these together with others.  A rigid
@@ -121,8 +121,8 @@ def fit_beam(
     bounds : mapping, optional
         Bounds (lower, upper) by name of the unknown, SI units.  By default parameters of the law are at least 0 (and
         ratios at most 1); properties from a tenth to ten times the first value, masses and dashpots from 0, and
-        springs from a hundredth, to a hundred times, clamps from 0.01 to 1e5 E I/L, a natural curvature up to ten
-        times to either side; natural frequencies within 10 %; excitations from 0.5 to 1.5; loads unbounded.
+        springs from a hundredth, to a hundred times, clamps from 0.01 to 1e5 E I/L, a natural curvature or prestress
+        up to ten times to either side; natural frequencies within 10 %; excitations from 0.5 to 1.5; loads unbounded.
     priors : mapping, optional
         Mean and standard deviation of an unknown by name before the fit, SI units: ``{"excitation": (1, 0.01)}``.
     robust : bool

@@ -42,6 +42,7 @@ CONSTANTS = {"bending_stiffness": 1 / 12}
 DRIVEN_BY = {"bending_stiffness": "elastic_modulus", "mass_per_length": "density"}
 PROPERTY_UNITS: Mapping[str, str] = {**BEAM_UNITS, "bending_stiffness": "N m^2", "mass_per_length": "kg/m"}
 CURVATURE = "natural_curvature"
+SIGNED = (CURVATURE, "prestress")  # of either sign
 # parts with strain energy of their own
 ELASTIC = (CLAMP_STIFFNESS, "rotational_spring", "spring_x", "spring_y", "spring_stiffness")
 STIFFNESSES = (CLAMP_STIFFNESS, "elastic_modulus", "bending_stiffness")
@@ -172,13 +173,13 @@ def property_unknown(name: str, first: float, models: Sequence[Model]) -> Unknow
 
     These are a tenth and ten times the first value; 0 and a hundred times for masses and dashpots; a hundredth and a
     hundred times for springs; 0.01 and 1e5 E I/L of the shortest beam for clamps; ten times the first value to either
-    side for a natural curvature.
+    side for a natural curvature or a prestress.
     """
     kind = lumped_kind(name)
     if kind == CLAMP_STIFFNESS:
         # largest and least clamp stiffness without other bounds, in units of E I/L
         lower, upper = (bound * _clamp_unit(models) for bound in (1e-2, 1e5))
-    elif kind == CURVATURE:
+    elif kind in SIGNED:
         lower, upper = -MOST_FACTOR * abs(first), MOST_FACTOR * abs(first)
     elif kind:
         lower, upper = first / MOST_LUMPED if kind in ELASTIC else 0.0, first * MOST_LUMPED

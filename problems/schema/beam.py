@@ -23,7 +23,8 @@ BEAM_KEYS = """\
   [beam]        length (m), elements; width, thickness (m), density (kg/m^3),
                 elastic_modulus (Pa): each a number, or a list with one value
                 per element; optional: axis, gravity (m/s^2), tip_mass (kg),
-                clamp_stiffness (N m/rad), natural_curvature (1/m);
+                clamp_stiffness (N m/rad), natural_curvature (1/m),
+                prestress (Pa);
                 supports = []: a free beam
                 or only document = "BEAM.json": a JSON document with a beam and
                 its damping; a relative path starts at the folder of this file

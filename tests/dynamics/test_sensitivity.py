@@ -9,11 +9,13 @@ import pytest
 
 from ancf_casadi import (
     Beam,
+    Clamp,
     FixedBase,
     HarmonicBase,
     InputError,
     ModalDamping,
     Model,
+    Pin,
     QuadraticDamping,
     RayleighDamping,
     motion,
@@ -27,6 +29,7 @@ from ancf_casadi.dynamics.derivatives.sensitivity import SensitivityProblem
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.exceptions import SimulationError
+from ancf_casadi.vibration.changed_model import changed_model
 
 BASE = HarmonicBase(0.02, 3.0, stop=0.15)
 SETTINGS = {"duration": 0.24, "sample_rate": 100.0, "tolerance": 1e-7}
@@ -341,6 +344,35 @@ def test_other_values_of_the_lumped_properties_give_the_motion_of_another_beam(m
         other, damping=problem.equations.law, base=BASE, start="equilibrium", method="radau", **settings
     )
     assert abs(problem.solve(at).samples[:, 0] - expected.coordinates).max() < 1e-6 * model.beam.length
+
+
+@pytest.mark.parametrize("start", ["equilibrium", "held"])
+def test_supports_stay_in_place_as_curvature_and_prestress_change(model, start):
+    """The motion at other values is that of the other beam on the same supports, and so are its derivatives."""
+    lumped = {"natural_curvature": 0.5, "prestress": 200.0}
+    held = Model(model.beam.with_(supports=(Clamp(0.0), Pin(0.12, displacement=(1e-3, 2e-5)))))
+    base = HarmonicBase(2e-3, 20.0) if start == "equilibrium" else FixedBase()
+    times = np.linspace(0.0, 0.05, 11)
+    options = {"lumped": lumped, "tolerance": 1e-8, "times": times, "held": start == "held"}
+    problem, at = lumped_problem(held, start, base, **options)
+    first, place = problem.equations.model, problem.layout["lumped"]
+    directions = lumped_directions(problem, at)
+    at[place] = 0.8, 300.0
+    other = changed_model(first, np.concatenate([first.properties.ravel(), at[place]]))
+    begin = static_equilibrium(other, tip_force=(0.002, 0.0)) if start == "held" else start
+    settings = {"duration": 0.05, "sample_rate": 200.0, "tolerance": 1e-8, "method": "radau"}
+    expected = simulate(other, damping=problem.equations.law, base=base, start=begin, **settings).coordinates
+    if start == "held":
+        at[problem.layout["start"].start] = 0.002
+    run = problem.solve(at)
+    assert np.ptp(expected, axis=0).max() > 1e-4
+    assert abs(run.samples[:, 0] - expected).max() < 1e-6 * model.beam.length
+    found = problem.forward(run, directions)[:, 0]
+    for k, direction in enumerate(directions.T):
+        ends = [problem.solve(at + sign * 1e-3 * direction).samples[:, 0] for sign in (1, -1)]
+        change = (ends[0] - ends[1]) / 2e-3
+        assert abs(change).max() > 1e-5
+        assert abs(found[..., k] - change).max() < 2e-4 * abs(change).max()
 
 
 def test_the_first_accelerations_after_a_release_are_those_of_the_changed_tip_mass(model):

@@ -39,6 +39,7 @@ HINGED = Beam.uniform(
     length=0.5,
     axis=(1.0, 0.0),
     natural_curvature=[0.1, 0.1, -0.2, 0.0],
+    prestress=[1e6, 2e6, 1e6, 0.0],
     supports=(Pin(0.0), Pin(0.5, displacement=(-1e-4, 0.0))),
     attachments=(
         PointMass(0.2, 2e-3, rotary_inertia=1e-7),

@@ -89,6 +89,7 @@ def beams(draw, elements=None):
         axis=(draw(positive) * np.cos(angle), draw(positive) * np.sin(angle)),
         gravity=(draw(finite), draw(finite)),
         natural_curvature=draw(st.sampled_from([(), tuple(draw(st.lists(small, min_size=n, max_size=n)))])),
+        prestress=draw(st.sampled_from([(), tuple(draw(st.lists(small, min_size=n, max_size=n)))])),
         supports=draw(supports(length)),
         attachments=draw(attachments(length)),
     )

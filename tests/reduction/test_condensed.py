@@ -44,7 +44,7 @@ ATTACHED = (
 )
 SET_UPS = {
     "pinned": {"supports": PINNED},
-    "clamped": {"supports": CLAMPED, "attachments": ATTACHED, "axis": (0.8, 0.6)},
+    "clamped": {"supports": CLAMPED, "attachments": ATTACHED, "axis": (0.8, 0.6), "prestress": 2e6},
     "overhanging": {"supports": (Clamp(0.0), Pin(0.6)), "attachments": ATTACHED},
     "rolling": {"supports": (Pin(0.0), Roller(LENGTH))},
     "guided": {"supports": (Guide(0.0, (0.0, 1.0)), Clamp(LENGTH, 5.0))},

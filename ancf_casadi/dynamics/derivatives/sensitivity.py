@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -42,12 +41,11 @@ from ancf_casadi.dynamics.start import (
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TIP, LoadPlace, TipLoad
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
-from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.support.compilation import compiled
-from ancf_casadi.support.inputs import number
+from ancf_casadi.vibration.changed_model import changed_model
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 MOST_KEPT_STEPS = 100_000  # these take a minute or two, and 0.4 GB at 20 elements
@@ -80,7 +78,9 @@ class SensitivityProblem:
                 "start",
             )
         if self.lumped and not self.equations.model.lumped:
-            raise InputError("the beam has no mass, spring, dashpot, elastic clamp or natural curvature", "lumped")
+            raise InputError(
+                "the beam has no mass, spring, dashpot, elastic clamp, natural curvature or prestress", "lumped"
+            )
 
     @cached_property
     def layout(self) -> Layout:
@@ -197,11 +197,7 @@ class SensitivityProblem:
         """Return the beam with other properties."""
         model = self.equations.model
         rows = properties.reshape(model.properties.shape, order="F")
-        changed: dict[str, Any] = {name: row.tolist() for name, row in zip(PROPERTIES, rows, strict=True)}
-        if self.lumped:
-            values = {name: number(value, name) for name, value in zip(model.lumped, lumped.tolist(), strict=True)}
-            return Model(model.beam.with_(**changed).with_lumped(values), model.measures)
-        return Model(model.beam.with_(**changed), model.measures)
+        return changed_model(model, np.concatenate([rows.ravel(), lumped if self.lumped else [*model.lumped.values()]]))
 
     def _pass(
         self, excitation: Excitation, state: State, parameters: Array, most_steps: int

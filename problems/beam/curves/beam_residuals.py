@@ -2,7 +2,8 @@
 
 Properties, tip mass and clamp enter the constants of the reduced model, except for the elastic modulus if the damping
 does not contain it.  The derivatives of F and of the reading by these are central differences at fixed coefficients,
-between two models at the relative distances ``DIFFERENCE``; all other derivatives are exact.
+between two models at the relative distances ``DIFFERENCE``, of the first value if either sign is possible; all other
+derivatives are exact.
 """
 
 from __future__ import annotations
@@ -13,10 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ancf_casadi.exceptions import NumericsError
+from ancf_casadi.mechanics.property_names import lumped_kind
 from ancf_casadi.support.arrays import Array
 from problems.beam.curves.driven import Driven
 from problems.beam.curves.points import CurvePoints, Measured, NoMotionError, PointMotion, closest, motion_from_rest
 from problems.beam.curves.residuals import CurveResiduals
+from problems.beam.properties import SIGNED
 
 if TYPE_CHECKING:
     from problems.beam.curves.block import CurveBlock
@@ -58,8 +61,9 @@ class BeamResponses(CurveResiduals):
         """Return the derivatives by the unknowns of amplitude, phase and excess of the level, (m, 3, n) each."""
         s, neighbours = self.block.shared(values), []
         for name in self.block.of_model:
-            ends = [self.block.driven({**values, name: (1 + side * DIFFERENCE) * values[name]}) for side in (1, -1)]
-            neighbours.append((self.block.names.index(name), 2 * DIFFERENCE * values[name], ends))
+            step = DIFFERENCE * (self.block.first if lumped_kind(name) in SIGNED else values)[name]
+            ends = [self.block.driven({**values, name: values[name] + side * step}) for side in (1, -1)]
+            neighbours.append((self.block.names.index(name), 2 * step, ends))
         found = []
         for k, (number, record) in enumerate(self.block.numbered):
             own = [(place, width, [end[k] for end in ends]) for place, width, ends in neighbours]

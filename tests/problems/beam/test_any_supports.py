@@ -164,6 +164,7 @@ def test_a_modulus_from_the_motion_under_a_blow_beside_the_tip():
 
 FULL = strip(
     gravity=(1.0, -9.81),
+    prestress=[3e6] * 4 + [-1e6] * 4,
     supports=(Clamp(0.0, 3.0), Roller(0.3, (1.0, 0.2), displacement=(0.0, 1e-3)), Clamp(0.5, 5.0, rotation=0.02)),
     attachments=(
         PointMass(0.1, 5e-3, rotary_inertia=2e-6),

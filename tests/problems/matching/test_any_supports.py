@@ -76,6 +76,17 @@ def test_the_curvature_of_an_arch_whose_hinges_stay():
     assert match.beam.supports[1].displacement == pytest.approx(arch(-0.45).supports[1].displacement, abs=1e-6)
 
 
+@pytest.mark.slow
+def test_the_prestress_of_a_strip_between_two_clamps():
+    def pulled(prestress):
+        return strip(supports=(Clamp(0.0), Clamp(0.5)), gravity=(0.0, 0.0), prestress=prestress)
+
+    targets = natural_modes(Model(pulled(2e6)), count=3).frequencies
+    match = match_frequencies(pulled(1.5e6), targets=targets, unknowns=[Global("prestress")], bounds=0.5)
+    assert match.estimates["prestress"] == pytest.approx(2e6, rel=1e-5)
+    assert match.beam.prestress == pytest.approx([2e6] * match.beam.elements, rel=1e-5)
+
+
 @pytest.mark.parametrize(
     ("names", "message"),
     [

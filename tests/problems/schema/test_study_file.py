@@ -66,6 +66,7 @@ class TestBeam:
         """The same file, read for a command and by ``Beam.from_toml``, gives the beam that Python makes."""
         text = """
         natural_curvature = 0.4
+        prestress = -1e5
         tip_mass = 1e-3
         [[beam.supports]]
         kind = "clamp"
@@ -102,6 +103,7 @@ class TestBeam:
         """
         expected = beam(
             natural_curvature=0.4,
+            prestress=-1e5,
             tip_mass=1e-3,
             supports=(
                 Clamp(0.0),

@@ -18,24 +18,22 @@ import numpy as np
 from msgspec import UNSET
 from msgspec.structs import asdict
 
-from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping, RayleighDamping, SumOfLaws
+from ancf_casadi.damping import DampingLaw, ModalDamping, SumOfLaws
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.identification import Identification, Provenance
 from ancf_casadi.export.strict_json import place, read_json
 from ancf_casadi.export.structs import (
+    COEFFICIENT_LAWS,
     DOCUMENT_FORMAT,
     DOCUMENT_VERSION,
     BeamData,
     DocumentData,
     EquilibriumData,
-    FrictionData,
     IdentificationData,
     LawData,
     ModalData,
     ModesData,
     ProvenanceData,
-    QuadraticData,
-    RayleighData,
     StrainMeasuresData,
     SumData,
     data_of,
@@ -51,12 +49,6 @@ from ancf_casadi.support.inputs import check_instance, instances, located
 from ancf_casadi.support.tables import to_json
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes
-
-COEFFICIENT_LAWS: dict[type[LawData], type[DampingLaw]] = {
-    RayleighData: RayleighDamping,
-    QuadraticData: QuadraticDamping,
-    FrictionData: FrictionDamping,
-}  # laws whose fields are coefficients only
 
 
 @dataclass(frozen=True, eq=False)

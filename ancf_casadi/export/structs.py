@@ -26,17 +26,25 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar, Union, get_args
 
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
-from ancf_casadi.damping import ProportionalStiffness
+from ancf_casadi.damping import (
+    DampingLaw,
+    FrictionDamping,
+    ProportionalStiffness,
+    QuadraticDamping,
+    RayleighDamping,
+)
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.strict_json import check
-from ancf_casadi.mechanics.beam_table import ATTACHMENTS, SUPPORTS
+from ancf_casadi.mechanics.beam_table import ATTACHMENTS, PART_KINDS, SUPPORTS
 from ancf_casadi.mechanics.strain import AxialStrain, Curvature
+from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.files import opened
 from ancf_casadi.support.inputs import shown
 
@@ -66,70 +74,42 @@ class DocumentObject(Struct, frozen=True, forbid_unknown_fields=True):
     """An object of the document, with no other keys than its fields."""
 
 
-class ClampData(DocumentObject, frozen=True, tag_field="kind", tag="clamp"):
-    """Fields of ``Clamp`` (m, N m/rad, rad); the stiffness of a rigid clamp is null."""
-
-    point: NotNegative = 0.0
-    stiffness: Positive | None = None
-    displacement: Pair = (0.0, 0.0)
-    rotation: float = 0.0
-
-
-class PinData(DocumentObject, frozen=True, tag_field="kind", tag="pin"):
-    """Fields of ``Pin`` (m)."""
-
-    point: NotNegative
-    displacement: Pair = (0.0, 0.0)
+def _tagged(name: str, about: str, ranges: dict[str, Any], defaults: dict[str, Any], **tag: str) -> type[Struct]:
+    """Return the layout of an object that a key tells apart from others of its place, given the range of each field."""
+    own = [(key, kind, defaults[key]) if key in defaults else (key, kind) for key, kind in ranges.items()]
+    ((key, value),) = tag.items()
+    return msgspec.defstruct(f"{name}Data", own, bases=(DocumentObject,), namespace={"__doc__": about}, module=__name__,
+                             frozen=True, tag_field=key, tag=value)  # fmt: skip
 
 
-class RollerData(DocumentObject, frozen=True, tag_field="kind", tag="roller"):
-    """Fields of ``Roller`` (m); the direction is a unit vector."""
-
-    point: NotNegative
-    direction: Pair = (1.0, 0.0)
-    displacement: Pair = (0.0, 0.0)
-
-
-class GuideData(DocumentObject, frozen=True, tag_field="kind", tag="guide"):
-    """Fields of ``Guide`` (m, rad); the direction is a unit vector."""
-
-    point: NotNegative
-    direction: Pair = (1.0, 0.0)
-    displacement: Pair = (0.0, 0.0)
-    rotation: float = 0.0
+PART_UNITS = {
+    "clamp": "m, N m/rad, rad; the stiffness of a rigid clamp is null", "pin": "m",
+    "roller": "m; the direction is a unit vector", "guide": "m, rad; the direction is a unit vector",
+    "mass": "m, kg, kg m^2", "spring": "m, N/m", "rotational_spring": "m, N m/rad", "dashpot": "m, N s/m",
+}  # fmt: skip
+SIGNED = {"displacement": Pair, "direction": Pair, "rotation": float}  # the other fields of parts are not negative
+AMOUNTS = {"float": NotNegative, "tuple[float, float]": tuple[NotNegative, NotNegative]}
 
 
-class PointMassData(DocumentObject, frozen=True, tag_field="kind", tag="mass"):
-    """Fields of ``PointMass`` (m, kg, kg m^2)."""
-
-    point: NotNegative
-    mass: NotNegative
-    rotary_inertia: NotNegative = 0.0
-
-
-class SpringData(DocumentObject, frozen=True, tag_field="kind", tag="spring"):
-    """Fields of ``Spring`` (m, N/m)."""
-
-    point: NotNegative
-    stiffness: tuple[NotNegative, NotNegative]
+def _part(kind: str, part: type) -> type[Struct]:
+    """Return the layout of a support or attachment: names, types and defaults are those of its class."""
+    own = sorted(fields(part), key=lambda one: bool(one.kw_only))
+    ranges = {one.name: SIGNED.get(one.name) or AMOUNTS[str(one.type)] for one in own}
+    defaults = {one.name: one.default for one in own if one.default is not MISSING}
+    if part is Clamp:
+        ranges["stiffness"], defaults["stiffness"] = Positive | None, None
+    return _tagged(part.__name__, f"Fields of ``{part.__name__}`` ({PART_UNITS[kind]}).", ranges, defaults, kind=kind)
 
 
-class RotationalSpringData(DocumentObject, frozen=True, tag_field="kind", tag="rotational_spring"):
-    """Fields of ``RotationalSpring`` (m, N m/rad)."""
-
-    point: NotNegative
-    stiffness: NotNegative
-
-
-class DashpotData(DocumentObject, frozen=True, tag_field="kind", tag="dashpot"):
-    """Fields of ``Dashpot`` (m, N s/m)."""
-
-    point: NotNegative
-    coefficient: tuple[NotNegative, NotNegative]
-
-
-SupportData = ClampData | PinData | RollerData | GuideData
-AttachmentData = PointMassData | SpringData | RotationalSpringData | DashpotData
+if TYPE_CHECKING:
+    SupportData = Struct
+    AttachmentData = Struct
+    LawData = Struct
+else:
+    SupportData, AttachmentData = (
+        Union[tuple(_part(*one) for one in kinds.items())]  # noqa: UP007
+        for kinds in PART_KINDS.values()
+    )
 
 
 class BeamData(DocumentObject, frozen=True):
@@ -144,7 +124,7 @@ class BeamData(DocumentObject, frozen=True):
     gravity: Pair = (0.0, -9.81)
     natural_curvature: Curvatures = ()
     prestress: Stresses | UnsetType = UNSET
-    supports: tuple[SupportData, ...] = (ClampData(),)
+    supports: tuple[SupportData, ...] = (get_args(SupportData)[0](),)  # a clamp at 0
     attachments: tuple[AttachmentData, ...] = ()
 
 
@@ -180,26 +160,15 @@ class ModesData(DocumentObject, frozen=True):
             raise ValueError("must have both of beam and strain_measures, or neither")
 
 
-class RayleighData(DocumentObject, frozen=True, tag_field="law", tag="rayleigh"):
-    """Rayleigh (proportional) damping, alpha M + beta K; alpha in 1/s, beta in s."""
-
-    alpha: NotNegative
-    beta: NotNegative
-    stiffness: ProportionalStiffness
-
-
-class QuadraticData(DocumentObject, frozen=True, tag_field="law", tag="quadratic"):
-    """Air drag, linear (eta1 in 1/s) and quadratic (eta2 in 1/m) in the velocity."""
-
-    eta1: NotNegative
-    eta2: NotNegative
-
-
-class FrictionData(DocumentObject, frozen=True, tag_field="law", tag="friction"):
-    """Dry friction along the beam; eta0 in m/s^2, smoothing_speed in m/s."""
-
-    eta0: NotNegative
-    smoothing_speed: Positive
+COEFFICIENT_LAWS: dict[type[Struct], type[DampingLaw]] = {  # whose fields are coefficients only
+    _tagged("Rayleigh", "Rayleigh (proportional) damping, alpha M + beta K; alpha in 1/s, beta in s.",
+            {"alpha": NotNegative, "beta": NotNegative, "stiffness": ProportionalStiffness}, {},
+            law="rayleigh"): RayleighDamping,
+    _tagged("Quadratic", "Air drag, linear (eta1 in 1/s) and quadratic (eta2 in 1/m) in the velocity.",
+            {"eta1": NotNegative, "eta2": NotNegative}, {}, law="quadratic"): QuadraticDamping,
+    _tagged("Friction", "Dry friction along the beam; eta0 in m/s^2, smoothing_speed in m/s.",
+            {"eta0": NotNegative, "smoothing_speed": Positive}, {}, law="friction"): FrictionDamping,
+}  # fmt: skip
 
 
 class ModalData(DocumentObject, frozen=True, tag_field="law", tag="modal"):
@@ -219,7 +188,8 @@ class SumData(DocumentObject, frozen=True, tag_field="law", tag="sum"):
     laws: Annotated[tuple[LawData, ...], Meta(min_length=1)]
 
 
-LawData = RayleighData | QuadraticData | FrictionData | ModalData | SumData
+if not TYPE_CHECKING:
+    LawData = Union[(*COEFFICIENT_LAWS, ModalData, SumData)]
 
 TAGS = {  # allowed values of the keys that hold a name
     "law": [kind.__struct_config__.tag for kind in get_args(LawData)],

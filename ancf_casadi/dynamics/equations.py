@@ -28,7 +28,8 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import turned
 from ancf_casadi.dynamics.element_forces import ElementFunctions, mapped
-from ancf_casadi.dynamics.tip_load import TIP, LoadPlace, PlacedLoad
+from ancf_casadi.dynamics.tip_load import TIP, PlacedLoad
+from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Layout
@@ -46,7 +47,7 @@ class Equations:
     model: Model
     law: DampingLaw
     make: Callable[[cs.Function], cs.Function] = as_it_is  # compiles an element's Functions, or not
-    place: LoadPlace = TIP  # where the load acts
+    place: PointLoad = TIP  # where the load acts
 
     @cached_property
     def load(self) -> PlacedLoad:

@@ -44,10 +44,11 @@ from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
 from ancf_casadi.dynamics.equations import Equations, as_it_is
 from ancf_casadi.dynamics.excitation import Excitation, excitation_pieces
 from ancf_casadi.dynamics.segments import SAME_TIME
-from ancf_casadi.dynamics.tip_load import TIP, LoadPlace, TipLoad, equilibrium_under
+from ancf_casadi.dynamics.tip_load import TIP, TipLoad, equilibrium_under
 from ancf_casadi.dynamics.tolerance import check_speed, checked_excitation, expected_travel
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.strain import axial_strain
@@ -102,7 +103,7 @@ def set_up(
     duration, sample_rate = physical(duration, "duration"), physical(sample_rate, "sample_rate")
     base = _base_of(model, start) if base is None else base
     law, place = RayleighDamping() if damping is None else damping, TIP if load is None else load.place
-    place.at(model.beam)
+    place.place(model.beam)
     equations = Equations(model, law, make, place)
     times = _sample_times(duration, sample_rate, start.time if isinstance(start, State) else 0.0)
     begin, end = float(times[0]), float(times[-1])
@@ -145,7 +146,7 @@ def _base_of(model: Model, start: Start | Equilibrium | State) -> BaseMotion:
 
 
 def initial_state(
-    model: Model, excitation: Excitation, start: Start | Equilibrium | State, place: LoadPlace = TIP
+    model: Model, excitation: Excitation, start: Start | Equilibrium | State, place: PointLoad = TIP
 ) -> State:
     """Return the initial state of a motion under the first piece of its excitation."""
     if isinstance(start, State):
@@ -193,7 +194,7 @@ def rigid_motion(model: Model) -> cs.Function:
 
 
 def held_start(
-    model: Model, jacobians: tuple[cs.Function, cs.Function], load: Array, place: LoadPlace = TIP
+    model: Model, jacobians: tuple[cs.Function, cs.Function], load: Array, place: PointLoad = TIP
 ) -> tuple[State, Array]:
     """Return the state in which a beam is released from (p, p') in the order of ``START_LOAD_NAMES``, and its Jacobian.
 
@@ -215,7 +216,7 @@ def held_start(
     return State(coordinates, velocities), np.block([[q_x, q_p, np.zeros_like(q_p)], [v_x, v_p, q_p]])
 
 
-def start_jacobians(model: Model, place: LoadPlace = TIP) -> tuple[cs.Function, cs.Function]:
+def start_jacobians(model: Model, place: PointLoad = TIP) -> tuple[cs.Function, cs.Function]:
     """(e, p, P, each lumped property by its name) -> K, R_p, R_x of the free coordinates; its forward derivative."""
     e, load, still = cs.MX.sym("e", model.size), cs.MX.sym("load", len(LOAD_NAMES)), cs.MX.zeros(model.size)
     properties, lumped = cs.MX.sym("P", *model.properties.shape), [cs.MX.sym(name) for name in model.lumped]

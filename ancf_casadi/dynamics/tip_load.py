@@ -29,7 +29,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.dynamics.base_motion import Piece, check_ramp, checked_samples, pieces_between, ramped
-from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
@@ -41,19 +40,7 @@ S = TypeVar("S", cs.SX, cs.MX)
 LOAD_SIZE = 3  # components of a load: force x and y, N, and moment, N m
 
 
-@dataclass(frozen=True)
-class LoadPlace:
-    """The point at which a load acts, and the frame of its force."""
-
-    point: float | None = None  # arc length, m; the tip if None
-    follower: bool = False  # whether the force turns with the beam
-
-    def at(self, beam: Beam) -> float:
-        """Return the arc length of the point on a beam, m; a point beyond its tip raises an ``InputError``."""
-        return PointLoad(point=self.point).place(beam)
-
-
-TIP = LoadPlace()
+TIP = PointLoad()  # point and frame of a load at the tip
 
 
 class TipLoad(Displayed, ABC):
@@ -75,9 +62,9 @@ class TipLoad(Displayed, ABC):
     follower: bool
 
     @property
-    def place(self) -> LoadPlace:
-        """The place of the load."""
-        return LoadPlace(self.point, self.follower)
+    def place(self) -> PointLoad:
+        """Point and frame of the load, as a load of zero."""
+        return PointLoad(point=self.point, follower=self.follower)
 
     @property
     def begin(self) -> float:
@@ -149,7 +136,7 @@ class HarmonicLoad(TipLoad):
     def __post_init__(self) -> None:
         """Validate."""
         object.__setattr__(self, "force", vector(self.force, "force"))
-        _check_place(self)
+        _ = self.place  # which is checked
         physical(self.frequency, "frequency")
         object.__setattr__(self, "moment", number(self.moment, "moment"))
         for name in ("force", "moment"):
@@ -213,7 +200,7 @@ class SampledLoad(TipLoad):
 
     def __post_init__(self) -> None:
         """Validate, and keep arrays."""
-        _check_place(self)
+        _ = self.place  # which is checked
         samples = checked_samples(2, self.time, force=self.force, moment=self.moment)
         physical(float(np.diff(samples["time"]).min()), "time")
         for name, values in samples.items():
@@ -266,7 +253,7 @@ class PlacedLoad:
     """A load at a point of a model: its generalized force, power and stiffness."""
 
     model: Model
-    place: LoadPlace
+    place: PointLoad  # point and frame of the load
 
     def force(self, e: cs.MX, load: cs.MX) -> cs.MX:
         """Return Q of loads (3, s) on the nodes, (4 n + 4, s), for coordinates e of s states."""
@@ -281,7 +268,7 @@ class PlacedLoad:
     @cached_property
     def stiffness(self) -> tuple[list[int], Callable[[cs.MX, cs.MX], cs.MX]]:
         """Places in ``Model.entries`` of the entries of dQ/de that are not zero, and (e, loads) -> them, (k, s)."""
-        index, _ = self.model.place_at(self.place.at(self.model.beam))
+        index, _ = self.model.place_at(self.place.place(self.model.beam))
         own = self.model.groups[0].coordinates[index]
         slope, shape = (part.full()[:, own] for part in (self._slope, self._shape))
         weights = np.hstack([np.kron(slope.T, slope.T), np.kron(slope.T, shape.T)][: 1 + self.place.follower])
@@ -307,25 +294,20 @@ class PlacedLoad:
     @cached_property
     def _shape(self) -> cs.DM:
         """S, sparse."""
-        return cs.sparsify(cs.DM(self.model.interpolation(self.place.at(self.model.beam))))
+        return cs.sparsify(cs.DM(self.model.interpolation(self.place.place(self.model.beam))))
 
     @cached_property
     def _slope(self) -> cs.DM:
         """S', sparse."""
-        return cs.sparsify(cs.DM(self.model.slope_interpolation(self.place.at(self.model.beam))))
+        return cs.sparsify(cs.DM(self.model.slope_interpolation(self.place.place(self.model.beam))))
 
 
-def equilibrium_under(model: Model, load: Array, place: LoadPlace = TIP) -> Equilibrium:
+def equilibrium_under(model: Model, load: Array, place: PointLoad = TIP) -> Equilibrium:
     """Return the static equilibrium under gravity and a load (3,)."""
     force_x, force_y, moment = load.tolist()
     if place == TIP:
         return static_equilibrium(model, tip_force=(force_x, force_y), tip_moment=moment)
     return static_equilibrium(model, loads=[PointLoad((force_x, force_y), moment, place.point, place.follower)])
-
-
-def _check_place(load: HarmonicLoad | SampledLoad) -> None:
-    """Refuse a place of a load that is none."""
-    PointLoad(point=load.point, follower=load.follower)
 
 
 def _nothing(end: float) -> Piece:

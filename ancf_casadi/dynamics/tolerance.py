@@ -27,9 +27,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ancf_casadi.dynamics.excitation import Excitation
-from ancf_casadi.dynamics.tip_load import TIP, LoadPlace, equilibrium_under
+from ancf_casadi.dynamics.tip_load import TIP, equilibrium_under
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import EquilibriumError, InputError
+from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
@@ -51,7 +52,7 @@ def default_tolerance(method: str, travel: float) -> float:
     return largest if travel < NEGLIGIBLE else min(max(wanted, smallest), largest)
 
 
-def expected_travel(model: Model, times: Array, excitations: Array, start: State, place: LoadPlace = TIP) -> float:
+def expected_travel(model: Model, times: Array, excitations: Array, start: State, place: PointLoad = TIP) -> float:
     """Return the expected travel of a motion, relative to the length of the beam, from the excitations (k, 15)."""
     length = model.beam.length
     position, slope, velocity = excitations[:, :2], excitations[:, 2:NODE], excitations[0, NODE : 2 * NODE]
@@ -70,7 +71,7 @@ def expected_travel(model: Model, times: Array, excitations: Array, start: State
     return float(max(smallest, LEAST_OF_LARGEST * max(causes)) if smallest else max(causes))
 
 
-def _rest(model: Model, excitation: Array, place: LoadPlace) -> Array:
+def _rest(model: Model, excitation: Array, place: PointLoad) -> Array:
     """Return the node positions (k, 2) at rest under gravity and the load; straight if there is no equilibrium."""
     turned = Model(model.beam.with_(axis=(float(excitation[2]), float(excitation[3]))), model.measures)
     try:

@@ -78,8 +78,10 @@ def _tagged(name: str, about: str, ranges: dict[str, Any], defaults: dict[str, A
     """Return the layout of an object that a key tells apart from others of its place, given the range of each field."""
     own = [(key, kind, defaults[key]) if key in defaults else (key, kind) for key, kind in ranges.items()]
     ((key, value),) = tag.items()
-    return msgspec.defstruct(f"{name}Data", own, bases=(DocumentObject,), namespace={"__doc__": about}, module=__name__,
-                             frozen=True, tag_field=key, tag=value)  # fmt: skip
+    found = msgspec.defstruct(f"{name}Data", own, bases=(DocumentObject,), namespace={"__doc__": about},
+                              module=__name__, frozen=True, tag_field=key, tag=value)  # fmt: skip
+    globals()[found.__name__] = found  # where pickle looks for it
+    return found
 
 
 PART_UNITS = {

@@ -6,8 +6,8 @@ where the beam is without load, and in rest.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import final
+from dataclasses import dataclass, fields
+from typing import Any, final
 
 from ancf_casadi.mechanics.supports import checked_point
 from ancf_casadi.support.inputs import check_size, not_negative, vector
@@ -38,8 +38,11 @@ class Attachment(Displayed):
     point: float
 
     def __post_init__(self) -> None:
-        """Validate."""
+        """Validate; the fields of a kind are amounts, or pairs of amounts along x and y."""
         object.__setattr__(self, "point", checked_point(self.point))
+        for own in fields(self)[1:]:
+            check = _amount if own.type == "float" else _pair
+            object.__setattr__(self, own.name, check(getattr(self, own.name), own.name))
 
 
 @final
@@ -73,12 +76,6 @@ class PointMass(Attachment):
     mass: float
     rotary_inertia: float = 0.0
 
-    def __post_init__(self) -> None:
-        """Validate."""
-        super().__post_init__()
-        for name in ("mass", "rotary_inertia"):
-            object.__setattr__(self, name, _amount(getattr(self, name), name))
-
 
 @final
 @dataclass(frozen=True)
@@ -105,11 +102,6 @@ class Spring(Attachment):
     """
 
     stiffness: tuple[float, float]
-
-    def __post_init__(self) -> None:
-        """Validate."""
-        super().__post_init__()
-        object.__setattr__(self, "stiffness", _pair(self.stiffness, "stiffness"))
 
 
 @final
@@ -138,11 +130,6 @@ class RotationalSpring(Attachment):
 
     stiffness: float
 
-    def __post_init__(self) -> None:
-        """Validate."""
-        super().__post_init__()
-        object.__setattr__(self, "stiffness", _amount(self.stiffness, "stiffness"))
-
 
 @final
 @dataclass(frozen=True)
@@ -170,19 +157,14 @@ class Dashpot(Attachment):
 
     coefficient: tuple[float, float]
 
-    def __post_init__(self) -> None:
-        """Validate."""
-        super().__post_init__()
-        object.__setattr__(self, "coefficient", _pair(self.coefficient, "coefficient"))
 
-
-def _amount(value: float, where: str) -> float:
+def _amount(value: Any, where: str) -> float:
     """Return a number of 0 or more whose powers are finite."""
-    value = not_negative(value, where)
-    check_size(value, where)
-    return value
+    amount = not_negative(value, where)
+    check_size(amount, where)
+    return amount
 
 
-def _pair(values: tuple[float, float], where: str) -> tuple[float, float]:
+def _pair(values: Any, where: str) -> tuple[float, float]:
     x, y = vector(values, where)
     return _amount(x, where), _amount(y, where)

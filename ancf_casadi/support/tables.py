@@ -57,23 +57,11 @@ class Displayed:
         return ", ".join(f"{own.name}={BRIEF.repr(value)}" for own, value in values if not _is_default(own, value))
 
 
-class Brief(reprlib.Repr):
-    """Values on one line: numbers to six digits, arrays by their shape, long sequences by their beginning."""
-
-    def repr_float(self, value: float, level: int) -> str:
-        """Return a number."""
-        return f"{value:.6g}"
-
-    repr_float64 = repr_float
-
-    def repr_ndarray(self, value: np.ndarray[Any, Any], level: int) -> str:
-        """Return the shape of an array."""
-        return f"array{value.shape}"
-
-
-BRIEF = Brief()
+BRIEF: Any = reprlib.Repr()  # values on one line: numbers to six digits, arrays by their shape, the beginning of others
 BRIEF.maxtuple = BRIEF.maxlist = BRIEF.maxdict = 6
 BRIEF.maxstring, BRIEF.maxother = 60, MOST_CHARACTERS
+BRIEF.repr_float = BRIEF.repr_float64 = lambda value, level: f"{value:.6g}"
+BRIEF.repr_ndarray = lambda value, level: f"array{value.shape}"
 
 
 def _is_default(own: Field[Any], value: Any) -> bool:

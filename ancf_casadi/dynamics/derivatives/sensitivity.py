@@ -38,9 +38,10 @@ from ancf_casadi.dynamics.start import (
     rigid_motion,
     start_jacobians,
 )
-from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TIP, LoadPlace, TipLoad
+from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TIP, TipLoad
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
+from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index, Layout
@@ -152,7 +153,7 @@ class SensitivityProblem:
         return start_jacobians(self.equations.model, self._held_at)
 
     @property
-    def _held_at(self) -> LoadPlace:
+    def _held_at(self) -> PointLoad:
         """The place of the load that holds the beam until its release."""
         return TIP if self.held or isinstance(self.start, Equilibrium) else self.equations.place
 

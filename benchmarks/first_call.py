@@ -37,7 +37,7 @@ from ancf_casadi import (
     simulate,
 )
 from problems import MarkerRecord, fit_beam
-from problems.paper import numbers as paper
+from tests.problems.paper import numbers as paper
 
 STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9, "elements": 20}
 SILICONE = {"length": 0.2, "width": 0.01, "thickness": 2e-3, "density": 1070.0, "elastic_modulus": 264e3, "elements": 8}

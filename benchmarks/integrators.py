@@ -39,7 +39,7 @@ from ancf_casadi import (
 )
 from ancf_casadi.dynamics.start import set_up
 from ancf_casadi.dynamics.tolerance import default_tolerance
-from problems.paper import numbers as paper
+from tests.problems.paper import numbers as paper
 
 METHODS = ("idas", "radau", "auto")
 MOST_STEPS = 600_000

@@ -10,7 +10,7 @@ import pytest
 
 from ancf_casadi import Beam, Model, natural_modes, static_equilibrium
 from problems import match_frequencies
-from problems.paper import numbers as paper
+from tests.problems.paper import numbers as paper
 
 STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 EXACT = (1.655293122, 10.373544922, 29.046226159, 56.919010528, 94.091202772)  # Hz, without gravity

@@ -11,7 +11,7 @@ import pytest
 from ancf_casadi import Beam, ModalDamping, Model, QuadraticDamping, natural_modes, reduce_model, simulate
 from ancf_casadi.reduction.forces import BASE_SIZE
 from ancf_casadi.reduction.stepping import project
-from problems.paper import numbers as paper
+from tests.problems.paper import numbers as paper
 
 STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 SAMPLES = 500  # of 1 s

@@ -23,7 +23,7 @@ from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.idas import SemiExplicit
 from ancf_casadi.support.compilation import compiled, interpreted
 from problems import match_frequencies
-from problems.paper import numbers as paper
+from tests.problems.paper import numbers as paper
 
 STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 SWING = HarmonicBase(amplitude=5e-3, frequency=1.85)

@@ -42,14 +42,14 @@ def _study(options: argparse.Namespace) -> Output:
 
 
 def _reproduce(options: argparse.Namespace) -> Output:
-    from problems.paper.numbers import PAPER_FILE
+    from problems.paper.reproduce import PAPER_FILE  # slow to import, and only needed here
 
     return _run(options, PAPER_FILE, "ancf-casadi reproduce")
 
 
 def _run(options: argparse.Namespace, path: Path, command: str) -> Output:
     """Run a study, which may be an edited copy of that of the paper."""
-    from problems.paper.reproduce import ALL_KINDS  # slow to import, and only needed here
+    from problems.paper.reproduce import ALL_KINDS
     from problems.study.study import write_study
 
     report = write_study(

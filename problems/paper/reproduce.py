@@ -13,12 +13,12 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import partial
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, Self, final
 
 from ancf_casadi.support.inputs import choice
 from problems.paper import combined_law, decays, drawings, experiments, resonances
-from problems.paper.numbers import PAPER_FILE
 from problems.schema.table import Positive
 from problems.study.kinds.experiment import RequestedRun
 from problems.study.kinds.transients import with_laws
@@ -28,6 +28,7 @@ from problems.study.study import KINDS, StudyReport, write_study
 Tasks = Callable[["PaperPart", Found, Effort], tuple[Task, ...]]
 Result = Callable[["PaperPart", Sequence[Any], Found, Effort], Finding]
 
+PAPER_FILE = Path(str(files("problems.paper").joinpath("paper.toml")))
 
 SCRIPTS: dict[str, tuple[Tasks, Result]] = {
     "amplitudes": (experiments.tasks, experiments.amplitudes),

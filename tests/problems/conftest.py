@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 
-from problems.paper.numbers import PAPER_FILE
-from problems.paper.reproduce import ALL_KINDS
+from problems.paper.reproduce import ALL_KINDS, PAPER_FILE
 from problems.study.part import Study
 from problems.study.reading import read_study
 from problems.study.study import StudyReport, write_study

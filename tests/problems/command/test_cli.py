@@ -40,8 +40,7 @@ from problems.command import match as match_command
 from problems.command import modes as modes_command
 from problems.command import simulate as simulate_command
 from problems.command.fits import fit_decay as fit_decay_command
-from problems.paper.numbers import PAPER_FILE
-from problems.paper.reproduce import ALL_KINDS
+from problems.paper.reproduce import ALL_KINDS, PAPER_FILE
 from problems.schema import records
 from problems.schema.match import MatchTable
 from problems.schema.motion import AXES, READING

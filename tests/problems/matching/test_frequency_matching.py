@@ -9,7 +9,7 @@ from ancf_casadi import Beam, EquilibriumError, FitError, InputError, Model, nat
 from problems import FrequencyMatch, Global, MeasuredModes, PerElement, Smooth, Smoothness, match_frequencies
 from problems.matching.design_space import PATCHES, DesignSpace
 from problems.matching.frequency_matching import MATCHING_OPTIONS
-from problems.paper import numbers as paper
+from tests.problems.paper import numbers as paper
 
 BOUNDS = 0.10
 SMALL_ELEMENTS = 6

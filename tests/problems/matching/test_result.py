@@ -17,7 +17,7 @@ from problems import (
     match_frequencies,
 )
 from problems.matching.identifiability import Identifiability
-from problems.paper import numbers as paper
+from tests.problems.paper import numbers as paper
 
 ELEMENTS = 5
 THICKNESS = PerElement("thickness")

@@ -17,7 +17,7 @@ from ancf_casadi import Beam, Model, Modes, QuadraticDamping, RayleighDamping, n
 from ancf_casadi.damping import DRAG_CONSTANT
 from ancf_casadi.decay.closed_forms import equivalent_damping_ratio
 from problems import fit_rayleigh
-from problems.paper import numbers as paper
+from tests.problems.paper import numbers as paper
 
 ANGULAR = 2 * math.pi * np.array(paper.TARGET_FREQUENCIES)
 LENGTH = 0.5  # m, Table 1

@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 
 from problems.cli import main
-from problems.paper import numbers as paper
 from problems.paper import reproduce as reproducing
-from problems.paper.numbers import PAPER_FILE
+from problems.paper.reproduce import PAPER_FILE
 from problems.study.part import Study
 from tests.problems.conftest import study_in, without_times
+from tests.problems.paper import numbers as paper
 from tests.test_docstrings import check_examples
 
 PROPORTIONAL = (0.0100, 0.0028, 0.003358, 0.005656, 0.009057)  # Eq. (16) with alpha 0.228181 and beta 3.18013e-5

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import pytest
 
 from ancf_casadi.exceptions import AncfError, InputError
-from problems.paper.numbers import PAPER_FILE
+from problems.paper.reproduce import PAPER_FILE
 from tests.problems.conftest import BEAM, DECAYS, RAYLEIGH, study_in, toml
 
 LAWS = """

@@ -74,7 +74,7 @@ class TestKey:
     def test_is_the_same_in_every_process(self):
         """Tasks and parts of the paper, read under two orders of hashing."""
         code = (
-            "from problems.study.part import FULL, Finding, Task; from problems.paper.numbers import PAPER_FILE\n"
+            "from problems.study.part import FULL, Finding, Task; from problems.paper.reproduce import PAPER_FILE\n"
             "from problems.paper.reproduce import ALL_KINDS\n"
             "from problems.study.reading import read_study; from problems.study.store import key_of\n"
             "study = read_study(PAPER_FILE, ALL_KINDS)\n"

@@ -9,12 +9,12 @@ import pytest
 
 from ancf_casadi import FitError, InputError, Measurement
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
-from problems.paper import numbers as paper
-from problems.paper.numbers import PAPER_FILE
+from problems.paper.reproduce import PAPER_FILE
 from problems.study.kinds.decays import SYNTHETIC_STD, fit_plain
 from problems.study.part import FULL
 from problems.study.study import run_study
 from tests.problems.conftest import study_in
+from tests.problems.paper import numbers as paper
 
 QUADRATIC = """
 [[parts]]

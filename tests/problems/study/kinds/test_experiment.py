@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, InputError, Model, natural_modes
-from problems.paper import numbers as paper
 from problems.study.kinds.experiment import ExperimentResult, RequestedRun, decay_curve, participation, run_experiment
 from problems.study.part import Effort
+from tests.problems.paper import numbers as paper
 
 LAWS = {
     "generic": ({"law": "modal", "ratios": list(paper.DAMPING_RATIOS), "frequencies": list(paper.TARGET_FREQUENCIES)},),

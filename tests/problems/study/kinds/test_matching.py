@@ -5,10 +5,10 @@ import pytest
 
 from ancf_casadi import Model, natural_modes
 from ancf_casadi.export.model_document import beam_data, beam_from
-from problems.paper import numbers as paper
 from problems.study.part import FULL, Finding
 from problems.study.study import run_study
 from tests.problems.conftest import BEAM, study_in
+from tests.problems.paper import numbers as paper
 
 MATCH = """
 [match]

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from ancf_casadi import InputError
-from problems.paper import numbers as paper
-from problems.paper.numbers import PAPER_FILE
+from problems.paper.reproduce import PAPER_FILE
 from problems.study.part import FULL, Finding
 from problems.study.study import run_study
 from tests.problems.conftest import DECAYS, RAYLEIGH, study_in
+from tests.problems.paper import numbers as paper
 
 
 def finding(study_file, *pieces: str, **found: Finding):

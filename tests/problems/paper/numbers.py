@@ -1,4 +1,4 @@
-"""The printed numbers of ``paper.toml`` that tests, benchmarks and docs share.
+"""The printed numbers of ``paper.toml`` that tests and benchmarks share.
 
 SI units; frequencies are in Hz, damping ratios are fractions, eta2 is in 1/m.
 
@@ -11,13 +11,11 @@ Journal of Sound and Vibration 325 (2009) 722-741, Tables 1, 2, 4, 9 and 10.
 from __future__ import annotations
 
 import tomllib
-from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 from ancf_casadi.mechanics.beam import Beam
+from problems.paper.reproduce import PAPER_FILE
 
-PAPER_FILE = Path(str(files("problems.paper").joinpath("paper.toml")))
 _TABLES = tomllib.loads(PAPER_FILE.read_text(encoding="utf-8"))
 _PARTS = {part["name"]: part for part in _TABLES["parts"]}
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import math
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -46,22 +46,6 @@ values over frequency, complex or as amplitude and phase, are fitted by fit-frf
 (frequency response functions) and fit-response (steady vibration of a beam)
 """
 SPECTRUM_SAMPLES = 10  # samples of a spectrum
-
-
-@dataclass(frozen=True)
-class ChannelSummary:
-    """One line of the table; ``frequency`` (Hz) is that of the highest peak of the spectrum."""
-
-    number: int
-    name: str
-    unit: str
-    quantity: str
-    samples: int
-    gaps: int
-    lowest: float
-    highest: float
-    frequency: float
-    fault: str
 
 
 @dataclass(frozen=True)
@@ -109,23 +93,26 @@ def _run(options: argparse.Namespace) -> Output:
     data = {
         "file": options.file,
         "times": [{"columns": numbers, **asdict(found)} for numbers, found in _times(recording)],
-        "channels": [asdict(summary) for summary in summaries],
+        "channels": summaries,
         "notes": list(recording.notes),
         "fit": asdict(plan),
     }
     return Output(json_text(data), files)
 
 
-def _summary(channel: RecordedChannel) -> ChannelSummary:
+def _summary(channel: RecordedChannel) -> dict[str, Any]:
+    """Return one line of the table; ``frequency`` (Hz) is that of the highest peak of the spectrum."""
     present = ~np.isnan(channel.values)
     values = channel.values[present]
     usable = bool(len(values)) and not channel.fault
     even = _even(channel) if usable else None
-    return ChannelSummary(
-        channel.number, channel.name, channel.symbol, channel.unit.quantity if channel.unit else "", len(values),
-        int(len(present) - len(values)), float(values.min()) if usable else math.nan,
-        float(values.max()) if usable else math.nan, _peak(*even) if even else math.nan, channel.fault,
-    )  # fmt: skip
+    return {
+        "number": channel.number, "name": channel.name, "unit": channel.symbol,
+        "quantity": channel.unit.quantity if channel.unit else "", "samples": len(values),
+        "gaps": int(len(present) - len(values)), "lowest": float(values.min()) if usable else math.nan,
+        "highest": float(values.max()) if usable else math.nan, "frequency": _peak(*even) if even else math.nan,
+        "fault": channel.fault,
+    }  # fmt: skip
 
 
 def _faults(recording: Recording) -> list[str]:
@@ -203,19 +190,21 @@ def _ranges(numbers: Sequence[int]) -> str:
     return f"{shown}, ..." if len(numbers) > 8 else shown
 
 
-def _text(options: argparse.Namespace, recording: Recording, summaries: Sequence[ChannelSummary], plan: FitPlan) -> str:
+def _text(
+    options: argparse.Namespace, recording: Recording, summaries: Sequence[Mapping[str, Any]], plan: FitPlan
+) -> str:
     times = _times(recording)
     lines = [
         f"times{f' of columns {numbers}' if len(times) > 1 else ''}: {_sampled(found)}" for numbers, found in times
     ]
     rows = [
         (
-            one.number, one.name, one.unit if one.quantity or not one.unit else f"{one.unit} (?)", one.samples,
-            one.gaps or None, known(one.lowest), known(one.highest), known(one.frequency),
+            one["number"], one["name"], one["unit"] if one["quantity"] or not one["unit"] else f"{one['unit']} (?)",
+            one["samples"], one["gaps"] or None, *(known(one[key]) for key in ("lowest", "highest", "frequency")),
         )
         for one in summaries[:MOST_CHANNELS_SHOWN]
     ]  # fmt: skip
-    notes = [f"column {one.number}: {one.fault}" for one in summaries[:MOST_CHANNELS_SHOWN] if one.fault]
+    notes = [f"column {one['number']}: {one['fault']}" for one in summaries[:MOST_CHANNELS_SHOWN] if one["fault"]]
     if len(summaries) > MOST_CHANNELS_SHOWN:
         notes.append(f"{len(summaries) - MOST_CHANNELS_SHOWN} more columns are not shown; --json lists them all")
     heads = ("column", "name", "unit", "samples", "gaps", "lowest", "highest", "strongest frequency, Hz")

@@ -268,7 +268,7 @@ class LeastChange(Displayed):
 
 
 @dataclass(frozen=True)
-class Smoothness(Displayed):
+class Smoothness(LeastChange):
     """Preference for the smoothest beam and, among equally smooth ones, for the least change.
 
     Parameters
@@ -293,18 +293,9 @@ class Smoothness(Displayed):
     [5.1, 4.92, 4.69, 4.5]
     """
 
-    weight: float | None = None
-
-    def __post_init__(self) -> None:
-        """Validate."""
-        LeastChange(self.weight)
-
-    def matrix(self, space: DesignSpace, default: float) -> Array:
+    def matrix(self, space: DesignSpace, default: float = math.nan) -> Array:
         """Return the matrix of the quadratic form, (N, N), with the given or else the default weight."""
         steps = scipy.linalg.block_diag(*(np.diff(shape, axis=0) for shape in space.shapes))
         # default weight of smoothness relative to that of least change
         weight = 50.0 * default if self.weight is None else self.weight
         return np.asarray(weight * space.beam.elements * steps.T @ steps + LeastChange().matrix(space, default))
-
-
-Preference = LeastChange | Smoothness

@@ -50,7 +50,7 @@ from ancf_casadi.support.inputs import check_instance, choice, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.vibration.modal_state import ModalState, modes_near
-from problems.matching.design_space import WEIGHT, DesignSpace, LeastChange, Preference, Smoothness
+from problems.matching.design_space import WEIGHT, DesignSpace, LeastChange, Smoothness
 from problems.matching.identifiability import Identifiability
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.response import Matching, Objective
@@ -76,7 +76,7 @@ def match_frequencies(
     targets: MeasuredModes | Sequence[float],
     unknowns: Sequence[PropertyUnknown] = PAPER_UNKNOWNS,
     bounds: float = 0.10,
-    preference: Preference | None = None,
+    preference: LeastChange | None = None,
     objective: Objective = "least-squares",
     guess: Sequence[float] | None = None,
     starts: int = 1,

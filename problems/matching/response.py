@@ -29,7 +29,7 @@ from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.modal_state import ModalState, follow, followed_modes
 from ancf_casadi.vibration.modes import Modes, natural_modes, rigid_modes
 from ancf_casadi.vibration.sensitivities import gradient, hessian
-from problems.matching.design_space import WEIGHT, DesignSpace, LeastChange, Preference
+from problems.matching.design_space import WEIGHT, DesignSpace, LeastChange
 from problems.matching.measured_modes import MeasuredModes
 
 Objective = Literal["least-squares", "worst-error"]
@@ -41,7 +41,7 @@ class Matching:
 
     space: DesignSpace
     measured: MeasuredModes
-    preference: Preference = field(default_factory=LeastChange)
+    preference: LeastChange = field(default_factory=LeastChange)
     objective: Objective = "least-squares"
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import casadi as cs
 import numpy as np
@@ -40,25 +41,10 @@ class ModeDecay:
 
 
 @dataclass(frozen=True, eq=False)
-class DecayEvaluation:
-    """The residuals of decays."""
-
-    block: DecayBlock
-    failure: str = ""
-
-    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
-        """Return the residuals (m,) for unknowns by name, in standard deviations."""
-        pairs = zip(self.block.decays, self.block.weights.deviations.tolist(), strict=True)
-        parts: cs.MX = cs.vertcat(*((one.curve(given) - cs.DM(one.decay.values)) / std for one, std in pairs))
-        return parts
-
-    def close(self) -> None:
-        """Keep nothing."""
-
-
-@dataclass(frozen=True, eq=False)
 class DecayBlock(SeriesBlock):
-    """Free decays of one mode."""
+    """Free decays of one mode; as it keeps no solution, the block is its own evaluation."""
+
+    failure: ClassVar[str] = ""
 
     decays: tuple[ModeDecay, ...]
     weights: SeriesWeights
@@ -81,9 +67,18 @@ class DecayBlock(SeriesBlock):
             for one, std in zip(self.decays, self.weights.deviations.tolist(), strict=True)
         ]))  # fmt: skip
 
-    def evaluation(self, before: Evaluation | None = None) -> DecayEvaluation:
-        """Return the residuals."""
-        return DecayEvaluation(self)
+    def evaluation(self, before: Evaluation | None = None) -> DecayBlock:
+        """Return the block itself."""
+        return self
+
+    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
+        """Return the residuals (m,) for unknowns by name, in standard deviations."""
+        pairs = zip(self.decays, self.weights.deviations.tolist(), strict=True)
+        parts: cs.MX = cs.vertcat(*((one.curve(given) - cs.DM(one.decay.values)) / std for one, std in pairs))
+        return parts
+
+    def close(self) -> None:
+        """Keep nothing."""
 
     def unexplained(self, fitted: Fitted) -> list[tuple[str, float]]:
         """Return the share of each motion about its equilibrium, root mean square, that the curve leaves."""

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import known
 from problems.paper.effects import (
     HORIZON,
     LEAST_AMPLITUDE,
     Characteristics,
     Envelope,
-    RatiosOverTime,
     SimulatedDecay,
     characteristics,
     crossing,
@@ -253,13 +253,15 @@ def ratio_change(part: PaperPart, results: Sequence[SimulatedDecay], found: Foun
         "ratios": [
             {
                 "law": law.name,
-                "time_s": one.time.tolist(),
-                "damping_ratio": one.ratio.tolist(),
-                "damping_ratio_by_formula": one.formula.tolist(),
+                "time_s": time.tolist(),
+                "damping_ratio": ratio.tolist(),
+                "damping_ratio_by_formula": formula.tolist(),
                 "crosses_the_first_law_at_s": known(cross[0]),
                 "crosses_the_first_law_by_formula_at_s": known(cross[1]),
             }
-            for law, one, cross in zip(part.laws, ratios, [(math.nan, math.nan), *crossings], strict=True)
+            for law, (time, ratio, formula), cross in zip(
+                part.laws, ratios, [(math.nan, math.nan), *crossings], strict=True
+            )
         ],
     }
     caption = (
@@ -281,29 +283,31 @@ def _laws(part: PaperPart, decays: Sequence[SimulatedDecay], crossings: Sequence
     return part.data_table("Laws whose damping ratio changes along a decay", columns, note)
 
 
-def _ratios(part: PaperPart, ratios: Sequence[RatiosOverTime]) -> DataTable:
-    first, last = (float(ratios[0].time[k]) for k in (0, -1))
+def _ratios(part: PaperPart, ratios: Sequence[tuple[Array, Array, Array]]) -> DataTable:
+    first, last = (float(ratios[0][0][k]) for k in (0, -1))
     columns = [Column("law", tuple(law.title for law in part.laws))]
     for k, time in ((0, first), (-1, last)):
         columns += [
-            Column(f"after {time:.2g} s, beam", tuple(100 * float(one.ratio[k]) for one in ratios), "%"),
-            Column("by Eq. (27)", tuple(100 * float(one.formula[k]) for one in ratios), "%"),
+            Column(f"after {time:.2g} s, beam", tuple(100 * float(ratio[k]) for _, ratio, _ in ratios), "%"),
+            Column("by Eq. (27)", tuple(100 * float(formula[k]) for *_, formula in ratios), "%"),
         ]
     return part.data_table("Damping ratio along the decay", columns, "In windows of two periods.")
 
 
-def _change_figure(part: PaperPart, decays: Sequence[SimulatedDecay], ratios: Sequence[RatiosOverTime]) -> Figure:
+def _change_figure(
+    part: PaperPart, decays: Sequence[SimulatedDecay], ratios: Sequence[tuple[Array, Array, Array]]
+) -> Figure:
     figure, (amplitude, ratio) = new_figure(5.4, 2, sharex=True)
-    for k, (law, decay, one) in enumerate(zip(part.laws, decays, ratios, strict=True)):
+    for k, (law, decay, (time, found, formula)) in enumerate(zip(part.laws, decays, ratios, strict=True)):
         markers = {**series(k), "linestyle": "", "ms": 5}
         envelope, label = decay.envelope, law.title
         some = np.unique(np.linspace(0, len(envelope.time) - 1, CURVE_MARKERS).astype(int))
         amplitude.plot(envelope.time[some], 1e3 * envelope.amplitude[some], **markers)
         amplitude.plot(decay.formula.time, 1e3 * decay.formula.amplitude, **line(k))
         amplitude.plot([], [], **series(k), ms=5, label=label)
-        some = np.unique(np.linspace(0, len(one.time) - 1, CURVE_MARKERS).astype(int))
-        ratio.plot(one.time[some], 100 * one.ratio[some], **markers)
-        ratio.plot(one.time, 100 * one.formula, **line(k))
+        some = np.unique(np.linspace(0, len(time) - 1, CURVE_MARKERS).astype(int))
+        ratio.plot(time[some], 100 * found[some], **markers)
+        ratio.plot(time, 100 * formula, **line(k))
     amplitude.set(ylabel="amplitude, mm", yscale="log")
     plain_log_ticks(amplitude, "y")
     ratio.set(xlabel="time, s", ylabel="damping ratio, %", ylim=(0.0, None))

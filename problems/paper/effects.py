@@ -93,15 +93,6 @@ class SimulatedDecay:
     steps: int  # of the integrator
 
 
-@dataclass(frozen=True, eq=False)
-class RatiosOverTime:
-    """Damping ratio along a decay."""
-
-    time: Array  # (k,), s
-    ratio: Array  # (k,), in windows of the simulated motion
-    formula: Array  # (k,), equivalent damping ratio at the amplitude of Eq. (27)
-
-
 def simulate_decay(
     beam: Beam,
     law: QuadraticDamping,
@@ -183,13 +174,13 @@ def peaks(time: Array, displacement: Array) -> Envelope:
     return Envelope(np.append(time[0], time[at] + shift * (time[1] - time[0])), np.append(size[0], top))
 
 
-def ratios_over_time(decay: SimulatedDecay) -> RatiosOverTime:
-    """Return the damping ratio along a decay, in windows of the simulated motion and by the formula."""
+def ratios_over_time(decay: SimulatedDecay) -> tuple[Array, Array, Array]:
+    """Return times (s), and the damping ratio then: in windows of the simulated motion, and by the formula."""
     curve = damping_curve(Measurement(decay.time, decay.tip), release_time=float(decay.time[0]))
     amplitude = np.array([decay.formula.at(one) for one in curve.time.tolist()])
     η1, η2, ω = (cs.DM(value) for value in (decay.law.eta1, decay.law.eta2, 2 * math.pi * decay.frequency))
     formula = equivalent_damping_ratio(η1, η2, ω, cs.DM(amplitude)).full().ravel()
-    return RatiosOverTime(curve.time, curve.damping_ratio, formula)
+    return curve.time, curve.damping_ratio, formula
 
 
 def crossing(first: Envelope, second: Envelope) -> float:

@@ -21,7 +21,7 @@ from ancf_casadi.reduction.stepping import ReducedTrajectory
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from problems.schema.beam import law_of
-from problems.schema.response import RESPONSE_MODES, RESPONSE_TOLERANCE, ResponseTask
+from problems.schema.response import RESPONSE_MODES, ResponseTable, ResponseTask
 from problems.study.data_table import Column
 from problems.study.drawing import drawn, new_figure, series
 from problems.study.kinds.response import curve_numbers, draw_curve, summary_columns
@@ -42,7 +42,7 @@ def resonance(beam: Beam, terms: Terms, amplitude: float, frequencies: tuple[flo
     """Return the response curve under a base amplitude (m), and the amplitude of the driven mode along it."""
     model = Model(beam)
     law, count = law_of(terms, model, "damping"), max(RESPONSE_MODES, mode)
-    task = ResponseTask(model, law, frequencies, (amplitude,), "base", (1.0, 0.0), count, 24, RESPONSE_TOLERANCE, {})
+    task = ResponseTask(model, law, ResponseTable(frequencies, amplitude, points=24), count, {})
     curve = task.curve(amplitude)
     return curve_numbers(task, curve), np.array([_amplitude(motion, mode) for motion in curve.motions])
 

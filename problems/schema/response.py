@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,7 +17,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
 from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.tracing import CURVE_POINTS, MOST_CURVE_POINTS, frequency_response
-from ancf_casadi.support.inputs import whole
+from ancf_casadi.support.inputs import unit_vector, whole
 from problems.schema.beam import DAMPED_HELP, read_damped
 from problems.schema.file import StudyFile
 from problems.schema.simulation import MARKERS_KEYS, read_markers
@@ -56,14 +55,20 @@ class ResponseTask:
 
     model: Model
     damping: DampingLaw | None
-    frequencies: tuple[float, float]  # at which the curves begin, and towards which they go, Hz
-    levels: tuple[float, ...]  # amplitudes of the excitation: of the base, m, or of the force at the tip, N
-    driven: str  # place of the excitation, "base" or "tip"
-    direction: tuple[float, float]  # of the excitation, a unit vector
+    table: ResponseTable
     modes: int  # of the reduced model; 0 for the full beam
-    points: int  # least number on a curve
-    tolerance: float  # largest estimated error of each motion, relative to its size
     markers: Mapping[str, float]  # arc length of each point to output, m
+
+    @property
+    def driven(self) -> str:
+        """Place of the excitation, "base" or "tip"."""
+        return "base" if self.table.base_amplitudes else "tip"
+
+    @property
+    def levels(self) -> tuple[float, ...]:
+        """Amplitudes of the excitation: of the base, m, or of the force at the tip, N."""
+        levels = self.table.base_amplitudes or self.table.tip_forces
+        return levels if isinstance(levels, tuple) else (levels,)
 
     @cached_property
     def body(self) -> Model | ReducedModel:
@@ -77,19 +82,19 @@ class ResponseTask:
 
     def excitation(self, level: float) -> dict[str, Any]:
         """Return the excitation of a level as the argument ``base`` or ``load`` of ``frequency_response``."""
-        start, (x, y) = self.frequencies[0], self.direction
+        start, direction = self.table.frequencies[0], unit_vector(self.table.direction, "direction")
         if self.driven == "base":
-            return {"base": HarmonicBase(level, start, direction=self.direction)}
-        return {"load": HarmonicLoad((level * x, level * y), start)}
+            return {"base": HarmonicBase(level, start, direction=direction)}
+        return {"load": HarmonicLoad((level * direction[0], level * direction[1]), start)}
 
     def curve(self, level: float) -> ResponseCurve:
         """Return the response curve of a level."""
         return frequency_response(
             self.body,
-            self.frequencies,
+            self.table.frequencies,
             damping=None if self.modes else self.damping,  # a reduced model has its law
-            points=self.points,
-            tolerance=self.tolerance,
+            points=self.table.points,
+            tolerance=self.table.tolerance,
             **self.excitation(level),
         )
 
@@ -102,25 +107,11 @@ def read_response(given: str | StudyFile) -> ResponseTask:
     first, last = table.frequencies
     if first == last:
         raise InputError(f"must be [FROM, TO], two different values, got {first:g} twice", f"{where}: frequencies")
-    x, y = table.direction
-    size = math.hypot(x, y)
-    if not size:
-        raise InputError("must not be zero", f"{where}: direction")
+    unit_vector(table.direction, f"{where}: direction")
     if bool(table.base_amplitudes) == bool(table.tip_forces):
         raise InputError("give either base_amplitudes (m) or tip_forces (N)", f"{where}: base_amplitudes")
-    levels = table.base_amplitudes or table.tip_forces
-    return ResponseTask(
-        source.model,
-        source.damping,
-        (first, last),
-        levels if isinstance(levels, tuple) else (levels,),
-        "base" if table.base_amplitudes else "tip",
-        (x / size, y / size),
-        _modes(table, source.model, f"{where}: modes"),
-        table.points,
-        table.tolerance,
-        read_markers(file, source.model),
-    )
+    modes, markers = _modes(table, source.model, f"{where}: modes"), read_markers(file, source.model)
+    return ResponseTask(source.model, source.damping, table, modes, markers)
 
 
 def _modes(table: ResponseTable, model: Model, where: str) -> int:

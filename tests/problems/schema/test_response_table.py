@@ -21,7 +21,7 @@ RANGE = "[response]\nfrequencies = [9.0, 11]\n"
 
 def test_each_level_drives_the_base_from_the_first_frequency(file):
     task = read_response(file(BEAM, LAW, RANGE, "base_amplitudes = [1e-4, 2e-4]\n"))
-    assert task.frequencies == (9.0, 11.0)
+    assert task.table.frequencies == (9.0, 11.0)
     assert [task.excitation(level) for level in task.levels] == [
         {"base": HarmonicBase(1e-4, 9.0)},
         {"base": HarmonicBase(2e-4, 9.0)},
@@ -64,7 +64,7 @@ def test_markers_are_points_of_the_output(file):
         (RANGE + "base_amplitudes = []\n", r"base_amplitudes: must be a list of 1 to 20 numbers, got \[\]"),
         (RANGE + "base_amplitudes = -1e-4\n", r"base_amplitudes: must be positive"),
         (RANGE + "tip_forces = ['a']\n", r"tip_forces: must be a finite number, got 'a'"),
-        (RANGE + "base_amplitudes = 1e-4\ndirection = [0, 0]\n", r"direction: must not be zero"),
+        (RANGE + "base_amplitudes = 1e-4\ndirection = [0, 0]\n", r"direction: must not be the zero vector"),
         (RANGE + "base_amplitudes = 1e-4\nmodes = 0\n", r"\[response\]: modes: must be"),
         (RANGE + "base_amplitudes = 1e-4\npoints = 1\n", r"\[response\]: points: must be"),
         (RANGE + "base_amplitudes = 1e-4\ntolerance = 0\n", r"tolerance: must be positive"),

@@ -298,19 +298,20 @@ def _draw_mode(axes: Axes, k: int, results: Mapping[str, Modes]) -> None:
 
 
 @literal_text
-def properties_figure(given: Beam, found: Beam, ranges: Mapping[str, Array]) -> Figure:
+def properties_figure(given: Beam, found: Beam, ranges: Mapping[str, Array], width: float = 8.0) -> Figure:
     """Draw the relative change of the properties along a beam, and the ranges that fit equally well.
 
-    ``ranges`` holds the lowest and highest relative change of each element, (n, 2), of each property to draw.
+    ``ranges`` holds the lowest and highest relative change of each element, (n, 2), or of all elements, (1, 2), of each
+    property to draw; the figure is ``width`` inches wide.
     """
-    figure = Figure(figsize=(8, 1.2 + 1.6 * len(ranges)), layout="constrained")
+    figure = Figure(figsize=(width, 1.2 + 1.6 * len(ranges)), layout="constrained")
     edges = 1e3 * np.linspace(0.0, found.length, found.elements + 1)
     plots = figure.subplots(len(ranges), 1, sharex=True, squeeze=False).ravel()
     for axes, name in zip(plots, (name for name in PROPERTIES if name in ranges), strict=True):
         change = 100 * (np.array(getattr(found, name)) / np.array(getattr(given, name)) - 1)
-        low, high = 100 * ranges[name].T
+        low, high = 100 * np.broadcast_to(ranges[name], (found.elements, 2)).T
         axes.fill_between(edges, np.append(low, low[-1]), np.append(high, high[-1]), step="post", color=COMPUTED,
-                          alpha=0.2, lw=0, label="fits equally well, each element separately")  # fmt: skip
+                          alpha=0.2, lw=0, label="fits equally well")  # fmt: skip
         axes.stairs(change, edges, baseline=None, color=COMPUTED, lw=1.5, label="matched")
         axes.axhline(0.0, ls=":", lw=0.8, color=MEASURED)
         axes.set(ylabel=f"{name.replace('_', ' ')}, %", xlim=(0.0, edges[-1]))

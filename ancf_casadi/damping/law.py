@@ -123,15 +123,7 @@ class DampingLaw(Displayed, ABC):
         """The parameters of the law."""
 
     def with_parameters(self, values: Sequence[float] | Array) -> Self:
-        """Return the law with other values of its parameters, given in their order.
-
-        A law that is not a dataclass, or whose parameters are not among its fields, must override this method.
-
-        Raises
-        ------
-        InputError
-            If a value is out of range.
-        """
+        """Return the law with other values of its parameters, in order; one out of range raises an ``InputError``."""
         names, law = (parameter.name for parameter in self.parameters), cast(Any, self)
         return cast(Self, replace(law, **dict(zip(names, checked_values(self, values), strict=True))))
 

@@ -252,13 +252,8 @@ class SweepBase(_Oscillation):
         Frequency at time 0 and at ``stop``, Hz, positive.
     stop : float
         Requested stop time, s, positive.
-    direction : (float, float)
-        Direction of the motion, of any positive length; kept as a unit vector.
-    stop_at : {"rest", "once"}
-        ``rest``: sweep on to the first instant of zero base velocity after ``stop``, and hold.  ``once``: stop at
-        ``stop`` itself, where the base velocity may jump, which is an impact on the clamp.
-    ramp : float
-        Cycles over which the amplitude grows, as that of ``HarmonicBase``.
+    direction, stop_at, ramp
+        See ``HarmonicBase``.
 
     Raises
     ------

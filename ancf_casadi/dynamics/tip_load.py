@@ -104,7 +104,7 @@ class HarmonicLoad(TipLoad):
     stop : float, optional
         Time from which the load is zero, s, positive; if not given, the load never ends.
     ramp : float
-        Cycles over which the amplitude grows, 0 or more, before the stop; see ``HarmonicBase``.
+        See ``HarmonicBase``.
     point : float, optional
         Arc length of the point at which the load acts, m; the tip if not given.
     follower : bool

@@ -112,13 +112,7 @@ class Motion(Reported):
         return nodes.reshape(self.coordinates.shape)
 
     def position(self, point: float) -> Array:
-        """Return the position of the material point at arc length ``point`` (m), (k, 2), m.
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
+        """Return the position of a point at an arc length (m), (k, 2), m; one off the beam raises an ``InputError``."""
         return np.asarray(self.coordinates @ self.model.interpolation(point).T)
 
     def table(self) -> Table:
@@ -247,55 +241,25 @@ class Trajectory(Motion):
         )
 
     def state(self, index: int) -> State:
-        """Return the state at a sample.
-
-        Raises
-        ------
-        InputError
-            If the sample does not exist.
-        """
+        """Return the state at a sample; one that does not exist raises an ``InputError``."""
         index = whole(index, "index", -len(self.time), len(self.time) - 1)
         return State(self.coordinates[index], self.velocities[index], float(self.time[index]))
 
     def velocity(self, point: float) -> Array:
-        """Return the velocity of the material point at arc length ``point`` (m), (k, 2), m/s.
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
+        """Return the velocity of a material point, (k, 2), m/s; arguments and errors are those of ``position``."""
         return np.asarray(self.velocities @ self.model.interpolation(point).T)
 
     def slope(self, point: float) -> Array:
-        """Return the angle from the x axis to the beam at arc length ``point`` (m), (k,), rad, unwrapped.
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
+        """Return the angle from the x axis to the beam at a point, (k,), rad, unwrapped; see ``position``."""
         x, y = self.model.slope_interpolation(point) @ self.coordinates.T
         return np.asarray(np.unwrap(np.arctan2(y, x)))
 
     def curvature(self, point: float) -> Array:
-        """Return the curvature at arc length ``point`` (m), (k,), 1/m, positive counterclockwise.
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
+        """Return the curvature at a point, (k,), 1/m, positive counterclockwise; see ``position``."""
         return np.asarray(curvature_at(self.model, point, self._interpolated))
 
     def axial_force(self, point: float) -> Array:
-        """Return the axial force at arc length ``point`` (m), (k,), N, tension positive.
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
+        """Return the axial force at a point, (k,), N, tension positive; see ``position``."""
         (width, thickness, _, modulus), prestress = self.model.properties, np.array(self.model.beam.prestress or [0.0])
         readings = (axial_strains_near(self.model, point, at) for at in (self._interpolated, self._manufactured))
         strains = [(weight, k, strain - own) for (weight, k, strain), (*_, own) in zip(*readings, strict=True)]
@@ -303,13 +267,7 @@ class Trajectory(Motion):
         return np.asarray(sum(weight * (width * thickness)[k] * stress for weight, k, stress in stresses))
 
     def bending_moment(self, point: float) -> Array:
-        """Return the bending moment at arc length ``point`` (m), (k,), N m, positive counterclockwise.
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
+        """Return the bending moment at a point, (k,), N m, positive counterclockwise; see ``position``."""
         width, thickness, _, modulus = self.model.properties[:, self.model.element_at(point)]
         bent = self.curvature(point) - curvature_at(self.model, point, self._manufactured)
         return np.asarray(float(modulus * width * thickness**3 / 12) * bent)

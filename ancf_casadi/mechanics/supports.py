@@ -60,6 +60,8 @@ class Support(Displayed):
         object.__setattr__(self, "point", checked_point(self.point))
         object.__setattr__(self, "displacement", vector(self.displacement, "displacement"))
         check_size(self.displacement, "displacement")
+        if hasattr(self, "rotation"):
+            object.__setattr__(self, "rotation", number(self.rotation, "rotation"))
 
     @property
     def sliding(self) -> tuple[float, float] | None:
@@ -68,8 +70,8 @@ class Support(Displayed):
 
     @property
     def angle(self) -> float:
-        """Angle by which the support turns the beam from its direction without load, rad."""
-        return 0.0
+        """Angle by which the support turns the beam from its direction without load, rad: its rotation, if any."""
+        return float(getattr(self, "rotation", 0.0))
 
 
 @final
@@ -112,12 +114,6 @@ class Clamp(Support):
         """Validate."""
         super().__post_init__()
         object.__setattr__(self, "stiffness", positive_or_infinite(self.stiffness, "stiffness"))
-        object.__setattr__(self, "rotation", number(self.rotation, "rotation"))
-
-    @property
-    def angle(self) -> float:
-        """The rotation."""
-        return self.rotation
 
 
 @final
@@ -215,16 +211,6 @@ class Guide(_Sliding):
     turns: ClassVar[bool] = False
 
     rotation: float = field(default=0.0, kw_only=True)
-
-    def __post_init__(self) -> None:
-        """Validate."""
-        super().__post_init__()
-        object.__setattr__(self, "rotation", number(self.rotation, "rotation"))
-
-    @property
-    def angle(self) -> float:
-        """The rotation."""
-        return self.rotation
 
 
 def checked_point(point: float, where: str = "point") -> float:

@@ -114,13 +114,7 @@ class ReducedTrajectory(Motion):
         return np.vstack([part.full() for part in self.reduced.energies(self.q.T, self.v.T, self.base.T, values)]).T
 
     def state(self, index: int) -> State:
-        """Return the state of the full model at a sample, as a start for ``simulate`` or ``simulate_reduced``.
-
-        Raises
-        ------
-        InputError
-            If there is no such sample.
-        """
+        """Return the state of the full model at a sample, as a start for a simulation; see ``Trajectory.state``."""
         index = whole(index, "index", -len(self.time), len(self.time) - 1)
         return _full_state(self.reduced, self.q[index], self.v[index], self.base[index], float(self.time[index]))
 

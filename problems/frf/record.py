@@ -230,13 +230,7 @@ class FrfRecord(Displayed):
         return self.values.reshape(-1, len(self.frequencies)).T
 
     def between(self, low: float, high: float) -> FrfRecord:
-        """Return the part of the record in a band of frequencies, Hz.
-
-        Raises
-        ------
-        InputError
-            If the band has fewer than eight frequencies.
-        """
+        """Return the part in a band of frequencies, Hz; one with fewer than eight of them raises an ``InputError``."""
         inside = (self.frequencies >= low) & (self.frequencies <= high)
         if np.count_nonzero(inside) < LEAST_LINES:
             raise InputError(f"has fewer than {LEAST_LINES} frequencies of the record", "band")

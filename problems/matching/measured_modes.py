@@ -133,13 +133,7 @@ class MeasuredModes(Displayed):
         return np.asarray((shapes @ displacements) ** 2 / np.where(own > 0.0, own, 1.0))
 
     def check_beam(self, beam: Beam) -> None:
-        """Check that the points are on the beam, and that its mesh has enough modes.
-
-        Raises
-        ------
-        InputError
-            If a point is off the beam, or the mesh has too few modes.
-        """
+        """Raise an ``InputError`` if a point is off the beam, or its mesh has too few modes."""
         if self.count > 2 * beam.elements:
             raise InputError(
                 f"{self.count} modes are more than the {2 * beam.elements} that {beam.elements} elements have; "

@@ -374,5 +374,4 @@ def match_figure(matches: Mapping[str, FrequencyMatch]) -> Figure:
     known, space = match.identifiability, match.matching.space
     ends = np.column_stack([known.factors, known.factors]) if match.out_of_reach else known.spread
     changes = {name: own for name, own in space.by_property(ends - 1).items() if not lumped_kind(name)}
-    along = {name: np.broadcast_to(own, (match.beam.elements, 2)) for name, own in changes.items()}
-    return properties_figure(space.beam, match.beam, along)
+    return properties_figure(space.beam, match.beam, changes)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, final
 import numpy as np
 from msgspec import Meta
 
-from ancf_casadi.export.model_document import beam_data
+from ancf_casadi.export.model_document import beam_data, beam_from
 from ancf_casadi.export.structs import BeamData
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
@@ -22,7 +22,7 @@ from problems.matching.frequency_matching import match_frequencies
 from problems.schema.match import MatchTable, request_of
 from problems.schema.table import Positive, read
 from problems.study.data_table import Column, DataTable
-from problems.study.drawing import Drawing, drawn, new_figure, series
+from problems.study.drawing import FIGURE_WIDTH, Drawing, drawn, new_figure, series
 from problems.study.part import Effort, Finding, Found, Part, Printed, Source, Task, printed_numbers
 
 if TYPE_CHECKING:
@@ -221,26 +221,14 @@ class Match(Part, MatchTable):
         return self.data_table(title, columns, note)
 
     def _profiles(self, matched: Matched, beam: Beam) -> Figure:
-        names = [name for name, *_ in ELEMENT_ROWS if matched.ranges.get(name) is not None] or [
-            name for name, *_ in ELEMENT_ROWS
-        ]
+        """Draw the properties that vary along the beam among those that may change, or the first of these."""
+        from ancf_casadi.plot import properties_figure  # slow to import
+
+        names = [name for name, *_ in ELEMENT_ROWS if name in matched.ranges] or [name for name, *_ in ELEMENT_ROWS]
         along = [name for name in names if np.ptp(getattr(matched.beam, name)) > 0.0] or names[:1]
-        figure, panels = new_figure(0.8 + 1.5 * len(along), len(along), sharex=True)
-        edges = 1e3 * np.linspace(0.0, beam.length, beam.elements + 1)
-        for k, (axes, name) in enumerate(zip(panels, along, strict=True)):
-            change = 100 * (np.array(getattr(matched.beam, name)) / np.array(getattr(beam, name)) - 1)
-            if name in matched.ranges:
-                low, high = 100 * np.broadcast_to(matched.ranges[name], (beam.elements, 2)).T
-                axes.fill_between(edges, np.append(low, low[-1]), np.append(high, high[-1]), step="post",
-                                  color=series(0)["color"], alpha=0.2, lw=0, label="fits equally well")  # fmt: skip
-            axes.stairs(change, edges, baseline=None, color=series(0)["color"], lw=1.5, label="matched")
-            axes.axhline(0.0, color="black", lw=0.8, ls=":")
-            axes.set(ylabel=f"{name.replace('_', ' ')}\nchange, %", xlim=(0.0, edges[-1]))
-            if not k:
-                axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
-        panels[-1].set_xlabel("distance from the clamp, mm")
-        figure.align_ylabels()
-        return figure
+        changes = {name: np.divide(getattr(matched.beam, name), getattr(beam, name)) - 1 for name in along}
+        ranges = {name: matched.ranges.get(name, change[:, None]) for name, change in changes.items()}
+        return properties_figure(beam, beam_from(matched.beam), ranges, width=FIGURE_WIDTH)
 
     def _errors(self, matched: Matched) -> Drawing:
         """Draw the relative errors on a logarithmic scale, so that those after matching are visible."""

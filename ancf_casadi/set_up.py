@@ -56,26 +56,18 @@ def _symbol(one: Support | Attachment, angle: float) -> tuple[Path, float, float
         return _path(strokes), 0.0 if pair[1] >= pair[0] else math.pi / 2, 26.0
     assert isinstance(one, Support)
     if isinstance(one, Clamp):
-        return _path([[(-1.0, 0.0), (1.0, 0.0)], *HATCH]), _wall(one, angle), 16.0
+        across = math.pi / 2 if one.point else -math.pi / 2  # the hatching points away from the beam
+        return _path([[(-1.0, 0.0), (1.0, 0.0)], *HATCH]), angle + across, 16.0
     if one.sliding is None:
-        return _path([*TRIANGLE, *_moved(HATCH, -1.0)]), _ground(angle), 18.0
+        return _path([*TRIANGLE, *([(x, y - 1.0) for x, y in stroke] for stroke in HATCH)]), _ground(angle), 18.0
     along = math.atan2(one.sliding[1], one.sliding[0])
     body = TRIANGLE if one.turns else [[(-0.8, 0.0), (0.8, 0.0), (0.8, -1.0), (-0.8, -1.0), (-0.8, 0.0)]]
     return _path([*body, *WHEELS, [(-1.0, -1.5), (1.0, -1.5)]]), _ground(along), 22.0
 
 
-def _wall(one: Clamp, angle: float) -> float:
-    """Return the rotation of a wall across the beam, with its hatching away from it."""
-    return angle + (math.pi / 2 if one.point else -math.pi / 2)
-
-
 def _ground(angle: float) -> float:
     """Return the rotation of ground along a direction, below it rather than above."""
     return angle if math.cos(angle) >= -1e-9 else angle + math.pi
-
-
-def _moved(strokes: Sequence[Stroke], height: float) -> list[Stroke]:
-    return [[(x, y + height) for x, y in stroke] for stroke in strokes]
 
 
 def _path(strokes: Sequence[Stroke]) -> Path:

@@ -62,19 +62,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 class _Parser(argparse.ArgumentParser):
+    """The parser of the command, or of a subcommand, whose module is imported only if the subcommand is given."""
+
     def error(self, message: str) -> NoReturn:
         """Refuse in one line."""
         self.exit(2, f"{self.prog}: {shortened(message)}; see {self.prog} --help\n")
 
-
-class _Subcommand(_Parser):
-    """The parser of a subcommand, whose module is imported only if the subcommand is given."""
-
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Add the options of the subcommand, and parse."""
-        name = self.get_default("title").replace("-", "_")
-        module = import_module(module_of(self.get_default("title")))
-        getattr(module, f"add_{name}")(self)
+        """Add the options of a subcommand, and parse."""
+        if title := self.get_default("title"):
+            getattr(import_module(module_of(title)), f"add_{title.replace('-', '_')}")(self)
         return super().parse_known_args(args, namespace)
 
 
@@ -91,7 +88,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog="Start with 'inspect FILE' for a record, or 'init' for a study; 'COMMAND --help' explains each command.",
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND", parser_class=_Subcommand)
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for name, about in COMMANDS.items():
         added = commands.add_parser(
             name,

@@ -110,7 +110,9 @@ def write_fmu(
     check_instance(document, "document", Document, NoneType)
     target = check_file(path)
     if document is not None:
-        _check_document(document, functions)
+        law = RayleighDamping() if document.damping is None else document.damping
+        if not set(functions.parameters) <= set(parameter_signals(Equations(document.model, law))):
+            raise InputError("describes another beam or damping law than the Functions do", "document")
     headers, compiler = _fmi_headers(), c_compiler()
     if not compiler:
         raise InputError("an FMU needs a C compiler, and none was found; install one, or set CC to its command", "CC")
@@ -136,13 +138,6 @@ def write_fmu(
     if document is not None:
         content["resources/beam.json"] = to_json(document.to_dict()).encode()
     write_file(Path(path), _zipped(content))
-
-
-def _check_document(document: Document, functions: MotionFunctions) -> None:
-    """Refuse a document whose beam and law do not have the parameters of the Functions, with the same values."""
-    law = RayleighDamping() if document.damping is None else document.damping
-    if not set(functions.parameters) <= set(parameter_signals(Equations(document.model, law))):
-        raise InputError("describes another beam or damping law than the Functions do", "document")
 
 
 def _fmi_headers() -> Path:
@@ -237,7 +232,9 @@ def _complete_variables(variables: ET.Element, functions: MotionFunctions) -> No
     """Set all digits of the start values and the units of the derivatives; remove CasADi's auxiliary variables."""
     differentiated = (*functions.states, *functions.base[: 2 * BASE_COORDINATES])
     signals = {s.name: s for s in (*functions.parameters, *functions.states, *functions.base, *functions.outputs)}
-    derivative_units = {f"der({signal.name})": _per_second(signal.unit) for signal in differentiated}
+    derivative_units = {
+        f"der({one.name})": f"{one.unit}{2 if one.unit.endswith('/s') else '/s'}" for one in differentiated
+    }
     for variable in list(variables):
         name = variable.attrib["name"]
         if name.startswith("__assign__"):  # CasADi's names for right-hand sides
@@ -269,11 +266,6 @@ def _summary(functions: MotionFunctions, document: Document | None) -> str:
     parts += [f"modes kept: {functions.free}"] if reduced else []
     parts += [f"identified by {found.summary()}" for found in document.identifications]
     return "; ".join(parts)
-
-
-def _per_second(unit: str) -> str:
-    """Return the unit of a time derivative."""
-    return f"{unit}2" if unit.endswith("/s") else f"{unit}/s"
 
 
 def _exponents(unit: str) -> dict[str, int] | None:

@@ -295,7 +295,11 @@ def axial_strains_near(model: Model, s: float, at: At) -> list[tuple[float, int,
     middles = (model.beam.node_points[:-1] + model.beam.node_points[1:]) / 2
     index = min(max(int(np.searchsorted(middles, s)) - 1, 0), model.beam.elements - 2)
     place = float((s - middles[index]) / (middles[index + 1] - middles[index]))
-    return [(weight, k, _mean_axial_strain(model, k, at)) for weight, k in ((1.0 - place, index), (place, index + 1))]
+    found = []
+    for weight, k in ((1.0 - place, index), (place, index + 1)):
+        slopes = [at(model.slope_interpolation(point)) for point in model.gauss_points(k)]
+        found.append((weight, k, sum(axial_strain(slope, model.measures.axial) for slope in slopes) / 2))
+    return found
 
 
 def _summed(values: cs.MX, kept: Index, rows: Index, columns: Index, size: int, factors: Array) -> cs.MX:
@@ -305,8 +309,3 @@ def _summed(values: cs.MX, kept: Index, rows: Index, columns: Index, size: int, 
     places = target.ravel().tolist(), kept.tolist()
     incidence = cs.DM.triplet(*places, cs.DM(factors), len(pairs), values.numel())
     return cs.MX(pattern, incidence @ values)
-
-
-def _mean_axial_strain(model: Model, index: int, at: At) -> Any:
-    strains = [axial_strain(at(model.slope_interpolation(s)), model.measures.axial) for s in model.gauss_points(index)]
-    return (strains[0] + strains[1]) / 2

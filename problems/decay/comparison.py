@@ -117,7 +117,10 @@ def compare_decay_laws(
                 fits=tuple(fits[model] for model in names.values()),
                 terms=tuple(ADDITIVE[model.law] for model in names.values()),
                 failed={_name(model): reason for model, reason in failed.items()},
-                counted={name: _counted(model) for name, model in names.items()},
+                counted={
+                    name: (*COUNTED[model.law], *model.frequency_terms, *REST_TERMS[model.rest])
+                    for name, model in names.items()
+                },
                 priors={name: EMPIRICAL for name, model in names.items() if model.law == "power"},
             )
             lags = dict(
@@ -160,10 +163,6 @@ def _next(best: DecayModel, left: Sequence[DecayModel], lags: Mapping[DecayModel
         if len(own) > len(far_behind):
             return [model for model in own if model not in far_behind]
     return []
-
-
-def _counted(model: DecayModel) -> tuple[str, ...]:
-    return (*COUNTED[model.law], *model.frequency_terms, *REST_TERMS[model.rest])
 
 
 def _name(model: DecayModel) -> str:

@@ -155,7 +155,8 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
         names = [one.name for one in self.agreements]
         if not self.agreements:
             return super().table()
-        columns = ("record", *(part for one in self.agreements for part in (_labelled(one), "stderr")), "residual_rms")
+        labels = [f"{one.name}, {one.unit}".removesuffix(", ") for one in self.agreements]
+        columns = ("record", *(part for label in labels for part in (label, "stderr")), "residual_rms")
         named = [*zip(range(1, len(self) + 1), self.alone, strict=True), ("all at once", self.fits[0])]
         rows: list[tuple[str | float | None, ...]] = [
             (str(label), *(value for name in names for value in (getattr(fit, name), fit.standard_errors[name])),
@@ -261,7 +262,3 @@ class DecayModes(DecayFits):
         data = super().to_dict()
         del data["alone"]
         return {**data, "modes": data.pop("records")}
-
-
-def _labelled(one: Agreement) -> str:
-    return f"{one.name}, {one.unit}" if one.unit else one.name

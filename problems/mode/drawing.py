@@ -65,7 +65,8 @@ def _draw_curves(axes: Axes, fit: ModeFit, pairs: list[tuple[ResponseRecord, str
     scale, unit = (1.0, "rad") if name == "phase" else prefixed(largest, units[name])
     for k, (record, constant) in enumerate(pairs):
         colour = f"C{k % 10}"
-        size, symbol = prefixed(float(np.median(_held(record))), _held_unit(record))
+        held_unit = record.sensor.unit if record.control == "response" else record.excitation_unit
+        size, symbol = prefixed(float(np.median(_held(record))), held_unit)
         held = f"{np.median(_held(record)) / size:.3g} {symbol}".rstrip()
         axes.plot(record.f, _measured(record, name) / scale, ".", ms=4, color=colour, label=held)
         _draw_branches(axes, fit, record, constant, name, scale, colour)
@@ -87,10 +88,6 @@ def _measured(record: ResponseRecord, name: str) -> Array:
 def _held(record: ResponseRecord) -> Array:
     """Return the quantity that was held."""
     return record.amplitudes if record.control == "response" else record.a
-
-
-def _held_unit(record: ResponseRecord) -> str:
-    return record.sensor.unit if record.control == "response" else record.excitation_unit
 
 
 def _draw_branches(

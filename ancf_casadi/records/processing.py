@@ -21,7 +21,6 @@ G. Strang, The discrete cosine transform, SIAM Review 41 (1999).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -109,33 +108,25 @@ def without_line(time: Array, values: Array) -> Array:
     return np.asarray(values - values.mean() - slope * centred)
 
 
-@dataclass(frozen=True)
-class Sampling:
-    """Sampling of a record."""
+def sampling(time: Array) -> dict[str, float]:
+    """Return the sampling of increasing times (s), as plain data; nan for what does not exist.
 
-    samples: int
-    begin: float  # first time, s
-    end: float  # last time, s
-    rate: float  # samples per second between gaps; nan for fewer than two samples
-    gaps: int  # number of gaps: steps of more than 1.5 times the median
-    missing: int  # number of samples that would fill the gaps
-    longest_gap: float  # s; nan without a gap
-    longest_gap_at: float  # its begin, s; nan without a gap
-    jitter: float  # standard deviation of the steps without the gaps, relative to the median
-
-
-def sampling(time: Array) -> Sampling:
-    """Return the sampling of increasing times (s)."""
+    It has the number of samples, the first and the last time, the samples per second between gaps, the number of gaps
+    (steps of more than 1.5 times the median), the number of samples that would fill them, length and begin of the
+    longest gap, and the standard deviation of the other steps relative to the median (``jitter``).
+    """
+    names = "samples", "begin", "end", "rate", "gaps", "missing", "longest_gap", "longest_gap_at", "jitter"
     if len(time) < 2:
         edges = (float(time[0]), float(time[-1])) if len(time) else (math.nan, math.nan)
-        return Sampling(len(time), *edges, math.nan, 0, 0, math.nan, math.nan, math.nan)
+        found = (len(time), *edges, math.nan, 0, 0, math.nan, math.nan, math.nan)
+        return dict(zip(names, found, strict=True))
     steps = np.diff(time)
     step = float(np.median(steps))
     long = steps > 1.5 * step  # a longer step is a gap
     regular = steps[~long]
     longest = int(np.argmax(steps))
     missing = np.rint(steps[long] / step) - 1
-    return Sampling(
+    found = (
         len(time),
         float(time[0]),
         float(time[-1]),
@@ -146,3 +137,4 @@ def sampling(time: Array) -> Sampling:
         float(time[longest]) if long.any() else math.nan,
         float(regular.std()) / step,
     )
+    return dict(zip(names, found, strict=True))

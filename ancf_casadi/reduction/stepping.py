@@ -139,14 +139,8 @@ def simulate_reduced(
     ----------
     reduced : ReducedModel
         The reduced model.
-    duration : float
-        Simulated time, s.
-    base : BaseMotion, optional
-        Motion of the clamp.  If not given, the clamp is fixed: at its position in a ``State``, else at the origin.
-    sample_rate : float
-        Samples per second in the result, 1/s.
-    start : {"equilibrium", "straight", "impact"}, Equilibrium or State
-        As in ``simulate``; the state of the full model is projected on the modes.
+    duration, base, sample_rate, start
+        As in ``simulate``; the state of the full model at the start is projected on the modes.
     steps_per_period : float
         Smallest number of steps per period of the highest mode.
 

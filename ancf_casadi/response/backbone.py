@@ -169,12 +169,10 @@ def backbone(
         Number of the mode, from 1.
     amplitude : float
         Amplitude at which the backbone ends, as of ``Backbone.amplitudes``.
-    damping : DampingLaw, optional
+    damping, tolerance
         As in ``periodic_motion``.
     points : int
         Smallest number of points.
-    tolerance : float
-        Largest estimated error of each motion, relative to its size.
 
     Raises
     ------

@@ -81,7 +81,7 @@ def frequency_response(
     points : int
         Smallest number of points over the range; folds and resonances get more.
     tolerance : float
-        Largest estimated error of each motion, relative to its size.
+        As in ``periodic_motion``.
 
     Raises
     ------

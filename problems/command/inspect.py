@@ -6,7 +6,7 @@ import argparse
 import math
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.records.processing import Sampling, sampling
+from ancf_casadi.records.processing import sampling
 from ancf_casadi.records.quality import quality_warnings
 from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.recording import Recording, recording_of
@@ -46,19 +46,6 @@ values over frequency, complex or as amplitude and phase, are fitted by fit-frf
 (frequency response functions) and fit-response (steady vibration of a beam)
 """
 SPECTRUM_SAMPLES = 10  # samples of a spectrum
-
-
-@dataclass(frozen=True)
-class FitPlan:
-    """The record that a fit would use, or the problem for which there is none."""
-
-    column: str = ""
-    quantity: str = ""
-    samples: int = 0
-    release: float = math.nan
-    reason: str = ""
-    periods: float = math.nan
-    problem: str = ""
 
 
 def add_inspect(parser: argparse.ArgumentParser) -> None:
@@ -92,10 +79,10 @@ def _run(options: argparse.Namespace) -> Output:
         return Output(_text(options, recording, summaries, plan), files)
     data = {
         "file": options.file,
-        "times": [{"columns": numbers, **asdict(found)} for numbers, found in _times(recording)],
+        "times": [{"columns": numbers, **found} for numbers, found in _times(recording)],
         "channels": summaries,
         "notes": list(recording.notes),
-        "fit": asdict(plan),
+        "fit": plan,
     }
     return Output(json_text(data), files)
 
@@ -154,8 +141,10 @@ def _even(channel: RecordedChannel) -> tuple[Array, Array] | None:
     return grid, np.interp(grid, time, values)
 
 
-def _plan(recording: Recording, options: argparse.Namespace, problem: str) -> FitPlan:
-    """Return what a fit would use of a recording."""
+def _plan(recording: Recording, options: argparse.Namespace, problem: str) -> dict[str, Any]:
+    """Return the record that a fit would use, or the problem for which there is none."""
+    plan: dict[str, Any] = {"column": "", "quantity": "", "samples": 0, "release": math.nan, "reason": "",
+                            "periods": math.nan, "problem": ""}  # fmt: skip
     try:
         if problem:
             raise InputError(problem)
@@ -163,7 +152,7 @@ def _plan(recording: Recording, options: argparse.Namespace, problem: str) -> Fi
         sensor = None if options.sensor is None else Sensor(options.sensor)
         record = Measurement.from_recording(recording, options.column, unit=options.unit, sensor=sensor)
     except InputError as error:
-        return FitPlan(problem=str(error))
+        return plan | {"problem": str(error)}
     release, reason, periods = float(record.time[0]), "the first sample", math.nan
     if even := _even(channel):
         found = find_release(*even)
@@ -171,10 +160,12 @@ def _plan(recording: Recording, options: argparse.Namespace, problem: str) -> Fi
         release, reason = float(time[0]), found.reason
         periods = _peak(time, values) * float(time[-1] - release)
     samples = int((record.time >= release).sum())
-    return FitPlan(f"{channel.number} '{channel.name}'", record.sensor.quantity, samples, release, reason, periods)
+    column, quantity = f"{channel.number} '{channel.name}'", record.sensor.quantity
+    return plan | {"column": column, "quantity": quantity, "samples": samples, "release": release, "reason": reason,
+                   "periods": periods}  # fmt: skip
 
 
-def _times(recording: Recording) -> list[tuple[str, Sampling]]:
+def _times(recording: Recording) -> list[tuple[str, dict[str, float]]]:
     """Return the sampling of each distinct time axis, with the numbers of its channels."""
     groups: dict[bytes, tuple[Array, list[int]]] = {}
     for channel in recording.channels:
@@ -191,7 +182,7 @@ def _ranges(numbers: Sequence[int]) -> str:
 
 
 def _text(
-    options: argparse.Namespace, recording: Recording, summaries: Sequence[Mapping[str, Any]], plan: FitPlan
+    options: argparse.Namespace, recording: Recording, summaries: Sequence[Mapping[str, Any]], plan: Mapping[str, Any]
 ) -> str:
     times = _times(recording)
     lines = [
@@ -212,33 +203,35 @@ def _text(
     return "\n".join([table.text(), *([""] if lines else []), *lines, "", *_advice(options, recording, plan)])
 
 
-def _sampled(found: Sampling) -> str:
-    text = f"{found.samples} from {found.begin:g} to {found.end:g} s"
-    if not math.isfinite(found.rate):
+def _sampled(found: Mapping[str, float]) -> str:
+    text = f"{found['samples']} from {found['begin']:g} to {found['end']:g} s"
+    if not math.isfinite(found["rate"]):
         return text
-    text += f", {found.rate:.6g} per second"
-    text += f", steps vary by {100 * found.jitter:.2g} %" if found.jitter > 1e-4 else ", evenly spaced"
-    if found.gaps:
+    text += f", {found['rate']:.6g} per second"
+    text += f", steps vary by {100 * found['jitter']:.2g} %" if found["jitter"] > 1e-4 else ", evenly spaced"
+    if found["gaps"]:
         text += (
-            f", {found.gaps} gaps with {found.missing} samples missing, the longest {found.longest_gap:g} s "
-            f"after {found.longest_gap_at:g} s"
+            f", {found['gaps']} gaps with {found['missing']} samples missing, the longest {found['longest_gap']:g} s "
+            f"after {found['longest_gap_at']:g} s"
         )
     return text
 
 
-def _advice(options: argparse.Namespace, recording: Recording, plan: FitPlan) -> list[str]:
+def _advice(options: argparse.Namespace, recording: Recording, plan: Mapping[str, Any]) -> list[str]:
     """Return what a fit would use, and the next command."""
-    if plan.problem:
-        lines = [f"A fit needs more: {plan.problem.removeprefix(f'{recording.path}: ')}"]
+    if plan["problem"]:
+        lines = [f"A fit needs more: {plan['problem'].removeprefix(f'{recording.path}: ')}"]
         candidates = [c for c in recording.channels if not (c.fault or is_time(c) or is_counter(c) or c.time is None)]
         if options.column is None and len(candidates) > 1:
             widest = max(candidates, key=lambda channel: float(np.nanmax(channel.values) - np.nanmin(channel.values)))
             lines.append(f"Column {widest.label} has the widest range; see {_command('inspect', options, widest.name)}")
         return lines
-    periods = f", about {plan.periods:.0f} periods" if math.isfinite(plan.periods) else ""
+    periods = f", about {plan['periods']:.0f} periods" if math.isfinite(plan["periods"]) else ""
     return [
-        f"A fit would use column {plan.column} as {plan.quantity}, from {plan.release:g} s ({plan.reason}) on: "
-        f"{plan.samples} samples{periods}",
+        "A fit would use column {column} as {quantity}, from {release:g} s ({reason}) on: {samples} samples".format(
+            **plan
+        )
+        + periods,
         f"Next: {_command('fit-decay', options, options.column)}",
     ]
 
@@ -252,7 +245,7 @@ def _command(name: str, options: argparse.Namespace, column: str | int | None) -
     return shlex.join(words)
 
 
-def _figure(recording: Recording, plan: FitPlan) -> Figure:
+def _figure(recording: Recording, plan: Mapping[str, Any]) -> Figure:
     """Draw the first channels over time, and their spectra."""
     from ancf_casadi.records.figures import spectra_figure  # matplotlib is slow to import
 
@@ -263,5 +256,5 @@ def _figure(recording: Recording, plan: FitPlan) -> Figure:
             label = f"{channel.name}, {channel.symbol}" if channel.symbol not in channel.name else channel.name
             series.append((label, channel.time, channel.values, even))
     if not series:
-        raise InputError(plan.problem or "has no channel that can be drawn", recording.path)
-    return spectra_figure(series, recording.name, plan.release)
+        raise InputError(plan["problem"] or "has no channel that can be drawn", recording.path)
+    return spectra_figure(series, recording.name, plan["release"])

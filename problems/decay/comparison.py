@@ -62,17 +62,13 @@ def compare_decay_laws(
 
     Parameters
     ----------
-    time : array_like or Measurement
-        Times, s, increasing; or the whole record.
-    displacement : array_like
-        Displacement at each time, m.
     laws : sequence of {"linear", "quadratic", "friction", "power"}
         Damping laws to compare, the simplest first.
     frequency_laws : sequence of {"constant", "linear", "quadratic", "power", "logarithmic"}
         Frequency laws to compare, the simplest first.
     rests : sequence of {"zero", "constant", "drift", "creep"}
         Rest positions to compare, the simplest first.
-    release_time, ratio_bounds
+    time, displacement, release_time, ratio_bounds
         As in ``fit_decay``.
 
     Raises

@@ -95,16 +95,12 @@ def fit_modes(
 
     Parameters
     ----------
-    time : array_like or Measurement
-        Times, s, increasing; or the whole record.
-    displacement : array_like
-        Displacement at each time, m.
+    time, displacement, release_time
+        As in ``fit_decay``.
     modes : int, optional
         Largest number of modes; as many as the record supports, up to six, if not given.
     offset : bool
         Whether the equilibrium may differ from 0.
-    release_time : float, optional
-        Start of the free decay, s; detected in the record if not given.
 
     Returns
     -------

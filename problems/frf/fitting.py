@@ -13,7 +13,7 @@ from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, is_sequence, physical, shown, vector, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
-from problems.frf.modal_sum import MODAL_SUM_POWERS, RESIDUAL_POWERS, ModalSum
+from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum
 from problems.frf.poles import candidate_poles, poles_near
 from problems.frf.record import FrfRecord
 from problems.frf.refinement import FRF_ADVICE
@@ -77,7 +77,7 @@ def fit_frf(
         raise InputError(f"is {shown(modes)}, but {len(near)} frequencies are given; leave it out", "modes")
     wanted = len(near) if near is not None else None if modes is None else whole(modes, "modes", 1, MOST_FRF_MODES)
     values = record.columns
-    model = ModalSum.of(record.frequencies, MODAL_SUM_POWERS[record.kind], RESIDUAL_POWERS[0])
+    model = ModalSum.of(record.frequencies, record.kind, RESIDUAL_POWERS[0])
     if wanted is not None and 2 * wanted + values.shape[1] * (2 * wanted + len(RESIDUAL_POWERS[0])) > values.size:
         raise InputError(f"has too few frequencies, {len(record.frequencies)}, for {wanted} modes", "record")
 

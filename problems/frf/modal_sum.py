@@ -44,12 +44,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ancf_casadi.estimation.solver.noise import estimated_noise
+from ancf_casadi.response.linear_frf import FRF_POWERS, FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 from ancf_casadi.support.tall import inner, tall_qr, tall_times, tall_triangle
 
-MODAL_SUM_POWERS = {
-    "receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 2, "relative-transmissibility": 2
-}  # fmt: skip
 RESIDUAL_POWERS = tuple(
     tuple(range(-size, size)) for size in (2, 4, 6)
 )  # of i omega: few, more and many residual terms
@@ -69,9 +67,11 @@ class ModalSum:
     starts: Index | None = None  # first frequency of each bin, (bins,), if means over bins are fitted
 
     @classmethod
-    def of(cls, frequencies: Array, derivatives: int, powers: tuple[int, ...]) -> ModalSum:
-        """Return the model for the frequencies of a record."""
-        return cls(frequencies, derivatives, powers, 2 * math.pi * float(np.sqrt(frequencies[0] * frequencies[-1])))
+    def of(cls, frequencies: Array, kind: FrfKind, powers: tuple[int, ...]) -> ModalSum:
+        """Return the model for the frequencies and the kind of a record; transmissibilities have d = 2."""
+        return cls(
+            frequencies, FRF_POWERS.get(kind, 2), powers, 2 * math.pi * float(np.sqrt(frequencies[0] * frequencies[-1]))
+        )
 
     @cached_property
     def bin_sizes(self) -> Array:

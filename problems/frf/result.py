@@ -18,7 +18,7 @@ from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import check_instance, positive_array
 from ancf_casadi.support.tables import Table, known
-from problems.frf.modal_sum import MODAL_SUM_POWERS, ModalSum, TrialFit, quick_fit
+from problems.frf.modal_sum import ModalSum, TrialFit, quick_fit
 from problems.frf.record import FrfRecord
 from problems.frf.refinement import FRF_ADVICE, coefficient_covariance, corrected, inflation, limitations, refine
 from problems.frf.weights import first_deviations, given_deviations
@@ -180,7 +180,7 @@ class FrfFit(LeastSquaresResult):
         """
         check_instance(record, "record", FrfRecord)
         values, trial = record.columns, self.refinement
-        model = ModalSum.of(record.frequencies, MODAL_SUM_POWERS[record.kind], trial.model.powers)
+        model = ModalSum.of(record.frequencies, record.kind, trial.model.powers)
         if 2 * len(values) < 2 * len(trial.frequencies) + len(model.powers):
             raise InputError(f"has too few frequencies, {len(values)}, for {len(trial.frequencies)} modes", "record")
         deviations = given_deviations(record)

@@ -7,7 +7,7 @@ change of the damping ratio along a decay: Figure 16, Table 7.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +18,6 @@ from ancf_casadi.support.tables import known
 from problems.paper.effects import (
     HORIZON,
     LEAST_AMPLITUDE,
-    Characteristics,
     Envelope,
     SimulatedDecay,
     characteristics,
@@ -37,6 +36,7 @@ if TYPE_CHECKING:
     from problems.paper.reproduce import PaperPart
 
 CURVE_MARKERS = 12  # markers of a drawn curve
+WORDS = ("gross_motion", "frequency", "residual_motion")  # in Table 6
 
 
 def tasks(part: PaperPart, found: Found, effort: Effort) -> tuple[Task, ...]:
@@ -68,13 +68,7 @@ def eta_effects(part: PaperPart, results: Sequence[SimulatedDecay], found: Found
             _decay_numbers(law, decay, times) for law, decays in zip(part.laws, by_law, strict=True) for decay in decays
         ],
         "characteristics": [
-            {
-                "law": law.name,
-                "gross_motion": one.gross_motion,
-                "frequency": one.frequency,
-                "residual_motion": one.residual_motion,
-                "decay_rates": list(one.rates),
-            }
+            {"law": law.name, **{key: one[key] for key in (*WORDS, "decay_rates")}}
             for law, one in zip(part.laws, words, strict=True)
         ],
     }
@@ -150,19 +144,17 @@ def _left(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]], tim
     return part.data_table("Amplitude that is left", columns, note)
 
 
-def _word_table(part: PaperPart, words: Sequence[Characteristics], horizon: float) -> DataTable:
+def _word_table(part: PaperPart, words: Sequence[Mapping[str, Any]], horizon: float) -> DataTable:
     columns = [
         Column("law", tuple(law.title for law in part.laws)),
-        Column("gross motion", tuple(one.gross_motion for one in words)),
-        Column("frequency", tuple(one.frequency for one in words)),
-        Column("residual motion", tuple(one.residual_motion for one in words)),
+        *(Column(key.replace("_", " "), tuple(one[key] for one in words)) for key in WORDS),
     ]
     same = tuple(
-        "yes" if [one.gross_motion, one.frequency, one.residual_motion] == printed else "no"
+        "yes" if [one[key] for key in WORDS] == printed else "no"
         for one, printed in zip(words, part.inputs["words"], strict=True)
     )
     columns.append(Column(f"as in the {part.printed_by}", same))
-    rates = [", ".join(f"{rate:.3g}" for rate in one.rates) for one in words]
+    rates = [", ".join(f"{rate:.3g}" for rate in one["decay_rates"]) for one in words]
     listed = ", ".join(f"{f:g}" for f in part.inputs["frequencies"])
     notes = (
         f"Mean decay rates over {horizon:g} s at {listed} Hz: "

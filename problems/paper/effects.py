@@ -30,6 +30,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -204,32 +205,25 @@ def _across(modes: Modes) -> Array:
     return across * np.sign(across @ tip)
 
 
-@dataclass(frozen=True)
-class Characteristics:
-    """A row of Table 6."""
-
-    gross_motion: str  # rapid decay, slow decay, or undecided if neither law is faster at every frequency
-    frequency: str  # independent or dependent
-    residual_motion: str  # controllable or uncontrollable
-    rates: tuple[float, ...]  # mean decay rate until t at each frequency, 1/s
-    left: tuple[float, ...]  # part of the amplitude that is left at t at each frequency
-
-
 def characteristics(
     first: Sequence[Envelope], second: Sequence[Envelope], horizon: float = HORIZON
-) -> tuple[Characteristics, ...]:
-    """Return the rows of Table 6 for two laws, from decays at the same frequencies that last until t, s."""
+) -> tuple[dict[str, Any], ...]:
+    """Return the rows of Table 6 for two laws, from decays at the same frequencies that last until t, s.
+
+    A row has the words, the mean decay rates (1/s), and the parts of the amplitude that are left, at each frequency.
+    The gross motion is undecided if neither law is faster at every frequency.
+    """
     left = [tuple(one.at(horizon) / float(one.amplitude[0]) for one in decays) for decays in (first, second)]
     rates = [tuple(-math.log(part) / horizon for part in parts) for parts in left]
     faster = {a >= b for a, b in zip(*rates, strict=True)}  # first law, at each frequency
     motions = {(True,): ("rapid decay", "slow decay"), (False,): ("slow decay", "rapid decay")}
     return tuple(
-        Characteristics(
-            gross_motion=gross,
-            frequency="independent" if max(own) < (1 + EQUAL_RATES) * min(own) else "dependent",
-            residual_motion="controllable" if max(parts) < SETTLED_AMPLITUDE else "uncontrollable",
-            rates=own,
-            left=parts,
-        )
+        {
+            "gross_motion": gross,
+            "frequency": "independent" if max(own) < (1 + EQUAL_RATES) * min(own) else "dependent",
+            "residual_motion": "controllable" if max(parts) < SETTLED_AMPLITUDE else "uncontrollable",
+            "decay_rates": list(own),
+            "left": list(parts),
+        }
         for gross, own, parts in zip(motions.get(tuple(faster), ["undecided"] * 2), rates, left, strict=True)
     )

@@ -99,17 +99,8 @@ def reproduce(
 
     Parameters
     ----------
-    out : str or Path
-        Folder of the results.
-    quick : bool
-        Whether to shorten the simulations, for a first look.
-    executor : Executor, optional
-        Executor of the computations.
-    jobs : int
-        Number of processes if no executor is given; with 2 or more, a script must call this under
-        ``if __name__ == "__main__":``.
-    progress : bool
-        Whether to show progress bars.
+    out, quick, executor, jobs, progress
+        As in ``run_study``.
 
     Raises
     ------

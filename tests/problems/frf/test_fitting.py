@@ -438,7 +438,7 @@ def test_two_poles_within_a_bandwidth_are_two_modes_if_their_shapes_differ(assur
 
 def test_bins_are_few_and_lose_three_percent_of_the_precision_at_most():
     f, own, ratio = np.arange(8.0, 32.0, 0.01), np.array([15.0]), np.array([0.01])
-    lines = ModalSum.of(f, 0, RESIDUAL_POWERS[0])
+    lines = ModalSum.of(f, "receptance", RESIDUAL_POWERS[0])
     bins = replace(lines, starts=selection.bins(f, poles.Candidates(own, ratio, np.array([0]))))
     assert 5 * len(bins.bin_sizes) < len(f)
     triangles, values = [], modal_sum(f, [(15.0, 0.01, (1.0,))])[0].T

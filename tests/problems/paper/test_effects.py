@@ -126,12 +126,12 @@ def test_the_words_of_table_6_follow_from_eq_27():
     first, second = characteristics(
         [by_formula(f, 2.0, 0.0) for f in (1.0, 5.0, 20.0)], [by_formula(f, 1e-9, 1.0) for f in (1.0, 5.0, 20.0)]
     )
-    found = [(one.gross_motion, one.frequency, one.residual_motion) for one in (first, second)]
+    found = [tuple(one[key] for key in ("gross_motion", "frequency", "residual_motion")) for one in (first, second)]
     assert found[0] == ("rapid decay", "independent", "controllable")
     assert found[1] == ("slow decay", "dependent", "uncontrollable")
-    assert first.rates == pytest.approx((1.0, 1.0, 1.0))
+    assert first["decay_rates"] == pytest.approx((1.0, 1.0, 1.0))
     ω = 2 * math.pi * np.array([1.0, 5.0, 20.0])
-    assert second.left == pytest.approx(1 / (1 + 4 * ω * 0.076 * 5 / (3 * math.pi)))
+    assert second["left"] == pytest.approx(1 / (1 + 4 * ω * 0.076 * 5 / (3 * math.pi)))
 
 
 def test_other_coefficients_get_other_words():
@@ -139,5 +139,5 @@ def test_other_coefficients_get_other_words():
     first, second = characteristics(
         [by_formula(f, 0.5, 0.0) for f in (1.0, 40.0)], [by_formula(f, 0.0, 1.0) for f in (1.0, 40.0)]
     )
-    assert (first.gross_motion, second.gross_motion) == ("undecided", "undecided")
-    assert first.residual_motion == "uncontrollable"
+    assert (first["gross_motion"], second["gross_motion"]) == ("undecided", "undecided")
+    assert first["residual_motion"] == "uncontrollable"

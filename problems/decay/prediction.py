@@ -12,8 +12,8 @@ per change of the modes, to first order, which gives their standard errors from 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -29,37 +29,30 @@ from ancf_casadi.support.inputs import check_instance
 from problems.decay.laws import DecayModel
 from problems.decay.start import of_motion
 
-if TYPE_CHECKING:
-    from problems.decay.result import DecayFit
 
+def predicted(
+    fit: Fit, modes: Sequence[tuple[DecayModel, tuple[int, ...]]], residual_rms: float, record: Any
+) -> RecordPrediction:
+    """Return the prediction of a decay with modes that were fitted at once.
 
-@dataclass(frozen=True, eq=False)
-class DecayingMode:
-    """A mode that is known from a fit, and its free decay."""
-
-    fit: Fit
-    model: DecayModel
-    indices: tuple[int, ...]  # positions in ``fit`` of the unknowns of the mode, and of others that do not matter
-    residual_rms: float  # of the records of the same sensor; nan if there is none
-
-
-def predicted(modes: Sequence[DecayFit | DecayingMode], record: Any) -> RecordPrediction:
-    """Return the prediction of a decay with modes that were fitted at once."""
+    A mode has its model and the positions of its unknowns in the fit, the first ones of those given.  ``residual_rms``
+    is that of the records of the same sensor; nan if there is none.
+    """
     check_instance(record, "record", Measurement)
-    fit, sensor = modes[0].fit, modes[0].model.sensor
+    sensor = modes[0][0].sensor
     if record.sensor != sensor:
         raise InputError(f"must be of {sensor.quantity} as in the fit, got {record.sensor.quantity}", "record")
-    rest = max((one.model.rest for one in modes), key=list(REST_TERMS).index)
+    rest = max((model.rest for model, _ in modes), key=list(REST_TERMS).index)
     guess = of_motion(first_guess(record, rest=rest), sensor.derivatives)
     time, measured = record.time[guess.release :], record.values[guess.release :]
-    releases = [one.model.own(guess) for one in modes]
+    releases = [model.own(guess) for model, _ in modes]
     ends = np.cumsum([0, *map(len, releases)]).tolist()
 
     def curve(mode: cs.MX, release: cs.MX) -> cs.MX:
         total = cs.MX(0)
-        for one, begin, end in zip(modes, ends, ends[1:], strict=False):
-            shared = one.indices[: len(one.model.shared(guess))]
-            total += one.model.curve(time - time[0], *(mode[k] for k in shared), *cs.vertsplit(release[begin:end]))
+        for (model, indices), begin, end in zip(modes, ends, ends[1:], strict=False):
+            shared = indices[: len(model.shared(guess))]
+            total += model.curve(time - time[0], *(mode[k] for k in shared), *cs.vertsplit(release[begin:end]))
         return total
 
     found = least_squares(
@@ -81,6 +74,6 @@ def predicted(modes: Sequence[DecayFit | DecayingMode], record: Any) -> RecordPr
         np.nan_to_num(errors),
         time,
         TIME_AXIS,
-        modes[0].residual_rms,
+        residual_rms,
     )
     return RecordPrediction("decay", (channel,))

@@ -226,7 +226,7 @@ class DecayFit(LeastSquaresResult):
         >>> [f"{1e3 * error:.1f} mm" for error in prediction.rms_errors.values()]
         ['0.1 mm']
         """
-        return predicted([self], record)
+        return predicted(self.fit, [(self.model, self.indices)], self.residual_rms, record)
 
     @property
     def title(self) -> str:

@@ -143,7 +143,7 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
 
     def predict(self, record: Measurement) -> RecordPrediction:
         """Compute another decay with the estimates, as ``DecayFit.predict``."""
-        return predicted(self.fits[:1], record)
+        return self.fits[0].predict(record)
 
     @property
     def title(self) -> str:
@@ -212,7 +212,8 @@ class DecayModes(DecayFits):
 
     def predict(self, record: Measurement) -> RecordPrediction:
         """Compute another decay with the estimates of all modes, as ``DecayFit.predict``."""
-        return predicted(self.fits, record)
+        modes = [(one.model, one.indices) for one in self.fits]
+        return predicted(self.fit, modes, self.fits[0].residual_rms, record)
 
     @property
     def title(self) -> str:

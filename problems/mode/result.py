@@ -24,7 +24,7 @@ from problems.beam.curves.checks import oriented
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
 from problems.decay.law_curve import given_amplitudes, with_bands
 from problems.decay.laws import DECAY_QUANTITIES, NOT_AT_ZERO, DecayModel
-from problems.decay.prediction import DecayingMode, predicted
+from problems.decay.prediction import predicted
 from problems.decay.takes import OF_RECORD
 from problems.mode.curves import ModeCurveBlock, curves_of_mode
 from problems.mode.oscillator import reading_factor
@@ -188,7 +188,7 @@ class ModeFit(BlocksResult):
         if isinstance(record, Measurement):
             model = replace(self.given, reference=self.model.reference, sensor=record.sensor)
             noise = [float(np.mean(one.noise)) for one in self.channels if one.unit == record.sensor.unit]
-            return predicted([DecayingMode(self.fit, model, self._laws, noise[0] if noise else math.nan)], record)
+            return predicted(self.fit, [(model, self._laws)], noise[0] if noise else math.nan, record)
         block = self.curve_block
         pairs = zip(block.records, block.constants, strict=True) if block else ()
         names = {str(one.excitation_unit): name for one, name in pairs}

@@ -52,6 +52,13 @@ POINT_INERTIAS = {"tip_mass": point_mass, "mass": point_mass, "rotary_inertia": 
 At = Callable[[Array], tuple[Any, Any]]  # multiplies an interpolation by coordinates, numbers or symbols: x and y
 
 
+def _of_elements(about: str, name: str, *inputs: str, output: str = "Q", **shared: int) -> cached_property[cs.Function]:
+    """Return the property of a model with the sum of an element force, a Function as of ``Model._force``."""
+    found = cached_property(lambda model: model._force(name, *inputs, output=output, **shared))
+    found.__doc__ = about
+    return found
+
+
 @dataclass(frozen=True)
 class Model(Nodes):
     """A beam as symbolic equations of motion.
@@ -153,10 +160,7 @@ class Model(Nodes):
         energies = map(cs.sum2, self._mapped("strain_energy", p, e))
         return cs.Function("strain_energy", [e, p], [sum(energies, cs.MX(0))], ["e", "P"], ["U"])
 
-    @cached_property
-    def elastic_force(self) -> cs.Function:
-        """(e, P) -> Q_e, Eq. (6)."""
-        return self._force("elastic_force", "e", output="Q_e")
+    elastic_force = _of_elements("(e, P) -> Q_e, Eq. (6).", "elastic_force", "e", output="Q_e")
 
     @cached_property
     def tangent_stiffness(self) -> cs.Function:
@@ -165,35 +169,21 @@ class Model(Nodes):
         stiffness = self._matrix(self._mapped("tangent_stiffness", p, e))
         return cs.Function("tangent_stiffness", [e, p], [stiffness], ["e", "P"], ["K"])
 
-    @cached_property
-    def tangent_force(self) -> cs.Function:
-        """(e, e_t, P) -> K e_t, the time derivative of the elastic force."""
-        return self._force("tangent_force", "e", "e_t")
-
-    @cached_property
-    def reference_force(self) -> cs.Function:
-        """(e_t, P) -> K e_t with K of the straight beam."""
-        return self._force("reference_force", "e_t")
-
-    @cached_property
-    def strain_rate_force(self) -> cs.Function:
-        """(e, e_t, P) -> Q_v, the objective Kelvin-Voigt force per unit time constant."""
-        return self._force("strain_rate_force", "e", "e_t")
-
-    @cached_property
-    def drag_force(self) -> cs.Function:
-        """``(e_t, P) -> int S^T mu |v| v dp``, the integral in Eq. (23)."""
-        return self._force("drag_force", "e_t")
-
-    @cached_property
-    def friction_force(self) -> cs.Function:
-        """``(e_t, P, v0) -> int S^T mu v/(|v|^2 + v0^2)^(1/2) dp``, smoothed below the speed v0 (m/s)."""
-        return self._force("friction_force", "e_t", v0=1)
-
-    @cached_property
-    def dashpot_force(self) -> cs.Function:
-        """(e_t, P) -> the force of the dashpots, which resists e_t."""
-        return self._force("dashpot_force", "e_t")
+    tangent_force = _of_elements(
+        "(e, e_t, P) -> K e_t, the time derivative of the elastic force.", "tangent_force", "e", "e_t"
+    )
+    reference_force = _of_elements("(e_t, P) -> K e_t with K of the straight beam.", "reference_force", "e_t")
+    strain_rate_force = _of_elements(
+        "(e, e_t, P) -> Q_v, the objective Kelvin-Voigt force per unit time constant.", "strain_rate_force", "e", "e_t"
+    )
+    drag_force = _of_elements("``(e_t, P) -> int S^T mu |v| v dp``, the integral in Eq. (23).", "drag_force", "e_t")
+    friction_force = _of_elements(
+        "``(e_t, P, v0) -> int S^T mu v/(|v|^2 + v0^2)^(1/2) dp``, smoothed below the speed v0 (m/s).",
+        "friction_force",
+        "e_t",
+        v0=1,
+    )
+    dashpot_force = _of_elements("(e_t, P) -> the force of the dashpots, which resists e_t.", "dashpot_force", "e_t")
 
     @cached_property
     def mass(self) -> cs.Function:
@@ -201,20 +191,15 @@ class Model(Nodes):
         _, p = self._symbols()
         return cs.Function("mass", [p], [self._matrix(self._mapped("mass", p))], ["P"], ["M"])
 
-    @cached_property
-    def line_inertia_force(self) -> cs.Function:
-        """(e_tt, P) -> int S^T mu r_tt dp, the part of M e_tt from mass along the beam; also for velocities."""
-        return self._force("line_inertia_force", "e_tt")
-
-    @cached_property
-    def inertia_force(self) -> cs.Function:
-        """(e_tt, P) -> M e_tt; also for velocities."""
-        return self._force("inertia_force", "e_tt")
-
-    @cached_property
-    def gravity_force(self) -> cs.Function:
-        """(P, g) -> Q_g, Eq. (7); g is the acceleration of gravity (2), m/s^2."""
-        return self._force("gravity_force", output="Q_g", g=2)
+    line_inertia_force = _of_elements(
+        "(e_tt, P) -> int S^T mu r_tt dp, the part of M e_tt from mass along the beam; also for velocities.",
+        "line_inertia_force",
+        "e_tt",
+    )
+    inertia_force = _of_elements("(e_tt, P) -> M e_tt; also for velocities.", "inertia_force", "e_tt")
+    gravity_force = _of_elements(
+        "(P, g) -> Q_g, Eq. (7); g is the acceleration of gravity (2), m/s^2.", "gravity_force", output="Q_g", g=2
+    )
 
     def sum_at_nodes(self, forces: Sequence[cs.MX]) -> cs.MX:
         """Return the sums at all nodes, (4 n + 4, s), of the element forces of each group, (d, k s), in s states."""

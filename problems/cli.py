@@ -71,7 +71,9 @@ class _Parser(argparse.ArgumentParser):
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Add the options of a subcommand, and parse."""
         if title := self.get_default("title"):
-            getattr(import_module(module_of(title)), f"add_{title.replace('-', '_')}")(self)
+            module = import_module(module_of(title))
+            module.add_options(self)
+            self.set_defaults(run=module.run)
         return super().parse_known_args(args, namespace)
 
 

@@ -124,7 +124,8 @@ def names_in_commands() -> Iterator[tuple[str, str]]:
     """Yield each option and argument of the subcommands, and its place."""
     for command in COMMANDS:
         parser = argparse.ArgumentParser()
-        getattr(import_module(module_of(command)), f"add_{command.replace('-', '_')}")(parser)
+        parser.set_defaults(title=command)
+        import_module(module_of(command)).add_options(parser)
         for action in parser._actions:
             for option in action.option_strings or [action.dest]:
                 if not re.fullmatch("-[a-z]", option):

@@ -38,9 +38,8 @@ FORMATS = {
 }
 
 
-def add_export(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.set_defaults(run=_run)
     parser.epilog = DAMPED_HELP
     parser.add_argument("file", metavar="BEAM.toml", help="tables [beam] and [damping], or a JSON document")
     parser.add_argument("--format", choices=tuple(FORMATS), required=True, help="; ".join(FORMATS.values()))
@@ -69,7 +68,8 @@ def add_export(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _run(options: argparse.Namespace) -> Output:
+def run(options: argparse.Namespace) -> Output:
+    """Run the command."""
     began = time.perf_counter()
     source = read_damped(options.file)
     if options.format == "c":

@@ -14,9 +14,8 @@ from problems.command.output import Output, json_text
 STUDY = files("problems.command").joinpath("study.toml").read_text(encoding="utf-8")  # runs as it is
 
 
-def add_init(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.set_defaults(run=_run)
     parser.add_argument(
         "file",
         nargs="?",
@@ -27,7 +26,8 @@ def add_init(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _run(options: argparse.Namespace) -> Output:
+def run(options: argparse.Namespace) -> Output:
+    """Run the command."""
     path: Path = options.file
     if path.suffix.lower() != ".toml":
         raise InputError("must end in .toml", str(path))

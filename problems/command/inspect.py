@@ -48,9 +48,8 @@ values over frequency, complex or as amplitude and phase, are fitted by fit-frf
 SPECTRUM_SAMPLES = 10  # samples of a spectrum
 
 
-def add_inspect(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.set_defaults(run=_run)
     parser.epilog = EPILOG
     parser.add_argument("file", metavar="FILE", help="file of measurements")
     add_plot(parser, "draw the channels over time, and their spectra")
@@ -58,7 +57,8 @@ def add_inspect(parser: argparse.ArgumentParser) -> None:
 
 
 @np.errstate(all="ignore")  # a file may hold any numbers
-def _run(options: argparse.Namespace) -> Output:
+def run(options: argparse.Namespace) -> Output:
+    """Run the command."""
     new_files([options.file], options.plot)
     if options.sample_rate is not None:
         physical(options.sample_rate, "--sample-rate")

@@ -14,16 +14,16 @@ from problems.matching.frequency_matching import match_frequencies
 from problems.schema.match import MATCH_HELP, read_match
 
 
-def add_match(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.set_defaults(run=_run)
     parser.epilog = MATCH_HELP
     parser.add_argument("file", metavar="BEAM.toml", help="a file with the tables [beam] and [match]")
     parser.add_argument("--out", type=Path, metavar="FILE.json", help="write the matched beam as a JSON document")
     add_plot(parser, "draw the properties along the beam")
 
 
-def _run(options: argparse.Namespace) -> Output:
+def run(options: argparse.Namespace) -> Output:
+    """Run the command."""
     beam, request = read_match(options.file)
     out, plot = new_files([options.file], options.out, options.plot)
     with located(f"{options.file}: [match]"):

@@ -13,9 +13,8 @@ from problems.command.output import Output, add_plot, file_writers, new_files, p
 from problems.schema.beam import BEAM_HELP, read_beam
 
 
-def add_modes(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.set_defaults(run=_run)
     parser.epilog = BEAM_HELP
     parser.add_argument("file", metavar="BEAM.toml", help="a file with the table [beam], or a JSON document")
     parser.add_argument("--modes", type=positive_count, default=5, metavar="N", help="number of modes (default: 5)")
@@ -25,7 +24,8 @@ def add_modes(parser: argparse.ArgumentParser) -> None:
     add_plot(parser, "draw the shapes")
 
 
-def _run(options: argparse.Namespace) -> Output:
+def run(options: argparse.Namespace) -> Output:
+    """Run the command."""
     model = read_beam(options.file).model
     out, plot = new_files([options.file], options.out, options.plot)
     modes = natural_modes(model, count=options.modes)

@@ -13,9 +13,8 @@ from problems.study.data_table import Column, DataTable
 from problems.study.kinds.response import Curve, curve_numbers, level_numbers, level_titles, summary_columns
 
 
-def add_response(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.set_defaults(run=_run)
     parser.epilog = RESPONSE_HELP
     parser.add_argument(
         "file",
@@ -26,7 +25,8 @@ def add_response(parser: argparse.ArgumentParser) -> None:
     add_plot(parser, "draw amplitude and phase of the tip")
 
 
-def _run(options: argparse.Namespace) -> Output:
+def run(options: argparse.Namespace) -> Output:
+    """Run the command."""
     task = read_response(options.file)
     out, plot = new_files([options.file], options.out, options.plot)
     found = [task.curve(level) for level in task.levels]

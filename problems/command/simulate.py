@@ -16,9 +16,8 @@ from problems.command.output import Output, add_plot, figure_writers, file_write
 from problems.schema.simulation import SIMULATION_HELP, read_simulation
 
 
-def add_simulate(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.set_defaults(run=_run)
     parser.epilog = SIMULATION_HELP
     parser.add_argument(
         "file",
@@ -29,7 +28,8 @@ def add_simulate(parser: argparse.ArgumentParser) -> None:
     add_plot(parser, "draw the tip over time, and shapes of the beam")
 
 
-def _run(options: argparse.Namespace) -> Output:
+def run(options: argparse.Namespace) -> Output:
+    """Run the command."""
     study = read_simulation(options.file)
     out, plot = new_files([options.file], options.out, options.plot)
     with located(f"{options.file}: [simulation]"):

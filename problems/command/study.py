@@ -10,23 +10,13 @@ from pathlib import Path
 from problems.command.output import Output, json_text, positive_count
 
 
-def add_study(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     from problems.study.study import study_help
 
-    parser.set_defaults(run=_study)
-    parser.epilog = study_help()
-    parser.add_argument("file", metavar="STUDY.toml", help="the study; init writes a file to start from")
-    _add_options(parser)
-
-
-def add_reproduce(parser: argparse.ArgumentParser) -> None:
-    """Add the options."""
-    parser.set_defaults(run=_reproduce)
-    _add_options(parser)
-
-
-def _add_options(parser: argparse.ArgumentParser) -> None:
+    if parser.get_default("title") == "study":
+        parser.epilog = study_help()
+        parser.add_argument("file", metavar="STUDY.toml", help="the study; init writes a file to start from")
     parser.set_defaults(unfinished="finished computations are kept, and the same command continues from there")
     parser.add_argument(
         "--out", type=Path, default=Path("results"), metavar="DIR", help="folder of the results (default: results)"
@@ -37,30 +27,22 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _study(options: argparse.Namespace) -> Output:
-    return _run(options, Path(options.file), f"ancf-casadi study {options.file}")
-
-
-def _reproduce(options: argparse.Namespace) -> Output:
-    from problems.paper.reproduce import PAPER_FILE  # slow to import, and only needed here
-
-    return _run(options, PAPER_FILE, "ancf-casadi reproduce")
-
-
-def _run(options: argparse.Namespace, path: Path, command: str) -> Output:
-    """Run a study, which may be an edited copy of that of the paper."""
-    from problems.paper.reproduce import ALL_KINDS
+def run(options: argparse.Namespace) -> Output:
+    """Run a study, which may be an edited copy of that of the paper, or that of the paper."""
+    from problems.paper.reproduce import ALL_KINDS, PAPER_FILE  # slow to import, and only needed here
     from problems.study.study import write_study
 
+    given = options.title == "study"
+    words = ["ancf-casadi", options.title, *([options.file] if given else []), *(["--quick"] if options.quick else [])]
     report = write_study(
-        path,
+        options.file if given else PAPER_FILE,
         ALL_KINDS,
         options.out,
         quick=options.quick,
         executor=None,
         jobs=options.jobs,
         progress=sys.stderr.isatty(),
-        command=f"{command}{' --quick' if options.quick else ''}",
+        command=" ".join(words),
     )
     if options.json:
         return Output(json_text(report.results))

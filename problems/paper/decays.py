@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from problems.paper.reproduce import PaperPart
 
 CURVE_MARKERS = 12  # markers of a drawn curve
-WORDS = ("gross_motion", "frequency", "residual_motion")  # in Table 6
+CHARACTERISTICS = ("gross_motion", "frequency", "residual_motion")  # in Table 6
 
 
 def tasks(part: PaperPart, found: Found, effort: Effort) -> tuple[Task, ...]:
@@ -68,7 +68,7 @@ def eta_effects(part: PaperPart, results: Sequence[SimulatedDecay], found: Found
             _decay_numbers(law, decay, times) for law, decays in zip(part.laws, by_law, strict=True) for decay in decays
         ],
         "characteristics": [
-            {"law": law.name, **{key: one[key] for key in (*WORDS, "decay_rates")}}
+            {"law": law.name, **{key: one[key] for key in (*CHARACTERISTICS, "decay_rates")}}
             for law, one in zip(part.laws, words, strict=True)
         ],
     }
@@ -147,10 +147,10 @@ def _left(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]], tim
 def _word_table(part: PaperPart, words: Sequence[Mapping[str, Any]], horizon: float) -> DataTable:
     columns = [
         Column("law", tuple(law.title for law in part.laws)),
-        *(Column(key.replace("_", " "), tuple(one[key] for one in words)) for key in WORDS),
+        *(Column(key.replace("_", " "), tuple(one[key] for one in words)) for key in CHARACTERISTICS),
     ]
     same = tuple(
-        "yes" if [one[key] for key in WORDS] == printed else "no"
+        "yes" if [one[key] for key in CHARACTERISTICS] == printed else "no"
         for one, printed in zip(words, part.inputs["words"], strict=True)
     )
     columns.append(Column(f"as in the {part.printed_by}", same))

@@ -22,9 +22,8 @@ from problems.decay.comparison import compare_decay_laws
 from problems.schema.records import RECORDS_HELP, read_measurements
 
 
-def add_compare_laws(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.set_defaults(run=_run)
     parser.epilog = RECORDS_HELP
     parser.add_argument(
         "file",
@@ -40,7 +39,8 @@ def add_compare_laws(parser: argparse.ArgumentParser) -> None:
     add_part_options(parser)
 
 
-def _run(options: argparse.Namespace) -> Output:
+def run(options: argparse.Namespace) -> Output:
+    """Run the command."""
     (plot,) = new_files([options.file], options.plot)
     found: LawComparison[Any]
     if options.file.lower().endswith(".toml"):

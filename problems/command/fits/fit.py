@@ -16,9 +16,8 @@ from problems.command.output import Output, add_plot, figure_writers, json_text,
 from problems.schema.records import RECORDS_HELP, Measurements, read_measurements
 
 
-def add_fit(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.set_defaults(run=_run)
     parser.epilog = RECORDS_HELP
     parser.add_argument(
         "file",
@@ -36,7 +35,8 @@ def add_fit_outputs(parser: argparse.ArgumentParser) -> None:
     add_plot(parser, "draw measurements and fit, and each prediction in a file FILE-prediction-N")
 
 
-def _run(options: argparse.Namespace) -> Output:
+def run(options: argparse.Namespace) -> Output:
+    """Run the command."""
     out, plot = new_files([options.file], options.out, options.plot)
     return fit_output(options, read_measurements(options.file), out, plot)
 

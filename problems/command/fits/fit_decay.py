@@ -40,30 +40,12 @@ from problems.decay.result import DecayFit
 AUTOMATIC = ("law", "frequency-law", "rest")  # options that may be auto
 
 
-def add_fit_decay(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.set_defaults(run=_run)
     parser.add_argument(
         "files", nargs="+", metavar="FILE", help="record of a free decay; several files are takes of the same mode"
     )
-    parser.add_argument(
-        "--law",
-        choices=(*get_args(Law), "auto"),
-        default="linear",
-        help="damping law, or auto to compare all (default: linear)",
-    )
-    parser.add_argument(
-        "--frequency-law",
-        choices=(*get_args(FrequencyLaw), "auto"),
-        help="change of the frequency with the amplitude, or auto to compare all (default: constant; with --law auto: "
-        "auto)",
-    )
-    parser.add_argument(
-        "--rest",
-        choices=(*get_args(Rest), "auto"),
-        help="motion of the rest position, or auto to compare all (default: constant; with --law auto: auto)",
-    )
-    parser.add_argument("--robust", action="store_true", help="limit the influence of outliers")
+    add_law_options(parser, auto=True)
     parser.add_argument(
         "--modes", type=positive_count, metavar="N", help="fit the strongest N modes at once, as fit-modes does"
     )
@@ -85,7 +67,23 @@ def add_fit_decay(parser: argparse.ArgumentParser) -> None:
     add_part_options(parser)
 
 
-def _run(options: argparse.Namespace) -> Output:
+def add_law_options(parser: argparse.ArgumentParser, *, auto: bool) -> None:
+    """Add the options that choose the laws of a mode, or ``auto`` to compare all, and the loss."""
+    for name, kind, usual, what in (
+        ("law", Law, "linear", "damping law"),
+        ("frequency-law", FrequencyLaw, "constant", "change of the frequency with the amplitude"),
+        ("rest", Rest, "constant", "motion of the rest position"),
+    ):
+        choices, follows = get_args(kind), auto and name != "law"
+        if auto:
+            choices, what = (*choices, "auto"), f"{what}, or auto to compare all"
+        text = f"{what} (default: {usual}{'; with --law auto: auto' if follows else ''})"
+        parser.add_argument(f"--{name}", choices=choices, default=None if follows else usual, help=text)
+    parser.add_argument("--robust", action="store_true", help="limit the influence of outliers")
+
+
+def run(options: argparse.Namespace) -> Output:
+    """Run the command."""
     _check(options)
     count = len(options.files)
     plots, curves = _numbered(options.plot, count), _numbered(options.curve, count)

@@ -14,9 +14,8 @@ from problems.frf.fitting import fit_frf
 from problems.frf.record import FrfRecord
 
 
-def add_fit_frf(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.set_defaults(run=_run)
     parser.epilog = (
         "reads universal files (data set 58, function type 4), and columns of MATLAB, HDF5, NPZ and text files: "
         "complex, real and imag, or amplitude and phase"
@@ -37,7 +36,8 @@ def add_fit_frf(parser: argparse.ArgumentParser) -> None:
     add_spectral_options(parser, level=False)
 
 
-def _run(options: argparse.Namespace) -> Output:
+def run(options: argparse.Namespace) -> Output:
+    """Run the command."""
     (plot,) = new_files([options.file], options.plot)
     if options.band is not None and len(options.band) != 2:
         raise InputError("must be two frequencies LOW,HIGH", "--band")

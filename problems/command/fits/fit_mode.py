@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import get_args
 
-from ancf_casadi.decay.phase import FrequencyLaw
-from ancf_casadi.decay.rest import Rest
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located
 from problems.beam.curves.record import ResponseRecord
+from problems.command.fits.fit_decay import add_law_options
 from problems.command.output import Output, add_plot, finite, new_files, result_output
 from problems.command.record_options import (
     add_part_options,
@@ -19,14 +17,12 @@ from problems.command.record_options import (
     read_record,
     releases,
 )
-from problems.decay.laws import Law
 from problems.mode.fitting import fit_mode
 from problems.schema.records import MODE_CURVES_HELP, read_curves
 
 
-def add_fit_mode(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.set_defaults(run=_run)
     parser.epilog = MODE_CURVES_HELP
     parser.add_argument(
         "files",
@@ -41,29 +37,20 @@ def add_fit_mode(parser: argparse.ArgumentParser) -> None:
         metavar="CURVE",
         help="files with response curves: frequency, amplitude, level with its unit, and if measured phase",
     )
-    parser.add_argument("--law", choices=get_args(Law), default="linear", help="damping law (default: linear)")
-    parser.add_argument(
-        "--frequency-law",
-        choices=get_args(FrequencyLaw),
-        default="constant",
-        help="change of the frequency with the amplitude (default: constant)",
-    )
+    add_law_options(parser, auto=False)
     parser.add_argument(
         "--modal-constant",
         type=finite,
         metavar="K",
         help="force per mass and unit level, 1/mass for a force at the sensor, if it is known",
     )
-    parser.add_argument(
-        "--rest", choices=get_args(Rest), default="constant", help="motion of the rest position (default: constant)"
-    )
-    parser.add_argument("--robust", action="store_true", help="limit the influence of outliers")
     add_plot(parser, "draw curves, decays, and frequency and damping ratio against amplitude")
     add_record_options(parser)
     add_part_options(parser)
 
 
-def _run(options: argparse.Namespace) -> Output:
+def run(options: argparse.Namespace) -> Output:
+    """Run the command."""
     given = [*options.files, *options.curve]
     if not given:
         raise InputError("give the file of a decay, or response curves", "FILE")

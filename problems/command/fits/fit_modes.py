@@ -11,9 +11,8 @@ from problems.command.record_options import add_part_options, add_record_options
 from problems.decay.mode_separation import MOST_DECAY_MODES, fit_modes
 
 
-def add_fit_modes(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.set_defaults(run=_run)
     parser.add_argument("file", metavar="FILE", help="the record; inspect FILE shows its columns and units")
     parser.add_argument(
         "--modes",
@@ -26,7 +25,8 @@ def add_fit_modes(parser: argparse.ArgumentParser) -> None:
     add_part_options(parser)
 
 
-def _run(options: argparse.Namespace) -> Output:
+def run(options: argparse.Namespace) -> Output:
+    """Run the command."""
     new_files([options.file], options.plot)
     (release,) = releases(options, 1)
     record = read_record(options.file, options)

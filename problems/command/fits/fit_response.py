@@ -18,9 +18,8 @@ from problems.schema.file import StudyFile
 from problems.schema.records import CURVE_READING, RECORDS_HELP, read_measurements
 
 
-def add_fit_response(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.set_defaults(run=_run)
     parser.epilog = RECORDS_HELP
     parser.add_argument(
         "file",
@@ -43,7 +42,8 @@ def add_fit_response(parser: argparse.ArgumentParser) -> None:
     add_fit_outputs(parser)
 
 
-def _run(options: argparse.Namespace) -> Output:
+def run(options: argparse.Namespace) -> Output:
+    """Run the command."""
     out, plot = new_files([options.file, *options.curves], options.out, options.plot)
     file = StudyFile.of(options.file)
     keys = [*sorted(CURVE_READING - {"file"}), "sensor", "sweep", "control"]

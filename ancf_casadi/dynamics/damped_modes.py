@@ -302,19 +302,20 @@ def _largest(inverse: Callable[[Array], Array], size: int, count: int) -> tuple[
 
 
 @lru_cache(maxsize=8)
-def _damping_matrix(model: Model, law: DampingLaw) -> cs.Function:
-    """(e) -> D of the free coordinates at rest without its low-rank part, and the coefficients d of that part."""
+def damping_at_rest(model: Model, law: DampingLaw) -> cs.Function:
+    """(e) -> D at rest without its low-rank part, of all and of the free coordinates, and d of the low-rank part."""
     equations, e = Equations(model, law), cs.MX.sym("e", model.size)
     terms = equations.balance(cs.MX(cs.DM(equations.parameters)))
     _, entries, _ = terms.tangents(e, cs.MX.zeros(model.size), cs.MX.zeros(LOAD_SIZE))
-    return cs.Function("damping_matrix", [e], [model.free_matrix(entries), cs.densify(terms.modal_coefficients)])
+    matrices = [model.matrix(entries), model.free_matrix(entries)]
+    return cs.Function("damping_at_rest", [e], [*matrices, cs.densify(terms.modal_coefficients)])
 
 
 def _inverse(rest: Equilibrium, law: DampingLaw) -> tuple[Callable[[Array], Array], float]:
     """Return the operator whose eigenvalues are 1/(s - sigma), of vectors or columns, and sigma, 1/s."""
     model = rest.model
     _, stiffness, mass = rest.structure.linearisation(rest.exact)
-    resistance, d = _damping_matrix(model, law)(rest.coordinates)
+    _, resistance, d = damping_at_rest(model, law)(rest.coordinates)
     local, B = scipy.sparse.csc_array(resistance.sparse()), model.of_free(law.projection(model))
     coefficients = d.full().ravel()
     M, N, sigma = sparse(mass).tocsr(), model.freedoms, float(np.sqrt(shift_of(model, stiffness, mass)))

@@ -40,6 +40,13 @@ def as_it_is(function: cs.Function) -> cs.Function:
     return function
 
 
+def scaled_matrix(matrix: cs.MX, left: cs.MX | cs.DM, right: cs.MX | cs.DM) -> cs.MX:
+    """Return diag(left) A diag(right) for a sparse matrix A."""
+    rows, columns = matrix.sparsity().get_triplet()
+    factors = cs.vec(cs.MX(left)[rows]) * cs.vec(cs.MX(right)[columns])
+    return cs.MX(matrix.sparsity(), cs.vec(matrix.nz[:]) * factors)
+
+
 @dataclass(frozen=True, eq=False)
 class Equations:
     """The equation of motion of a beam under a damping law."""

@@ -40,7 +40,7 @@ import casadi as cs
 import numpy as np
 import scipy.sparse.linalg
 
-from ancf_casadi.dynamics.equations import Balance, Equations
+from ancf_casadi.dynamics.equations import Balance, Equations, scaled_matrix
 from ancf_casadi.dynamics.excitation import EXCITATION, Excitation
 from ancf_casadi.dynamics.segments import ENERGY_STATES, Segment, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
@@ -122,17 +122,17 @@ class SemiExplicit:
         k, d, mass = map(model.free_matrix, tangents)
         length, B, identity = model.beam.length, model.of_free(balance.turned_projection(e)), cs.MX.eye(free)
         none = cs.MX(free, free)
-        w_by_v, by_w = _scaled(B.T, cs.MX.ones(m) / length, scale), balance.modal_coefficients * length * W
+        w_by_v, by_w = scaled_matrix(B.T, cs.MX.ones(m) / length, scale), balance.modal_coefficients * length * W
         jacobians = [
             cs.horzcat(cs.MX(2 * free, free), cs.vertcat(W * identity, none)),
             cs.horzcat(cs.vertcat(none, W * identity), cs.MX(2 * free, m)),
             cs.MX(2 * free, excitation.numel()),
             cs.vertcat(
-                cs.horzcat(_scaled(k, 1 / divisors, scale), _scaled(d, 1 / divisors, scale * W)),
+                cs.horzcat(scaled_matrix(k, 1 / divisors, scale), scaled_matrix(d, 1 / divisors, scale * W)),
                 cs.horzcat(cs.MX(m, free), w_by_v),
             ),
             cs.vertcat(
-                cs.horzcat(_scaled(mass, 1 / divisors, scale * W**2), _scaled(B, 1 / divisors, by_w)),
+                cs.horzcat(scaled_matrix(mass, 1 / divisors, scale * W**2), scaled_matrix(B, 1 / divisors, by_w)),
                 cs.horzcat(cs.MX(m, free), -cs.DM.eye(m)),
             ),
             cs.MX(free + m, excitation.numel()),
@@ -273,10 +273,3 @@ def _failure(message: str, segment: Segment) -> SimulationError:
         "proportional to the strain rate, or more elements",
         time,
     )
-
-
-def _scaled(matrix: cs.MX, left: cs.MX, right: cs.MX) -> cs.MX:
-    """Return diag(left) matrix diag(right)."""
-    rows, columns = matrix.sparsity().get_triplet()
-    factors = cs.vec(cs.MX(left)[rows]) * cs.vec(cs.MX(right)[columns])
-    return cs.MX(matrix.sparsity(), cs.vec(matrix.nz[:]) * factors)

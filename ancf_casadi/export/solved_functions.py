@@ -42,7 +42,7 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.equations import Equations, scaled_matrix
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
@@ -64,12 +64,6 @@ def newton(name: str, inputs: list[cs.MX], jacobian: cs.MX, equations: cs.MX) ->
     if inputs[0].numel() <= 40:
         derivative, function = (f.expand(f.name(), {"cse": True}) for f in (derivative, function))
     return cs.rootfinder(name, "fast_newton", function, {**NEWTON_OPTIONS, "jacobian_function": derivative})
-
-
-def scaled(matrix: cs.MX, rows: cs.MX | cs.DM, columns: cs.MX | cs.DM) -> cs.MX:
-    """Return diag(rows) A diag(columns) for a sparse matrix A."""
-    row, column = matrix.sparsity().get_triplet()
-    return cs.MX(matrix.sparsity(), matrix.nz[:] * rows[row] * columns[column])
 
 
 def free_part(model: Model, matrix: Any) -> Any:
@@ -94,7 +88,7 @@ def equilibrium_function(rest: Equilibrium, equations: Equations, start: Array) 
     balance, e = equations.balance_for(p), model.whole(origin + shift * z, base)
     rows, columns = cs.DM(scale**2 / shift), cs.DM(shift)
     residual = rows * model.of_free(balance.conservative(e))
-    stiffness = scaled(free_part(model, model.tangent_stiffness(e, balance.properties)), rows, columns)
+    stiffness = scaled_matrix(free_part(model, model.tangent_stiffness(e, balance.properties)), rows, columns)
     solve = newton("equilibrium_newton", [z, p], stiffness, residual)
     found = cs.MX.zeros(scale.size)
     for j in range(1, LOAD_STEPS + 1):
@@ -112,8 +106,8 @@ def frequencies_function(modes: Modes, equations: Equations, equilibrium: cs.Fun
     properties = equations.balance_for(p).properties
     q: cs.MX = equilibrium(p)
     e = model.whole(q, cs.MX(cs.DM(modes.equilibrium.coordinates[:NODE])))
-    K = scaled(free_part(model, model.tangent_stiffness(e, properties)), scale, scale)
-    M = scaled(free_part(model, model.mass(properties)), scale, scale)
+    K = scaled_matrix(free_part(model, model.tangent_stiffness(e, properties)), scale, scale)
+    M = scaled_matrix(free_part(model, model.mass(properties)), scale, scale)
 
     start = cs.MX(cs.DM(model.of_free(modes.shapes)) / cs.repmat(scale, 1, modes.count))
     iterate = _inverse_iteration(K.sparsity(), M.sparsity(), modes.count)
@@ -176,7 +170,7 @@ def step_function(residual: cs.Function, jacobians: cs.Function, modes: Modes) -
     dr_dq, dr_dv, dr_da = jacobians(*state, base, p)
     known = [q, v, base, p, h]
     unbalance = rows * residual(*state, base, p)
-    solve = newton("step_newton", [x, *known], scaled(dr_dq + s * dr_dv + s**2 * dr_da, rows, shift), unbalance)
+    solve = newton("step_newton", [x, *known], scaled_matrix(dr_dq + s * dr_dv + s**2 * dr_da, rows, shift), unbalance)
     found = solve(cs.MX(x.numel(), 1), *known)
     *ends, left = cs.graph_substitute([*state, unbalance], [x], [found])
     sure = certain(cs.norm_inf(left) < 1e-8)  # largest residual of the scaled equations

@@ -38,13 +38,11 @@ from functools import cached_property
 from types import NoneType
 from typing import Any, Literal, get_args
 
-import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
-from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.tip_load import LOAD_SIZE
+from ancf_casadi.dynamics.damped_modes import damping_at_rest
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
@@ -344,15 +342,12 @@ def _responses(
     The inputs are forces on the free coordinates, (free, inputs), and translations of all nodes, (size, inputs), with
     the base.
     """
-    model, equations = rest.model, Equations(rest.model, law)
-    e, given = (cs.MX(cs.DM(values)) for values in (rest.coordinates, equations.parameters))
-    terms = equations.balance(given)
-    entries = terms.tangents(e, cs.MX.zeros(model.size), cs.MX.zeros(LOAD_SIZE))
-    _, D, M = (cs.evalf(model.matrix(values)).sparse() for values in entries)
-    B, d = law.projection(model), cs.evalf(cs.densify(terms.modal_coefficients)).full()
-    resisted, moved = map(model.of_free, (D @ translation + B @ (d * (B.T @ translation)), M @ translation))
+    model, B = rest.model, law.projection(rest.model)
+    D, own, d = damping_at_rest(model, law)(rest.coordinates)
+    M, d = model.mass(model.properties).sparse(), d.full()
+    resisted, moved = map(model.of_free, (D.sparse() @ translation + B @ (d * (B.T @ translation)), M @ translation))
     _, stiffness, mass = rest.structure.linearisation(rest.exact)
-    own, damping = cs.evalf(model.free_matrix(entries[1])).sparse().tocoo(), np.zeros_like(stiffness)
+    own, damping = own.sparse().tocoo(), np.zeros_like(stiffness)
     np.add.at(damping, (BANDWIDTH + own.row - own.col, own.col), own.data)
     B, found = model.of_free(B), []
     for ω in 2 * np.pi * f:

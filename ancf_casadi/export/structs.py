@@ -89,14 +89,18 @@ PART_UNITS = {
     "roller": "m; the direction is a unit vector", "guide": "m, rad; the direction is a unit vector",
     "mass": "m, kg, kg m^2", "spring": "m, N/m", "rotational_spring": "m, N m/rad", "dashpot": "m, N s/m",
 }  # fmt: skip
-SIGNED = {"displacement": Pair, "direction": Pair, "rotation": float}  # the other fields of parts are not negative
+SIGNED_FIELDS = {
+    "displacement": Pair,
+    "direction": Pair,
+    "rotation": float,
+}  # the other fields of parts are not negative
 AMOUNTS = {"float": NotNegative, "tuple[float, float]": tuple[NotNegative, NotNegative]}
 
 
 def _part(kind: str, part: type) -> type[Struct]:
     """Return the layout of a support or attachment: names, types and defaults are those of its class."""
     own = sorted(fields(part), key=lambda one: bool(one.kw_only))
-    ranges = {one.name: SIGNED.get(one.name) or AMOUNTS[str(one.type)] for one in own}
+    ranges = {one.name: SIGNED_FIELDS.get(one.name) or AMOUNTS[str(one.type)] for one in own}
     defaults = {one.name: one.default for one in own if one.default is not MISSING}
     if part is Clamp:
         ranges["stiffness"], defaults["stiffness"] = Positive | None, None

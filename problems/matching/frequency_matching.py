@@ -111,11 +111,8 @@ def match_frequencies(
         Number of solutions: the first from the guess, the others from random values within the bounds.
     seed : int
         Seed of the random values.
-    executor : Executor, optional
-        Runs the solutions; ``jobs`` processes if not given.
-    jobs : int
-        Number of processes if no executor is given.  With more than 1, a script must call this function under
-        ``if __name__ == "__main__":``.
+    executor, jobs
+        As in ``run_all``, for the solutions.
 
     Raises
     ------

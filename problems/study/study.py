@@ -140,13 +140,8 @@ def run_study(
         Folder of the results.
     quick : bool
         Whether to shorten the simulations, for a first look.
-    executor : Executor, optional
-        Executor of the computations.
-    jobs : int
-        Number of processes if no executor is given; with 2 or more, a script must call this under
-        ``if __name__ == "__main__":``.
-    progress : bool
-        Whether to show progress bars.
+    executor, jobs, progress
+        As in ``run_all``.
     command : str
         Command that the document names.
 

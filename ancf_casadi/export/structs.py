@@ -89,11 +89,7 @@ PART_UNITS = {
     "roller": "m; the direction is a unit vector", "guide": "m, rad; the direction is a unit vector",
     "mass": "m, kg, kg m^2", "spring": "m, N/m", "rotational_spring": "m, N m/rad", "dashpot": "m, N s/m",
 }  # fmt: skip
-SIGNED_FIELDS = {
-    "displacement": Pair,
-    "direction": Pair,
-    "rotation": float,
-}  # the other fields of parts are not negative
+SIGNED_FIELDS = {"displacement": Pair, "direction": Pair, "rotation": float}  # the others are not negative
 AMOUNTS = {"float": NotNegative, "tuple[float, float]": tuple[NotNegative, NotNegative]}
 
 

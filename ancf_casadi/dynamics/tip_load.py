@@ -273,9 +273,7 @@ class PlacedLoad:
         slope, shape = (part.full()[:, own] for part in (self._slope, self._shape))
         weights = np.hstack([np.kron(slope.T, slope.T), np.kron(slope.T, shape.T)][: 1 + self.place.follower])
         used = np.flatnonzero(weights.any(axis=1))
-        places = (
-            own.size**2 * index + used
-        )  # the first of ``entries`` are those of one element of the beam after another
+        places = own.size**2 * index + used  # ``entries`` start with those of one element of the beam after another
         W = cs.sparsify(cs.DM(weights[used]))
         return places.tolist(), lambda e, load: W @ self._derivatives(e, load)
 

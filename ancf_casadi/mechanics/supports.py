@@ -62,11 +62,13 @@ class Support(Displayed):
         check_size(self.displacement, "displacement")
         if hasattr(self, "rotation"):
             object.__setattr__(self, "rotation", number(self.rotation, "rotation"))
+        if hasattr(self, "direction"):
+            object.__setattr__(self, "direction", unit_vector(self.direction, "direction"))
 
     @property
     def sliding(self) -> tuple[float, float] | None:
         """Direction in which the point may slide, a unit vector; None if it may not."""
-        return None
+        return getattr(self, "direction", None)
 
     @property
     def angle(self) -> float:
@@ -136,26 +138,9 @@ class Pin(Support):
     """
 
 
-@dataclass(frozen=True)
-class _Sliding(Support):
-    """A support that lets its point slide along a direction."""
-
-    direction: tuple[float, float] = (1.0, 0.0)
-
-    def __post_init__(self) -> None:
-        """Validate."""
-        super().__post_init__()
-        object.__setattr__(self, "direction", unit_vector(self.direction, "direction"))
-
-    @property
-    def sliding(self) -> tuple[float, float] | None:
-        """The direction."""
-        return self.direction
-
-
 @final
 @dataclass(frozen=True)
-class Roller(_Sliding):
+class Roller(Support):
     """A roller, which lets the point slide along a direction, and the beam turn.
 
     Parameters
@@ -179,10 +164,12 @@ class Roller(_Sliding):
     (1.0, 0.0)
     """
 
+    direction: tuple[float, float] = (1.0, 0.0)
+
 
 @final
 @dataclass(frozen=True)
-class Guide(_Sliding):
+class Guide(Support):
     """A guide, which lets the point slide along a direction, and does not let the beam turn.
 
     Parameters
@@ -210,6 +197,7 @@ class Guide(_Sliding):
 
     turns: ClassVar[bool] = False
 
+    direction: tuple[float, float] = (1.0, 0.0)
     rotation: float = field(default=0.0, kw_only=True)
 
 

@@ -137,9 +137,9 @@ def test_defaults_neither_damp_nor_detune_a_mode(mode, amplitude):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", range(20))
+@pytest.mark.parametrize("number", range(0, 20, 2))
 def test_any_call_with_all_defaults_ends_soon_and_balances_its_energy(number):
-    """20 combinations of base motion, start and law; a step takes about 0.4 ms."""
+    """Each base motion and each law with two others; a step takes about 0.4 ms."""
     rng = np.random.default_rng(number)
     hanging = bool(rng.integers(2))
     model = steel(int(rng.choice([8, 12, 20])), axis=(0.0, -1.0) if hanging else (1.0, 0.0))

@@ -59,6 +59,7 @@ def test_ex05_all_frequencies_are_met_within_the_bounds(example):
     assert found["match"].at_bound == ()
 
 
+@pytest.mark.slow
 def test_ex06_the_gap_grows_at_the_same_mass(example):
     found = example("ex06")
     assert np.diff(found["after"]) > 1.3 * np.diff(found["before"])

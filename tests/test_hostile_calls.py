@@ -72,7 +72,8 @@ def test_long_work_that_ctrl_c_ends_is_told_from_work_that_it_does_not_end(monke
 
 @pytest.mark.slow
 def test_many_hostile_calls_return_or_are_refused(there):
-    assert faults(there, 2, 400) == []
+    """Thousands of them are in ``benchmarks/robustness.py``."""
+    assert faults(there, 2, 150) == []
 
 
 @pytest.mark.slow

@@ -90,11 +90,13 @@ class TestCompositeStrip:
         assert low < 0.577 < 0.65 < high < page.LAMINATE
         assert any("no compliance of the clamp" in note for note in with_clamp.warnings)
 
+    @pytest.mark.slow
     def test_a_soft_clamp_under_the_laminate_stiffness_fits_worse(self, page, with_clamp):
         soft = fitted(page.composite_record(), ["clamp_stiffness"])
         assert 15.0 < soft.estimates["clamp_stiffness"] < 25.0
         assert soft.scatter > 1.4 * with_clamp.scatter
 
+    @pytest.mark.slow
     def test_small_deflections_alone_cannot_separate_stiffness_and_clamp(self, page):
         """Up to 200 g both are nearly linear in the load."""
         fit = fitted(page.composite_record(most_g=200.0), ["bending_stiffness", "clamp_stiffness"])

@@ -125,6 +125,7 @@ def test_the_frequency_of_a_large_swing_is_that_of_harmonic_balance(paper_beam, 
     assert shift == pytest.approx((ratio - 1) * (reached / amplitude) ** 2, abs=2e-5)
 
 
+@pytest.mark.slow
 def test_the_frequency_of_a_large_swing_rises_with_the_square_of_its_amplitude(paper_beam):
     """By 0.0193835 (A/L)^2 if inextensible: 0.30668 from curvature minus 0.28730 from inertia; 0.3 % more at 0.1 L."""
     shift, reached = backbone(Model(paper_beam(8, **WEIGHTLESS)), 0.1, 1, "radau", 1e-8)

@@ -140,6 +140,7 @@ def test_a_laws_ratios_are_those_of_the_complex_eigenvalues_of_the_linearised_be
     np.testing.assert_allclose(eigenvalue_ratios(law(about, 1.0), about), predicted, rtol=2e-4, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", OBJECTIVE.values(), ids=OBJECTIVE)
 def test_a_simulated_decay_has_the_ratios_that_the_law_predicts(modes, law):
     predicted = law(modes, 1.0).damping_ratios(modes, np.zeros(5))[:2]
@@ -168,6 +169,7 @@ def test_at_the_default_tolerance_a_released_beam_keeps_swinging_in_both_modes(m
         assert abs(zeta) < NUMERICAL_DAMPING
 
 
+@pytest.mark.slow
 def test_damping_by_the_reference_stiffness_has_the_predicted_ratio_in_very_small_motion_only(modes):
     """The axial part resists the rotation of elements: at 0.2 % of the length the ratio more than doubles."""
     law = reference(2e-3)

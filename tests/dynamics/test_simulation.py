@@ -92,6 +92,7 @@ def rigid(model, speed):
 # ---------------------------------------------------------------------------------------- against exact solutions
 
 
+@pytest.mark.slow
 def test_a_released_beam_swings_as_the_sum_of_its_exact_modes(paper_beam, bending_stiffness):
     """Released from a small tip force F: tip = sum 4 F/(m omega_k^2) cos omega_k t, with the mass m of the beam."""
     model = Model(paper_beam(16, **WEIGHTLESS))

@@ -61,6 +61,7 @@ def test_records_hardly_agree_between_one_and_five_per_cent():
         assert (found.warning is not None, found.agrees) == (warns, verdict == "agree")
 
 
+@pytest.mark.slow
 def test_the_interval_covers_a_positive_mean():
     """1000 sets of 4 takes that scatter by 30 % and by 80 %: 95 %, and 92 % where the bare values give 88 %."""
     rng = np.random.default_rng(2)

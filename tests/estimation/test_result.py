@@ -131,7 +131,7 @@ def test_a_prediction_of_the_same_law_has_small_errors_and_no_warning(case):
     prediction = fit.predict(record)
     assert max(prediction.relative_errors.values()) < 0.2 and prediction.warnings == ()
     assert prediction.report() and json.dumps(prediction.to_dict(), allow_nan=False)
-    assert rendered(prediction.figure()).startswith(b"\x89PNG")
+    prediction.figure().draw_without_rendering()
 
 
 def test_another_fit_has_the_settings_of_the_first(case):
@@ -168,7 +168,8 @@ def test_a_saved_result_states_the_same(case, tmp_path):
         for name, ends in fit.intervals(level).items():
             assert found.intervals(level)[name] == pytest.approx(ends, rel=0.0, abs=close * (ends[1] - ends[0]))
     assert len(repr(fit)) < 200 and len(repr(found)) < 200 and found._repr_html_().startswith("<table>")
-    assert rendered(fit.figure()).startswith(b"\x89PNG") and rendered(found.figure(found)).startswith(b"\x89PNG")
+    for figure in (fit.figure(), found.figure(found)):
+        figure.draw_without_rendering()
     assert Identification.of(fit).kind == Identification.of(found).kind == kind
 
 

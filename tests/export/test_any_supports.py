@@ -70,6 +70,7 @@ def functions(request):
     return model, beam_functions(model, LAW, markers=(0.2,), modes=3)
 
 
+@pytest.mark.slow
 def test_steps_on_a_rocking_base_agree_with_simulate(functions):
     """The steps are of order 2: half the step has a quarter of the error."""
     model, exported = functions

@@ -297,6 +297,7 @@ def test_the_reduced_model_under_other_parameters(small, reduced, rest):
     check(run_fmu(small, values), run, run.energy.T[:2], 1e-6)
 
 
+@pytest.mark.slow
 def test_a_release_of_the_reduced_model_agrees_with_the_full_beam(small, reduced):
     """Start values set a small deflection in modes 1 and 2."""
     q = np.array([1e-3, 2e-4, 0.0, 0.0])

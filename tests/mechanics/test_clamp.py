@@ -84,7 +84,7 @@ def test_the_clamp_rotates_by_the_moment_over_its_stiffness(paper_beam):
     assert run.axial_force(0.5)[0] == pytest.approx(9.81 * (0.05 + hanging.mass / 40), rel=0.02)
 
 
-@pytest.mark.parametrize("method", ["idas", "radau"])
+@pytest.mark.parametrize("method", [pytest.param("idas", marks=pytest.mark.slow), "radau"])
 def test_the_energy_of_a_large_motion_balances(paper_beam, method):
     """With a tip mass, an elastic clamp and all damping laws at once."""
     model = Model(paper_beam(4, tip_mass=0.005, clamp_stiffness=0.3))

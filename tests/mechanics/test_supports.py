@@ -32,7 +32,6 @@ STRIP = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "
 WEIGHTLESS = {"axis": (1.0, 0.0), "gravity": (0.0, 0.0)}
 FEATURES = [PointMass(0.3, 2e-3, 1e-7), Spring(0.2, (0.0, 20.0)), RotationalSpring(0.5, 0.01), Dashpot(0.1, (0.0, 0.1))]
 SUPPORTS = [Pin(0.1), Roller(0.4, (1.0, 0.0)), Guide(0.5, (1.0, 0.2))]
-BOTH = pytest.mark.parametrize("method", ["idas", "radau"])
 
 
 def strip(elements=6, **changes):
@@ -261,8 +260,9 @@ MOTIONS = {
 THICK = {"thickness": 0.02, "elastic_modulus": 210e9 / 40**2}  # slow axial waves, which IDAS has to follow
 
 
-@BOTH
-@pytest.mark.parametrize("name", MOTIONS)
+@pytest.mark.parametrize(
+    ("name", "method"), [*((name, "radau") for name in MOTIONS), ("free", "idas"), ("roller", "idas"), ("all", "idas")]
+)
 def test_the_energy_of_a_pushed_beam_is_balanced(name, method):
     """The push at a free tip lasts half a period of 5 Hz; where the tip is held, the beam is released instead."""
     beam = strip(5, **MOTIONS[name], **THICK, **WEIGHTLESS)

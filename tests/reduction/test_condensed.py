@@ -136,6 +136,7 @@ def test_the_acceleration_balances_the_forces_of_the_full_model_on_a_base_that_m
     assert np.abs(jacobian.T @ forces.full().ravel() + elastic).max() < 2e-5 * np.abs(elastic).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("supports", "expected"),
     [

@@ -13,6 +13,7 @@ def one_mode():
     return reduce_model(Model(beam), modes=1)
 
 
+@pytest.mark.slow
 def test_the_memory_of_a_run_grows_with_its_samples_not_with_its_steps(one_mode):
     def steps_and_memory(steps_per_period):
         tracemalloc.start()

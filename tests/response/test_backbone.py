@@ -77,6 +77,7 @@ def test_a_motion_of_an_undamped_mode_repeats_itself_in_a_time_integration(hangi
     assert np.abs(late.q[-1] - late.q[0]).max() > 1e-3 * scale * abs(curve.frequencies[-1] * linear - 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", [1, 2, 3])
 def test_the_damping_ratio_of_small_motion_is_that_of_the_law(hanging, mode):
     modes = natural_modes(hanging, count=5)

@@ -118,6 +118,7 @@ def test_a_script_without_a_guard_is_refused_once(tmp_path, guard):
     assert 'under if __name__ == "__main__":' in done.stderr.splitlines()[-1]
 
 
+@pytest.mark.slow
 def test_a_script_without_a_file_is_refused(tmp_path):
     text = script(tmp_path, "if True", 0.0).read_text()
     done = subprocess.run(

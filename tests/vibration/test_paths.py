@@ -255,6 +255,7 @@ def test_a_branch_begins_at_its_bifurcation_and_is_stable(buckled):
     assert left.reference_point == 1.0
 
 
+@pytest.mark.slow
 def test_a_deep_arch_reaches_its_limit_load():
     angle = math.radians(215.0)
     supports = (Clamp(), Pin(100.0 * angle))
@@ -281,6 +282,7 @@ def test_a_clamped_beam_under_a_central_force_hardens_without_critical_points():
         assert (-rest.position(10.0)[1], -pull[0]) == pytest.approx((sag, axial), rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("support", "reference"), [(Pin, BUCKLED_PINNED), (Clamp, BUCKLED_CLAMPED)])
 def test_a_strip_buckled_by_a_support_vibrates_about_its_buckled_state(support, reference):
     model, factor_of = strip(support)
@@ -339,6 +341,7 @@ def test_a_path_shows_as_text_plain_data_and_a_figure(snap, buckled):
     assert axes.get_xlabel() == "y displacement of the point at 1 m, mm"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("load", [PointLoad(moment=6.0), PointLoad((0.0, 20.0), follower=True)])
 def test_a_slope_turns_by_at_most_a_quarter_radian_between_equilibria(load):
     path = equilibrium_path(column(), loads=[load])

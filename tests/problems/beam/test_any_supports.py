@@ -109,6 +109,7 @@ def test_mass_and_spring_at_mid_span_from_frequencies_of_two_configurations():
     assert fit.model.beam.lumped == pytest.approx(dict(fit.estimates))
 
 
+@pytest.mark.slow
 def test_modulus_and_springs_of_a_free_beam_from_six_frequencies():
     """Two modes are those of the strip as a rigid body on its springs; its motion along itself is none of them."""
 

@@ -55,7 +55,7 @@ def exact(first):
     true = model_of(**TRUTH)
     law = ModalDamping(natural_modes(true, count=1), ratios=[RATIO])
     held = static_equilibrium(true, tip_force=(0.01, 0.0))
-    run = simulate(true, damping=law, start=held, duration=0.7, sample_rate=60.0)
+    run = simulate(true, damping=law, start=held, duration=0.5, sample_rate=60.0)
     down, loads = Sensor("displacement", direction=(0.0, -1.0)), [PointLoad.hung(m, 0.4) for m in (1e-3, 2e-3, 4e-3)]
     level = {"axis": (1.0, 0.0)}
     sag = respond(StaticRecord(model_of(**TRUTH, **level), loads, np.ones(3), down))(ONES)[0]
@@ -169,6 +169,7 @@ def test_a_configuration_with_another_value_of_an_unknown_property_is_refused(fi
             call()
 
 
+@pytest.mark.slow
 def test_weights_allow_for_the_noise_that_the_fit_absorbs():
     """Two blocks of three values, each with a mean of its own, which absorbs a third of their noise."""
     rng, ratios = np.random.default_rng(0), []

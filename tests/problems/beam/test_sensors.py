@@ -40,8 +40,10 @@ def fitted(swing, record, **settings):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("sensor", SENSORS, ids=lambda sensor: f"{sensor.quantity} {sensor.label}")
-def test_the_damping_is_found_from_each_sensor(swing, sensor):
+@pytest.mark.parametrize(
+    "sensor", [SENSORS[k] for k in (0, 3, 5, 6, 8, 9, 10)], ids=lambda sensor: f"{sensor.quantity} {sensor.label}"
+)
+def test_the_damping_is_found_from_one_sensor_of_each_quantity(swing, sensor):
     found = fitted(swing, MotionRecord([swing.measurement(sensor, 0.01)], start=swing.start))
     assert abs(found.fit["alpha"] - TRUTH) < 3.0 * found.standard_errors["alpha"] < 0.03
     noise = 0.01 * swing.truth(sensor).std()

@@ -51,6 +51,7 @@ def frequencies(model, truth=None, count=2, noise=0.0, seed=0, **settings):
 
 
 class TestRecovery:
+    @pytest.mark.slow
     @pytest.mark.parametrize("factor", [0.6, 1.7])
     def test_stiffness_and_clamp_from_one_load_deflection_table(self, given, factor):
         model = given(clamp_stiffness=12.0)
@@ -69,6 +70,7 @@ class TestRecovery:
         assert fit.combinations["bending_stiffness"][0] == pytest.approx(1.3 * 0.6, rel=1e-5)
         assert fit.combinations["mass_per_length"][0] == pytest.approx(0.8 * 1500.0 * 0.03 * 1.5e-3, rel=1e-5)
 
+    @pytest.mark.slow
     def test_the_result_of_a_fit_predicts_another_configuration(self, given):
         truth = {"elastic_modulus": 1.2, "clamp_stiffness": 0.5}
         model, other = given(clamp_stiffness=20.0), given(0.8, clamp_stiffness=20.0, axis=(0.0, -1.0))

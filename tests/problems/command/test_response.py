@@ -41,6 +41,7 @@ def study(tmp_path, monkeypatch):
     return path
 
 
+@pytest.mark.slow
 def test_the_jumps_are_the_folds_of_the_curve_that_leans(study, capsys):
     """Mode 2 softens: at 0.2 mm an upward sweep jumps at the upper fold, a downward sweep at the lower one."""
     assert main(["response", "study.toml", "--json"]) == 0

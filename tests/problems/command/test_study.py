@@ -83,6 +83,7 @@ def test_without_its_motion_it_names_the_file(run):
     assert "motion.csv" in done.err
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not DATA.exists(), reason="the measured records are not part of the repository")
 def test_two_silicone_records_are_a_document(run, tmp_path):
     """Free decays of two records, a fit to one and the prediction of the other, without code."""

@@ -437,11 +437,11 @@ def test_an_interval_at_a_bound_is_one_sided_either_way():
 def test_intervals_next_to_a_bound_cover_the_truth():
     """The true eta2 is one or two standard errors from zero; some estimates are at the bound."""
     truth, covered, bounded = 0.005, [], 0
-    for seed in range(120):
+    for seed in range(60):
         fit = fit_decay(TIME, drag(1.85, 0.15, truth, 0.076) + 2e-4 * noise(500 + seed), law="quadratic")
         covered.append(fit.intervals()["eta2"][0] <= truth <= fit.intervals()["eta2"][1])
         bounded += "eta2" in fit.at_bound
-    assert 2 <= bounded <= 24
+    assert 1 <= bounded <= 12
     assert np.mean(covered) >= 0.92
 
 
@@ -669,6 +669,7 @@ class TestSiliconeBeam:
         assert fit.offset == pytest.approx(-0.0062, abs=2e-4)
         assert any("is not noise but mostly" in warning for warning in fit.warnings)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", ["gravity", "load52", "load101"])
     def test_every_law_converges_and_none_tells_all(self, name):
         record = Measurement.from_file(SILICONE / f"beam_{name}_tip.csv")

@@ -97,6 +97,7 @@ def test_a_frequency_that_depends_on_amplitude_is_not_split_into_two_modes():
     assert any("one mode near 6.8" in note and "frequency law" in note for note in fit.warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_mode_whose_frequency_is_logarithmic_in_the_amplitude_is_one_mode(seed):
     """6.9 Hz (1 - 0.0035 ln(A/A0)) under quadratic damping, over two decades: once listed as three modes."""
@@ -118,6 +119,7 @@ def test_two_close_modes_that_beat_are_kept():
     assert [fit.damping_ratio for fit in fits] == pytest.approx([0.002, 0.002], rel=0.02)
 
 
+@pytest.mark.slow
 def test_what_fades_within_a_period_is_no_mode():
     y = swing(*MODES[0]) + 0.005 * np.exp(-12.0 * TIME) * np.cos(15.0 * TIME) + 2e-5 * noise(8)
     (fit,) = fit_modes(TIME, y, modes=2)
@@ -166,6 +168,7 @@ def test_warnings_of_one_mode_name_it_by_number_and_frequency():
     assert fits.estimates["frequency_1"] < fits.estimates["frequency_2"]
 
 
+@pytest.mark.slow
 def test_a_long_record_is_reduced_to_the_band_of_its_modes_with_the_same_estimates(monkeypatch):
     time = np.arange(0.0, 5.0, 1 / 2000)
     y = np.exp(-0.1 * time) * np.cos(12.0 * time) + 0.3 * np.exp(-0.3 * time) * np.cos(60.0 * time + 1.0)

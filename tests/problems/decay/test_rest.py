@@ -23,6 +23,7 @@ def creeping(seed, rate=CREEP):
     return swing + OFFSET + DRIFT * moved + 5e-5 * rng.standard_normal(len(TIME))
 
 
+@pytest.mark.slow
 def test_intervals_of_creep_cover_the_truth():
     """Of 40 fits, each interval of 95 % covers its truth in 33 or more but for a chance of 0.3 %."""
     fits = [fit_decay(TIME, creeping(seed), rest="creep") for seed in range(40)]

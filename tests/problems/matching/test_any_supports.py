@@ -24,6 +24,7 @@ def soft(modulus, stiffness):
     return strip(modulus, gravity=(0.0, 0.0), supports=(), attachments=springs)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "name", "truth", "rigid"),
     [(clamped, "clamp_stiffness", 3.0, 0), (soft, "spring_stiffness", 20.0, 1)],

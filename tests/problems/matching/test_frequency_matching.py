@@ -182,6 +182,7 @@ class TestMesh:
         assert steps[0, 0] / steps[1, 0] == pytest.approx(4.0, abs=0.5)
         assert steps[0].max() > 3.0 * steps[1].max() > 1e-3
 
+    @pytest.mark.slow
     def test_smoothness_against_noisy_data_converges_too(self):
         """With a weight of the steps between elements, that of the gradient fell in proportion to their length."""
         measured = MeasuredModes(paper.TARGET_FREQUENCIES[:3], 1e-2)

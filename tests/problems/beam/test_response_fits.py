@@ -273,7 +273,7 @@ def test_the_modulus_is_a_factor_on_the_stiffness_of_the_model(model, modes, cur
 def test_decays_and_curves_together_have_smaller_errors_than_either(model, curves):
     law = curves[0]
     held = static_equilibrium(model, tip_force=(0.01, 0.0))
-    run = simulate(model, damping=law, start=held, duration=0.6, sample_rate=40.0, method="radau")
+    run = simulate(model, damping=law, start=held, duration=1.0, sample_rate=40.0, method="radau")
     rng = np.random.default_rng(7)
     decay = MarkerRecord(run.time, run.tip + 3e-4 * rng.standard_normal(run.tip.shape), start=held)
     stiffness = ["elastic_modulus"]

@@ -247,8 +247,9 @@ def whole():
     return simulate(steel(8), damping=DAMPED, base=BASE, duration=0.8, sample_rate=200.0, tolerance=1e-9)
 
 
-@pytest.mark.parametrize("sample", [1, 50, 106, -20])
-@pytest.mark.parametrize("method", ["idas", "radau"])
+@pytest.mark.parametrize(
+    ("method", "sample"), [("radau", 1), ("radau", 50), ("radau", 106), ("radau", -20), ("idas", 1), ("idas", 106)]
+)
 def test_continuing_from_any_sample_of_a_driven_run_gives_the_uninterrupted_run(whole, sample, method):
     """While the base moves, after its stop, and between the samples of the first run."""
     state = whole.state(sample)

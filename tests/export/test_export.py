@@ -142,8 +142,7 @@ def test_tip_markers_and_energies_agree_with_the_trajectory(model):
     )
 
 
-@pytest.mark.parametrize("axis", [(0.0, -1.0), (1.0, 0.0)])
-@pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize(("axis", "factor"), [((0.0, -1.0), 0.5), ((1.0, 0.0), 1.0), ((0.0, -1.0), 2.0)])
 def test_statics_and_modes_far_from_the_model_agree_with_a_new_model(paper_beam, axis, factor):
     beam = paper_beam(8, axis=axis)
     functions = beam_functions(Model(beam))

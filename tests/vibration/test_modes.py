@@ -61,8 +61,7 @@ def test_the_error_of_a_frequency_is_beta_l_to_the_fourth_over_1440(paper_beam, 
     assert (abs(errors - expected) < (0.02 + 0.07 * waves**2) * expected + 2e-9).all()
 
 
-@pytest.mark.parametrize("elements", [100, 400, 2000])
-@pytest.mark.parametrize("axis", [(1.0, 0.0), (0.6, 0.8)])
+@pytest.mark.parametrize(("elements", "axis"), [(100, (0.6, 0.8)), (400, (1.0, 0.0)), (2000, (0.6, 0.8))])
 def test_fine_meshes_keep_the_digits_of_the_low_frequencies(paper_beam, elements, axis):
     """Rounding the assembled stiffness changed the first frequency by 3e-7 with 400 elements, and by 1e-4 with 2000."""
     frequencies = natural_modes(Model(paper_beam(elements, **{**WEIGHTLESS, "axis": axis}))).frequencies

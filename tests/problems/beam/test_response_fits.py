@@ -39,9 +39,14 @@ def modes(model):
 
 
 @pytest.fixture(scope="module")
-def curves(model, modes):
-    """Records without noise of a beam with linear and quadratic damping about mode 1, at three levels, and its law."""
-    law = ModalDamping(modes, ratios=[RATIO]) + QuadraticDamping(eta2=ETA2)
+def law(modes):
+    """Linear and quadratic damping about mode 1."""
+    return ModalDamping(modes, ratios=[RATIO]) + QuadraticDamping(eta2=ETA2)
+
+
+@pytest.fixture(scope="module")
+def curves(model, modes, law):
+    """Records without noise of a beam with a damping law, at three levels, and this law."""
     around = np.concatenate([[0.96, 0.98], np.linspace(0.985, 1.015, 9), [1.02, 1.04]])
     frequencies = FREQUENCY * modes.frequencies[0] * around
     records = [
@@ -214,9 +219,10 @@ def test_frequencies_beside_curves_share_the_modulus(model, modes, curves):
         ({"harmonics": 1.5}, "harmonics"),
     ],
 )
-def test_unusable_settings_are_refused_by_name(model, curves, settings, where):
+def test_unusable_settings_are_refused_by_name(model, modes, settings, where):
+    record = ResponseRecord(modes.frequencies[0] * np.linspace(0.96, 1.04, 9), np.ones(9), base=HarmonicBase(1e-3, 1.0))
     with pytest.raises(InputError) as caught:
-        fit_beam(model, measured(curves)[0], RayleighDamping(alpha=0.1), **settings)
+        fit_beam(model, record, RayleighDamping(alpha=0.1), **settings)
     assert caught.value.where == where
 
 
@@ -258,9 +264,8 @@ def test_a_level_in_another_unit_is_named_before_a_fit(model, modes):
     assert "times that of the model; check the unit of its levels" in note and "such as mm" in note
 
 
-def test_the_modulus_is_a_factor_on_the_stiffness_of_the_model(model, modes, curves):
+def test_the_modulus_is_a_factor_on_the_stiffness_of_the_model(model, modes, law):
     """The response of the model with a larger modulus is that of the beam with this modulus."""
-    law = curves[0]
     record = ResponseRecord(
         modes.frequencies[0] * np.array([0.98, 1.0, 1.03]), np.ones(3), base=HarmonicBase(2e-3, frequency=1.0)
     )

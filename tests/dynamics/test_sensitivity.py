@@ -201,6 +201,7 @@ def test_a_function_of_derivatives_alone_keeps_the_motion_alive(model):
     assert abs(before).max() > 0.1
 
 
+@pytest.mark.slow
 def test_a_motion_is_integrated_once_for_its_value_and_all_its_derivatives(model, law, monkeypatch):
     solve, seen = SensitivityProblem.solve, []
     monkeypatch.setattr(SensitivityProblem, "solve", lambda *given: (seen.append(1), solve(*given))[1])
@@ -306,6 +307,7 @@ def test_derivatives_by_tip_mass_and_clamp_stiffness_are_those_of_differences(mo
         assert (abs(found[..., k] - expected) / size).max() < 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", ["local", "modal"])
 def test_reverse_derivatives_by_lumped_properties_are_the_transposed_of_the_forward_ones(model, damping):
     problem, at = lumped_problem(model, "held", damping=damping, held=True, tolerance=1e-6, times=np.arange(5) / 50)

@@ -74,6 +74,7 @@ class TestContents:
         assert tuple(run.measured_ratio for run in part.runs) == paper.DAMPING_RATIOS
 
 
+@pytest.mark.slow
 class TestResults:
     """The study in small."""
 
@@ -188,6 +189,7 @@ class TestResults:
         assert any(line.startswith("Table 2. ") for line in text)
 
 
+@pytest.mark.slow
 def test_the_example_of_the_docstring_prints_what_it_says(small_paper, tmp_path, monkeypatch):
     """With the study above, whose finished steps are there."""
     monkeypatch.chdir(shutil.copytree(small_paper.page.parent.parent, tmp_path / "copy"))

@@ -41,28 +41,23 @@ def texts(cell):
 
 
 def duration(path, text):
-    """Processor time to read a file, the least of three."""
+    """Processor time to read a file."""
     path.write_text(text)
-    found = []
-    for _ in range(3):
-        begin = time.process_time()
-        try:
-            read_recording(path)
-        except AncfError as error:
-            assert len(str(error)) < 1000
-        found.append(time.process_time() - begin)
-        if found[-1] > 1.0:
-            break
-    return min(found)
+    begin = time.process_time()
+    try:
+        read_recording(path)
+    except AncfError as error:
+        assert len(str(error)) < 1000
+    return time.process_time() - begin
 
 
 @pytest.mark.parametrize("cell", CELLS)
 def test_the_time_grows_as_the_size(tmp_path, cell):
     """Regression: a name of 300 000 blanks or points, or a number of 100 000 digits, took more than half a minute."""
     small, large = (texts(CELLS[cell](size)) for size in SIZES)
-    for place, text in small.items():
-        before, after = duration(tmp_path / "a.csv", text), duration(tmp_path / "a.csv", large[place])
-        assert after < 16 * before + 0.01, place
+    for place, text in small.items():  # three trials, because other work disturbs one
+        before = min(duration(tmp_path / "a.csv", text) for _ in range(2))
+        assert any(duration(tmp_path / "a.csv", large[place]) < 16 * before + 0.01 for _ in range(3)), place
 
 
 @pytest.mark.parametrize("missing", [False, True])

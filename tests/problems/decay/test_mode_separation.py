@@ -211,8 +211,10 @@ def test_records_that_were_listed_with_other_modes_are_told_apart(apart, kind, s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["moving", "close", "harmonic"])
-def test_modes_are_told_apart_in_95_percent_of_the_records(apart, kind):
-    """The limit falls short in one of a thousand tests if 95 % are told apart."""
-    runs = 8
-    assert sum(apart.told_apart(kind, 1000 + seed)[0] for seed in range(runs)) >= binom.ppf(0.001, runs, 0.95)
+def test_modes_are_told_apart_in_95_percent_of_the_records(apart):
+    """The limit falls short in one of a thousand tests if 95 % are told apart; a kind that never is falls short, too.
+
+    ``benchmarks/modes_apart.py`` draws more.
+    """
+    records = [(kind, 1000 + seed) for kind in ("moving", "close", "harmonic") for seed in range(5)]
+    assert sum(apart.told_apart(*record)[0] for record in records) >= binom.ppf(0.001, len(records), 0.95)

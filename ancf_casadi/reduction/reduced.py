@@ -61,6 +61,8 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, numbers, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import counted
+from ancf_casadi.vibration.assembly import Structure
+from ancf_casadi.vibration.equilibrium import Equilibrium, neighbour
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
 MOST_DRAG_POINTS = 100
@@ -244,7 +246,9 @@ def rebuilt(first: ReducedModel, model: Model) -> ReducedModel:
     Points that ``reduce_model`` selects jump with the properties, and the equation of motion with them; at the same
     points, the equation is a continuous function of the properties.
     """
-    modes, drag_points = natural_modes(model, count=first.count), len(first.projection.drag_mass)
+    rest, drag_points = neighbour(Structure.of(model), first.modes.equilibrium.exact), len(first.projection.drag_mass)
+    equilibrium = None if rest is None else Equilibrium(model, rest.coordinates, remainder=rest.remainder)
+    modes = natural_modes(model, count=first.count, equilibrium=equilibrium)
     if not isinstance(first.projection, SlopeProjection):
         return _assembled(modes, first.law, condensed_projection(modes, drag_points), ())
     nodal, rows = nodal_slopes(modes), first.projection.slopes.rows

@@ -33,7 +33,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from functools import partial
-from itertools import product
 from types import NoneType
 from typing import Any
 
@@ -44,7 +43,6 @@ from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.estimation.block import Block
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.estimation.solve import FitProblem, solve
-from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
@@ -59,6 +57,7 @@ from problems.beam.motions.marker_record import MarkerRecord, motion_record
 from problems.beam.motions.record import MotionRecord
 from problems.beam.properties import CLAMP_STIFFNESS, Owners, first_values, is_property, property_unknown, with_clamp
 from problems.beam.result import BeamFit, law_name
+from problems.beam.starts import starts
 from problems.beam.unknowns import (
     BASE_AMPLITUDE,
     GROUPS,
@@ -73,8 +72,6 @@ from problems.beam.unknowns import (
 )
 from problems.beam.values.block import ValueBlock
 from problems.beam.values.records import FrequencyRecord, PropertyRecord, StaticRecord
-
-OTHER_START = 0.02  # second start of a tip mass, and of the compliance of a clamp, relative to the first
 
 Record = Measurement | MotionRecord | MarkerRecord | ResponseRecord | StaticRecord | FrequencyRecord
 
@@ -195,7 +192,8 @@ def fit_beam(
         raise InputError("nothing is to be estimated; name properties, or free a parameter of the law", "unknowns")
     own = tuple(restricted(listed, bounds or {}, priors or {}))
     blocks: list[Block] = []
-    for one, numbered in _configured(motions, model, models):
+    configured = _configured(motions, model, models)
+    for one, numbered in configured:
         load = tuple(name.removeprefix("start_") for name in LOADS if name in wanted)
         blocks.append(motion_block(one, numbered, law, first, load=load, tolerance=tolerance, robust=robust))
     for one, numbered in _configured(curves, model, models):
@@ -206,7 +204,8 @@ def fit_beam(
         block = curve_block(one, numbered, law, names, first, modes=count, harmonics=number)
         blocks.append(block.checked(frequencies))
     blocks += [ValueBlock(record.with_model(models[id(record.model)]), first) for record in values]
-    solution = solve(FitProblem(tuple(blocks), own, robust), _starts(own, only_values=not motions and not curves))
+    begin = starts(own, first, configured, only_values=not motions and not curves)
+    solution = solve(FitProblem(tuple(blocks), own, robust), begin)
     again = partial(fit_beam, model, damping=damping, unknowns=unknowns, fixed=fixed, bounds=bounds, priors=priors,
                     robust=robust, tolerance=tolerance, modes=modes, harmonics=harmonics)  # fmt: skip
     return BeamFit(solution.fit, solution, given=models[id(model)], guess=law, first=first, again=again)
@@ -330,12 +329,3 @@ def _configured(records: Sequence[Any], model: Model, models: Mapping[int, Model
     for number, record in enumerate(records, start=1):
         groups.setdefault(id(record.model or model), []).append((number, record))
     return [(models[key], numbered) for key, numbered in groups.items()]
-
-
-def _starts(unknowns: Sequence[Unknown], *, only_values: bool) -> list[dict[str, float]]:
-    """Return the starts: for values alone, a soft clamp and a tip mass have a second one."""
-    listed = []
-    for one in unknowns:
-        second = {"tip_mass": OTHER_START * one.guess, CLAMP_STIFFNESS: one.guess / OTHER_START}.get(one.name)
-        listed.append([{}] if second is None or not only_values else [{}, {one.name: second}])
-    return [{name: value for part in parts for name, value in part.items()} for parts in product(*listed)]

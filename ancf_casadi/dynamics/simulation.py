@@ -45,6 +45,7 @@ from ancf_casadi.vibration.equilibrium import Equilibrium
 
 Method = Literal["auto", "idas", "radau"]
 
+SHORTEST_PER_BEND = 0.9  # thicknesses per rad; an arc of shorter elements is unstable (docs/theory.md)
 SEGMENTS = 25  # per piece of the excitation; a restart of IDAS costs about a hundred small steps
 TIME_BAR = "{l_bar}{bar}| {n:.2f}/{total:.2f} s [{elapsed}<{remaining}]"
 
@@ -174,6 +175,7 @@ def simulate(
                 raise
     run = replace(_trajectory(setup, use, done, began), interrupted=interrupted)
     _warn_of_energy_gain(run, setup.equations.law)
+    _warn_of_short_elements(run)
     return run
 
 
@@ -258,5 +260,22 @@ def _warn_of_energy_gain(run: Trajectory, law: DampingLaw) -> None:
         f"damping added {gained[end]:.2g} J to the motion from {run.time[begin]:g} s to {run.time[end]:g} s: the "
         "tangent stiffness is indefinite there, as in a beam that buckles; use RayleighDamping(..., "
         "stiffness='strain-rate'), which never adds energy",
+        stacklevel=3,
+    )
+
+
+def _warn_of_short_elements(run: Trajectory) -> None:
+    """Warn if the lengths of the slopes may alternate along a bent beam, which two axial Gauss points hardly resist."""
+    model = run.model
+    nodes = [e.reshape(-1, model.size // NODE, NODE)[:, model.root :] for e in (run.coordinates, model.straight)]
+    angles, natural = (np.unwrap(np.arctan2(own[..., 3], own[..., 2]), axis=1) for own in nodes)
+    bent = float(np.ptp(angles - natural, axis=1).max())
+    shortest = float((model.beam.element_lengths / model.beam.thickness).min())
+    least = SHORTEST_PER_BEND * bent
+    if model.measures.axial_points > 2 or shortest >= least:
+        return
+    warnings.warn(
+        f"the beam bends by {bent:.2g} rad, and its shortest element is {shortest:.2g} thicknesses long: below "
+        f"{least:.2g} the motion may be wrong; use fewer elements, or StrainMeasures(axial_points=3)",
         stacklevel=3,
     )

@@ -1,17 +1,21 @@
 """Simulated motions against exact solutions, an explicit integrator, energy and momentum."""
 
+import warnings
+
 import casadi as cs
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp, trapezoid
 
 from ancf_casadi import (
+    Beam,
     HarmonicBase,
     ModalDamping,
     Model,
     QuadraticDamping,
     RayleighDamping,
     SampledBase,
+    StrainMeasures,
     natural_modes,
     simulate,
     static_equilibrium,
@@ -333,3 +337,18 @@ def test_forces_in_a_sagging_beam_are_those_of_statics_to_second_order_in_the_el
         np.testing.assert_allclose(run.clamp_force[-1, :2], [0.0, -weight], atol=1e-8)
     assert max(errors[1]) < 5e-3
     np.testing.assert_allclose(np.log2(np.divide(errors[0], errors[1])), 2.0, atol=0.3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("elements", "points", "wrong"), [(50, 2, True), (50, 3, False), (20, 2, False)])
+def test_a_bent_beam_with_short_elements_is_warned_of(elements, points, wrong):
+    """At 1 rad, elements of 0.4 thicknesses are unstable with two axial Gauss points, those of 1 thickness are not."""
+    beam = Beam.uniform(length=0.1, width=0.01, thickness=5e-3, density=1000.0, elastic_modulus=1e8, elements=elements,
+                        axis=(1.0, 0.0), gravity=(0.0, 0.0))  # fmt: skip
+    rest = static_equilibrium(Model(beam, StrainMeasures(axial_points=points)), tip_moment=1e8 * 0.01 * 5e-3**3 / 1.2)
+    assert rest.tip_angle == pytest.approx(1.0, rel=1e-3)
+    assert rest.is_stable != wrong
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        simulate(rest.model, start=rest, duration=2e-4, sample_rate=1e4)
+    assert ["the motion may be wrong; use fewer elements" in str(one.message) for one in caught] == [True] * wrong

@@ -5,10 +5,14 @@ import math
 import casadi as cs
 import numpy as np
 import pytest
+import scipy
 
+from ancf_casadi.estimation.intervals import quantile
+from ancf_casadi.estimation.solver.autoregression import first_correlation, grids_of
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.noise import autocorrelation, concentration, estimated_noise
 from ancf_casadi.estimation.solver.unknown import Unknown
+from tests.coverage import covers
 
 SAMPLES = 2000
 ANGLE = 2 * math.pi * 0.01 * np.arange(SAMPLES)
@@ -156,3 +160,41 @@ def test_products_run_within_a_series_and_over_gaps_in_its_times():
     np.testing.assert_allclose(
         autocorrelation(first[late.astype(int)], (37,), 0.01 * late), autocorrelation(kept), atol=1e-14
     )
+
+
+def swings(size):
+    """Return an orthonormal basis of frequency, damping, amplitude, phase and offset of six periods of a decay."""
+    t = np.arange(size) / size
+    swing = np.exp(-3 * t)[:, None] * np.column_stack([np.cos(12 * math.pi * t), np.sin(12 * math.pi * t)])
+    return np.linalg.qr(np.column_stack([swing, t[:, None] * swing, np.ones(size)]))[0]
+
+
+def test_the_correlation_of_few_residuals_is_that_of_their_noise():
+    """The fitted curve absorbs slow noise: the residuals themselves correlate at 0.41, and white ones at -0.06."""
+    rng, basis = np.random.default_rng(0), swings(100)
+    for rho in (0.0, 0.5):
+        found = []
+        for _ in range(200):
+            noise = autoregressive(rng, rho, 100)
+            rest = noise - basis @ (basis.T @ noise)
+            found.append(first_correlation(rest, basis, grids_of([100], None))[0])
+        assert np.mean(found) == pytest.approx(rho, abs=0.025)  # 3.5 standard deviations
+        assert np.std(found) == pytest.approx(math.sqrt((1 - rho**2) / 100), rel=0.25)
+
+
+def test_series_of_different_colours_have_their_own_spectra():
+    """A white sensor and one with slow noise, which determine an unknown each: no common process fits both."""
+    rng, one, runs = np.random.default_rng(1), swings(100), 100
+    basis, hits, stated = np.zeros((200, 10)), 0, np.zeros(10)
+    basis[:100, :5], basis[100:, 5:] = one, one
+    for _ in range(runs):
+        noise = np.concatenate([rng.standard_normal(100), autoregressive(rng, 0.8, 100)])
+        x = basis.T @ noise
+        found = estimated_noise(noise - basis @ x, basis, [100, 100], None)
+        variances = np.diag(found.form(basis))
+        hits += np.count_nonzero(np.abs(x[5:9]) < quantile(0.95, found.freedom) * np.sqrt(variances[5:9]))
+        stated += variances / runs
+    assert covers(hits, 4 * runs)  # with a common process 77 %
+    np.testing.assert_allclose(stated[:4], 1.0, atol=0.15)
+    true = np.diag(one.T @ scipy.linalg.toeplitz(0.8 ** np.arange(100)) @ one)
+    np.testing.assert_allclose(stated[5:9], true[:4], rtol=0.3)

@@ -7,16 +7,18 @@ of the Jacobian J contain, because with the covariance R of the noise
 
     cov(J'r) = J' R J = sum_f S(f) |J(f)|^2.
 
-S is estimated in two steps.  First, an autoregressive process of order 1 is fitted, R_ij = rho^|i - j|, if this lowers
-the criterion BIC.  Second, the power P(f) of the residuals over that of this process, E(f), is averaged over a band
-about each frequency,
+S is estimated in two steps.  First, an autoregressive process of order 1 is fitted (``autoregression``), R_ij =
+rho^|i - j|, if this lowers the criterion BIC.  Second, the power P(f) of the residuals over that of this process, E(f),
+is averaged over a band about each frequency,
 
     C(f) = sum P/E over the band / sum (1 - h),        S(f) = C(f) E(f).
 
 The leverage h is the part of the noise that the fitted curve absorbs at a frequency, so that C is free of bias for
 every band.  The band is the widest whose mean agrees with that of each narrower band, as far as the random errors of
 these means tell (Lepski's method).  Lines then end the band, and white or autoregressive noise extends it to the whole
-spectrum of all series, which leaves no more than the errors of s^2 and rho.  If no variance changes by more than a
+spectrum of all series, which leaves no more than the errors of s^2 and rho.  The degrees of freedom nu of Student's
+distribution allow for both: for a small variance V of the logarithm of S due to the error of rho, 1/nu is that of s^2
+plus V/(V + 2).  If no variance changes by more than a
 tenth, or than its random error, the noise counts as white, and the errors are those of an ordinary fit.
 
 A fit of an almost exact record leaves misfit, such as harmonics, instead of noise.  Misfit has no floor: between its
@@ -52,22 +54,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.support.arrays import Array, ComplexArray, Index, Mask
+from ancf_casadi.estimation.solver.autoregression import FEWEST_RESIDUALS, correlations, grids_of, transform
+from ancf_casadi.support.arrays import Array, Index, Mask
 
 NARROWEST_BAND = 12  # half-width of the narrowest band, in cycles per length of the series
 SAME_MEAN = 2.0  # difference of two means, in standard errors, up to which they agree
 WHITE_CHANGE = 0.1  # change of a variance, relative to white noise, up to which the noise counts as white
-SPARSE_GRID = 16  # length of the grid over the number of samples, beyond which the samples are counted instead
 PEAK_POWER = 10.0  # power over the median of the spectrum, beyond which it is not the floor of the noise
 MOST_CONCENTRATION = 3.0  # concentration beyond which residuals are not noise; 1 for white noise
 CLEAR_EXCESS = 4.0  # standard errors of M by which it is larger than q' R q where it replaces it
 UNSEEN = 1e-6  # share of the noise that a fit leaves, below which the residuals show none of it
-FEWEST_RESIDUALS = 8  # residuals, below which the noise counts as white
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,11 +146,12 @@ def estimated_noise(residuals: Array, basis: Array, series: Sequence[int], times
     white = Noise(float(residuals @ residuals) / (m - used), m - used)
     if not series or m < FEWEST_RESIDUALS or n == 0 or not white.variance > 0.0:
         return white
-    grids = _grids(series, times)
-    ρ = _first_correlation(residuals, grids)
-    if m * math.log(1 - ρ**2) + math.log(m) >= 0.0:
-        ρ = 0.0
-    parts = [_relative_power(residuals[rows], basis[rows], places, ρ) for rows, places in grids]
+    grids = grids_of(series, times)
+    coefficients, unsure = correlations(residuals, basis, grids)
+    parts = [
+        _relative_power(residuals[rows], basis[rows], places, ρ)
+        for (rows, places), ρ in zip(grids, coefficients, strict=True)
+    ]
     total, room = sum(part.power[-1] for part in parts), sum(part.room[-1] for part in parts)
     means = [
         _local_means(part, len(places), float(total), float(room))
@@ -162,7 +163,7 @@ def estimated_noise(residuals: Array, basis: Array, series: Sequence[int], times
     )
     share = np.concatenate([part.leverage for part in parts])
     uncertainty = float(share @ (1 / np.concatenate([freedom for _, freedom in means])))
-    coloured = Noise(white.variance, float(share.sum()) / uncertainty, spectra)
+    coloured = Noise(white.variance, 1 / (uncertainty / float(share.sum()) + unsure / (unsure + 2)), spectra)
     change = abs(np.linalg.eigvalsh(coloured.form(basis) / white.variance - gram)).max()
     lasting = white if change < max(WHITE_CHANGE, SAME_MEAN * math.sqrt(2 / coloured.freedom)) else coloured
     passing = _passing(residuals, basis, grids, parts, lasting.form(basis))
@@ -229,7 +230,7 @@ def autocorrelation(residuals: Array, series: Sequence[int] = (), times: Array |
     With the residuals r of several series, rho_k = sum r_i r_(i+k) / sum r_i^2, both sums over all series, and products
     within a series only.
     """
-    grids = _grids(tuple(series) or (len(residuals),), times)
+    grids = grids_of(tuple(series) or (len(residuals),), times)
     products = np.zeros(1 + max(int(places[-1]) for _, places in grids))
     for rows, places in grids:
         size = int(places[-1]) + 1
@@ -245,28 +246,6 @@ def concentration(residuals: Array, series: Sequence[int] = (), times: Array | N
     the number of samples for a sine.
     """
     return float(np.sum(autocorrelation(residuals, series, times) ** 2)) - 0.5
-
-
-def _grids(series: Sequence[int], times: Array | None) -> list[tuple[slice, Index]]:
-    """Return the rows of each series that is not empty, and the positions of its samples in an even grid."""
-    bounds = [slice(*ends) for ends in pairwise(np.cumsum([0, *series]).tolist()) if ends[0] < ends[1]]
-    return [(rows, slots(rows.stop - rows.start, None if times is None else times[rows])) for rows in bounds]
-
-
-def slots(count: int, times: Array | None) -> Index:
-    """Return the positions of samples in an even grid of times, the spacing of which is the median one."""
-    if times is None or count < 2:
-        return np.arange(count)
-    step = float(np.median(np.diff(times)))
-    length = (times[-1] - times[0]) / step if step > 0.0 else math.inf
-    return np.rint((times - times[0]) / step).astype(int) if length < SPARSE_GRID * count else np.arange(count)
-
-
-def transform(columns: Array, places: Index, length: int) -> ComplexArray:
-    """Return the Fourier transform of columns (m, n) whose rows have places in a grid; the other rows are zero."""
-    grid = np.zeros((int(places[-1]) + 1, columns.shape[1]))
-    np.add.at(grid, places, columns)
-    return np.asarray(np.fft.rfft(grid, length, axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -332,18 +311,6 @@ def _local_means(part: _RelativePower, samples: int, total: float, room: float) 
         lowest = np.where(chosen, np.maximum(lowest, logarithm - error), lowest)
         highest = np.where(chosen, np.minimum(highest, logarithm + error), highest)
     return mean, freedom
-
-
-def _first_correlation(residuals: Array, grids: Sequence[tuple[slice, Index]]) -> float:
-    """Return the correlation of residuals one step of the grid apart; 0 if there are no such pairs."""
-    products, pairs = 0.0, 0
-    for rows, places in grids:
-        own = residuals[rows]
-        next_to = np.diff(places) == 1
-        products += float(own[:-1][next_to] @ own[1:][next_to])
-        pairs += int(np.count_nonzero(next_to))
-    limit = 1 - 1 / len(residuals)
-    return float(np.clip(products / pairs / np.mean(residuals**2), -limit, limit)) if pairs else 0.0
 
 
 def _spectrum(half: Array, length: int) -> Array:

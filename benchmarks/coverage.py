@@ -1,17 +1,25 @@
-"""Coverage of the 95 % intervals of ``fit_beam``: the same measurements with other noise, fitted again and again.
+"""Coverage of the 95 % intervals of every kind of fit of a beam: the same measurements with other noise, fitted anew.
 
-    .venv/bin/python benchmarks/beam_coverage.py --case joint --seeds 200 --jobs 2
+    .venv/bin/python benchmarks/coverage.py --case joint --seeds 200 --jobs 2
 
     drag, no-drag     a large motion of a steel strip with and without quadratic damping beside a known modal law
     strip             a large motion of a soft strip with viscous and quadratic damping
+    sensors           modulus and damping from four sensors on a released soft strip, 60 samples each, white noise
+    sensors-coloured  the same with autoregressive noise, rho = 0.5; sensors-long with 240 samples each
+    sensors-mixed     white noise of two sensors, autoregressive noise of the others, rho = 0.5 and 0.8
     mode-1, mode-2    three response curves under modal and quadratic damping; those of mode 2 have jumps
+    mass              mass and spring at mid-span from frequencies of two configurations
+    ends              modulus and stiffness of the elastic end of a strip clamped at both ends, from six frequencies
+    curvature         natural curvature and modulus from four sags
+    suspension        modulus and suspension of a free strip from six frequencies
     joint             a decay, a static test, three frequencies with an added mass and a response curve of one beam
 
-The motions are integrated at 1e-10, so that their own error is negligible, and carry white noise.  That of response
-curves is 1 % of the amplitude and 0.01 rad, and 0.1 % of the largest amplitude in both.  The fits know the noise of
-static tests, frequencies and the curve of the case joint alone.
+The motions are integrated at 1e-10, so that their own error is negligible, and carry white noise unless the case says
+otherwise.  That of response curves is 1 % of the amplitude and 0.01 rad, and 0.1 % of the largest amplitude in both.
+The fits know the noise of static tests, frequencies and the curve of the case joint alone; in the cases that end with
+``-understated`` it is twice as large as they know.
 
-Each line has the exact limits (Clopper and Pearson) of the coverage.  The standardised errors, (estimate -
+Each row has the exact limits (Clopper and Pearson) of the coverage.  The standardised errors, (estimate -
 truth)/standard error, are a sharper test: their mean should be 0 within 2/seeds^(1/2), their standard deviation 1.
 Without drag the truth is at a bound: half of the estimates should be there, without a standard error, and 97.5 % of the
 intervals, which begin there, should cover the truth.
@@ -21,22 +29,29 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 from scipy.stats import binomtest
 
 from ancf_casadi import (
     Beam,
+    Clamp,
     DampingLaw,
     HarmonicBase,
+    Measurement,
     ModalDamping,
     Model,
     PointLoad,
+    PointMass,
     QuadraticDamping,
+    RayleighDamping,
     Sensor,
+    Spring,
     natural_modes,
     periodic_motion,
     reduce_model,
@@ -44,10 +59,12 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from problems import FrequencyRecord, MarkerRecord, ResponseRecord, StaticRecord, fit_beam
+from ancf_casadi.support.tables import Table
+from problems import Channel, FrequencyRecord, MarkerRecord, MotionRecord, ResponseRecord, StaticRecord, fit_beam
 
 STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 STRIP = {"length": 0.2, "width": 0.01, "thickness": 2e-3, "density": 1070.0, "elastic_modulus": 264e3}
+PLAIN = {"length": 0.5, "width": 20e-3, "thickness": 1e-3, "density": 2700.0, "elements": 10}
 RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)
 NOISE, FLOOR = 0.01, 1e-3  # of response curves, relative to the amplitude and to the largest amplitude
 AROUND = np.concatenate([[0.96, 0.98], np.linspace(0.988, 1.012, 9), [1.02, 1.04]])
@@ -58,7 +75,7 @@ class Case:
     """A fit, the true values of its unknowns, and its records with noise from a random generator."""
 
     model: Model
-    guess: DampingLaw
+    guess: DampingLaw | None
     truth: Mapping[str, float]
     records: Callable[[np.random.Generator], Any]
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -94,6 +111,32 @@ def motion(
     settings = {"duration": duration, "sample_rate": sample_rate, "tolerance": 1e-10}
     run = simulate(model, damping=law, base=base, method="radau", **settings)
     return lambda rng: MarkerRecord(run.time, run.tip + noise * rng.normal(size=run.tip.shape), base=base)
+
+
+def sensors(samples: int, colours: tuple[float, ...]) -> Case:
+    """Return a released motion of a soft strip, seen by four sensors with autoregressive noise of each coefficient."""
+    truth = {"alpha": 1.0, "elastic_modulus": 264e3}
+    beam, law = Beam.uniform(**STRIP, elements=2), RayleighDamping(alpha=truth["alpha"])
+    beams = beam, beam.with_(elastic_modulus=250e3)
+    start, guess = (static_equilibrium(Model(one), tip_force=(2e-3, 0.0)) for one in beams)
+    run = simulate(
+        Model(beam), damping=law, start=start, duration=samples / 120, sample_rate=120.0, method="radau", tolerance=1e-10
+    )
+    kinds = [  # sensor, exact readings, noise
+        (Sensor("displacement", point=0.15), run.position(0.15)[:, 0], 5e-4),
+        (Sensor("displacement", point=0.2, direction=(0.0, 1.0)), run.tip[:, 1], 5e-4),
+        (Sensor("velocity", point=0.2), run.velocity(0.2)[:, 0], 1e-2),
+        (Sensor("velocity", point=0.1, direction=(0.0, 1.0)), run.velocity(0.1)[:, 1], 5e-3),
+    ]
+
+    def records(rng: np.random.Generator) -> MotionRecord:
+        channels = []
+        for (sensor, exact, size), rho in zip(kinds, colours, strict=True):
+            noise = lfilter([(1 - rho**2) ** 0.5], [1.0, -rho], rng.normal(size=500 + len(exact)))[500:]
+            channels.append(Channel(Measurement(run.time, exact + size * noise, sensor=sensor)))
+        return MotionRecord(channels, start=guess)
+
+    return Case(guess.model, RayleighDamping(alpha=0.8), truth, records, {"unknowns": ["elastic_modulus"]})
 
 
 def resonance(mode: int, ratio: float, eta2: float, levels: tuple[float, ...]) -> Case:
@@ -167,14 +210,89 @@ def joint() -> Case:
     return Case(guess, QuadraticDamping(0.5, 0.7), truth, records, settings)
 
 
+def plain(modulus: float = 70e9, **options: Any) -> Beam:
+    """Return a strip of aluminium, by default lying without gravity."""
+    given = {"axis": (1.0, 0.0), "gravity": (0.0, 0.0)} | options
+    return Beam.uniform(**PLAIN, elastic_modulus=modulus, **given)
+
+
+def tones(true: Beam, first: Beam, count: int, understated: float) -> Callable[[np.random.Generator], FrequencyRecord]:
+    """Return the frequencies of a beam with noise of 0.2 % as a record of another one."""
+    exact = natural_modes(Model(true), count=count).frequencies
+    exact = exact[exact > 0.0]
+
+    def record(rng: np.random.Generator) -> FrequencyRecord:
+        measured = exact * (1 + understated * 2e-3 * rng.standard_normal(exact.size))
+        return FrequencyRecord(Model(first), measured, std=2e-3 * measured)
+
+    return record
+
+
+def mass(understated: float) -> Case:
+    """Return four frequencies each of a strip and of the strip with a tip mass; mass and spring at mid-span."""
+    truth = {"mass": 12e-3, "spring_y": 900.0}
+
+    def beams(m: float, k: float) -> tuple[Beam, Beam]:
+        parts = [PointMass(0.25, m), Spring(0.25, (0.0, k))]
+        return plain(attachments=parts), plain(attachments=parts, tip_mass=8e-3)
+
+    first = beams(9e-3, 1200.0)
+    pairs = [tones(one, own, 4, understated) for one, own in zip(beams(*truth.values()), first, strict=True)]
+    return Case(Model(first[0]), None, truth, lambda rng: [one(rng) for one in pairs], {"unknowns": [*truth]})
+
+
+def ends(understated: float) -> Case:
+    """Return six frequencies of a strip that is clamped at both ends, elastically at the first."""
+    truth = {"elastic_modulus": 70e9, "clamp_stiffness": 3.0}
+
+    def held(modulus: float, k: float) -> Beam:
+        return plain(modulus, supports=[Clamp(0.0, stiffness=k), Clamp(0.5)])
+
+    first = held(60e9, 6.0)
+    record = tones(held(*truth.values()), first, 6, understated)
+    return Case(Model(first), None, truth, record, {"unknowns": [*truth]})
+
+
+def curvature(understated: float) -> Case:
+    """Return the rest positions of the tip without and under three weights."""
+    truth, gravity = {"natural_curvature": 0.4, "elastic_modulus": 70e9}, (0.0, -9.81)
+    beam, first = (plain(e, gravity=gravity, natural_curvature=c) for e, c in ((70e9, 0.4), (80e9, 0.3)))
+    cases = [[], *([PointLoad.hung(mass)] for mass in (20e-3, 40e-3, 60e-3))]
+    sags = np.array([static_equilibrium(Model(beam), loads=loads).tip[1] for loads in cases])
+    height, noise = Sensor("position", direction=(0.0, 1.0)), 0.2e-3
+
+    def record(rng: np.random.Generator) -> StaticRecord:
+        measured = sags + understated * noise * rng.standard_normal(4)
+        return StaticRecord(Model(first), [case or [PointLoad()] for case in cases], measured, height, std=noise)
+
+    return Case(Model(first), None, truth, record, {"unknowns": [*truth]})
+
+
+def suspension(understated: float) -> Case:
+    """Return six frequencies of a free strip on two soft springs."""
+    truth = {"elastic_modulus": 70e9, "spring_stiffness": 20.0}
+
+    def free(modulus: float, k: float) -> Beam:
+        return plain(modulus, supports=[], attachments=[Spring(s, (k, k)) for s in (0.112, 0.388)])
+
+    first = free(60e9, 40.0)
+    return Case(Model(first), None, truth, tones(free(*truth.values()), first, 6, understated), {"unknowns": [*truth]})
+
+
 CASES: Mapping[str, Callable[[], Case]] = {
     "drag": partial(drag, 0.2),
     "no-drag": partial(drag, 0.0),
     "strip": strip,
+    "sensors": partial(sensors, 60, (0.0, 0.0, 0.0, 0.0)),
+    "sensors-coloured": partial(sensors, 60, (0.5, 0.5, 0.5, 0.5)),
+    "sensors-mixed": partial(sensors, 60, (0.0, 0.5, 0.0, 0.8)),
+    "sensors-long": partial(sensors, 240, (0.5, 0.5, 0.5, 0.5)),
     "mode-1": partial(resonance, 1, 0.006, 1.0, (0.5e-3, 2e-3, 6e-3)),
     "mode-2": partial(resonance, 2, 0.003, 0.3, (0.05e-3, 0.1e-3, 0.2e-3)),
+    **{f"{one.__name__}{end}": partial(one, factor) for one in (mass, ends, curvature, suspension)
+       for end, factor in (("", 1.0), ("-understated", 2.0))},
     "joint": joint,
-}
+}  # fmt: skip
 
 
 def study(name: str, seed: int) -> np.ndarray:
@@ -188,27 +306,33 @@ def study(name: str, seed: int) -> np.ndarray:
     ])  # fmt: skip
 
 
+def coverage(name: str, seeds: range, *, executor: Executor | None = None, jobs: int = 1) -> Table:
+    """Return the coverage of the intervals of each unknown of a case, one row each."""
+    tasks = [partial(study, name, seed) for seed in seeds]
+    found = np.array(run_all(tasks, executor=executor, jobs=jobs, progress=True))
+    rows = []
+    for k, unknown in enumerate(case(name).truth):
+        hits, scores = int(found[:, k, 0].sum()), found[:, k, 1]
+        limits, known = binomtest(hits, len(seeds)).proportion_ci(), scores[np.isfinite(scores)]
+        rows.append((
+            name, unknown, hits, len(seeds), f"{100 * hits / len(seeds):.1f}",
+            f"{100 * limits.low:.1f} to {100 * limits.high:.1f}", len(seeds) - len(known),
+            f"{known.mean():.2f}", f"{known.std(ddof=1):.2f}",
+        ))  # fmt: skip
+    columns = ("case", "unknown", "covered", "seeds", "%", "limits", "at bound", "mean", "deviation")
+    return Table("coverage", "Coverage of 95 % intervals", columns, rows)
+
+
 def main() -> None:
-    """Run the study, and print a line for each unknown."""
+    """Run the study, and print a table for each case."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--case", choices=tuple(CASES), action="append", help="all if not given")
     parser.add_argument("--seeds", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--jobs", type=int, default=1)
     options = parser.parse_args()
     for name in options.case or CASES:
-        tasks = [partial(study, name, seed) for seed in range(options.seeds)]
-        found = np.array(run_all(tasks, jobs=options.jobs, progress=True))
-        for k, unknown in enumerate(case(name).truth):
-            hits, scores = int(found[:, k, 0].sum()), found[:, k, 1]
-            low, high = binomtest(hits, options.seeds).proportion_ci()
-            known = scores[np.isfinite(scores)]
-            print(
-                f"{name}, {unknown}: {hits} of {options.seeds} intervals cover the truth: "
-                f"{100 * hits / options.seeds:.1f} % ({100 * low:.1f} to {100 * high:.1f} %); "
-                f"{options.seeds - len(known)} at the bound; "
-                f"standardised errors: mean {known.mean():.2f}, deviation {known.std(ddof=1):.2f}",
-                flush=True,
-            )
+        print(coverage(name, range(options.first, options.first + options.seeds), jobs=options.jobs).text(), flush=True)
 
 
 if __name__ == "__main__":

@@ -120,7 +120,13 @@ def sensors(samples: int, colours: tuple[float, ...]) -> Case:
     beams = beam, beam.with_(elastic_modulus=250e3)
     start, guess = (static_equilibrium(Model(one), tip_force=(2e-3, 0.0)) for one in beams)
     run = simulate(
-        Model(beam), damping=law, start=start, duration=samples / 120, sample_rate=120.0, method="radau", tolerance=1e-10
+        Model(beam),
+        damping=law,
+        start=start,
+        duration=samples / 120,
+        sample_rate=120.0,
+        method="radau",
+        tolerance=1e-10,
     )
     kinds = [  # sensor, exact readings, noise
         (Sensor("displacement", point=0.15), run.position(0.15)[:, 0], 5e-4),

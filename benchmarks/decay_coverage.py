@@ -67,6 +67,12 @@ def dropped(disturb: Disturbance, rng: np.random.Generator, exact: Values) -> tu
     return time[kept], values[kept]
 
 
+def short(rho: float, rng: np.random.Generator, exact: Values) -> tuple[Values, Values]:
+    """Sample 100 times in the first second, with autoregressive noise."""
+    time, values = autoregressive(math.sqrt(rho), rng, exact)
+    return time[:200:2], values[:200:2]
+
+
 def interpolated(rng: np.random.Generator, exact: Values) -> tuple[Values, Values]:
     """Interpolate a record tenfold by cubic splines."""
     fine = np.arange(0.0, TIME[-1], 0.1 / RATE)
@@ -101,6 +107,7 @@ CASES = [
     Case("30 % dropped", partial(dropped, white)),
     Case("30 % dropped, AR(1) 0.9", partial(dropped, partial(autoregressive, 0.9))),
     Case("interpolated tenfold", interpolated),
+    *(Case(f"100 samples, AR(1) {rho}", partial(short, rho)) for rho in (0.0, 0.3, 0.5, 0.9)),
     *(
         Case(f"{law}, {frequency_law} frequency{colour}", disturb, law, frequency_law)
         for law in get_args(Law)

@@ -9,7 +9,7 @@
     sensors-mixed     white noise of two sensors, autoregressive noise of the others, rho = 0.5 and 0.8
     mode-1, mode-2    three response curves under modal and quadratic damping; those of mode 2 have jumps
     mass              mass and spring at mid-span from frequencies of two configurations
-    ends              modulus and stiffness of the elastic end of a strip clamped at both ends, from six frequencies
+    ends              stiffness of one end and prestress of a strip between two clamps, from six frequencies
     curvature         natural curvature and modulus from four sags
     suspension        modulus and suspension of a free strip from six frequencies
     joint             a decay, a static test, three frequencies with an added mass and a response curve of one beam
@@ -222,14 +222,16 @@ def plain(modulus: float = 70e9, **options: Any) -> Beam:
     return Beam.uniform(**PLAIN, elastic_modulus=modulus, **given)
 
 
-def tones(true: Beam, first: Beam, count: int, understated: float) -> Callable[[np.random.Generator], FrequencyRecord]:
-    """Return the frequencies of a beam with noise of 0.2 % as a record of another one."""
+def tones(
+    true: Beam, first: Beam, count: int, understated: float, relative: float = 2e-3
+) -> Callable[[np.random.Generator], FrequencyRecord]:
+    """Return the frequencies of a beam with relative noise as a record of another one."""
     exact = natural_modes(Model(true), count=count).frequencies
     exact = exact[exact > 0.0]
 
     def record(rng: np.random.Generator) -> FrequencyRecord:
-        measured = exact * (1 + understated * 2e-3 * rng.standard_normal(exact.size))
-        return FrequencyRecord(Model(first), measured, std=2e-3 * measured)
+        measured = exact * (1 + understated * relative * rng.standard_normal(exact.size))
+        return FrequencyRecord(Model(first), measured, std=relative * measured)
 
     return record
 
@@ -248,14 +250,14 @@ def mass(understated: float) -> Case:
 
 
 def ends(understated: float) -> Case:
-    """Return six frequencies of a strip that is clamped at both ends, elastically at the first."""
-    truth = {"elastic_modulus": 70e9, "clamp_stiffness": 3.0}
+    """Return six frequencies of a strip between two clamps under prestress, of which the second is elastic."""
+    truth = {"clamp_stiffness": 2.0, "prestress": 2e6}
 
-    def held(modulus: float, k: float) -> Beam:
-        return plain(modulus, supports=[Clamp(0.0, stiffness=k), Clamp(0.5)])
+    def clamped(k: float, prestress: float) -> Beam:
+        return plain(supports=[Clamp(0.0), Clamp(0.5, k)], prestress=prestress)
 
-    first = held(60e9, 6.0)
-    record = tones(held(*truth.values()), first, 6, understated)
+    first = clamped(4.0, 1e6)
+    record = tones(clamped(*truth.values()), first, 6, understated, relative=5e-4)
     return Case(Model(first), None, truth, record, {"unknowns": [*truth]})
 
 

@@ -33,6 +33,9 @@ if TYPE_CHECKING:
     from problems.mode.fitting import fit_mode
     from problems.mode.result import ModeFit
     from problems.paper.reproduce import reproduce
+    from problems.planning.experiments import plan
+    from problems.planning.record import PlannedRecord
+    from problems.planning.result import Plan
     from problems.study.study import StudyReport, run_study
 else:
     __getattr__, __dir__ = on_first_use(__name__)
@@ -58,6 +61,8 @@ __all__ = [
     "MonteCarlo",
     "MotionRecord",
     "PerElement",
+    "Plan",
+    "PlannedRecord",
     "RayleighFit",
     "RecordPrediction",
     "ResponseRecord",
@@ -81,6 +86,7 @@ __all__ = [
     "load_fit",
     "match_frequencies",
     "monte_carlo",
+    "plan",
     "reproduce",
     "run_study",
 ]

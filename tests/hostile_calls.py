@@ -59,7 +59,7 @@ NOT_CALLED = frozenset(
     " Backbone Equilibrium LinearFrf Modes PeriodicMotion ReducedModel ReducedTrajectory ResponseCurve Trajectory"
     " DampingCurve LawCurve BeamFunctions MotionFunctions ReducedFunctions DecayFit DecayFits DecayModes"
     " CriticalLoad CriticalPoint DampedModes EquilibriumPath FrequencyMatch FrfFit ModeFit"
-    " IsolatedMode LawComparison MonteCarlo RayleighFit RecordPrediction SavedFit"
+    " IsolatedMode LawComparison MonteCarlo Plan RayleighFit RecordPrediction SavedFit"
     " StudyReport BeamFit".split()  # results, which the package makes
 )
 
@@ -342,6 +342,25 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "match_frequencies": (p.match_frequencies, {
             "beam": beam, "targets": frequencies, "unknowns": [p.Global("density")], "bounds": 0.1,
             "preference": None, "objective": "least-squares", "guess": None, "starts": 1, "seed": 0,
+        }),
+        "PlannedRecord": (p.PlannedRecord, {"template": natural, "cost": 1.0}),
+        "PlannedRecord, motion": (p.PlannedRecord.motion, {
+            "sensors": a.Sensor(), "duration": 0.1, "sample_rate": 200.0, "std": 1e-4, "offset": None, "zero": None,
+            "cost": 1.0,
+        }),
+        "PlannedRecord, response": (p.PlannedRecord.response, {
+            "frequencies": [1.8, 1.9], "sensor": a.Sensor(), "phases": True, "cost": 1.0, "base": base,
+        }),
+        "PlannedRecord, static": (p.PlannedRecord.static, {
+            "model": model, "loads": [point], "sensors": a.Sensor(), "std": 1e-4, "tared": False, "cost": 1.0,
+        }),
+        "PlannedRecord, frequencies": (p.PlannedRecord.natural_frequencies, {
+            "model": model, "modes": [1, 2], "std": 0.01, "cost": 1.0,
+        }),
+        "plan": (p.plan, {
+            "model": model, "damping": None,
+            "candidates": {"tones": p.PlannedRecord.natural_frequencies(model, [1, 2], std=0.01)},
+            "unknowns": ["elastic_modulus"], "fixed": (), "priors": None, "before": None, "modes": 1, "harmonics": 3,
         }),
         "monte_carlo": (p.monte_carlo, {"fit": fit, "runs": 2, "seed": 0, "method": "parametric"}),
         "reproduce": (p.reproduce, {"out": folder / "paper", "quick": True, "jobs": 1, "progress": False}),

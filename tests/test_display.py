@@ -67,6 +67,7 @@ from problems import (
     MeasuredModes,
     MotionRecord,
     PerElement,
+    PlannedRecord,
     ResponseRecord,
     SavedFit,
     Smooth,
@@ -85,6 +86,7 @@ from problems import (
     load_fit,
     match_frequencies,
     monte_carlo,
+    plan,
     run_study,
 )
 
@@ -173,10 +175,12 @@ def fits(folder, model, record):
     decay, frequencies = fit_decay(record), FrequencyRecord(model, [1.9, 10.8])
     decay.save(folder / "fit.json")
     beam = fit_beam(model, frequencies, unknowns=["elastic_modulus"])
+    tones = PlannedRecord.natural_frequencies(model, [1, 2], std=0.01)
     lines = np.linspace(1.0, 3.0, 41)
     receptance = 1.0 / (2.0**2 - lines**2 + 0.04j * lines) + 0.05 * np.random.default_rng(1).standard_normal(41)
     return [
         decay, load_fit(folder / "fit.json"), decay.predict(record), beam, beam.predict(frequencies),
+        tones, plan(model, {"tones": tones}, unknowns=["elastic_modulus"]),
         fit_decays([record, record]), fit_modes(record, modes=1), fit_mode(record),
         fit_rayleigh((1.0, 5.0, 9.0), (0.01, 0.02, 0.04)),
         fit_frf(FrfRecord(lines, receptance, "receptance"), frequencies=[2.0]), monte_carlo(decay, runs=2),
@@ -218,7 +222,7 @@ def test_a_computed_result_has_text_html_data_and_a_file(samples, name, tmp_path
 
 
 def test_each_computed_result_states_its_own_kind(samples):
-    assert len({samples[name].to_dict()["kind"] for name in COMPUTED}) == len(COMPUTED) == 10
+    assert len({samples[name].to_dict()["kind"] for name in COMPUTED}) == len(COMPUTED) == 11
 
 
 @pytest.mark.parametrize("name", COMPUTED)

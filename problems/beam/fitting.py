@@ -52,7 +52,7 @@ from ancf_casadi.support.parallel import run_all
 from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.curves.block import curve_block
 from problems.beam.curves.record import ResponseRecord
-from problems.beam.motions.block import motion_block
+from problems.beam.motions.block import MotionBlock, motion_block
 from problems.beam.motions.marker_record import MarkerRecord, motion_record
 from problems.beam.motions.record import MotionRecord
 from problems.beam.properties import CLAMP_STIFFNESS, Owners, first_values, is_property, property_unknown, with_clamp
@@ -167,6 +167,32 @@ def fit_beam(
     >>> print(f"{value / 1e9:.0f} +- {error / 1e9:.0f} GPa")
     219 +- 1 GPa
     """
+    settings: Any = {"unknowns": unknowns, "fixed": fixed, "bounds": bounds, "priors": priors, "robust": robust,
+                     "tolerance": tolerance, "modes": modes, "harmonics": harmonics}  # fmt: skip
+    problem, given, first = beam_problem(model, records, damping, **settings)
+    only_values = all(isinstance(block, ValueBlock) for block in problem.blocks)
+    motions = [(block.model, block.numbered) for block in problem.blocks if isinstance(block, MotionBlock)]
+    solution = solve(problem, starts(problem.unknowns, first, motions, only_values=only_values))
+    again = partial(fit_beam, model, damping=damping, **settings)
+    law = damping or SumOfLaws(())
+    return BeamFit(solution.fit, solution, given=given, guess=law, first=first, again=again)
+
+
+def beam_problem(
+    model: Model,
+    records: Any,
+    damping: DampingLaw | None,
+    *,
+    unknowns: Sequence[str] | None = None,
+    fixed: Sequence[str] = (),
+    bounds: Bounds | None = None,
+    priors: Bounds | None = None,
+    robust: bool = False,
+    tolerance: float | None = None,
+    modes: int | None = None,
+    harmonics: int = 5,
+) -> tuple[FitProblem, Model, dict[str, float]]:
+    """Return the problem of ``fit_beam``, the model with first values, and those of the unknown properties by name."""
     check_instance(model, "model", Model)
     check_instance(damping, "damping", DampingLaw, NoneType)
     motions, curves, values = _sorted(records)
@@ -192,8 +218,7 @@ def fit_beam(
         raise InputError("nothing is to be estimated; name properties, or free a parameter of the law", "unknowns")
     own = tuple(restricted(listed, bounds or {}, priors or {}))
     blocks: list[Block] = []
-    configured = _configured(motions, model, models)
-    for one, numbered in configured:
+    for one, numbered in _configured(motions, model, models):
         load = tuple(name.removeprefix("start_") for name in LOADS if name in wanted)
         blocks.append(motion_block(one, numbered, law, first, load=load, tolerance=tolerance, robust=robust))
     for one, numbered in _configured(curves, model, models):
@@ -204,11 +229,7 @@ def fit_beam(
         block = curve_block(one, numbered, law, names, first, modes=count, harmonics=number)
         blocks.append(block.checked(frequencies))
     blocks += [ValueBlock(record.with_model(models[id(record.model)]), first) for record in values]
-    begin = starts(own, first, configured, only_values=not motions and not curves)
-    solution = solve(FitProblem(tuple(blocks), own, robust), begin)
-    again = partial(fit_beam, model, damping=damping, unknowns=unknowns, fixed=fixed, bounds=bounds, priors=priors,
-                    robust=robust, tolerance=tolerance, modes=modes, harmonics=harmonics)  # fmt: skip
-    return BeamFit(solution.fit, solution, given=models[id(model)], guess=law, first=first, again=again)
+    return FitProblem(tuple(blocks), own, robust), models[id(model)], first
 
 
 @lasting_interrupts()

@@ -1,0 +1,224 @@
+"""Planned experiments: the standard errors to be expected, and the experiments that reduce them most.
+
+To first order, the residuals of a record, in standard deviations, depend on the unknowns by their Jacobian J.  With
+white noise of these standard deviations a record of its own has the Fisher information J' J.  Colour of the noise
+divides this by its growth of the variances (``Noise.growth``).  Unknowns that belong to one record alone, such as the
+zero of its sensor, are marginalised: with the columns J_s of the shared and J_o of the own unknowns, and the projection
+Q onto the complement of J_o,
+
+    A = J_s' Q J_s.
+
+Priors of own unknowns are further rows of J_o.  The list that has the record k n_k times has the information and the
+covariance
+
+    M = P + sum n_k A_k,    C = M^-1,
+
+with the information P of priors and of earlier records.  The unknowns z are in units of their scales, and reciprocal
+where those of the fit are.  A list is good if its loss is small:
+
+    D    -log det M    (the volume of the region of confidence)
+    A    tr C          (the sum of the squared standard errors in units of the scales)
+    name C_kk          (the squared standard error of one unknown)
+
+With the cost c_k of a record, the share w_k of a budget B buys n_k = w_k B/c_k of it.  The best shares w >= 0 with
+sum w_k = 1 solve a convex program.  The derivative of the loss by w_k is -B g_k/c_k with the gains g_k = tr(C A_k) for
+D, and (C A_k C)_jj, summed over the unknowns j of the goal, for the others.  By the equivalence theorem shares are
+optimal if and only if no B g_k/c_k exceeds the mean over the shares, which for D without P is the number of unknowns.
+
+Whole numbers of records come from an exchange: from the empty list, and from the optimal shares rounded down, the
+record with the largest decrease of the loss per cost is added until the budget is spent.  Then one or two records are
+exchanged for one or two others, the best first, as long as this helps.
+
+References
+----------
+V. V. Fedorov, Theory of Optimal Experiments, Academic Press (1972).
+J. Kiefer, J. Wolfowitz, The equivalence of two extremum problems, Canadian Journal of Mathematics 12 (1960).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.estimation.determination import LEAST_EXPONENT
+from ancf_casadi.estimation.solver.nlp import solve_nlp
+from ancf_casadi.support.arrays import Array, Mask
+from ancf_casadi.support.tall import tall_triangle
+
+UNUSED = 1e-6  # share of a budget below which the interior-point method means none
+PROGRESS = 1e-9  # decrease of a loss, relative, that counts as an improvement
+SHARE_OPTIONS = {"ipopt.tol": 1e-11, "ipopt.mu_strategy": "adaptive", "ipopt.bound_relax_factor": 0.0}
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedRecord:
+    """A record as it is expected: how its residuals, in standard deviations, depend on the unknowns."""
+
+    jacobian: Array  # by n unknowns that records share and q of its own, in units of their scales, (m, n + q)
+    shared: int  # n
+    known: Array  # residuals of the priors of its own unknowns by all, (p, n + q)
+    lengths: tuple[int, ...]  # of the series of residuals, one per sensor or value
+    places: Array  # arc length of the sensor of each series, m; nan without a place
+    times: Array  # of the residuals, s, (m,); nan without times
+    negligible: float  # norm of a change of the residuals that the computation does not tell from none
+    growth: float  # of the variances by the colour of the noise
+
+    @cached_property
+    def triangles(self) -> list[Array]:
+        """Triangles of the QR factors of the Jacobians of the series."""
+        ends = np.cumsum([0, *self.lengths]).tolist()
+        return [tall_triangle(self.jacobian[slice(*pair)]) for pair in pairwise(ends)]
+
+    @cached_property
+    def information(self) -> Array:
+        """Information of the whole record on the shared unknowns, (n, n)."""
+        return self._marginal(self.triangles)
+
+    def of_series(self, series: Sequence[int]) -> Array:
+        """Return the information of some of the series, (n, n)."""
+        return self._marginal([self.triangles[k] for k in series])
+
+    def until(self, times: Array) -> Array:
+        """Return the information of the record if it ended at each of some ascending times, (t, n, n)."""
+        found, sofar, before = [], np.zeros((0, self.jacobian.shape[1])), -math.inf
+        for time in times.tolist():
+            own: Mask = (self.times > before) & (self.times <= time)
+            sofar, before = tall_triangle(np.vstack([sofar, self.jacobian[own]])), time
+            found.append(self._marginal([sofar]))
+        return np.array(found)
+
+    def _marginal(self, parts: Sequence[Array]) -> Array:
+        rows = np.vstack([*(part / math.sqrt(self.growth) for part in parts), self.known])
+        shared, own = rows[:, : self.shared], rows[:, self.shared :]
+        length = np.linalg.norm(own, axis=0)
+        own = own[:, length > 0.0] / length[length > 0.0]
+        rest = shared - own @ np.linalg.lstsq(own, shared)[0] if own.size else shared
+        return np.asarray(rest.T @ rest)
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """Candidate records, of which a list is to be made."""
+
+    informations: Array  # (c, n, n)
+    prior: Array  # information of priors and of earlier records, (n, n)
+    negligible: float  # information below this squared is none
+    costs: Array  # (c,)
+
+    def total(self, amounts: Array) -> Array:
+        """Return the information of a list with these amounts (c,) of the records, (n, n)."""
+        return np.asarray(self.prior + np.tensordot(amounts, self.informations, 1))
+
+    def errors(self, information: Array) -> Array:
+        """Return the standard errors (n,) in units of the scales; infinite for what is not determined."""
+        values, vectors = np.linalg.eigh(information)
+        determined = values > self.negligible**2
+        open_ones = (np.abs(vectors[:, ~determined]) > LEAST_EXPONENT).any(axis=1)
+        own = vectors[:, determined] / np.sqrt(values[determined])
+        return np.where(open_ones, math.inf, np.linalg.norm(own, axis=1))
+
+    def loss(self, information: Array, goal: Array | None) -> Array:
+        """Return the loss of lists with the information (..., n, n); ``goal`` has the weights of C_kk, None for D."""
+        raised = self._raised(information)
+        if goal is None:
+            return np.asarray(-np.linalg.slogdet(raised)[1])
+        return np.asarray(np.einsum("...kk,k->...", np.linalg.inv(raised), goal))
+
+    def _raised(self, information: Array) -> Array:
+        """Return an information that can be inverted."""
+        return np.asarray(information + self.negligible**2 * np.eye(len(self.prior)))
+
+    def gains(self, amounts: Array, goal: Array | None) -> Array:
+        """Return the gains g (c,): the decrease of the loss per further record, to first order."""
+        covariance = np.linalg.inv(self._raised(self.total(amounts)))
+        within = covariance if goal is None else covariance @ np.diag(goal) @ covariance
+        return np.asarray(np.einsum("ij,kji->k", within, self.informations))
+
+    def shares(self, budget: float, goal: Array | None) -> Array:
+        """Return the optimal shares (c,) of a budget."""
+        count = len(self.costs)
+        bought = self.informations * (budget / self.costs)[:, None, None]
+        base = self._raised(self.prior)
+        # coordinates in which equal shares have the information I
+        root = np.linalg.inv(np.linalg.cholesky(base + bought.mean(axis=0))).T
+        w = cs.SX.sym("w", count)
+        own = [cs.DM(root.T @ one @ root) for one in (base, *bought)]
+        information = sum((w[k] * own[k + 1] for k in range(count)), cs.SX(own[0]))
+        triangle = cs.chol(information)
+        if goal is None:
+            value = -2 * cs.sum1(cs.log(cs.diag(triangle)))
+        else:
+            columns = root.T * np.sqrt(goal)
+            value = cs.sumsqr(cs.solve(triangle.T, cs.DM(columns))) / float(np.sum(columns**2))
+        loss, x = cs.Function("loss", [w], [value]), cs.MX.sym("w", count)
+        equal = np.full(count, 1 / count)
+        program = {"x": x, "f": loss(x), "g": cs.sum1(x) - 1}
+        found = solve_nlp(program, equal, lower=0.0, upper=1.0, options=SHARE_OPTIONS).x
+        found = np.where(found > UNUSED, found, 0.0)
+        return np.asarray(found / found.sum())
+
+    def counts(self, budget: float, goal: Array | None, most: int | None = None) -> Array:
+        """Return the best numbers (c,) of the records within a budget, each at most ``most`` times."""
+        limit = np.floor((budget / self.costs) * (1 + PROGRESS))
+        limit = limit if most is None else np.minimum(limit, most)
+        rounded = np.minimum(np.floor(self.shares(budget, goal) * budget / self.costs), limit)
+        starts = [self._filled(start, budget, goal, limit) for start in (np.zeros(len(limit)), rounded)]
+        found = [self._exchanged(start, budget, goal, limit) for start in starts]
+        return min(found, key=lambda counts: float(self.loss(self.total(counts), goal)))
+
+    def _filled(self, counts: Array, budget: float, goal: Array | None, limit: Array) -> Array:
+        """Return a list with as many further records as the budget allows, the best per cost first."""
+        counts = counts.copy()
+        while True:
+            left = budget * (1 + PROGRESS) - counts @ self.costs
+            possible = np.flatnonzero((self.costs <= left) & (counts < limit))
+            if not len(possible):
+                return counts
+            own = self.total(counts)
+            decrease = self.loss(own, goal) - self.loss(own + self.informations[possible], goal)
+            counts[possible[np.argmax(decrease / self.costs[possible])]] += 1
+
+    def _exchanged(self, counts: Array, budget: float, goal: Array | None, limit: Array) -> Array:
+        """Return a list that no exchange of one or two records for one or two others improves."""
+        changes = _ones_and_pairs(len(counts))
+        gained = np.tensordot(changes, self.informations, 1)
+        best = float(self.loss(self.total(counts), goal))
+        while True:
+            better: Array | None = None
+            for taken in changes[(changes <= counts).all(axis=1)]:
+                left = counts - taken
+                affordable = (left + changes) @ self.costs <= budget * (1 + PROGRESS)
+                possible = np.flatnonzero(affordable & (left + changes <= limit).all(axis=1))
+                losses = self.loss(self.total(left) + gained[possible], goal)
+                if losses.min(initial=math.inf) < best - PROGRESS * abs(best):
+                    best, better = float(losses.min()), left + changes[possible[np.argmin(losses)]]
+            if better is None:
+                return counts
+            counts = self._filled(better, budget, goal, limit)
+            best = float(self.loss(self.total(counts), goal))
+
+
+def _ones_and_pairs(count: int) -> Array:
+    """Return the lists of one and of two records, (count (count + 3)/2, count)."""
+    ones, (i, j) = np.eye(count), np.triu_indices(count)
+    return np.vstack([ones, ones[i] + ones[j]])
+
+
+def best_subset(count: int, among: int, loss: Callable[[tuple[int, ...]], float]) -> tuple[int, ...]:
+    """Return the ``count`` of the numbers from 0 to ``among`` - 1 with a small loss, by addition and exchange."""
+    chosen: tuple[int, ...] = ()
+    for _ in range(count):
+        chosen = min(((*chosen, k) for k in range(among) if k not in chosen), key=loss)
+    best = loss(chosen)
+    while True:
+        others = [(*chosen[:j], k, *chosen[j + 1 :]) for j in range(count) for k in range(among) if k not in chosen]
+        tried = min(others, key=loss, default=chosen)
+        if not loss(tried) < best - PROGRESS * abs(best):
+            return tuple(sorted(chosen))
+        best, chosen = loss(tried), tried

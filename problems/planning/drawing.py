@@ -1,0 +1,96 @@
+"""The figure of a plan: expected errors of each candidate, against the duration and the place of the sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ancf_casadi.set_up import draw_set_up
+from ancf_casadi.support.figures import MEASURED, SERIES, literal_text
+from ancf_casadi.vibration.equilibrium import static_equilibrium
+from problems.planning.result import TOGETHER, Plan, heads_of
+
+MOST_MOTIONS = 3  # whose errors are drawn against duration and place
+LARGEST_DRAWN = 1e3  # relative standard error, %, beyond which a candidate as good as leaves an unknown open
+
+
+@literal_text
+def plan_figure(plans: Mapping[str, Plan]) -> Figure:
+    """Draw the standard errors of each candidate, relative to the guesses, of one plan or of several by label.
+
+    Errors above 1000 % are left out.  Below, for the first motions of the first plan: the errors if the record ended
+    earlier; the errors with the sensors of one place; and the beam at rest with all places, of which the best one, and
+    the best two, are marked.
+    """
+    first = next(iter(plans.values()))
+    motions = [name for name, one in zip(first.names, first.expected, strict=True) if not np.isnan(one.times).any()]
+    motions = motions[:MOST_MOTIONS]
+    placed = [name for name in motions if len(first.over_places(name)[0]) > 1]
+    names = [*dict.fromkeys(name for one in plans.values() for name in one.names), TOGETHER]
+    heights = [1.1 + 0.28 * len(names), *[2.8] * len(motions)]
+    figure = Figure(figsize=(9.0, sum(heights)), layout="constrained")
+    parts = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights).ravel()
+    _draw_candidates(parts[0].subplots(), plans, names)
+    for part, name in zip(parts[1:], motions, strict=True):
+        axes = part.subplots(1, 3 if name in placed else 1, squeeze=False).ravel()
+        part.suptitle(name, fontsize="medium")
+        _draw_lines(axes[0], first, *first.over_time(name))
+        axes[0].set(xlabel="duration, s")
+        if name in placed:
+            points, errors = first.over_places(name)
+            _draw_lines(axes[1], first, 1e3 * points, errors, marked=True)
+            axes[1].set(xlabel="place of a single sensor, mm")
+            _draw_places(axes[2], first, name)
+    return figure
+
+
+def _draw_candidates(axes: Axes, plans: Mapping[str, Plan], names: Sequence[str]) -> None:
+    """Draw the errors from each candidate; plans after the first have open markers."""
+    for place, (label, plan) in enumerate(plans.items()):
+        found = {name: plan.errors_of({name: 1}) for name in plan.names}
+        found[TOGETHER] = plan.errors_of(dict.fromkeys(plan.names, 1))
+        y = np.array([names.index(name) for name in found]) + 0.25 * place
+        for k, (unknown, head) in enumerate(zip(plan.guess, heads_of(plan.unknowns), strict=True)):
+            colour, _, marker = SERIES[k % len(SERIES)]
+            values = np.array([plan.relative(errors)[unknown] for errors in found.values()])
+            axes.plot(values, y, marker, color=colour, ms=6, mfc="none" if place else colour,
+                      label=f"{label}, {head}" if label else head)  # fmt: skip
+    axes.set(xscale="log", xlabel="expected standard error from one record", ylim=(len(names) - 0.5, -0.5))
+    axes.set_xlim(right=min(axes.get_xlim()[1], LARGEST_DRAWN))
+    axes.set_yticks(range(len(names)), names)
+    axes.grid(alpha=0.3, which="both")
+    axes.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+
+
+def _draw_lines(
+    axes: Axes, plan: Plan, x: np.ndarray, errors: Mapping[str, np.ndarray], *, marked: bool = False
+) -> None:
+    for k, values in enumerate(plan.relative(errors).values()):
+        colour, dash, marker = SERIES[k % len(SERIES)]
+        known = np.isfinite(values)
+        axes.plot(x[known], values[known], color=colour, ls=dash, lw=1.2, marker=marker if marked else None, ms=3)
+    axes.set(yscale="log", ylabel="standard error, %" if all(plan.guess.values()) else "standard error")
+    axes.grid(alpha=0.3, which="both")
+
+
+def _draw_places(axes: Axes, plan: Plan, name: str) -> None:
+    model = getattr(plan.records[plan.names.index(name)], "model", None) or plan.model
+    rest = static_equilibrium(model).coordinates
+
+    def at(points: np.ndarray) -> np.ndarray:
+        return 1e3 * np.array([model.interpolation(point) @ rest for point in points]).T
+
+    axes.plot(*at(np.linspace(0.0, model.beam.length, 60)), color=MEASURED, lw=1.2)
+    draw_set_up(axes, model, rest)
+    points = plan.over_places(name)[0]
+    axes.plot(*at(points), "o", ms=4, mfc="white", color=MEASURED, label="possible")
+    for count, size, (colour, _, _) in zip((2, 1), (9, 5), (SERIES[1], SERIES[0]), strict=True):
+        best = np.array(plan.places(name, count))
+        label = "best two" if count == 2 else "best one"
+        axes.plot(*at(best), "o", ms=size, color=colour, label=label)
+    axes.set(xlabel="x, mm", ylabel="y, mm")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.legend(frameon=False, fontsize="small")

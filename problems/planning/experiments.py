@@ -1,0 +1,302 @@
+"""Standard errors to be expected of experiments, before anything is measured.
+
+    found = plan(model, {"release": PlannedRecord.motion(...), "sag": PlannedRecord.static(...)}, law,
+                 unknowns=["elastic_modulus"])
+    found.errors_of({"release": 2, "sag": 1})       # standard error of each unknown
+    found.best(budget=4)                            # the list of four records that is worth measuring
+
+The values of each candidate are computed at the guesses: motions by integration, response curves by harmonic balance,
+static tests and natural frequencies by Newton's method and an eigenvalue problem.  With these in place of measured
+values, a record is a block of ``fit_beam``, with the same residuals, unknowns and derivatives.  Standard errors and
+lists follow from its Jacobian (``problems.planning.design``).  They hold as far as the residuals are linear in the
+unknowns within the standard errors, and the guesses are near the truth.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from functools import partial
+from types import NoneType
+from typing import Any
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.damping import DampingLaw
+from ancf_casadi.estimation.block import Block
+from ancf_casadi.estimation.solver.least_squares import residual_function
+from ancf_casadi.estimation.solver.polish import residuals_and_jacobian
+from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown
+from ancf_casadi.exceptions import AncfError, FitError, InputError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import check_instance
+from ancf_casadi.support.interrupts import delayed_interrupts, lasting_interrupts
+from ancf_casadi.support.parallel import run_all
+from ancf_casadi.vibration.modes import natural_modes
+from problems.beam.curves.block import CurveBlock
+from problems.beam.curves.driven import small_response
+from problems.beam.curves.record import ResponseRecord
+from problems.beam.curves.residuals import FREE, first_weights
+from problems.beam.fitting import beam_problem
+from problems.beam.motions.block import MotionBlock, motion_block
+from problems.beam.motions.record import MotionRecord
+from problems.beam.motions.weights import first_weights as motion_weights
+from problems.beam.properties import Owners
+from problems.beam.result import BeamFit
+from problems.beam.unknowns import COMMON, Bounds
+from problems.beam.values.block import ValueBlock
+from problems.beam.values.records import StaticRecord
+from problems.beam.values.response import place
+from problems.planning.design import ExpectedRecord
+from problems.planning.record import PlannedRecord, Template, filled
+from problems.planning.result import Plan
+
+VALUE_TOLERANCE = 1e-8  # of the integration of the values of a motion
+LINEAR_SHARE = 0.05  # amplitude from which a response is followed to its level, relative to the linear one
+LARGEST_MISS = 1e-4  # relative error of a level that is reached
+
+
+@lasting_interrupts()
+def plan(
+    model: Model,
+    candidates: Mapping[str, PlannedRecord],
+    damping: DampingLaw | None = None,
+    *,
+    unknowns: Sequence[str] | None = None,
+    fixed: Sequence[str] = (),
+    priors: Bounds | None = None,
+    before: BeamFit | None = None,
+    modes: int | None = None,
+    harmonics: int = 5,
+    executor: Executor | None = None,
+    jobs: int = 1,
+    progress: bool = False,
+) -> Plan:
+    """Compute the standard errors that experiments on a beam will have, before anything is measured.
+
+    Parameters
+    ----------
+    model : Model
+        The beam with guesses of its properties.
+    candidates : mapping of str to PlannedRecord
+        The experiments that could be done, by name.
+    damping : DampingLaw, optional
+        The law with guesses of its parameters.
+    unknowns, fixed, priors, modes, harmonics
+        What to estimate, and what is known before, as in ``fit_beam``.  Unknowns of a single record, such as its
+        release or the zero of a sensor, are estimated with each record anew.
+    before : BeamFit, optional
+        A fit of earlier records.  Its information counts, its noise is that of the same sensors where no standard
+        deviation is given, and the colour of its noise makes the motions that are planned less certain, by
+        ``fit.fit.noise.growth``.  Priors that it had are not to be given again.
+    executor, jobs, progress
+        As in ``run_all``; the candidates are computed in parallel.  With ``jobs`` above 1 a script must call this under
+        ``if __name__ == "__main__":``.
+
+    Returns
+    -------
+    Plan
+        Expected standard errors, best lists, sensor places and durations.
+
+    Raises
+    ------
+    InputError
+        If there is no candidate, a noise is not known, or as in ``fit_beam``.
+    EquilibriumError, FitError
+        If the values of a candidate cannot be computed.
+
+    Examples
+    --------
+    Which tells more of the elastic modulus and the density of a strip: its sag under a weight, or its frequencies?
+
+    >>> from ancf_casadi import Beam, Model, PointLoad, Sensor
+    >>> from problems import PlannedRecord, plan
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9,
+    ...                     elements=4, axis=(1.0, 0.0))
+    >>> model, down = Model(beam), Sensor("displacement", direction=(0.0, -1.0))
+    >>> sag = PlannedRecord.static(model, [PointLoad.hung(2e-3, point=0.4)], down, std=2e-4)
+    >>> tones = PlannedRecord.natural_frequencies(model, [1, 2], std=[0.01, 0.02])
+    >>> found = plan(model, {"sag": sag, "tones": tones}, unknowns=["elastic_modulus", "density"])
+    >>> {name: f"{error:.2g}" for name, error in found.errors_of({"sag": 1, "tones": 1}).items()}
+    {'elastic_modulus': '1.1e+09', 'density': '46'}
+    >>> found.best(budget=4, goal="density")
+    {'sag': 3, 'tones': 1}
+    """
+    check_instance(model, "model", Model)
+    check_instance(candidates, "candidates", Mapping)
+    check_instance(before, "before", BeamFit, NoneType)
+    if not candidates:
+        raise InputError("must hold at least one candidate", "candidates")
+    for name, one in candidates.items():
+        check_instance(name, "candidates", str)
+        check_instance(one, f"candidates: {name}", PlannedRecord)
+    names, templates = list(candidates), _templates(candidates, model, before)
+    problem, _, first = beam_problem(
+        model, templates, damping, unknowns=unknowns, fixed=fixed, priors=priors, modes=modes, harmonics=harmonics
+    )
+    common = {*first, COMMON, *(own.name for own in (damping.parameters if damping else ()))}
+    listed = [replace(one, guess=1.0) if _is_frequency(one) else one for one in problem.unknowns]
+    shared = [one for one in listed if one.name in common or _is_frequency(one)]
+    if not shared:
+        raise InputError("there is nothing that records share; name properties, or free the law", "unknowns")
+    growth = max(before.fit.noise.growth, 1.0) if before else 1.0
+    tasks = []
+    for k, block in _separate(problem.blocks, templates):
+        number = block.numbered[0][0] if isinstance(block, MotionBlock | CurveBlock) else 0
+        own = [one for one in listed if one not in shared and re.fullmatch(rf".+_{number}(_\d+)?", one.name)]
+        task = partial(_expected, names[k], block, tuple(shared), tuple(own), growth)
+        tasks.append((k, task))
+    tasks.sort(key=lambda pair: pair[0])
+    found = run_all([task for _, task in tasks], executor=executor, jobs=jobs, progress=progress, title="candidates")
+    costs = tuple(one.cost for one in candidates.values())
+    records, expected = (tuple(part) for part in zip(*found, strict=True))
+    return Plan(tuple(names), costs, tuple(shared), records, expected, _prior(shared, before), model)
+
+
+def _is_frequency(unknown: Unknown) -> bool:
+    """Return whether an unknown is the factor on a natural frequency."""
+    return unknown.name.startswith("frequency_")
+
+
+def _templates(candidates: Mapping[str, PlannedRecord], model: Model, before: BeamFit | None) -> list[Template]:
+    """Return the records with known noise; response curves have their peaks at natural frequencies."""
+    blocks = [block for block, _ in before.solution.parts if isinstance(block, MotionBlock)] if before else []
+    noise = {
+        channel.sensor: deviation
+        for block in blocks
+        for channel, deviation in zip(block.sensors, block.weights.deviations.tolist(), strict=True)
+    }
+    found: list[Template] = []
+    for name, candidate in candidates.items():
+        one = candidate.template
+        if isinstance(one, MotionRecord):
+            channels = [replace(own, std=own.std or noise.get(own.sensor)) for own in one.own_channels]
+            one = replace(one, channels=channels)
+        if isinstance(one, ResponseRecord):  # its standard deviations have defaults
+            tones = natural_modes(model, count=min(12, model.freedoms)).frequencies
+            away = np.abs(np.log(one.f[:, None] / tones)).min(axis=1)
+            found.append(replace(one, values=one.a / (LINEAR_SHARE + away)))
+            continue
+        stds: Sequence[Any] = [own.std for own in one.own_channels] if isinstance(one, MotionRecord) else [one.stds]
+        if any(std is None for std in stds):
+            raise InputError("is needed: nothing else tells the noise", f"candidates: {name}: std")
+        found.append(one)
+    return found
+
+
+def _separate(blocks: Sequence[Block], templates: Sequence[Template]) -> list[tuple[int, Block]]:
+    """Return a block of each record, and the number of its candidate, from 0."""
+    places: dict[type, list[int]] = {}
+    for k, one in enumerate(templates):
+        kind: type = type(one) if isinstance(one, MotionRecord | ResponseRecord) else StaticRecord
+        places.setdefault(kind, []).append(k)
+    found: list[tuple[int, Block]] = []
+    values = iter(places.get(StaticRecord, []))
+    for block in blocks:
+        if isinstance(block, ValueBlock):
+            found.append((next(values), block))
+        elif isinstance(block, MotionBlock | CurveBlock):
+            kind = MotionRecord if isinstance(block, MotionBlock) else ResponseRecord
+            for number, _ in block.numbered:
+                k = places[kind][number - 1]
+                alone: Any = ((number, templates[k]),)
+                found.append((k, replace(block, numbered=alone)))
+    return found
+
+
+def _expected(
+    name: str, block: Block, shared: Sequence[Unknown], own: Sequence[Unknown], growth: float
+) -> tuple[Template, ExpectedRecord]:
+    """Return a candidate with computed values, and how its residuals depend on shared and its own unknowns."""
+    unknowns = [*shared, *own]
+    names, y = [one.name for one in unknowns], Coordinates.of(unknowns)
+    guesses = {one.name: one.guess for one in unknowns}
+    try:
+        record, block = _with_values(block, guesses)
+        evaluation = block.evaluation()
+        evaluate = residual_function(lambda *x: evaluation.residuals(dict(zip(names, x, strict=True))), y)
+        jacobian = residuals_and_jacobian(evaluate, y.guess / y.scale)[1]
+        if evaluation.failure or not np.isfinite(jacobian).all():
+            raise FitError(evaluation.failure or "the derivatives of its values are not finite")
+        evaluation.close()
+    except AncfError as error:
+        raise type(error)(f"the candidate {name!r} cannot be computed: {error}") from None
+    known = [
+        np.eye(len(names))[k] * (y.slopes(y.guess) * y.scale)[k] / one.prior[1]
+        for k, one in enumerate(unknowns)
+        if one.prior and k >= len(shared)
+    ]
+    lengths, times, places = block.series, np.full(len(jacobian), math.nan), [math.nan] * len(block.series)
+    if isinstance(block, MotionBlock):
+        times, places = block.times, [place(block.model, channel.sensor) for channel in block.sensors]
+    return record, ExpectedRecord(
+        jacobian=jacobian,
+        shared=len(shared),
+        known=np.array(known).reshape(-1, len(names)),
+        lengths=tuple(lengths),
+        places=np.array(places),
+        times=times,
+        negligible=block.negligible,
+        growth=growth if isinstance(block, MotionBlock) else 1.0,
+    )
+
+
+def _with_values(block: Block, guesses: Mapping[str, float]) -> tuple[Template, Block]:
+    """Return the record of a block, and the block, with values computed at the guesses of the unknowns."""
+    if isinstance(block, ValueBlock):
+        respond = block.record.response(Owners.of(block.record.model.beam, tuple(block.first)))
+        values = filled(block.record, respond(np.ones(len(block.first)))[0])
+        return values, replace(block, record=values)
+    if isinstance(block, CurveBlock):
+        curve = filled(block.records[0], _steady(block, guesses))
+        return curve, replace(block, numbered=((block.numbered[0][0], curve),), weights=first_weights([curve]))
+    assert isinstance(block, MotionBlock)
+    number, template = block.numbered[0]
+    trial = replace(block, weights=motion_weights([template]), tolerance=VALUE_TOLERANCE)
+    evaluation = trial.evaluation()
+    known = {name: cs.MX(value) for name, value in guesses.items() if not name.startswith("zero_")}
+    with delayed_interrupts():
+        residuals = np.asarray(cs.evalf(evaluation.residuals(known))).ravel()
+    if evaluation.failure:
+        raise FitError(evaluation.failure)
+    parts = zip(trial.weights.split(residuals), template.own_channels, strict=True)
+    record = filled(template, np.concatenate([rest + channel.measurement.values for rest, channel in parts]))
+    return record, motion_block(block.model, [(number, record)], block.damping, block.first, load=block.load)
+
+
+def _steady(block: CurveBlock, guesses: Mapping[str, float]) -> Array:
+    """Return amplitude, phase and level of the steady motions of a curve, on the branch that begins at rest, (m, 3)."""
+    number, template = block.numbered[0]
+    first, s = block.driven(guesses)[0], block.shared(guesses)
+    alike = replace(template, values=template.a)  # the first point counts as the peak: no shift of the frequencies
+    linear = small_response(first, alike, float(template.f[0]), s).amplitudes * template.a
+    start = filled(template, np.column_stack([LINEAR_SHARE * linear, np.zeros((len(linear), 2))]))
+    free = replace(block, numbered=((number, start),), weights=first_weights([start]), looseness=FREE)
+    values = free.evaluation().motions(guesses)[0].values
+    missed = np.abs(values[:, 2] / template.a - 1) > LARGEST_MISS
+    if missed.any():
+        raise FitError(f"no motion with the level of the excitation is found at {template.f[missed][0]:.5g} Hz")
+    return np.asarray(values)
+
+
+def _prior(shared: Sequence[Unknown], before: BeamFit | None) -> Array:
+    """Return the information of priors and of an earlier fit on the shared unknowns, in units of their scales."""
+    y = Coordinates.of(shared)
+    sizes = y.slopes(y.guess) * y.scale
+    information = np.diag([(size / u.prior[1]) ** 2 if u.prior else 0.0 for u, size in zip(shared, sizes, strict=True)])
+    if before is not None:
+        pairs = [
+            (k, before.fit.names.index(one.name))
+            for k, one in enumerate(shared)
+            if one.name in before.fit.names and one.name not in before.at_bound
+        ]
+        if pairs:
+            rows, places = (list(part) for part in zip(*pairs, strict=True))
+            own = np.linalg.inv(before.fit.covariance[np.ix_(places, places)])
+            information[np.ix_(rows, rows)] += own * np.outer(y.scale[rows], y.scale[rows])
+    return information

@@ -1,0 +1,354 @@
+"""The result of a plan: expected standard errors, best lists, sensor places, durations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ancf_casadi.estimation.determination import product
+from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown
+from ancf_casadi.exceptions import FitError, InputError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import check_instance, choice, physical, whole
+from ancf_casadi.support.tables import Reported, Table, counted, finite, known
+from problems.planning.design import Design, ExpectedRecord, best_subset
+from problems.planning.record import Template
+
+TOGETHER = "all together"  # name of the list of all candidates
+INSTANTS = 60  # at which a record may end
+
+
+@dataclass(frozen=True, eq=False)
+class Plan(Reported):
+    """Standard errors that candidate records will have, and the lists that are worth measuring.
+
+    A goal is ``"D"``, the volume of the region of confidence; ``"A"``, the sum of the squared standard errors relative
+    to the guesses; or the name of an unknown, its standard error.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The candidates.
+    costs : tuple of float
+        Cost of each.
+    unknowns : tuple of Unknown
+        The unknowns that records share, with their guess.
+    records : tuple
+        Each candidate as a record with its expected values, without noise.
+    expected : tuple of ExpectedRecord
+        How the residuals of each depend on the unknowns.
+    prior : ndarray (n, n)
+        Information of priors and of earlier records, with the unknowns in units of their scales.
+    model : Model
+        The beam with the guess.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, RayleighDamping, Sensor, static_equilibrium
+    >>> from problems import PlannedRecord, plan
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> model = Model(beam)
+    >>> pulled = static_equilibrium(model, tip_force=(5e-3, 0.0))
+    >>> release = PlannedRecord.motion(Sensor(), duration=1.0, sample_rate=50.0, std=1e-4, start=pulled)
+    >>> found = plan(model, {"release": release}, RayleighDamping(alpha=0.5))
+    >>> f"{found.errors_of({'release': 1})['alpha']:.3f} 1/s", found.units
+    ('0.006 1/s', {'alpha': '1/s'})
+    """
+
+    kind = "plan"
+    _drawing = "problems.planning.drawing.plan_figure"
+
+    names: tuple[str, ...]
+    costs: tuple[float, ...]
+    unknowns: tuple[Unknown, ...]
+    records: tuple[Template, ...]
+    expected: tuple[ExpectedRecord, ...]
+    prior: Array
+    model: Model
+
+    @property
+    def guess(self) -> dict[str, float]:
+        """Guess of each unknown by name."""
+        return {one.name: one.guess for one in self.unknowns}
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each unknown by name."""
+        return {one.name: one.unit for one in self.unknowns}
+
+    @cached_property
+    def design(self) -> Design:
+        """The candidates as matrices of information, with the unknowns in units of their scales."""
+        informations = np.array([one.information for one in self.expected])
+        return Design(informations, self.prior, max(one.negligible for one in self.expected), np.array(self.costs))
+
+    def errors_of(self, counts: Mapping[str, float]) -> dict[str, float]:
+        """Return the standard error of each unknown from a list of records, infinite if they do not determine it.
+
+        Parameters
+        ----------
+        counts : mapping of str to float
+            Number of records by the name of the candidate; none if not given.
+
+        Raises
+        ------
+        InputError
+            If there is no such candidate, or a number is negative.
+        """
+        return self._named(self.design.errors(self.design.total(self._amounts(counts))))
+
+    def shares(self, budget: float = 1.0, goal: str = "D") -> dict[str, float]:
+        """Return the share of a budget that is best spent on each candidate, if parts of records could be had.
+
+        Raises
+        ------
+        InputError
+            If the goal is unknown, or the budget is not positive.
+        FitError
+            If all candidates together do not determine the goal.
+        """
+        weights = self._goal(goal)
+        return self._by_candidate(self.design.shares(physical(budget, "budget"), weights))
+
+    def best(self, budget: float, goal: str = "D", most_each: int | None = None) -> dict[str, int]:
+        """Return the number of records of each candidate that is best within a budget, by exchange.
+
+        Parameters
+        ----------
+        budget : float
+            Largest sum of the costs.
+        goal : str
+            ``"D"``, ``"A"``, or the name of an unknown.
+        most_each : int, optional
+            Largest number of records of one candidate.
+
+        Raises
+        ------
+        InputError
+            If the goal is unknown, or the budget pays for no candidate.
+        FitError
+            If all candidates together do not determine the goal.
+        """
+        weights, budget = self._goal(goal), physical(budget, "budget")
+        if budget < min(self.costs):
+            raise InputError(f"pays for no candidate; the cheapest costs {min(self.costs):g}", "budget")
+        most = None if most_each is None else whole(most_each, "most_each", 1)
+        found = self._by_candidate(self.design.counts(budget, weights, most))
+        return {name: int(count) for name, count in found.items()}
+
+    def gains(self, counts: Mapping[str, float], goal: str = "D") -> dict[str, float]:
+        """Return how much one more record of each candidate improves a list, to first order.
+
+        For ``"D"`` this is the decrease of the logarithm of the determinant of the covariance, for others that of the
+        squared standard errors relative to the scales of the unknowns.
+
+        Raises
+        ------
+        InputError
+            If there is no such candidate or goal, or a number is negative.
+        """
+        return self._by_candidate(self.design.gains(self._amounts(counts), self._goal(goal)))
+
+    def places(
+        self, name: str, count: int = 1, goal: str = "D", counts: Mapping[str, float] | None = None
+    ) -> tuple[float, ...]:
+        """Return the best places for sensors of a motion, among those of its channels, by exchange.
+
+        Parameters
+        ----------
+        name : str
+            The candidate, with a channel, or several, at each possible place.
+        count : int
+            Number of places.
+        goal : str
+            ``"D"``, ``"A"``, or the name of an unknown.
+        counts : mapping of str to float, optional
+            Other records on the list; none if not given.
+
+        Returns
+        -------
+        tuple of float
+            Arc lengths, m.
+
+        Raises
+        ------
+        InputError
+            If the candidate is no motion or has fewer places, or the goal is unknown.
+        """
+        record, weights = self.expected[self._motion(name)], self._goal(goal)
+        points = np.unique(record.places)
+        count = whole(count, "count", 1, len(points))
+        others = self.design.total(self._amounts(counts or {}))
+
+        def loss(chosen: tuple[int, ...]) -> float:
+            own = np.flatnonzero(np.isin(record.places, points[list(chosen)])).tolist()
+            return float(self.design.loss(others + record.of_series(own), weights))
+
+        return tuple(points[list(best_subset(count, len(points), loss))].tolist())
+
+    def over_places(self, name: str, counts: Mapping[str, float] | None = None) -> tuple[Array, dict[str, Array]]:
+        """Return the standard errors if a motion had the sensors of one place only.
+
+        Parameters
+        ----------
+        name : str
+            The candidate, a motion.
+        counts : mapping of str to float, optional
+            Other records on the list; none if not given.
+
+        Returns
+        -------
+        points : ndarray (p,)
+            Arc lengths of the places, m.
+        errors : dict of str to ndarray (p,)
+            Standard error of each unknown.
+
+        Raises
+        ------
+        InputError
+            If the candidate is no motion, or as in ``errors_of``.
+        """
+        record = self.expected[self._motion(name)]
+        points, others = np.unique(record.places), self.design.total(self._amounts(counts or {}))
+        parts = [record.of_series(np.flatnonzero(record.places == point).tolist()) for point in points]
+        return points, self._over([self.design.errors(others + own) for own in parts])
+
+    def over_time(self, name: str, counts: Mapping[str, float] | None = None) -> tuple[Array, dict[str, Array]]:
+        """Return the standard errors if a motion ended earlier, at up to 60 instants.
+
+        Parameters
+        ----------
+        name : str
+            The candidate, a motion.
+        counts : mapping of str to float, optional
+            Other records on the list; none if not given.
+
+        Returns
+        -------
+        times : ndarray (t,)
+            End of the record, s.
+        errors : dict of str to ndarray (t,)
+            Standard error of each unknown.
+
+        Raises
+        ------
+        InputError
+            If the candidate is no motion, or as in ``errors_of``.
+        """
+        record = self.expected[self._motion(name)]
+        distinct = np.unique(record.times)
+        times = distinct[np.unique(np.linspace(0, len(distinct) - 1, INSTANTS + 1).astype(int)[1:])]
+        others = self.design.total(self._amounts(counts or {}))
+        return times, self._over([self.design.errors(others + own) for own in record.until(times)])
+
+    def duration(self, name: str, unknown: str, error: float, counts: Mapping[str, float] | None = None) -> float:
+        """Return the time that a motion must last for a standard error of an unknown, s; infinite if it is too short.
+
+        Raises
+        ------
+        InputError
+            If there is no such unknown, the error is not positive, or as in ``over_time``.
+        """
+        choice(unknown, tuple(self.guess), "unknown")
+        error = physical(error, "error")
+        times, errors = self.over_time(name, counts)
+        enough = np.flatnonzero(errors[unknown] <= error)
+        return float(times[enough[0]]) if enough.size else math.inf
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Products of powers of the unknowns that all candidates together leave open, one sentence each."""
+        values, vectors = np.linalg.eigh(self.design.total(np.ones(len(self.names))))
+        signs = np.where(Coordinates.of(self.unknowns).reciprocal, -1.0, 1.0)
+        left = signs * vectors[:, values <= self.design.negligible**2].T
+        return tuple(
+            f"the candidates leave {product(list(self.guess), row / row[np.abs(row).argmax()])} open; add one that "
+            "determines it, or fix an unknown"
+            for row in left
+        )
+
+    def table(self) -> Table:
+        """Return the standard errors from one record of each candidate alone, relative to the guess."""
+        rows = []
+        for name, cost in zip(self.names, self.costs, strict=True):
+            rows.append((name, cost, *map(known, self.relative(self.errors_of({name: 1})).values())))
+        every = self.relative(self.errors_of(dict.fromkeys(self.names, 1)))
+        rows.append((TOGETHER, sum(self.costs), *map(known, every.values())))
+        columns = ("candidate", "cost", *heads_of(self.unknowns))
+        return Table("plan", "Expected standard errors from one record of each", columns, rows)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON: SI units, None for unknown values."""
+        data = {
+            "kind": self.kind,
+            "unknowns": [{"name": one.name, "guess": one.guess, "unit": one.unit} for one in self.unknowns],
+            "candidates": [
+                {"name": name, "cost": cost, "standard_errors": self.errors_of({name: 1})}
+                for name, cost in zip(self.names, self.costs, strict=True)
+            ],
+            "together": self.errors_of(dict.fromkeys(self.names, 1)),
+            "warnings": list(self.warnings),
+        }
+        return finite(data)
+
+    def _summary(self) -> str:
+        return f"{counted(len(self.names), 'candidate')} for {', '.join(self.guess)}"
+
+    @cached_property
+    def _sizes(self) -> Array:
+        """Changes (n,) of the unknowns by changes of their coordinates in units of the scales."""
+        y = Coordinates.of(self.unknowns)
+        return np.asarray(np.abs(y.slopes(y.guess)) * y.scale)
+
+    def _named(self, errors: Array) -> dict[str, float]:
+        """Return standard errors in units of the scales (n,) as those of the unknowns by name."""
+        return dict(zip(self.guess, (errors * self._sizes).tolist(), strict=True))
+
+    def _over(self, errors: Sequence[Array]) -> dict[str, Array]:
+        """Return several standard errors in units of the scales as those of the unknowns by name."""
+        return dict(zip(self.guess, (np.array(errors) * self._sizes).T, strict=True))
+
+    def relative(self, errors: Mapping[str, Any]) -> dict[str, Any]:
+        """Return standard errors in per cent of the guesses; as they are for guesses of 0."""
+        return {
+            name: 100 * error / abs(self.guess[name]) if self.guess[name] else error for name, error in errors.items()
+        }
+
+    def _by_candidate(self, values: Array) -> dict[str, float]:
+        return dict(zip(self.names, values.tolist(), strict=True))
+
+    def _amounts(self, counts: Mapping[str, float]) -> Array:
+        check_instance(counts, "counts", Mapping)
+        for name, count in counts.items():
+            choice(name, self.names, "counts")
+            if count:
+                physical(count, f"counts: {name}")
+        return np.array([float(counts.get(name, 0.0)) for name in self.names])
+
+    def _goal(self, goal: str) -> Array | None:
+        """Return the weights of the squared standard errors in a goal; None for D."""
+        names = tuple(self.guess)
+        choice(goal, ("D", "A", *names), "goal")
+        weights = np.array([float(goal in ("D", "A", name)) for name in names])
+        errors = self.design.errors(self.design.total(np.ones(len(self.names))))
+        if not np.isfinite(errors[weights > 0]).all():
+            raise FitError("; ".join(self.warnings))
+        return None if goal == "D" else weights
+
+    def _motion(self, name: str) -> int:
+        choice(name, self.names, "name")
+        k = self.names.index(name)
+        if np.isnan(self.expected[k].times).any():
+            raise InputError(f"{name} is no motion", "name")
+        return k
+
+
+def heads_of(unknowns: Sequence[Unknown]) -> list[str]:
+    """Return each unknown with the unit of its relative standard error."""
+    return [f"{one.name}, {'%' if one.guess else one.unit or '1'}" for one in unknowns]

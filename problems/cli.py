@@ -35,6 +35,7 @@ COMMANDS = {  # each in a module of its name in problems.command or its folder f
     "compare-laws": "fit several damping laws to a decay, or to the motion of a beam, and select one",
     "modes": "compute natural frequencies and mode shapes of a beam about its equilibrium",
     "match": "find the nearest beam with the measured frequencies",
+    "plan": "compute the standard errors that experiments will have, and choose the best list of them",
     "simulate": "simulate the large motion of a beam",
     "response": "follow the steady vibration of a beam over frequency",
     "export": "write a beam and its damping for other programs",

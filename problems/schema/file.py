@@ -14,7 +14,7 @@ from ancf_casadi.support.inputs import check_keys, shown
 
 FILE_TABLES = set(
     "beam match damping base load release simulation response markers records frequencies predictions fit study parts"
-    " laws decays statics curves".split()
+    " laws decays statics curves plan candidates".split()
 )  # fmt: skip
 NAMING = ("file", "document")  # keys whose value is the name of a file
 

@@ -148,7 +148,7 @@ def read_measurements(given: str | StudyFile) -> Measurements:
     return Measurements(source.model, law, laws, (*records, *others), tuple(predictions), settings)
 
 
-def _configuration(given: Mapping[str, Any], model: Model, where: str) -> Model:
+def configuration(given: Mapping[str, Any], model: Model, where: str) -> Model:
     """Return the beam in the configuration of a table."""
     changes = with_parts({key: given[key] for key in CONFIGURATION & given.keys()}, where)
     with located(where):
@@ -158,7 +158,7 @@ def _configuration(given: Mapping[str, Any], model: Model, where: str) -> Model:
 def _frequencies(given: Any, model: Model, where: str) -> FrequencyRecord:
     check_keys(given, {"frequencies"}, {"std", "modes", *CONFIGURATION}, where)
     own = {key: given[key] for key in given.keys() - CONFIGURATION}
-    return made(own, FrequencyRecord, where, model=_configuration(given, model, where))
+    return made(own, FrequencyRecord, where, model=configuration(given, model, where))
 
 
 def _static(given: Any, model: Model, where: str) -> StaticRecord:
@@ -166,11 +166,11 @@ def _static(given: Any, model: Model, where: str) -> StaticRecord:
     check_keys(given, {"loads"}, {"channels", "tared", "name", *keys, *CONFIGURATION}, where)
     if not is_sequence(given["loads"]):
         raise InputError(f"must be a list of tables, got {shown(given['loads'])}", f"{where}: loads")
-    loads = [_loads(case, f"{where}: loads: {k}") for k, case in enumerate(given["loads"], start=1)]
+    loads = [case_loads(case, f"{where}: loads: {k}") for k, case in enumerate(given["loads"], start=1)]
     sensors, columns, deviations = [], [], []
-    for own, place in _channels(given, keys, where):
+    for own, place in channels_of(given, keys, where):
         check_keys(own, {"values"}, keys, place)
-        sensors.append(_sensor(own, "displacement", place))
+        sensors.append(table_sensor(own, "displacement", place))
         with located(place):
             values, std = (array(own.get(key, math.nan), key, finite=False) for key in ("values", "std"))
             if values.shape != (len(loads),):
@@ -182,7 +182,7 @@ def _static(given: Any, model: Model, where: str) -> StaticRecord:
     std = np.column_stack(deviations)
     with located(where):
         return StaticRecord(
-            _configuration(given, model, where),
+            configuration(given, model, where),
             loads,
             np.column_stack(columns),
             sensors,
@@ -191,7 +191,7 @@ def _static(given: Any, model: Model, where: str) -> StaticRecord:
         )
 
 
-def _loads(case: Any, where: str) -> list[PointLoad]:
+def case_loads(case: Any, where: str) -> list[PointLoad]:
     """Return the loads of a case, each a weight or a force and moment."""
     tables = case if is_sequence(case) else [case]
     return [
@@ -214,20 +214,20 @@ def _curve(file: StudyFile, given: Any, model: Model | None, where: str) -> Resp
     check_keys(given, required, {*arguments, "sensor", *SENSOR, *(CONFIGURATION if model else ())}, where)
     own = {key: given[key] for key in arguments & given.keys()}
     if model is not None:
-        own_model = _configuration(given, model, where)
-        own |= _excitation(file, given, where) | {"model": None if own_model is model else own_model}
+        own_model = configuration(given, model, where)
+        own |= excitation_of(file, given, where) | {"model": None if own_model is model else own_model}
     if not read:
-        return made(own, ResponseRecord, where, sensor=_sensor(given, "displacement", where))
+        return made(own, ResponseRecord, where, sensor=table_sensor(given, "displacement", where))
     path = file.beside(own.pop("file"), f"{where}: file")
     if "sensor" in given or SENSOR & given.keys():
-        own["sensor"] = _sensor(given, "displacement", where)
+        own["sensor"] = table_sensor(given, "displacement", where)
     if model is None:
         own.setdefault("excitation_unit", "")
     with located(where):
         return ResponseRecord.from_file(path, progress=True, **own)
 
 
-def _excitation(file: StudyFile, given: Mapping[str, Any], where: str) -> dict[str, HarmonicBase | HarmonicLoad]:
+def excitation_of(file: StudyFile, given: Mapping[str, Any], where: str) -> dict[str, HarmonicBase | HarmonicLoad]:
     """Return base or load of a curve, at level 1: those of its table, or else of the file."""
     kinds: tuple[tuple[str, Callable[..., HarmonicBase | HarmonicLoad], set[str]], ...] = (
         ("base", HarmonicBase, {"amplitude", "direction"}),
@@ -254,7 +254,7 @@ def _laws(given: Any, terms: Sequence[DampingLaw], law: DampingLaw | None) -> tu
     return tuple(law for law in laws if law is not None)
 
 
-def _channels(given: Mapping[str, Any], keys: set[str], where: str) -> list[tuple[dict[str, Any], str]]:
+def channels_of(given: Mapping[str, Any], keys: set[str], where: str) -> list[tuple[dict[str, Any], str]]:
     """Return the table of each channel, with the keys that hold for all, and its place."""
     listed = given.get("channels", [{}])
     if not is_sequence(listed) or not listed:
@@ -270,10 +270,10 @@ def _channels(given: Mapping[str, Any], keys: set[str], where: str) -> list[tupl
 
 def _record(file: StudyFile, given: Any, model: Model, where: str) -> MotionRecord:
     check_keys(given, set(), RECORD, where)
-    own_model = _configuration(given, model, where)
+    own_model = configuration(given, model, where)
     channels = []
     recordings: dict[str, Recording] = {}
-    for own, place in _channels(given, CHANNEL, where):
+    for own, place in channels_of(given, CHANNEL, where):
         key = repr([own.get(name) for name in ("file", *READING)])  # channels of one file are read at once
         if key not in recordings:
             check_keys(own, {"file"}, CHANNEL, place)
@@ -301,13 +301,13 @@ def _check_made(file: StudyFile, name: Any, where: str) -> None:
 def _channel(recording: Recording, given: Mapping[str, Any], where: str) -> Channel:
     """Return a sensor with its record."""
     unknown = {key: given[key] for key in UNKNOWN_KEYS & given.keys()}
-    sensor = _sensor(given, "position", where)
+    sensor = table_sensor(given, "position", where)
     with located(where):
         record = Measurement.from_recording(recording, given.get("column"), unit=given.get("unit"), sensor=sensor)
         return Channel(record.cut(given.get("begin"), given.get("end")), **unknown)
 
 
-def _sensor(given: Mapping[str, Any], quantity: str, where: str) -> Sensor:
+def table_sensor(given: Mapping[str, Any], quantity: str, where: str) -> Sensor:
     """Return the sensor of a table, which may leave out its quantity."""
     with located(where):
         return Sensor(given.get("sensor", quantity), **{key: given[key] for key in SENSOR & given.keys()})

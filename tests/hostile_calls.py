@@ -349,7 +349,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
             "cost": 1.0,
         }),
         "PlannedRecord, response": (p.PlannedRecord.response, {
-            "frequencies": [1.8, 1.9], "sensor": a.Sensor(), "phases": True, "cost": 1.0, "base": base,
+            "frequencies": [1.8, 1.9], "sensor": a.Sensor(), "phases": True, "cost": 1.0, "base": steady,
         }),
         "PlannedRecord, static": (p.PlannedRecord.static, {
             "model": model, "loads": [point], "sensors": a.Sensor(), "std": 1e-4, "tared": False, "cost": 1.0,

@@ -15,7 +15,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import array, check_instance, instances, physical, positive_array
+from ancf_casadi.support.inputs import array, check_instance, flag, instances, physical, positive_array
 from ancf_casadi.support.tables import Displayed
 from problems.beam.curves.record import TIP_DISPLACEMENT, ResponseRecord
 from problems.beam.motions.marker_record import MarkerRecord
@@ -142,7 +142,7 @@ class PlannedRecord(Displayed):
             As in ``ResponseRecord``.
         """
         f = array(frequencies, "frequencies")
-        own = np.zeros(f.shape) if phases else None
+        own = np.zeros(f.shape) if flag(phases, "phases") else None
         return cls(ResponseRecord(f, np.ones(f.shape), own, sensor, **settings), cost)
 
     @classmethod

@@ -6,6 +6,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from ancf_casadi import (
     Beam,
@@ -89,6 +90,28 @@ def test_an_expected_response_is_that_of_harmonic_balance_on_the_branch_from_res
     record = found.records[0]
     fit = fit_beam(MODEL, record, LAW, unknowns=["natural_frequencies"], modes=2, harmonics=3)
     assert fit.estimates["eta1"] == pytest.approx(0.5, abs=0.1 * found.errors_of({"curve": 1})["eta1"])
+
+
+@pytest.mark.slow
+def test_estimates_from_simulated_records_scatter_as_expected(values, release):
+    """The squared errors in units of the expected covariance are chi-squared; the limits are those of 99.9 %."""
+    for found, model, law, unknowns, runs in (
+        (values, LEVEL, None, PROPERTIES, 40), (release, MODEL, LAW, ["elastic_modulus"], 4),
+    ):  # fmt: skip
+        fit = fit_beam(model, found.records, law, unknowns=unknowns)
+        covariance = np.linalg.inv(found.design.total(np.ones(len(found.names))))
+        rng, total = np.random.default_rng(0), 0.0
+        for _ in range(runs):
+            noise = fit.solution.problem.scale * rng.standard_normal(len(fit.fit.residuals))
+            estimates = dict(zip(fit.estimates, fit.resampled(noise), strict=True))
+            # in units of the scales; the reciprocals of stiffnesses are nearly linear
+            z = [
+                one.guess / estimates[one.name] - 1 if one.reciprocal else estimates[one.name] / one.guess - 1
+                for one in found.unknowns
+            ]
+            total += float(z @ np.linalg.solve(covariance, z))
+        low, high = chi2.ppf([0.0005, 0.9995], runs * len(found.unknowns))
+        assert low < total < high
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@
 Each seed adds noise to the values that the plan computed, which are fitted again.  A line has the expected standard
 error of an unknown, and the scatter of its estimates over the expected one with its 95 % interval (chi-squared).  Where
 the noise adds to the residuals, there is also the scatter over that of linear estimates from the same noise, which
-have the expected standard error: this ratio is certain to about a per cent.
+have the expected standard error: this ratio needs fewer seeds.
 """
 
 from __future__ import annotations

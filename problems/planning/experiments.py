@@ -204,8 +204,11 @@ def _separate(blocks: Sequence[Block], templates: Sequence[Template]) -> list[tu
             kind = MotionRecord if isinstance(block, MotionBlock) else ResponseRecord
             for number, _ in block.numbered:
                 k = places[kind][number - 1]
-                alone: Any = ((number, templates[k]),)
-                found.append((k, replace(block, numbered=alone)))
+                alone: Any = {"numbered": ((number, templates[k]),)}
+                if isinstance(block, CurveBlock):  # without the levels of other records
+                    own = re.compile(rf"(?!excitation_).*|excitation_{number}")
+                    alone["names"] = tuple(filter(own.fullmatch, block.names))
+                found.append((k, replace(block, **alone)))
     return found
 
 
@@ -225,7 +228,8 @@ def _expected(
             raise FitError(evaluation.failure or "the derivatives of its values are not finite")
         evaluation.close()
     except AncfError as error:
-        raise type(error)(f"the candidate {name!r} cannot be computed: {error}") from None
+        kind = InputError if isinstance(error, InputError) else FitError
+        raise kind(f"the candidate {name!r} cannot be computed: {error}") from None
     known = [
         np.eye(len(names))[k] * (y.slopes(y.guess) * y.scale)[k] / one.prior[1]
         for k, one in enumerate(unknowns)

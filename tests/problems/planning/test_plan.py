@@ -93,6 +93,19 @@ def test_an_expected_response_is_that_of_harmonic_balance_on_the_branch_from_res
 
 
 @pytest.mark.slow
+def test_levels_of_their_own_count_as_unknowns_with_their_priors():
+    f = natural_modes(MODEL, count=1).frequencies[0] * np.array([0.99, 1.0, 1.01])
+    curves = {f"{a} mm": PlannedRecord.response(f, base=HarmonicBase(1e-3 * a, 1.0)) for a in (1, 2)}
+    unknowns, levels = ["natural_frequencies", "excitations"], ("excitation_1", "excitation_2")
+    known, certain, loose = (
+        plan(MODEL, curves, LAW, modes=1, harmonics=1, **settings).errors_of({"1 mm": 1, "2 mm": 1})["eta1"]
+        for settings in ({"unknowns": unknowns[:1]},
+                         *({"unknowns": unknowns, "priors": dict.fromkeys(levels, (1.0, std))} for std in (1e-6, 0.05)))
+    )  # fmt: skip
+    assert certain == pytest.approx(known, rel=1e-4) and loose > 1.2 * known
+
+
+@pytest.mark.slow
 def test_estimates_from_simulated_records_scatter_as_expected(values, release):
     """The squared errors in units of the expected covariance are chi-squared; the limits are those of 99.9 %."""
     for found, model, law, unknowns, runs in (

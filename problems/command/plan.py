@@ -10,7 +10,7 @@ from problems.planning.experiments import plan
 from problems.schema.plan import PLAN_HELP, read_plan
 
 
-def add_plan(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.set_defaults(run=_run)
     parser.epilog = PLAN_HELP

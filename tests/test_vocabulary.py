@@ -23,6 +23,7 @@ from problems.cli import COMMANDS, module_of
 from problems.schema.file import FILE_TABLES
 from problems.schema.match import MatchTable
 from problems.schema.motion import AXES, COMPONENTS, READING
+from problems.schema.plan import PlanTable
 from problems.schema.records import CHANNEL, FIT, RECORD
 from problems.schema.response import ResponseTable
 from problems.schema.simulation import SETTINGS
@@ -99,7 +100,13 @@ def names_in_files() -> Iterator[tuple[str, str]]:
     groups = {"tables": FILE_TABLES, "[[records]]": RECORD | CHANNEL, "[fit]": FIT, "[simulation]": SETTINGS}
     for place, names in {**groups, "files": {*READING, *AXES, *COMPONENTS}}.items():
         yield from ((name, place) for name in names)
-    declared = {"[match]": MatchTable, "[response]": ResponseTable, "[study]": StudyTable, "[[laws]]": LawChoice}
+    declared = {
+        "[match]": MatchTable,
+        "[plan]": PlanTable,
+        "[response]": ResponseTable,
+        "[study]": StudyTable,
+        "[[laws]]": LawChoice,
+    }
     for place, kind in {**declared, **{f"part {kind.kind}": kind for kind in KINDS}}.items():
         yield from ((name, place) for name in keys(types.type_info(kind)))
 

@@ -12,7 +12,6 @@ from problems.schema.plan import PLAN_HELP, read_plan
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.set_defaults(run=_run)
     parser.epilog = PLAN_HELP
     parser.add_argument(
         "file", metavar="STUDY.toml", help="a file with the tables [beam], [damping] and [[candidates]]"
@@ -21,7 +20,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_plot(parser, "draw the errors of each candidate, against its duration and the place of its sensor")
 
 
-def _run(options: argparse.Namespace) -> Output:
+def run(options: argparse.Namespace) -> Output:
+    """Run the command."""
     task = read_plan(options.file)
     (plot,) = new_files([options.file], options.plot)
     with located(f"{options.file}: [fit]"):

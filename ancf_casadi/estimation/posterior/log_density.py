@@ -162,7 +162,7 @@ class LogDensity(Displayed):
             If the unknowns are not n numbers within their bounds.
         """
         given = self._each(unknowns, "unknowns")
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             found = self._free(self.fit.coordinates.unknowns(given))  # a reciprocal is its own inverse
         if not np.isfinite(found).all():
             raise InputError("must be within their bounds", "unknowns")
@@ -170,7 +170,8 @@ class LogDensity(Displayed):
 
     def log_jacobian(self, x: Array) -> float:
         """Return the logarithm of the Jacobian determinant from the coordinates (n,) to the bounded unknowns."""
-        return float(np.sum(np.log(np.abs(self.slopes(x)))))
+        with np.errstate(divide="ignore"):
+            return float(np.sum(np.log(np.abs(self.slopes(x)))))
 
     def value(self, x: Array) -> float:
         """Return the logarithm of the density at coordinates (n,); minus infinity where it cannot be computed."""

@@ -9,6 +9,7 @@ from decimal import Decimal
 from functools import cache
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 
 import casadi as cs
 import numpy as np
@@ -29,6 +30,13 @@ class Refused(Exception):
 
 def failing(*_, **__):
     raise Refused
+
+
+def drawn_samples():
+    """Stand-in for samples of a posterior distribution."""
+    values = np.random.default_rng(0).standard_normal((2, 2, 50))
+    columns = {name: SimpleNamespace(values=own, attrs={}) for name, own in zip("ab", values, strict=True)}
+    return SimpleNamespace(posterior=SimpleNamespace(data_vars=columns))
 
 
 class Other:
@@ -59,7 +67,7 @@ NOT_CALLED = frozenset(
     " Backbone Equilibrium LinearFrf Modes PeriodicMotion ReducedModel ReducedTrajectory ResponseCurve Trajectory"
     " DampingCurve LawCurve BeamFunctions MotionFunctions ReducedFunctions DecayFit DecayFits DecayModes"
     " CriticalLoad CriticalPoint DampedModes EquilibriumPath FrequencyMatch FrfFit ModeFit"
-    " IsolatedMode LawComparison MonteCarlo RayleighFit RecordPrediction SavedFit"
+    " IsolatedMode LawComparison LogDensity MonteCarlo RayleighFit RecordPrediction SavedFit"
     " StudyReport BeamFit".split()  # results, which the package makes
 )
 
@@ -343,6 +351,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
             "beam": beam, "targets": frequencies, "unknowns": [p.Global("density")], "bounds": 0.1,
             "preference": None, "objective": "least-squares", "guess": None, "starts": 1, "seed": 0,
         }),
+        "corner_figure": (p.corner_figure, {"samples": drawn_samples()}),
         "monte_carlo": (p.monte_carlo, {"fit": fit, "runs": 2, "seed": 0, "method": "parametric"}),
         "reproduce": (p.reproduce, {"out": folder / "paper", "quick": True, "jobs": 1, "progress": False}),
         "run_study": (p.run_study, {

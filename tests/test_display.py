@@ -177,7 +177,7 @@ def fits(folder, model, record):
     receptance = 1.0 / (2.0**2 - lines**2 + 0.04j * lines) + 0.05 * np.random.default_rng(1).standard_normal(41)
     return [
         decay, load_fit(folder / "fit.json"), decay.predict(record), beam, beam.predict(frequencies),
-        fit_decays([record, record]), fit_modes(record, modes=1), fit_mode(record),
+        decay.log_density(), fit_decays([record, record]), fit_modes(record, modes=1), fit_mode(record),
         fit_rayleigh((1.0, 5.0, 9.0), (0.01, 0.02, 0.04)),
         fit_frf(FrfRecord(lines, receptance, "receptance"), frequencies=[2.0]), monte_carlo(decay, runs=2),
         match_frequencies(model.beam, targets=(1.9, 10.4), unknowns=[Global("thickness"), Global("density")]),

@@ -36,10 +36,12 @@ def line(values, lower=-math.inf, upper=math.inf):
 
 def quantiles(density, shares):
     """Return quantiles of the unknown of a density, by quadrature over its coordinate."""
-    steps = np.sinh(np.linspace(-8.0, 8.0, 801))  # in units of the scale; fine in the middle, and far out
+    steps = np.sinh(np.linspace(-8.0, 8.0, 401))  # in units of the scale; fine in the middle, and far out
     x = density.start + density.scale[0] * steps
     weights = np.exp([density.value(np.array([one])) for one in x])
-    parts = (weights[1:] + weights[:-1]) / 2 * np.diff(x)
+    if density.unknowns(x[:1, None])[0, 0] > density.unknowns(x[-1:, None])[0, 0]:  # a reciprocal
+        x, weights = x[::-1], weights[::-1]
+    parts = (weights[1:] + weights[:-1]) / 2 * np.abs(np.diff(x))
     return np.interp(shares, np.append(0.0, np.cumsum(parts)) / parts.sum(), density.unknowns(x[:, None])[:, 0])
 
 
@@ -105,6 +107,43 @@ def test_bounds_truncate_it(lower, upper):
     low, high = truth.cdf([lower, upper])
     expected = truth.ppf(low + shares * (high - low))
     np.testing.assert_allclose(quantiles(line(values, lower, upper), shares), expected, atol=3e-3)
+
+
+def held(values, std, unknown):
+    """Return the density of the mean of values with a standard deviation, and with a prior."""
+    fit = least_squares(lambda mean: cs.vertcat((mean - cs.DM(values)) / std, unknown.prior_residual(mean)), [unknown])
+    return LogDensity(fit)
+
+
+@pytest.mark.parametrize("reciprocal", [False, True])
+@pytest.mark.parametrize(
+    ("settings", "truth"),
+    [
+        ({"prior": (2.0, 0.5)}, stats.norm(2.0, 0.5)),
+        ({"prior": (2.0, 0.5), "relative_prior": True}, stats.lognorm(0.5, scale=2.0)),
+    ],
+)
+def test_it_is_the_prior_where_the_data_say_nothing(settings, truth, reciprocal):
+    """The prior is one of the unknown, also if the solver works with its reciprocal."""
+    values = 500.0 * np.random.default_rng(0).standard_normal(50)
+    bounds = (1e-3, 1e3) if reciprocal else (0.0, math.inf)
+    density = held(values, 500.0, Unknown("mean", 2.0, 1.0, *bounds, reciprocal=reciprocal, **settings))
+    shares = [0.025, 0.2, 0.5, 0.9, 0.975]
+    np.testing.assert_allclose(quantiles(density, shares), truth.ppf(shares), rtol=0.02)
+    x = density.start + density.scale[0]
+    step = 1e-4 * density.scale[0]
+    difference = (density.value(x + step) - density.value(x - step)) / (2 * step[0])
+    assert density.value_and_gradient(x)[1][0] == pytest.approx(difference, rel=1e-6)
+
+
+def test_data_and_prior_weigh_as_their_variances():
+    values = 1.0 + np.random.default_rng(1).standard_normal(400)
+    density = held(values, np.std(values), Unknown("mean", 1.0, 1.0, prior=(1.05, 0.05)))
+    information = 400 / np.var(values), 1 / 0.05**2
+    truth = stats.norm(np.dot(information, (values.mean(), 1.05)) / sum(information), sum(information) ** -0.5)
+    shares = [0.025, 0.5, 0.975]
+    np.testing.assert_allclose(quantiles(density, shares), truth.ppf(shares), atol=0.05 * truth.std())
+    assert density.fit.data_shares["mean"] == pytest.approx(information[0] / sum(information), rel=0.02)
 
 
 @pytest.mark.parametrize("name", CASES)

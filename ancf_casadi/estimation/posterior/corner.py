@@ -29,6 +29,18 @@ def corner_figure(samples: Any) -> Figure:
     ------
     InputError
         If it has no group ``posterior`` with samples of at least one quantity.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Measurement
+    >>> from problems import corner_figure, fit_decay
+    >>> time = np.linspace(0.0, 10.0, 1001)
+    >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+    >>> fit = fit_decay(Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise))
+    >>> figure = corner_figure(fit.sample(draws=50, chains=1))
+    >>> figure.axes[-1].get_xlabel()
+    'offset, m'
     """
     from ancf_casadi.estimation.figures import drawn_corner  # matplotlib is slow to import
 

@@ -19,6 +19,10 @@ density 1/s^2, the likelihood of the normal distribution becomes that of Student
 
 which for linear residuals gives the intervals of the fit exactly, and for large f is -Q/2.
 
+Where p of the unknowns have priors, m counts the measured values alone, (f + n)/2 becomes (f + n - p)/2, and the
+density is multiplied by those of the priors.  The estimates weigh priors by the standard deviations of the blocks; if
+the noise differs from these, or is coloured, the maximum of the density is beside them.
+
 An unknown without a prior has a constant density within its bounds.  Stiffnesses of a beam and of its clamps
 (``Unknown.reciprocal``) have it in the compliance, y = 1/x, in which a rigid clamp is no more than the point 0.
 
@@ -88,7 +92,7 @@ class LogDensity(Displayed):
     >>> record = Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise)
     >>> density = fit_decay(record).log_density()
     >>> density.names
-    ('omega', 'zeta', 'e0', 'phi', 'offset')
+    ('omega', 'zeta', 'e0', 'phase', 'offset')
     >>> value, gradient = density.value_and_gradient(density.start)
     >>> gradient.shape, bool(density.value(density.start + density.scale[:, 0]) < value)
     ((5,), True)
@@ -177,7 +181,9 @@ class LogDensity(Displayed):
         """Return the logarithm of the density at coordinates (n,); minus infinity where it cannot be computed."""
         x = self._each(x, "x")
         r, *_ = self._evaluated(self._residuals, x)
-        return self._of(r)[0] + self.log_jacobian(x) if np.isfinite(r).all() else -math.inf
+        if not np.isfinite(r).all():
+            return -math.inf
+        return self._of(r)[0] + self._prior(x)[0] + self.log_jacobian(x)
 
     def value_and_gradient(self, x: Array) -> tuple[float, Array]:
         """Return the logarithm of the density at coordinates (n,), and its gradient (n,) by them.
@@ -188,12 +194,28 @@ class LogDensity(Displayed):
         r, jacobian = self._evaluated(self.fit.model, x)
         if not (np.isfinite(r).all() and np.isfinite(jacobian).all()):
             return -math.inf, np.zeros(len(x))
-        value, by_residuals = self._of(r.ravel())
+        value, by_residuals = self._of(r)
+        prior, by_prior = self._prior(x)
         sign, _, _, size = self._ends
         # gradient of the logarithm of the Jacobian determinant
         bend = np.where(sign == 0.0, 0.0, scipy.special.expit(-x) - scipy.special.expit(x - size))
-        gradient = jacobian.T @ by_residuals * self.slopes(x) / self.fit.scale
-        return value + self.log_jacobian(x), gradient + bend
+        gradient = (jacobian[: len(by_residuals)].T @ by_residuals / self.fit.scale + by_prior) * self.slopes(x)
+        return value + prior + self.log_jacobian(x), gradient + bend
+
+    def _prior(self, x: Array) -> tuple[float, Array]:
+        """Return the logarithm of the density of the priors, and its derivatives (n,) by the bounded coordinates."""
+        value, gradient, y = 0.0, np.zeros(len(x)), self.bounded(x)
+        values, slopes = self.unknowns(x), self.fit.coordinates.slopes(y)
+        for k, unknown in enumerate(self.fit.unknowns):
+            if unknown.prior:
+                (mean, std), own = unknown.prior, float(values[k])
+                far, slope, power = (own - mean) / std, 1 / std, 2.0 * unknown.reciprocal
+                if unknown.relative_prior:
+                    far, slope, power = math.log(own / mean) / std, 1 / (std * own), power - 1.0
+                # the density of y = x or 1/x is that of p times |dp/dy|, which is proportional to x^power
+                value += power * math.log(own) - far**2 / 2 if power else -(far**2) / 2
+                gradient[k] = (power / own if power else 0.0) - far * slope
+        return value, gradient * slopes
 
     def _evaluated(self, function: cs.Function, x: Array) -> list[Array]:
         """Return the outputs of a Function at coordinates (n,); nan where they cannot be computed."""
@@ -208,10 +230,12 @@ class LogDensity(Displayed):
         return [np.full(function.size_out(k), math.nan) for k in range(function.n_out())]
 
     def _of(self, residuals: Array) -> tuple[float, Array]:
-        """Return the logarithm of the likelihood, and its derivatives (m,) by the residuals (m,)."""
-        n, f, d = len(self.names), self.fit.noise.freedom, self.fit.huber
+        """Return the logarithm of the likelihood, and its derivatives (m,) by the residuals of measured values."""
+        f, d = self.fit.noise.freedom, self.fit.huber
+        n = len(self.names) - self._prior_count
         v, w, basis, weights, least = self._quadratic
-        r, psi = residuals.ravel(), influence(residuals.ravel(), d)[0]
+        r = residuals.ravel()[: len(basis)]
+        psi = influence(r, d)[0]
         u = basis.T @ psi / w
         square = 2 * loss_value(r, d) / (v * w) + float(u @ weights @ u) - least
         by_residuals = 2 / w * (psi / v + row_weights(r, d) ** 2 * (basis @ (weights @ u)))
@@ -220,6 +244,11 @@ class LogDensity(Displayed):
         if square < 0.0:  # below the least of a fit that did not quite reach it
             return -(f + n) / (2 * f) * square, -(f + n) / (2 * f) * by_residuals
         return -(f + n) / 2 * math.log1p(square / f), -(f + n) / (2 * (f + square)) * by_residuals
+
+    @property
+    def _prior_count(self) -> int:
+        """Number of priors, whose distances are the last residuals."""
+        return sum(unknown.prior is not None for unknown in self.fit.unknowns)
 
     @cached_property
     def _residuals(self) -> cs.Function:
@@ -232,17 +261,18 @@ class LogDensity(Displayed):
         """The variance v, the mean curvature w, the basis q (m, n), the matrix K (n, n), and Q at the estimates."""
         fit = self.fit
         free = ~fit.active_bounds
-        order = np.argsort(fit.active_bounds, kind="stable")
-        basis = np.linalg.qr((fit.jacobian * fit.scale)[:, order])[0]
-        psi, w = influence(fit.residuals, fit.huber)
-        m, n = basis.shape
-        P = fit.noise.form(basis) / w**2 + m * fit.systematic**2 * np.eye(n)
-        P[np.not_equal.outer(free[order], free[order])] = 0.0  # so that the score of one at a bound moves no other
-        v, rows = float(np.trace(P)) / n, row_weights(fit.residuals, fit.huber)[:, None] * basis
+        order, m = np.argsort(fit.active_bounds, kind="stable"), len(fit.residuals) - self._prior_count
+        residuals = fit.residuals[:m]
+        basis = np.linalg.qr((fit.jacobian * fit.scale)[:m, order])[0]
+        psi, w = influence(residuals, fit.huber)
+        n, free = basis.shape[1], free[order][: basis.shape[1]]
+        P = fit.noise.form(np.pad(basis, [(0, self._prior_count), (0, 0)])) / w**2 + m * fit.systematic**2 * np.eye(n)
+        P[np.not_equal.outer(free, free)] = 0.0  # so that the score of one at a bound moves no other
+        v, rows = float(np.trace(P)) / n, row_weights(residuals, fit.huber)[:, None] * basis
         M = rows.T @ rows / w
         K = np.linalg.solve(M, np.linalg.solve(M, np.linalg.inv(P) - M / v).T)
         u = basis.T @ psi / w
-        return v, w, basis, K, 2 * loss_value(fit.residuals, fit.huber) / (v * w) + float(u @ K @ u)
+        return v, w, basis, K, 2 * loss_value(residuals, fit.huber) / (v * w) + float(u @ K @ u)
 
     @cached_property
     def _steps(self) -> Array:

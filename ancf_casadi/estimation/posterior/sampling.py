@@ -52,7 +52,7 @@ from ancf_casadi.support.parallel import run_all
 WARM_UP = 300  # steps of a chain before its draws, in which nutpie adapts
 NEARLY_INDEPENDENT = 4  # draws of the expanded density per proposal
 LEAST_ACCEPTED = 0.5  # share of the proposals
-LARGEST_RATIO = 1.01  # R-hat beyond which chains have not converged (Vehtari et al.)
+LARGEST_R_HAT = 1.01  # R-hat beyond which chains have not converged (Vehtari et al.)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,10 +102,10 @@ def sampled(
         for name, unit in zip(names, units, strict=True):
             data.posterior[name].attrs["units"] = unit
         ratios = arviz.rhat(data) if chains > 1 else {}
-    bad = [name for name in ratios if float(ratios[name]) > LARGEST_RATIO]
+    bad = [name for name in ratios if float(ratios[name]) > LARGEST_R_HAT]
     if bad:
         warnings.warn(
-            f"the chains have not converged: R-hat is above {LARGEST_RATIO:g} for {', '.join(map(str, bad))}; take "
+            f"the chains have not converged: R-hat is above {LARGEST_R_HAT:g} for {', '.join(map(str, bad))}; take "
             "more draws, or give an unknown that the data leave open a prior",
             RuntimeWarning,
             stacklevel=3,

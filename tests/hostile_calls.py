@@ -327,7 +327,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         }),
         "fit_mode": (p.fit_mode, {
             "records": [record], "law": "linear", "frequency_law": "constant", "modal_constant": None,
-            "rest": "constant", "release_times": None, "ratio_bounds": (0.0, 0.9), "robust": False,
+            "rest": "constant", "release_times": None, "ratio_bounds": (0.0, 0.9), "priors": None, "robust": False,
         }),
         "fit_modes": (p.fit_modes, {
             "time": instants, "displacement": values + noise, "modes": 1, "offset": True, "release_time": 0.0,

@@ -3,6 +3,7 @@
 import importlib.util
 import math
 import pickle
+from concurrent.futures import ProcessPoolExecutor
 
 import casadi as cs
 import numpy as np
@@ -11,8 +12,9 @@ from scipy import stats
 from scipy.signal import lfilter
 
 from ancf_casadi import Beam, InputError, Model
+from ancf_casadi.estimation.intervals import profile_interval
 from ancf_casadi.estimation.posterior.log_density import LogDensity
-from ancf_casadi.estimation.posterior.sampling import expanded
+from ancf_casadi.estimation.posterior.sampling import expanded, sampled
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 from problems import FrequencyRecord, corner_figure, fit_beam, fit_decay
@@ -205,3 +207,49 @@ def test_samples_of_a_nearly_linear_fit_agree_with_its_intervals():
     first, again, other = (fit.sample(draws=50, chains=1, seed=seed).posterior["eta1"].values for seed in (0, 0, 1))
     assert np.array_equal(first, again) and not np.array_equal(first, other)
     assert corner_figure(data).axes[0].patches
+
+
+@pytest.mark.slow
+def test_samples_of_a_strongly_curved_fit_agree_with_its_profile_and_with_the_truth():
+    """With b - 10 a^2 and a independent, a has the distribution of Student, and b one that is far from normal."""
+    rng = np.random.default_rng(0)
+    first, second = 2.0 * rng.standard_normal((2, 50))
+    fit = least_squares(
+        lambda a, b: cs.vertcat(a - cs.DM(first), b - 10 * a**2 - cs.DM(second)), [Unknown("a", 0.1), Unknown("b", 0.1)]
+    )
+    spread = math.sqrt(fit.noise.variance / 50)
+    a = first.mean() + spread * stats.t(98).rvs(100_000, random_state=1)
+    b = 10 * a**2 + second.mean() + spread * stats.t(98).rvs(100_000, random_state=2)
+    settings = {"draws": 2000, "chains": 2, "seed": 0, "executor": None, "jobs": 1, "progress": False}
+    data = sampled(LogDensity(fit), (("a", "b"), ("", ""), lambda *x: cs.vertcat(*x)), **settings)
+    ends = np.quantile(data.posterior["a"].values, [0.025, 0.975])
+    np.testing.assert_allclose(ends, profile_interval(fit, "a"), atol=0.15 * spread)
+    np.testing.assert_allclose(ends, np.quantile(a, [0.025, 0.975]), atol=0.15 * spread)
+    shares = [0.05, 0.5, 0.95]
+    found = np.quantile(data.posterior["b"].values, shares)
+    np.testing.assert_allclose(found, np.quantile(b, shares), atol=0.08 * b.std())
+
+
+@pytest.mark.slow
+def test_samples_through_the_expansion_are_those_of_the_density_itself():
+    """Blocks of measurements are expanded first; the chain corrects what the expansion leaves out."""
+    model = Model(BEAM)
+    record = FrequencyRecord(model, [1.9, 10.8, 30.6, 60.3], std=[0.04, 0.2, 0.6, 1.2])
+    fit = fit_beam(model, record, unknowns=["elastic_modulus", "clamp_stiffness"])
+    density = fit.log_density()
+    assert density.solution is not None
+    settings = {"draws": 1000, "chains": 2, "seed": 0, "executor": None, "jobs": 1, "progress": False}
+    named = (density.names, density.units, lambda *x: cs.vertcat(*x))
+    both = [sampled(one, named, **settings).posterior for one in (density, LogDensity(density.fit))]
+    for name in density.names:
+        first, second = (1 / one[name].values for one in both)
+        shares = [0.05, 0.5, 0.95]
+        np.testing.assert_allclose(np.quantile(first, shares), np.quantile(second, shares), atol=0.15 * second.std())
+
+
+@pytest.mark.slow
+def test_chains_run_in_other_processes_with_the_same_draws():
+    fit = fit_decay(TIME, DECAY + noise(0))
+    with ProcessPoolExecutor(2) as executor:
+        found = [fit.sample(draws=200, chains=2, executor=one).posterior["eta1"].values for one in (None, executor)]
+    np.testing.assert_array_equal(*found)

@@ -37,7 +37,7 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_keys, choices, is_one_of, is_sequence, positive
+from ancf_casadi.support.inputs import check_keys, choice, choices, is_sequence, positive
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.record import Channel, MotionRecord, two_numbers
@@ -142,9 +142,10 @@ def _restricted(unknown: Unknown, bounds: Bounds, priors: Priors) -> Unknown:
 def with_prior(unknown: Unknown, given: Any) -> Unknown:
     """Return an unknown with a prior: mean and standard deviation, or median, relative one and "log-normal"."""
     where, names = f"priors: {unknown.name}", "(mean, standard deviation)"
-    if not (is_sequence(given) and len(given) == 3 and is_one_of(given[2], [LOG_NORMAL])):
+    if not (is_sequence(given) and len(given) == 3):
         mean, std = two_numbers(given, where, f'{names}, or (median, relative standard deviation, "{LOG_NORMAL}")')
         return replace(unknown, prior=(mean, positive(std, where)))
+    choice(given[2], [LOG_NORMAL], where)
     mean, std = (positive(value, where) for value in given[:2])
     if unknown.lower < 0.0:
         raise InputError(f"may be negative, and a {LOG_NORMAL} quantity may not; give it a lower bound of 0", where)

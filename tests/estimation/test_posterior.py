@@ -211,15 +211,15 @@ def test_samples_of_a_nearly_linear_fit_agree_with_its_intervals():
 
 @pytest.mark.slow
 def test_samples_of_a_strongly_curved_fit_agree_with_its_profile_and_with_the_truth():
-    """With b - 10 a^2 and a independent, a has the distribution of Student, and b one that is far from normal."""
+    """With b - 4 a^2 and a independent, a has the distribution of Student, and b one that is far from normal."""
     rng = np.random.default_rng(0)
     first, second = 2.0 * rng.standard_normal((2, 50))
     fit = least_squares(
-        lambda a, b: cs.vertcat(a - cs.DM(first), b - 10 * a**2 - cs.DM(second)), [Unknown("a", 0.1), Unknown("b", 0.1)]
+        lambda a, b: cs.vertcat(a - cs.DM(first), b - 4 * a**2 - cs.DM(second)), [Unknown("a", 0.1), Unknown("b", 0.1)]
     )
     spread = math.sqrt(fit.noise.variance / 50)
     a = first.mean() + spread * stats.t(98).rvs(100_000, random_state=1)
-    b = 10 * a**2 + second.mean() + spread * stats.t(98).rvs(100_000, random_state=2)
+    b = 4 * a**2 + second.mean() + spread * stats.t(98).rvs(100_000, random_state=2)
     settings = {"draws": 2000, "chains": 2, "seed": 0, "executor": None, "jobs": 1, "progress": False}
     data = sampled(LogDensity(fit), (("a", "b"), ("", ""), lambda *x: cs.vertcat(*x)), **settings)
     ends = np.quantile(data.posterior["a"].values, [0.025, 0.975])
@@ -233,18 +233,18 @@ def test_samples_of_a_strongly_curved_fit_agree_with_its_profile_and_with_the_tr
 @pytest.mark.slow
 def test_samples_through_the_expansion_are_those_of_the_density_itself():
     """Blocks of measurements are expanded first; the chain corrects what the expansion leaves out."""
-    model = Model(BEAM)
-    record = FrequencyRecord(model, [1.9, 10.8, 30.6, 60.3], std=[0.04, 0.2, 0.6, 1.2])
-    fit = fit_beam(model, record, unknowns=["elastic_modulus", "clamp_stiffness"])
+    model = Model(BEAM.with_(tip_mass=1e-3))
+    record = FrequencyRecord(model, [1.6, 10.0, 28.6], std=[0.04, 0.2, 0.6])
+    fit = fit_beam(model, record, unknowns=["elastic_modulus", "tip_mass"])
     density = fit.log_density()
     assert density.solution is not None
-    settings = {"draws": 1000, "chains": 2, "seed": 0, "executor": None, "jobs": 1, "progress": False}
+    settings = {"draws": 400, "chains": 1, "seed": 0, "executor": None, "jobs": 1, "progress": False}
     named = (density.names, density.units, lambda *x: cs.vertcat(*x))
     both = [sampled(one, named, **settings).posterior for one in (density, LogDensity(density.fit))]
     for name in density.names:
-        first, second = (1 / one[name].values for one in both)
+        first, second = (one[name].values for one in both)
         shares = [0.05, 0.5, 0.95]
-        np.testing.assert_allclose(np.quantile(first, shares), np.quantile(second, shares), atol=0.15 * second.std())
+        np.testing.assert_allclose(np.quantile(first, shares), np.quantile(second, shares), atol=0.25 * second.std())
 
 
 @pytest.mark.slow

@@ -169,7 +169,8 @@ def test_a_log_normal_prior_weighs_the_logarithm_and_the_report_says_how_far_it_
 @pytest.mark.parametrize(
     ("prior", "message"),
     [
-        ((205e9, 0.1, "normal"), "must be a pair .mean, standard deviation., or .median, relative"),
+        ((205e9,), "must be a pair .mean, standard deviation., or .median, relative"),
+        ((205e9, 0.1, "normal"), "must be one of log-normal"),
         ((-205e9, 0.1, "log-normal"), "must be positive"),
         ((205e9, 0.0, "log-normal"), "must be positive"),
     ],

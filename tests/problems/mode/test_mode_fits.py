@@ -307,9 +307,9 @@ def test_priors_add_their_information_and_keep_what_they_hold():
     decay = Measurement(t, clean + 1e-3 * np.random.default_rng(0).standard_normal(len(t)))
     free = fit_mode(decay)
     error, value = free.standard_errors["frequency"], free.frequency
-    held = fit_mode(decay, priors={"frequency": (value, error), "damping_ratio": (0.02, 1e-6)})
+    held = fit_mode(decay, priors={"frequency": (value, error), "damping_ratio": (1 / 120, 1e-7)})
     assert held.standard_errors["frequency"] == pytest.approx(error / math.sqrt(2), rel=0.1)
-    assert held.damping_ratio == pytest.approx(0.02, rel=1e-3)
+    assert held.damping_ratio == pytest.approx(1 / 120, rel=1e-4)
     assert held.fit.data_shares["omega"] == pytest.approx(0.5, abs=0.1)
     with pytest.raises(InputError, match="priors"):
         fit_mode(decay, priors={"omega": (12.0, 0.1)})

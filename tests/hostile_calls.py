@@ -9,6 +9,7 @@ from decimal import Decimal
 from functools import cache
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 
 import casadi as cs
 import numpy as np
@@ -29,6 +30,13 @@ class Refused(Exception):
 
 def failing(*_, **__):
     raise Refused
+
+
+def drawn_samples():
+    """Stand-in for samples of a posterior distribution."""
+    values = np.random.default_rng(0).standard_normal((2, 2, 50))
+    columns = {name: SimpleNamespace(values=own, attrs={}) for name, own in zip("ab", values, strict=True)}
+    return SimpleNamespace(posterior=SimpleNamespace(data_vars=columns))
 
 
 class Other:
@@ -59,7 +67,7 @@ NOT_CALLED = frozenset(
     " Backbone Equilibrium LinearFrf Modes PeriodicMotion ReducedModel ReducedTrajectory ResponseCurve Trajectory"
     " DampingCurve LawCurve BeamFunctions MotionFunctions ReducedFunctions DecayFit DecayFits DecayModes"
     " CriticalLoad CriticalPoint DampedModes EquilibriumPath FrequencyMatch FrfFit ModeFit"
-    " IsolatedMode LawComparison MonteCarlo Plan RayleighFit RecordPrediction SavedFit"
+    " IsolatedMode LawComparison LogDensity MonteCarlo Plan RayleighFit RecordPrediction SavedFit"
     " StudyReport BeamFit".split()  # results, which the package makes
 )
 
@@ -319,7 +327,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         }),
         "fit_mode": (p.fit_mode, {
             "records": [record], "law": "linear", "frequency_law": "constant", "modal_constant": None,
-            "rest": "constant", "release_times": None, "ratio_bounds": (0.0, 0.9), "robust": False,
+            "rest": "constant", "release_times": None, "ratio_bounds": (0.0, 0.9), "priors": None, "robust": False,
         }),
         "fit_modes": (p.fit_modes, {
             "time": instants, "displacement": values + noise, "modes": 1, "offset": True, "release_time": 0.0,
@@ -362,6 +370,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
             "candidates": {"tones": p.PlannedRecord.natural_frequencies(model, [1, 2], std=0.01)},
             "unknowns": ["elastic_modulus"], "fixed": (), "priors": None, "before": None, "modes": 1, "harmonics": 3,
         }),
+        "corner_figure": (p.corner_figure, {"samples": drawn_samples()}),
         "monte_carlo": (p.monte_carlo, {"fit": fit, "runs": 2, "seed": 0, "method": "parametric"}),
         "reproduce": (p.reproduce, {"out": folder / "paper", "quick": True, "jobs": 1, "progress": False}),
         "run_study": (p.run_study, {

@@ -181,7 +181,7 @@ def fits(folder, model, record):
     return [
         decay, load_fit(folder / "fit.json"), decay.predict(record), beam, beam.predict(frequencies),
         tones, plan(model, {"tones": tones}, unknowns=["elastic_modulus"]),
-        fit_decays([record, record]), fit_modes(record, modes=1), fit_mode(record),
+        decay.log_density(), fit_decays([record, record]), fit_modes(record, modes=1), fit_mode(record),
         fit_rayleigh((1.0, 5.0, 9.0), (0.01, 0.02, 0.04)),
         fit_frf(FrfRecord(lines, receptance, "receptance"), frequencies=[2.0]), monte_carlo(decay, runs=2),
         match_frequencies(model.beam, targets=(1.9, 10.4), unknowns=[Global("thickness"), Global("density")]),

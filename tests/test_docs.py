@@ -43,6 +43,7 @@ SLOW = (  # pages that take more than about a second
     "how_to/own_optimiser.md",
     "how_to/paths.md",
     "how_to/plan.md",
+    "how_to/posterior.md",
     "how_to/response_curves.md",
     "how_to/several_records.md",
     "how_to/steady_vibration.md",

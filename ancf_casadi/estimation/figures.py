@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import scipy  # its packages are imported on first use
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
@@ -169,3 +170,46 @@ def _draw_channel(upper: Axes, lower: Axes, one: PredictedChannel, size: float, 
     lower.plot(one.places[order], rest[order], lw=0.6, marker="." if one.labels else "", color=colour)
     if one.labels and np.nanmin(computed) > 0.0 and np.nanmax(computed) > 10.0 * np.nanmin(computed):
         upper.set_yscale("log")
+
+
+@literal_text
+def drawn_corner(labels: Sequence[str], columns: Sequence[Array], shares: Sequence[float]) -> Figure:
+    """Draw histograms of samples on the diagonal, and pairs below it with contours about shares of the samples."""
+    n = len(columns)
+    figure = Figure(figsize=(1.5 + 1.7 * n, 1.2 + 1.7 * n), layout="constrained")
+    plots = figure.subplots(n, n, squeeze=False, sharex="col")
+    for i, row in enumerate(plots):
+        for j, axes in enumerate(row):
+            if j > i:
+                axes.remove()
+                continue
+            if j == i:
+                axes.hist(columns[i], bins="sqrt", color=COMPUTED, alpha=0.5)
+                for end in np.quantile(columns[i], [0.025, 0.975]).tolist():
+                    axes.axvline(end, ls=":", lw=0.8, color=MEASURED)
+            else:
+                _draw_pair(axes, columns[j], columns[i], shares)
+            axes.tick_params(labelsize=7, labelbottom=i == n - 1, labelleft=0 == j < i, axis="both")
+            axes.locator_params(nbins=4)
+            axes.ticklabel_format(useOffset=False)
+            axes.tick_params(axis="x", rotation=45)
+            if i == n - 1:
+                axes.set_xlabel(labels[j])
+            if j == 0 < i:
+                axes.set_ylabel(labels[i])
+            if j == i:
+                axes.set_yticks([])
+    return figure
+
+
+def _draw_pair(axes: Axes, x: Array, y: Array, shares: Sequence[float]) -> None:
+    """Draw samples of a pair, and the contours of a smooth density that contain shares of them."""
+    axes.plot(x, y, ".", ms=1, color=COMPUTED, alpha=0.3, rasterized=True)
+    points = np.array([x, y])
+    if np.linalg.matrix_rank(np.corrcoef(points), tol=1e-6) < 2:  # a line
+        return
+    kernel = scipy.stats.gaussian_kde(points)
+    levels = np.quantile(kernel(points), [1 - share for share in shares])
+    grid = np.meshgrid(*(np.linspace(own.min(), own.max(), 50) for own in points))
+    density = kernel(np.array([own.ravel() for own in grid])).reshape(grid[0].shape)
+    axes.contour(*grid, density, levels=levels, colors=MEASURED, linewidths=0.8)

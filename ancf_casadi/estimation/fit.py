@@ -176,6 +176,15 @@ class Fit:
         return dict(zip(self.names, errors.tolist(), strict=True))
 
     @property
+    def data_shares(self) -> dict[str, float]:
+        """Share of each unknown with a prior that the data determine, 1 - (standard error/std of the prior)^2.
+
+        It is 1 if the prior adds nothing, and 0 if the data add nothing; nan at a bound.
+        """
+        pairs = zip(self.unknowns, self.standard_errors.values(), strict=True)
+        return {one.name: float(np.maximum(1 - (error / one.prior_std) ** 2, 0.0)) for one, error in pairs if one.prior}
+
+    @property
     def correlations(self) -> Array:
         """Correlations (n, n); nan for unknowns at a bound, or if all residuals are zero."""
         with np.errstate(invalid="ignore"):
@@ -287,6 +296,11 @@ class Fit:
             f"of independent residuals {self.effective_samples:.0f}; {self.colour()}",
             f"{self.rank} of {len(self.names)} unknowns free of bounds, condition number {self.condition:.3g}",
             f"{self.status} after {self.iterations} iterations",
+            *(
+                f"{name}: the data determine {share:.0%}, the prior {1 - share:.0%}"
+                for name, share in self.data_shares.items()
+                if math.isfinite(share)
+            ),
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -300,6 +314,8 @@ class Fit:
             "interval_95": self.intervals().tolist(),
             "bounds": [(own.lower, own.upper) for own in self.unknowns],
             "at_bound": self.active_bounds.tolist(),
+            "prior": [(own.prior[0], own.prior_std) if own.prior else None for own in self.unknowns],
+            "data_share": [self.data_shares.get(name) for name in self.names],
         }
         data = {
             "unknowns": [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)],

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -21,11 +22,13 @@ from ancf_casadi.estimation.agreement import Agreement, agreement_of_parts
 from ancf_casadi.estimation.block import Account
 from ancf_casadi.estimation.fit import Fit, colour_warning
 from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, Quantities, profile_interval
+from ancf_casadi.estimation.posterior.log_density import LogDensity
 from ancf_casadi.estimation.prediction import PredictedChannel
 from ancf_casadi.estimation.solve import FitSolution
 from ancf_casadi.estimation.solver.least_squares import refitted
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Reported, Table, finite, known
 
 Interval = tuple[float, float]
@@ -270,6 +273,64 @@ class LeastSquaresResult(FitResult):
         values = np.asarray(cs.evalf(cs.densify(of(*map(cs.MX, x.tolist()))))).ravel()
         return np.asarray(values[self._estimated])
 
+    def log_density(self) -> LogDensity:
+        """Return the logarithm of the posterior density of the unknowns of the fit, with its exact gradient.
+
+        Raises
+        ------
+        InputError
+            If there is no scatter.
+        """
+        return LogDensity(self.fit)
+
+    @lasting_interrupts()
+    def sample(
+        self,
+        draws: int = 500,
+        *,
+        chains: int = 4,
+        seed: int = 0,
+        executor: Executor | None = None,
+        jobs: int = 1,
+        progress: bool = False,
+    ) -> Any:
+        """Draw samples of the posterior distribution of the estimates with nutpie.
+
+        Parameters
+        ----------
+        draws : int
+            Number of draws of each chain, at least 4.
+        chains : int
+            Number of chains, which start at different points; two or more show whether they agree.
+        seed : int
+            Seed of the draws.
+        executor, jobs, progress
+            As in ``run_all``; the chains run in parallel.  With ``jobs`` above 1 a script must call this under
+            ``if __name__ == "__main__":``.
+
+        Returns
+        -------
+        arviz.InferenceData
+            The groups ``posterior``, with each estimate by name, and ``sample_stats``.
+
+        Raises
+        ------
+        InputError
+            If a number is not usable, there is no scatter, or nutpie or ArviZ is not installed.
+
+        Warns
+        -----
+        RuntimeWarning
+            If the chains have not converged.
+        """
+        from ancf_casadi.estimation.posterior.sampling import sampled  # only here
+
+        names, units, of = self.quantities
+        own = self._estimated
+        named = [names[k] for k in own], [units[k] for k in own], lambda *x: of(*x)[own]
+        settings: dict[str, Any] = {"seed": seed, "executor": executor, "jobs": jobs, "progress": progress}
+        return sampled(self.log_density(), named, draws=draws, chains=chains, **settings)
+
     def table(self) -> Table:
         """Return the estimates with units, standard errors and 95 % intervals."""
         return replace(super().table(), notes=self.fit.lines())
@@ -284,6 +345,10 @@ class BlocksResult(LeastSquaresResult):
     """The result of a fit of blocks of measurements."""
 
     solution: FitSolution  # of ``fit``
+
+    def log_density(self) -> LogDensity:
+        """Return the logarithm of the posterior density of the unknowns of the fit, with its exact gradient."""
+        return LogDensity(self.fit, self.solution)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without Functions; the solution has the fit, and derives them again."""

@@ -1,9 +1,9 @@
 """Estimation from any mix of measurements: one loop over blocks of residuals.
 
-With the residuals r_b of the blocks b (``block``), in standard deviations, and priors (mean x_0, standard deviation s)
-of some unknowns, a fit minimises
+With the residuals r_b of the blocks b (``block``), in standard deviations, and the distances p of some unknowns from
+their priors in standard deviations, (x - x_0)/s or log(x/x_0)/s (``Unknown.prior_residual``), a fit minimises
 
-    1/2 sum_b |G r_b|^2 + 1/2 sum (G (x - x_0)/s)^2,    log G = sum m_b log G_b / sum m_b.
+    1/2 sum_b |G r_b|^2 + 1/2 sum (G p)^2,    log G = sum m_b log G_b / sum m_b.
 
 The common factor G, the geometric mean of all standard deviations that the blocks found in their data, keeps the
 likelihood of the normal distribution, so that fits of several laws can be compared by their sums of squares.
@@ -106,7 +106,7 @@ class FitProblem:
         def residuals(*values: cs.MX) -> cs.MX:
             given = dict(zip((unknown.name for unknown in self.unknowns), values, strict=True))
             parts = [one.residuals(given) for one in evaluations]
-            parts += [(given[u.name] - u.prior[0]) / u.prior[1] for u in self._priors if u.prior]
+            parts += [unknown.prior_residual(given[unknown.name]) for unknown in self._priors]
             return self.scale * cs.vertcat(*parts)
 
         return residuals

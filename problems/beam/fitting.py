@@ -64,6 +64,7 @@ from problems.beam.unknowns import (
     LOADS,
     NATURAL_FREQUENCIES,
     Bounds,
+    Priors,
     mode_of,
     of_curves,
     of_law,
@@ -85,7 +86,7 @@ def fit_beam(
     unknowns: Sequence[str] | None = None,
     fixed: Sequence[str] = (),
     bounds: Bounds | None = None,
-    priors: Bounds | None = None,
+    priors: Priors | None = None,
     robust: bool = False,
     tolerance: float | None = None,
     modes: int | None = None,
@@ -121,7 +122,8 @@ def fit_beam(
         springs from a hundredth, to a hundred times, clamps from 0.01 to 1e5 E I/L, a natural curvature or prestress
         up to ten times to either side; natural frequencies within 10 %; excitations from 0.5 to 1.5; loads unbounded.
     priors : mapping, optional
-        Mean and standard deviation of an unknown by name before the fit, SI units: ``{"excitation": (1, 0.01)}``.
+        Mean and standard deviation of an unknown by name before the fit, SI units: ``{"excitation": (1, 0.01)}``; or
+        median and relative standard deviation of a positive one: ``{"tip_mass": (0.01, 0.1, "log-normal")}``.
     robust : bool
         Whether to use the pseudo-Huber loss, which limits the influence of outliers.
     tolerance : float, optional

@@ -27,6 +27,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +37,7 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_keys, choices, positive
+from ancf_casadi.support.inputs import check_keys, choice, choices, is_sequence, positive
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.record import Channel, MotionRecord, two_numbers
@@ -53,6 +54,8 @@ LOADS = tuple(f"start_{name}" for name in START_LOAD_NAMES)
 GROUPS = (NATURAL_FREQUENCIES, COMMON, EACH, BASE_AMPLITUDE, *LOADS)
 
 Bounds = Mapping[str, tuple[float, float]]
+Priors = Mapping[str, tuple[float, float] | tuple[float, float, str]]
+LOG_NORMAL = "log-normal"  # third entry of a prior of the logarithm
 
 
 def base_name(name: str, number: int) -> str:
@@ -114,7 +117,7 @@ def mode_of(record: ResponseRecord, frequencies: Array) -> int:
     return int(np.argmin(np.abs(np.log(frequencies / _peak(record)))))
 
 
-def restricted(unknowns: Sequence[Unknown], bounds: Bounds, priors: Bounds) -> list[Unknown]:
+def restricted(unknowns: Sequence[Unknown], bounds: Bounds, priors: Priors) -> list[Unknown]:
     """Return the unknowns with the bounds and the priors that the user gave."""
     names = {unknown.name for unknown in unknowns}
     check_keys(dict(bounds), set(), names, "bounds")
@@ -122,11 +125,10 @@ def restricted(unknowns: Sequence[Unknown], bounds: Bounds, priors: Bounds) -> l
     return [_restricted(unknown, bounds, priors) for unknown in unknowns]
 
 
-def _restricted(unknown: Unknown, bounds: Bounds, priors: Bounds) -> Unknown:
+def _restricted(unknown: Unknown, bounds: Bounds, priors: Priors) -> Unknown:
     name = unknown.name
     if name in priors:
-        mean, std = two_numbers(priors[name], f"priors: {name}", "(mean, standard deviation)")
-        unknown = replace(unknown, prior=(mean, positive(std, f"priors: {name}")))
+        unknown = with_prior(unknown, priors[name])
     if name not in bounds:
         return unknown
     lower, upper = two_numbers(bounds[name], f"bounds: {name}")
@@ -135,6 +137,19 @@ def _restricted(unknown: Unknown, bounds: Bounds, priors: Bounds) -> Unknown:
     if unknown.reciprocal:
         lower = max(lower, unknown.lower / 100)  # a stiffness of zero has no reciprocal
     return replace(unknown, lower=lower, upper=upper)
+
+
+def with_prior(unknown: Unknown, given: Any) -> Unknown:
+    """Return an unknown with a prior: mean and standard deviation, or median, relative one and "log-normal"."""
+    where, names = f"priors: {unknown.name}", "(mean, standard deviation)"
+    if not (is_sequence(given) and len(given) == 3):
+        mean, std = two_numbers(given, where, f'{names}, or (median, relative standard deviation, "{LOG_NORMAL}")')
+        return replace(unknown, prior=(mean, positive(std, where)))
+    choice(given[2], [LOG_NORMAL], where)
+    mean, std = (positive(value, where) for value in given[:2])
+    if unknown.lower < 0.0:
+        raise InputError(f"may be negative, and a {LOG_NORMAL} quantity may not; give it a lower bound of 0", where)
+    return replace(unknown, prior=(mean, std), relative_prior=True)
 
 
 def _of_parameter(name: str, parameter: Parameter) -> Unknown:

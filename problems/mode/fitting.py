@@ -16,6 +16,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from types import NoneType
 from typing import Any, get_args
 
 import numpy as np
@@ -29,10 +30,11 @@ from ancf_casadi.estimation.solver.unknown import Unknown, started
 from ancf_casadi.exceptions import FitError, InputError, NumericsError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import root_mean_square
-from ancf_casadi.support.inputs import choice, flag, is_sequence, numbers, physical, shown
+from ancf_casadi.support.inputs import check_instance, check_keys, choice, flag, is_sequence, numbers, physical, shown
 from problems.beam.curves.checks import level_notes, oriented, phase_locked
 from problems.beam.curves.record import ResponseRecord
-from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law
+from problems.beam.unknowns import Priors, with_prior
+from problems.decay.laws import NOT_AT_ZERO, RATIO_BOUNDS, DecayModel, Law
 from problems.decay.result import DecayFit
 from problems.decay.solution import as_record, fit_one
 from problems.mode.curves import ModeCurveBlock, constant_unit, curves_of_mode
@@ -53,6 +55,7 @@ def fit_mode(
     rest: Rest = "constant",
     release_times: Sequence[float] | None = None,
     ratio_bounds: tuple[float, float] = RATIO_BOUNDS,
+    priors: Priors | None = None,
     robust: bool = False,
 ) -> ModeFit:
     """Fit one mode to free decays and response curves together, without a model of the structure.
@@ -73,6 +76,10 @@ def fit_mode(
         As in ``fit_decay``.
     release_times : sequence of float, optional
         Start of the free decay in each decay, s; detected if not given.
+    priors : mapping, optional
+        What is known of an unknown before the fit, by its name in ``fit.fit.names`` or as ``frequency`` (Hz, at zero
+        amplitude) or ``damping_ratio`` (linear law): mean and standard deviation, or median, relative standard
+        deviation and ``"log-normal"``: ``{"modal_constant": (0.5, 0.02, "log-normal")}``.
     robust : bool
         Whether to use the pseudo-Huber loss, which limits the influence of outliers.
 
@@ -99,6 +106,7 @@ def fit_mode(
     choice(law, get_args(Law), "law")
     choice(frequency_law, get_args(FrequencyLaw), "frequency_law")
     robust = flag(robust, "robust")
+    check_instance(priors, "priors", Mapping, NoneType)
     known = None if modal_constant is None else physical(modal_constant, "modal_constant")
     stated = DecayModel(law, rest, frequency_law, ratio_bounds)
     releases = [None] * len(decays) if release_times is None else numbers(release_times, "release_times")
@@ -116,13 +124,14 @@ def fit_mode(
             "modal_constant each; add a decay or points beside the resonance, or give modal_constant"
         )
     problem, starts, model, laws = _stated(stated, decays, alone, curves, known, robust)
+    problem = replace(problem, unknowns=tuple(_with_priors(problem.unknowns, priors or {}, stated)))
     try:
         solution = solve(problem, starts)
     except FitError as error:
         raise FitError("; ".join([*notes, str(error)]), error.stats) from None
     largest = max([*(one.amplitude for one in alone), *(float(motion_amplitudes(one).max()) for one in curves)])
     again = partial(fit_mode, law=law, frequency_law=frequency_law, modal_constant=modal_constant,
-                    rest=rest, ratio_bounds=ratio_bounds, robust=robust)  # fmt: skip
+                    rest=rest, ratio_bounds=ratio_bounds, priors=priors, robust=robust)  # fmt: skip
     return ModeFit(solution.fit, solution, model, stated, laws, largest, notes, again=again)
 
 
@@ -193,6 +202,26 @@ def _stated(
                      for one in units if free]  # fmt: skip
         blocks.append(_weighed(curves_of_mode(model, curves, shared, names, known), best))
     return FitProblem(tuple(blocks), tuple(unknowns), robust), starts, model, shared
+
+
+def _with_priors(unknowns: Sequence[Unknown], priors: Priors, model: DecayModel) -> list[Unknown]:
+    """Return the unknowns with priors, also of the frequency and of the damping ratio that a name stands for."""
+    factors = {one.name: (one.name, 1.0) for one in unknowns}
+    if model.frequency_law not in NOT_AT_ZERO:
+        factors["omega"] = ("frequency", 2 * math.pi)
+    if model.law == "linear":
+        factors["zeta"] = ("damping_ratio", 1.0)
+    check_keys(dict(priors), set(), {*factors, *(name for name, _ in factors.values())} - {"omega", "zeta"}, "priors")
+    found = []
+    for one in unknowns:
+        name, factor = factors[one.name]
+        if name in priors:
+            own = with_prior(replace(one, name=name), priors[name])
+            mean, std = own.prior or (0.0, 1.0)
+            std = std if own.relative_prior else factor * std
+            one = replace(one, prior=(factor * mean, std), relative_prior=own.relative_prior)
+        found.append(one)
+    return found
 
 
 def _weighed(block: ModeCurveBlock, start: Mapping[str, float]) -> ModeCurveBlock:

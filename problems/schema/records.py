@@ -78,7 +78,8 @@ RECORD_KEYS = """\
                 "thickness[1:5]"; "base_amplitude"; "start_force_x",
                 "start_force_y", "start_moment" and their _rate),
                 fixed (names of parameters of the law), bounds = {NAME = [LOW,
-                HIGH]}, priors = {NAME = [MEAN, STD]}, robust (true or false),
+                HIGH]}, priors = {NAME = [MEAN, STD]} (or [MEDIAN,
+                RELATIVE STD, "log-normal"]), robust (true or false),
                 tolerance;
                 laws = [[1], [1, 2]]: for compare-laws, the tables [[damping]]
                 of each law (default: each alone, and all together)

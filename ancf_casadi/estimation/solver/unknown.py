@@ -26,6 +26,7 @@ class Unknown:
     unit: str = ""  # SI, for reports
     reciprocal: bool = False  # solve for 1/x, in which the data are nearly linear, as in that of a stiffness
     prior: tuple[float, float] | None = None  # mean and standard deviation that are known without the data
+    relative_prior: bool = False  # that of a normal logarithm: median, and relative standard deviation
     curved: bool = False  # far from linear, so that intervals of derived quantities follow its likelihood; one in a fit
 
     def __post_init__(self) -> None:
@@ -37,6 +38,17 @@ class Unknown:
             raise InputError(f"the guess {self.guess:g} is not within [{self.lower:g}, {self.upper:g}]", self.name)
         if self.reciprocal and not self.lower > 0.0:
             raise InputError(f"the lower bound {self.lower:g} must be positive", self.name)
+
+    @property
+    def prior_std(self) -> float:
+        """Standard deviation of the prior in the unit of the unknown, to first order; infinite without one."""
+        mean, std = self.prior or (1.0, math.inf)
+        return std * mean if self.relative_prior else std
+
+    def prior_residual(self, x: cs.MX) -> cs.MX:
+        """Return the distance of a value from its prior in standard deviations: (x - m)/s, or log(x/m)/s."""
+        mean, std = self.prior or (0.0, math.inf)
+        return (cs.log(x / mean) if self.relative_prior else x - mean) / std
 
 
 @dataclass(frozen=True, eq=False)

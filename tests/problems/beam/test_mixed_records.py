@@ -149,6 +149,38 @@ def test_a_prior_counts_as_one_more_measurement(first):
     assert far.estimates["elastic_modulus"] == pytest.approx(210e9, rel=1e-5)
 
 
+def test_a_log_normal_prior_weighs_the_logarithm_and_the_report_says_how_far_it_determines_the_unknown(first):
+    frequencies = natural_modes(first, count=3).frequencies
+    record = FrequencyRecord(first, frequencies, std=5e-3 * frequencies)
+    free = fit_beam(first, record, unknowns=["elastic_modulus"])
+    alone = free.standard_errors["elastic_modulus"]
+    assert not free.fit.data_shares
+    held = fit_beam(
+        first, record, unknowns=["elastic_modulus"], priors={"elastic_modulus": (205e9, 0.01, "log-normal")}
+    )
+    assert held.standard_errors["elastic_modulus"] == pytest.approx((alone**-2 + 2.05e9**-2) ** -0.5, rel=0.02)
+    share = alone**-2 / (alone**-2 + 2.05e9**-2)
+    assert held.fit.data_shares["elastic_modulus"] == pytest.approx(share, rel=0.05)
+    assert f"the data determine {held.fit.data_shares['elastic_modulus']:.0%}" in held.report()
+    own = held.to_dict()["fit"]["unknowns"][0]
+    assert own["prior"] == pytest.approx((205e9, 2.05e9)) and own["data_share"] == pytest.approx(share, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("prior", "message"),
+    [
+        ((205e9,), "must be a pair .mean, standard deviation., or .median, relative"),
+        ((205e9, 0.1, "normal"), "must be one of log-normal"),
+        ((-205e9, 0.1, "log-normal"), "must be positive"),
+        ((205e9, 0.0, "log-normal"), "must be positive"),
+    ],
+)
+def test_priors_that_are_none_are_refused(first, prior, message):
+    record = FrequencyRecord(first, natural_modes(first, count=2).frequencies)
+    with pytest.raises(InputError, match=f"priors: elastic_modulus: {message}"):
+        fit_beam(first, record, unknowns=["elastic_modulus"], priors={"elastic_modulus": prior})
+
+
 def test_the_modulus_of_some_elements_is_an_unknown(first):
     """The first two elements are 20 % stiffer; three frequencies tell them from the others."""
     beam = first.beam.with_(elastic_modulus=[1.2 * 205e9] * 2 + [205e9] * 2)

@@ -298,3 +298,18 @@ def test_a_fit_with_most_unknowns_at_bounds_is_no_result():
     record = ResponseRecord(f, np.abs(values), np.where(f < 10.0, 0.0, -np.pi) + ahead, excitation_unit="N")
     with pytest.raises(FitError, match="3 of 4 unknowns end at their bounds"):
         fit_mode(record, law="friction", modal_constant=1.0)
+
+
+def test_priors_add_their_information_and_keep_what_they_hold():
+    """Of the frequency as of any unknown: the variances combine as 1/s^2 + 1/s_0^2."""
+    t = np.linspace(0.0, 5.0, 251)
+    clean = 0.02 * np.exp(-0.1 * t) * np.cos(12.0 * t)
+    decay = Measurement(t, clean + 1e-3 * np.random.default_rng(0).standard_normal(len(t)))
+    free = fit_mode(decay)
+    error, value = free.standard_errors["frequency"], free.frequency
+    held = fit_mode(decay, priors={"frequency": (value, error), "damping_ratio": (1 / 120, 1e-7)})
+    assert held.standard_errors["frequency"] == pytest.approx(error / math.sqrt(2), rel=0.1)
+    assert held.damping_ratio == pytest.approx(1 / 120, rel=1e-4)
+    assert held.fit.data_shares["omega"] == pytest.approx(0.5, abs=0.1)
+    with pytest.raises(InputError, match="priors"):
+        fit_mode(decay, priors={"omega": (12.0, 0.1)})

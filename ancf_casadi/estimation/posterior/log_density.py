@@ -1,0 +1,328 @@
+"""The density of the posterior distribution of the unknowns of a fit, with its exact gradient.
+
+With the residuals r(y) of m measured values, their Jacobian J at the estimates y_e, and its QR decomposition J = q T,
+the noise has the variances
+
+    P = q' R q/w^2 + m e^2 I    in the directions q of the n fitted columns,    v = tr P/n    in all others,
+
+with R, w and e as in ``fit``.  For white noise all of them are s^2.  With psi the derivatives of the loss L of the
+residuals (``loss``; psi = r and w = 1 for least squares), the sum of squares
+
+    Q(y) = 2 (L(y) - L(y_e))/(v w) + (u(y)' K u(y) - u(y_e)' K u(y_e)),    u = q' psi/w,    K = P^-1 - I/v,
+
+has its minimum at the estimates, where its second derivatives are J' q P^-1 q' J, the inverse of the covariance of the
+fit.  (Under the Huber loss, D = diag(psi') and M = q' D q/w, K is M^-1 (P^-1 - q' D q/(v w)) M^-1.)  The variances come
+from the residuals, with f degrees of freedom (``noise``).  Integrated over a common factor of all variances with the
+density 1/s^2, the likelihood of the normal distribution becomes that of Student's,
+
+    log p(y | data) = -(f + n)/2 log(1 + Q(y)/f),
+
+which for linear residuals gives the intervals of the fit exactly, and for large f is -Q/2.
+
+Where p of the unknowns have priors, m counts the measured values alone, (f + n)/2 becomes (f + n - p)/2, and the
+density is multiplied by those of the priors.  The estimates weigh priors by the standard deviations of the blocks; if
+the noise differs from these, or is coloured, the maximum of the density is beside them.
+
+An unknown without a prior has a constant density within its bounds.  Stiffnesses of a beam and of its clamps
+(``Unknown.reciprocal``) have it in the compliance, y = 1/x, in which a rigid clamp is no more than the point 0.
+
+Samplers work with coordinates z without bounds:
+
+    y = z                                                    without bounds,
+    y = a + s log(1 + e^z)    or    b - s log(1 + e^z)       with one,
+    y = a + s log((1 + e^z)/(1 + e^(z - R))),    R = (b - a)/s    with two,
+
+with s the standard error of y, at most a quarter of b - a.  Within less than s of a bound this is the transformation by
+the logarithm; far from bounds it is linear, and leaves a normal distribution as it is.
+The density of z is that of y times the Jacobian determinant, the product of the derivatives dy_k/dz_k.
+
+References
+----------
+M. Ribatet, D. Cooley, A. C. Davison, Bayesian inference from composite likelihoods, with an application to spatial
+extremes, Statistica Sinica 22 (2012), for densities whose curvature agrees with the covariance of an estimate.
+A. Gelman et al., Bayesian Data Analysis, 3rd ed., CRC Press (2013), Section 14.2, for the variance integrated out.
+B. Carpenter et al., Stan: A probabilistic programming language, Journal of Statistical Software 76 (2017), for
+transformations.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as cs
+import numpy as np
+import scipy  # its packages are imported on first use
+
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, moves
+from ancf_casadi.estimation.solve import FitSolution
+from ancf_casadi.estimation.solver.loss import influence, loss_value, row_weights
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.compilation import evaluated
+from ancf_casadi.support.inputs import array
+from ancf_casadi.support.interrupts import delayed_interrupts
+from ancf_casadi.support.tables import Displayed
+
+
+@dataclass(frozen=True, eq=False)
+class LogDensity(Displayed):
+    """The logarithm of the posterior density of the unknowns of a fit, in coordinates without bounds.
+
+    It is known up to a constant, and can be pickled.
+
+    Parameters
+    ----------
+    fit : Fit
+        The estimates, the noise, and the residuals with their exact derivatives.
+    solution : FitSolution, optional
+        The blocks of measurements that the residuals come from.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Measurement
+    >>> from problems import fit_decay
+    >>> time = np.linspace(0.0, 10.0, 1001)
+    >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+    >>> record = Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise)
+    >>> density = fit_decay(record).log_density()
+    >>> density.names
+    ('omega', 'zeta', 'e0', 'phase', 'offset')
+    >>> value, gradient = density.value_and_gradient(density.start)
+    >>> gradient.shape, bool(density.value(density.start + density.scale[:, 0]) < value)
+    ((5,), True)
+    """
+
+    fit: Fit
+    solution: FitSolution | None = None
+
+    def __post_init__(self) -> None:
+        """Check that the residuals scatter."""
+        if not (self.fit.noise.freedom > 0.0 and self.fit.noise.variance + self.fit.systematic > 0.0):
+            raise InputError(
+                "has no scatter: the residuals are zero, or no more than the unknowns; use more data", "fit"
+            )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle blocks without Functions; the solution derives them again."""
+        return (LogDensity, (self.fit,)) if self.solution is None else (_of_solution, (self.solution,))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the n unknowns."""
+        return self.fit.names
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each unknown."""
+        return self.fit.units
+
+    @cached_property
+    def start(self) -> Array:
+        """Coordinates (n,) of the estimates; where a bound is within one standard error, of a point that far from it.
+
+        The other unknowns move as their correlations say.
+        """
+        fit, y = self.fit, self.fit.values + self._steps.sum(axis=1) / max(len(self.fit.at_bound), 1)
+        for k in np.flatnonzero(~fit.active_bounds).tolist():
+            short = self._errors[k] - np.array([y[k] - fit.lower[k], fit.upper[k] - y[k]])
+            move = float(max(short[0], 0.0) - max(short[1], 0.0))
+            y = y + np.nan_to_num(fit.covariance[:, k]) / fit.covariance[k, k] * move
+        # a tenth of the room that is left at a bound
+        return self._free(np.clip(y, *(fit.values + 0.9 * (end - fit.values) for end in (fit.lower, fit.upper))))
+
+    @cached_property
+    def scale(self) -> Array:
+        """Square root (n, n) of the covariance of the coordinates, a lower triangle; columns are changes of them."""
+        own = np.sqrt(np.diag(self.covariance))
+        root = np.linalg.cholesky(self.covariance / np.outer(own, own))
+        return np.asarray(root * (self._errors / self.slopes(self.start))[:, None])
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (n, n) of the bounded coordinates, also of those at a bound."""
+        return np.asarray(np.nan_to_num(self.fit.covariance) + self._steps @ self._steps.T)
+
+    @property
+    def _errors(self) -> Array:
+        """Standard errors (n,) of the bounded coordinates, at most a quarter of their range."""
+        return np.minimum(np.sqrt(np.diag(self.covariance)), (self.fit.upper - self.fit.lower) / 4)
+
+    def unknowns(self, x: Array) -> Array:
+        """Return the unknowns (..., n), SI units, at coordinates (..., n)."""
+        return self.fit.coordinates.unknowns(self.bounded(x))
+
+    def coordinates(self, unknowns: Array) -> Array:
+        """Return the coordinates (n,) of unknowns (n,) in SI units, which are within their bounds.
+
+        Raises
+        ------
+        InputError
+            If the unknowns are not n numbers within their bounds.
+        """
+        given = self._each(unknowns, "unknowns")
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            found = self._free(self.fit.coordinates.unknowns(given))  # a reciprocal is its own inverse
+        if not np.isfinite(found).all():
+            raise InputError("must be within their bounds", "unknowns")
+        return found
+
+    def log_jacobian(self, x: Array) -> float:
+        """Return the logarithm of the Jacobian determinant from the coordinates (n,) to the bounded unknowns."""
+        with np.errstate(divide="ignore"):
+            return float(np.sum(np.log(np.abs(self.slopes(x)))))
+
+    def value(self, x: Array) -> float:
+        """Return the logarithm of the density at coordinates (n,); minus infinity where it cannot be computed."""
+        x = self._each(x, "x")
+        r, *_ = self._evaluated(self._residuals, x)
+        if not np.isfinite(r).all():
+            return -math.inf
+        return self._of(r)[0] + self._prior(x)[0] + self.log_jacobian(x)
+
+    def value_and_gradient(self, x: Array) -> tuple[float, Array]:
+        """Return the logarithm of the density at coordinates (n,), and its gradient (n,) by them.
+
+        Where the density cannot be computed, they are minus infinity and zeros.
+        """
+        x = self._each(x, "x")
+        r, jacobian = self._evaluated(self.fit.model, x)
+        if not (np.isfinite(r).all() and np.isfinite(jacobian).all()):
+            return -math.inf, np.zeros(len(x))
+        value, by_residuals = self._of(r)
+        prior, by_prior = self._prior(x)
+        sign, _, _, size = self._ends
+        # gradient of the logarithm of the Jacobian determinant
+        bend = np.where(sign == 0.0, 0.0, scipy.special.expit(-x) - scipy.special.expit(x - size))
+        gradient = (jacobian[: len(by_residuals)].T @ by_residuals / self.fit.scale + by_prior) * self.slopes(x)
+        return value + prior + self.log_jacobian(x), gradient + bend
+
+    def _prior(self, x: Array) -> tuple[float, Array]:
+        """Return the logarithm of the density of the priors, and its derivatives (n,) by the bounded coordinates."""
+        value, gradient, y = 0.0, np.zeros(len(x)), self.bounded(x)
+        values, slopes = self.unknowns(x), self.fit.coordinates.slopes(y)
+        for k, unknown in enumerate(self.fit.unknowns):
+            if unknown.prior:
+                (mean, std), own = unknown.prior, float(values[k])
+                far, slope, power = (own - mean) / std, 1 / std, 2.0 * unknown.reciprocal
+                if unknown.relative_prior:
+                    far, slope, power = math.log(own / mean) / std, 1 / (std * own), power - 1.0
+                # the density of y = x or 1/x is that of p times |dp/dy|, which is proportional to x^power
+                value += power * math.log(own) - far**2 / 2 if power else -(far**2) / 2
+                gradient[k] = (power / own if power else 0.0) - far * slope
+        return value, gradient * slopes
+
+    def _evaluated(self, function: cs.Function, x: Array) -> list[Array]:
+        """Return the outputs of a Function at coordinates (n,); nan where they cannot be computed."""
+        y = self.bounded(x)
+        try:
+            with warnings.catch_warnings(), delayed_interrupts():
+                warnings.simplefilter("ignore", RuntimeWarning)  # of a motion that cannot be computed
+                if np.isfinite(y).all() and np.isfinite(self.slopes(x)).all():
+                    return evaluated(function, y / self.fit.scale)
+        except RuntimeError:
+            pass
+        return [np.full(function.size_out(k), math.nan) for k in range(function.n_out())]
+
+    def _of(self, residuals: Array) -> tuple[float, Array]:
+        """Return the logarithm of the likelihood, and its derivatives (m,) by the residuals of measured values."""
+        f, d = self.fit.noise.freedom, self.fit.huber
+        n = len(self.names) - self._prior_count
+        v, w, basis, weights, least = self._quadratic
+        r = residuals.ravel()[: len(basis)]
+        psi = influence(r, d)[0]
+        u = basis.T @ psi / w
+        square = 2 * loss_value(r, d) / (v * w) + float(u @ weights @ u) - least
+        by_residuals = 2 / w * (psi / v + row_weights(r, d) ** 2 * (basis @ (weights @ u)))
+        if math.isinf(f):
+            return -square / 2, -by_residuals / 2
+        if square < 0.0:  # below the least of a fit that did not quite reach it
+            return -(f + n) / (2 * f) * square, -(f + n) / (2 * f) * by_residuals
+        return -(f + n) / 2 * math.log1p(square / f), -(f + n) / (2 * (f + square)) * by_residuals
+
+    @property
+    def _prior_count(self) -> int:
+        """Number of priors, whose distances are the last residuals."""
+        return sum(unknown.prior is not None for unknown in self.fit.unknowns)
+
+    @cached_property
+    def _residuals(self) -> cs.Function:
+        """The residuals without their Jacobian."""
+        z = cs.MX.sym("z", len(self.names))
+        return cs.Function("residuals_alone", [z], [self.fit.model.call([z], True, False)[0]])
+
+    @cached_property
+    def _quadratic(self) -> tuple[float, float, Array, Array, float]:
+        """The variance v, the mean curvature w, the basis q (m, n), the matrix K (n, n), and Q at the estimates."""
+        fit = self.fit
+        free = ~fit.active_bounds
+        order, m = np.argsort(fit.active_bounds, kind="stable"), len(fit.residuals) - self._prior_count
+        residuals = fit.residuals[:m]
+        basis = np.linalg.qr((fit.jacobian * fit.scale)[:m, order])[0]
+        psi, w = influence(residuals, fit.huber)
+        n, free = basis.shape[1], free[order][: basis.shape[1]]
+        P = fit.noise.form(np.pad(basis, [(0, self._prior_count), (0, 0)])) / w**2 + m * fit.systematic**2 * np.eye(n)
+        P[np.not_equal.outer(free, free)] = 0.0  # so that the score of one at a bound moves no other
+        v, rows = float(np.trace(P)) / n, row_weights(residuals, fit.huber)[:, None] * basis
+        M = rows.T @ rows / w
+        K = np.linalg.solve(M, np.linalg.solve(M, np.linalg.inv(P) - M / v).T)
+        u = basis.T @ psi / w
+        return v, w, basis, K, 2 * loss_value(residuals, fit.huber) / (v * w) + float(u @ K @ u)
+
+    @cached_property
+    def _steps(self) -> Array:
+        """Changes (n, b) of all unknowns when each of the b ones at a bound moves inwards by one standard error."""
+        fit, found = self.fit, moves(self.fit, CONFIDENCE_LEVEL) / self.fit.quantile(CONFIDENCE_LEVEL)
+        for step, k in zip(found.T, np.flatnonzero(fit.active_bounds).tolist(), strict=True):
+            if not math.isfinite(step[k]):  # the data do not depend on it
+                step[k] = math.copysign(min(fit.scale[k], fit.upper[k] - fit.lower[k]), step[k])
+            # other unknowns stay within their bounds, with a half of the room that they have
+            room = np.where(step > 0.0, fit.upper - fit.values, fit.values - fit.lower) / 2
+            step *= min(1.0, float(np.min(room[step != 0.0] / np.abs(step[step != 0.0]))))
+        return found
+
+    @cached_property
+    def _ends(self) -> tuple[Array, Array, Array, Array]:
+        """Sign of each coordinate (0 without bounds), the bound that it counts from, its unit s, and the range R."""
+        low, high = self.fit.lower, self.fit.upper
+        below, above = np.isfinite(low), np.isfinite(high)
+        sign, origin = np.where(below, 1.0, np.where(above, -1.0, 0.0)), np.where(below, low, high)
+        return sign, np.where(below | above, origin, 0.0), self._errors, (high - low) / self._errors
+
+    def bounded(self, x: Array) -> Array:
+        """Return the coordinates of the solver (..., n)."""
+        sign, origin, unit, size = self._ends
+        with np.errstate(invalid="ignore"):
+            w = np.logaddexp(0.0, x) - np.logaddexp(0.0, x - size)
+        return np.asarray(np.where(sign == 0.0, x, origin + sign * unit * w))
+
+    def _free(self, y: Array) -> Array:
+        """Return the coordinates without bounds (..., n) of those of the solver."""
+        sign, origin, unit, size = self._ends
+        w = np.where(sign == 0.0, 1.0, sign * (y - origin) / unit)
+        return np.asarray(np.where(sign == 0.0, y, w + np.log1p(-np.exp(-w)) - np.log1p(-np.exp(w - size))))
+
+    def slopes(self, x: Array) -> Array:
+        """Return the derivatives (n,) of the coordinates of the solver by those without bounds."""
+        sign, _, unit, size = self._ends
+        slope = scipy.special.expit(x) * scipy.special.expit(size - x) * -np.expm1(-size)
+        return np.asarray(np.where(sign == 0.0, 1.0, sign * unit * slope))
+
+    def _each(self, values: Array, where: str) -> Array:
+        """Return one number for each unknown (n,)."""
+        given = array(values, where, finite=where != "x")  # samplers may go very far
+        if given.shape != (len(self.names),):
+            raise InputError(f"must be {len(self.names)} numbers, for {', '.join(self.names)}", where)
+        return given
+
+    def _summary(self) -> str:
+        return f"of {', '.join(self.names)}; {len(self.fit.residuals)} residuals"
+
+
+def _of_solution(solution: FitSolution) -> LogDensity:
+    return LogDensity(solution.fit, solution)

@@ -1,0 +1,202 @@
+"""Samples of the posterior distribution of a fit, drawn by the No-U-Turn sampler of nutpie.
+
+nutpie takes any function that returns a density and its gradient, and needs no other automatic differentiation.  It
+works with c of z = z_0 + S c, the coordinates in units of the covariance of the fit, for which its first guess of the
+steps is right.  A straight ridge of the density over y would become a bent one over z = log(y_k - a).  What z_k adds to
+the other z_j is therefore C_jk/C_kk dz_j/dy_j y_k(z_k) in place of its linear part, which leaves volumes as they are.
+
+One evaluation of a motion takes a good part of a second, and its gradient three times as long.  The density of blocks
+of measurements is therefore expanded first: with the columns S_k of the square root of the covariance, the Jacobians at
+y_0 + S_k and y_0 - S_k give the second derivatives of the residuals, and
+
+    r(c) = r_0 + (G + 1/2 sum_k c_k B_k) c,        y = y_0 + S c.
+
+nutpie samples the density p_1 of these residuals.  Its draws, every fourth of which is nearly independent of the last,
+are the proposals of a Metropolis chain with the exact density p, which goes from c to c' with the probability
+
+    min(1, p(c') p_1(c)/(p(c) p_1(c'))).
+
+Where p_1 is close to p, nearly all proposals are accepted, and each draw takes one evaluation without a gradient.  If
+fewer than ``LEAST_ACCEPTED`` are, nutpie samples the exact density instead.
+
+References
+----------
+M. D. Hoffman, A. Gelman, The No-U-Turn sampler, Journal of Machine Learning Research 15 (2014).
+J. S. Liu, Monte Carlo Strategies in Scientific Computing, Springer (2001), Section 9.4.3, for proposals from a density
+that is faster to evaluate.
+A. Vehtari et al., Rank-normalization, folding, and localization: an improved R-hat, Bayesian Analysis 16 (2021).
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import warnings
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.estimation.intervals import Quantities
+from ancf_casadi.estimation.posterior.log_density import LogDensity
+from ancf_casadi.estimation.solver.polish import residuals_and_jacobian
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.arrays import Array, Mask
+from ancf_casadi.support.inputs import whole
+from ancf_casadi.support.parallel import run_all
+
+WARM_UP = 300  # steps of a chain before its draws, in which nutpie adapts
+NEARLY_INDEPENDENT = 4  # draws of the expanded density per proposal
+LEAST_ACCEPTED = 0.5  # share of the proposals
+LARGEST_R_HAT = 1.01  # R-hat beyond which chains have not converged (Vehtari et al.)
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """A Markov chain."""
+
+    draws: Array  # coordinates (k, n)
+    values: Array  # of the log density (k,)
+    diverging: Mask  # of the trajectories of the sampler (k,)
+
+
+def sampled(
+    density: LogDensity,
+    named: tuple[Sequence[str], Sequence[str], Quantities],
+    *,
+    draws: int,
+    chains: int,
+    seed: int,
+    executor: Executor | None,
+    jobs: int,
+    progress: bool,
+) -> Any:
+    """Return samples of quantities, with names and units, as an InferenceData; see ``LeastSquaresResult.sample``."""
+    draws, chains, seed = whole(draws, "draws", 4), whole(chains, "chains", 1), whole(seed, "seed", 0)
+    for module in ("nutpie", "arviz"):
+        if importlib.util.find_spec(module) is None:
+            raise InputError("is not installed, but sampling needs it; pip install nutpie 'arviz<1'", module)
+    expansion = density if density.solution is None else expanded(density)
+    seeds = np.random.SeedSequence(seed).spawn(chains)
+    tasks = [partial(_chain, density, expansion, draws, child) for child in seeds]
+    found = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="chains")
+    names, units, of = named
+    x = [cs.MX.sym(name) for name in density.names]
+    every = cs.Function("quantities", [cs.vertcat(*x)], [cs.densify(of(*x))])
+    points = density.unknowns(np.concatenate([one.draws for one in found]))
+    values = every.map(len(points))(points.T).full().reshape(len(names), chains, draws)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of coming changes
+        arviz = importlib.import_module("arviz")
+        data = arviz.from_dict(
+            posterior=dict(zip(names, values, strict=True)),
+            sample_stats={
+                "lp": np.array([one.values for one in found]),
+                "diverging": np.array([one.diverging for one in found]),
+            },
+        )
+        for name, unit in zip(names, units, strict=True):
+            data.posterior[name].attrs["units"] = unit
+        ratios = arviz.rhat(data) if chains > 1 else {}
+    bad = [name for name in ratios if float(ratios[name]) > LARGEST_R_HAT]
+    if bad:
+        warnings.warn(
+            f"the chains have not converged: R-hat is above {LARGEST_R_HAT:g} for {', '.join(map(str, bad))}; take "
+            "more draws, or give an unknown that the data leave open a prior",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+    return data
+
+
+def _chain(density: LogDensity, expansion: LogDensity, draws: int, seed: np.random.SeedSequence) -> Chain:
+    """Return a chain of the exact density."""
+    if expansion is density:
+        return _nuts(density, draws, seed)
+    proposed = _nuts(expansion, NEARLY_INDEPENDENT * draws, seed)
+    every = slice(NEARLY_INDEPENDENT - 1, None, NEARLY_INDEPENDENT)
+    exact = np.array([density.value(x) for x in proposed.draws[every]])
+    gain, chances = exact - proposed.values[every], np.log(np.random.default_rng(seed).uniform(size=draws))
+    places, now = [], 0
+    for k in range(draws):
+        now = k if gain[k] - gain[now] >= chances[k] else now
+        places.append(now)
+    if len(set(places)) < LEAST_ACCEPTED * draws:
+        return _nuts(density, draws, seed)
+    return Chain(proposed.draws[every][places], exact[places], proposed.diverging[every][places])
+
+
+def _nuts(density: LogDensity, draws: int, seed: np.random.SeedSequence) -> Chain:
+    """Return a chain of the No-U-Turn sampler, which starts at random about the estimates."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of coming changes
+        nutpie = importlib.import_module("nutpie")
+        compiled_pyfunc = importlib.import_module("nutpie.compiled_pyfunc")
+    n, rng = len(density.names), np.random.default_rng(seed)
+
+    start, slopes = density.start, density.slopes(density.start)
+    y, ties = density.bounded(start), density.covariance / np.diag(density.covariance) / slopes[:, None]
+    np.fill_diagonal(ties, 0.0)
+    bounded = np.flatnonzero(np.isfinite(density.fit.lower) | np.isfinite(density.fit.upper)).tolist()
+
+    def point(c: Array) -> tuple[Array, list[float]]:
+        x, bends = start + density.scale @ c, []
+        for k in bounded:
+            bends.append(float(density.slopes(x)[k] - slopes[k]))
+            with np.errstate(over="ignore", invalid="ignore"):
+                x = x + ties[:, k] * (density.bounded(x)[k] - y[k] - slopes[k] * (x[k] - start[k]))
+        return x, bends
+
+    def density_of(c: Array) -> tuple[float, Array]:
+        x, bends = point(c)
+        value, gradient = density.value_and_gradient(x)
+        for k, bend in zip(bounded[::-1], bends[::-1], strict=True):
+            gradient[k] += bend * float(ties[:, k] @ gradient)
+        return value, gradient @ density.scale
+
+    model = compiled_pyfunc.from_pyfunc(
+        n,
+        lambda: density_of,
+        lambda *_: lambda c: {"c": np.array(c)},
+        [np.dtype(float)],
+        [(n,)],
+        ["c"],
+        make_initial_point_fn=lambda _: rng.standard_normal(n),
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of coming changes
+        own = int(seed.generate_state(1)[0])
+        trace = nutpie.sample(
+            model, draws=draws, tune=WARM_UP, chains=1, cores=1, seed=own, progress_bar=False, save_warmup=False
+        )
+    found = np.array([point(c)[0] for c in trace.posterior["c"].values[0]])
+    stats = trace.sample_stats
+    return Chain(found, np.asarray(stats["logp"].values[0]), np.asarray(stats["diverging"].values[0], dtype=bool))
+
+
+def expanded(density: LogDensity) -> LogDensity:
+    """Return the density of residuals to second order in the unknowns, which needs no measurements."""
+    fit = density.fit
+    middle = density.bounded(density.start) / fit.scale
+    root = (density.slopes(density.start) / fit.scale)[:, None] * density.scale
+    r, jacobian = residuals_and_jacobian(fit.model, middle)
+    bends = []
+    for step in root.T:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rooms = (fit.upper / fit.scale - middle) / step, (fit.lower / fit.scale - middle) / step
+        # one standard error either way, or less at a bound
+        ahead, back = (min(1.0, float(np.nanmin(np.fmax(*pair)))) for pair in (rooms, [-room for room in rooms]))
+        ends = [residuals_and_jacobian(fit.model, middle + at * step)[1] for at in (ahead, -back)]
+        bends.append((ends[0] - ends[1]) / (ahead + back) @ root)
+    B = np.array(bends)  # (k, m, j)
+    B = (B + B.transpose(2, 1, 0)) / 2
+    z = cs.MX.sym("z", len(middle))
+    to_c = cs.DM(np.linalg.inv(root))
+    c, G = cs.mtimes(to_c, z - cs.DM(middle)), cs.DM(jacobian @ root)
+    M = cs.reshape(cs.mtimes(cs.DM(B.reshape(len(B), -1).T.copy()), c), len(middle), len(r)).T
+    model = cs.Function("expanded", [z], [cs.DM(r) + cs.mtimes(G + M / 2, c), cs.mtimes(G + M, to_c)])
+    return LogDensity(replace(fit, model=model))

@@ -567,7 +567,7 @@ class TestUnusableInput:
             (
                 "[match]",
                 "[mach]",
-                "unknown key 'mach'; known are base, beam, curves, damping, decays, fit, frequencies, laws",
+                "unknown key 'mach'; known are base, beam, candidates, curves, damping, decays, fit, frequencies",
             ),
             ("[beam]", "[bean]", "the key 'beam' is missing; unknown keys: 'bean'"),
             ("thickness = 0.5e-3", "thickness = -0.5e-3", "[beam]: thickness: must be positive, got -0.0005"),

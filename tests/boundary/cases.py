@@ -122,7 +122,7 @@ CASES = [
     Case(buckling.postbuckled_pp, 40),
     Case(buckling.postbuckled_cc, 40),
     Case(motions.moving_force, 20, DYNAMIC, slow=True),
-    Case(motions.flying_beam_500, 10, DYNAMIC),
+    Case(motions.flying_beam_500, 10, DYNAMIC, slow=True),
     Case(motions.robot_arm_moment, 20, DYNAMIC),
     Case(motions.rubber_pendulum, 40, PENDULUM, size=1.2, slow=True),
     Case(motions.clamped_clamped_step_force, 40, DYNAMIC, size=1e-4, slow=True),

@@ -336,6 +336,7 @@ def test_a_beam_with_one_lumped_property_has_one_more_input_with_exact_derivativ
         np.testing.assert_allclose(slopes, expected, atol=2e-3 * abs(expected).max())
 
 
+@pytest.mark.slow
 def test_other_values_of_the_lumped_properties_give_the_motion_of_another_beam(model):
     problem, at = lumped_problem(model, "equilibrium", tolerance=1e-8)
     at[problem.layout["lumped"]] = 5e-4, 5e-5
@@ -347,7 +348,7 @@ def test_other_values_of_the_lumped_properties_give_the_motion_of_another_beam(m
     assert abs(problem.solve(at).samples[:, 0] - expected.coordinates).max() < 1e-6 * model.beam.length
 
 
-@pytest.mark.parametrize("start", ["equilibrium", "held"])
+@pytest.mark.parametrize("start", [pytest.param("equilibrium", marks=pytest.mark.slow), "held"])
 def test_supports_stay_in_place_as_curvature_and_prestress_change(model, start):
     """The motion at other values is that of the other beam on the same supports, and so are its derivatives."""
     lumped = {"natural_curvature": 0.5, "prestress": 200.0}

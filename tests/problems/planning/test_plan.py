@@ -109,7 +109,7 @@ def test_levels_of_their_own_count_as_unknowns_with_their_priors():
 def test_estimates_from_simulated_records_scatter_as_expected(values, release):
     """The squared errors in units of the expected covariance are chi-squared; the limits are those of 99.9 %."""
     for found, model, law, unknowns, runs in (
-        (values, LEVEL, None, PROPERTIES, 40), (release, MODEL, LAW, ["elastic_modulus"], 4),
+        (values, LEVEL, None, PROPERTIES, 24), (release, MODEL, LAW, ["elastic_modulus"], 2),
     ):  # fmt: skip
         fit = fit_beam(model, found.records, law, unknowns=unknowns)
         covariance = np.linalg.inv(found.design.total(np.ones(len(found.names))))

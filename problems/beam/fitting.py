@@ -49,7 +49,6 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import check_instance, flag, instances, is_sequence, positive, shown, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.parallel import run_all
-from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.curves.block import curve_block
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.block import MotionBlock, motion_block
@@ -70,6 +69,7 @@ from problems.beam.unknowns import (
     of_law,
     of_motions,
     restricted,
+    sought_frequencies,
 )
 from problems.beam.values.block import ValueBlock
 from problems.beam.values.records import FrequencyRecord, PropertyRecord, StaticRecord
@@ -188,7 +188,7 @@ def beam_problem(
     unknowns: Sequence[str] | None = None,
     fixed: Sequence[str] = (),
     bounds: Bounds | None = None,
-    priors: Bounds | None = None,
+    priors: Priors | None = None,
     robust: bool = False,
     tolerance: float | None = None,
     modes: int | None = None,
@@ -208,8 +208,7 @@ def beam_problem(
     first = first_values(list(models.values()), [name for name in wanted if is_property(name)])
     for one in models.values():
         Owners.of(one.beam, tuple(first))  # check
-    count = min(12, model.freedoms)  # modes among which those of the response curves are sought
-    frequencies = natural_modes(model, count=count).frequencies if curves else np.zeros(0)
+    frequencies = sought_frequencies(model) if curves else np.zeros(0)
     listed = [
         *of_law(damping, fixed),
         *(property_unknown(name, value, list(models.values())) for name, value in first.items()),

@@ -23,9 +23,9 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.motions.record import MotionRecord
 from problems.beam.properties import CLAMP_STIFFNESS
+from problems.beam.unknowns import nearest_mode, sought_frequencies
 from problems.beam.values.block import ValueBlock
 from problems.beam.values.records import FrequencyRecord
 
@@ -63,15 +63,17 @@ def _of_frequencies(
     motions: Sequence[tuple[Model, Sequence[tuple[int, MotionRecord]]]],
 ) -> dict[str, float]:
     """Return properties with the frequencies of the decays, near their first values; none if no decay would slip."""
+    if not properties:
+        return {}
     blocks, slip = [], 0.0
-    for model, numbered in motions if properties else ():
+    for model, numbered in motions:
         decays = [decay for _, record in numbered for decay in _decays(record)]
         if not decays:
             continue
-        frequencies = natural_modes(model, count=min(12, model.freedoms)).frequencies
+        frequencies = sought_frequencies(model)
         measured: dict[int, float] = {}
         for frequency, duration in decays:
-            mode = int(np.abs(np.log(np.maximum(frequencies, np.finfo(float).tiny) / frequency)).argmin())
+            mode = nearest_mode(frequency, frequencies)
             measured.setdefault(mode, frequency)
             slip = max(slip, abs(float(frequencies[mode]) - frequency) * duration)
         modes = sorted(measured)

@@ -39,6 +39,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_keys, choice, choices, is_sequence, positive
 from ancf_casadi.vibration.equilibrium import Equilibrium
+from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.record import Channel, MotionRecord, two_numbers
 from problems.beam.properties import value_of
@@ -114,7 +115,17 @@ def of_motions(wanted: Sequence[str], model: Model, records: Sequence[MotionReco
 
 def mode_of(record: ResponseRecord, frequencies: Array) -> int:
     """Return the mode, from 0, whose natural frequency is nearest to that of the largest response of a record."""
-    return int(np.argmin(np.abs(np.log(frequencies / _peak(record)))))
+    return nearest_mode(_peak(record), frequencies)
+
+
+def nearest_mode(frequency: float, frequencies: Array) -> int:
+    """Return the mode, from 0, whose natural frequency has the ratio nearest to 1 to a frequency."""
+    return int(np.abs(np.log(np.maximum(frequencies, np.finfo(float).tiny) / frequency)).argmin())
+
+
+def sought_frequencies(model: Model) -> Array:
+    """Return the natural frequencies, Hz, of the modes among which those of records are sought."""
+    return natural_modes(model, count=min(12, model.freedoms)).frequencies
 
 
 def restricted(unknowns: Sequence[Unknown], bounds: Bounds, priors: Priors) -> list[Unknown]:

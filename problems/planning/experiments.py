@@ -37,7 +37,6 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.interrupts import delayed_interrupts, lasting_interrupts
 from ancf_casadi.support.parallel import run_all
-from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.curves.block import CurveBlock
 from problems.beam.curves.driven import small_response
 from problems.beam.curves.record import ResponseRecord
@@ -48,7 +47,7 @@ from problems.beam.motions.record import MotionRecord
 from problems.beam.motions.weights import first_weights as motion_weights
 from problems.beam.properties import Owners
 from problems.beam.result import BeamFit
-from problems.beam.unknowns import COMMON, Bounds
+from problems.beam.unknowns import COMMON, Priors, sought_frequencies
 from problems.beam.values.block import ValueBlock
 from problems.beam.values.records import StaticRecord
 from problems.beam.values.response import place
@@ -69,7 +68,7 @@ def plan(
     *,
     unknowns: Sequence[str] | None = None,
     fixed: Sequence[str] = (),
-    priors: Bounds | None = None,
+    priors: Priors | None = None,
     before: BeamFit | None = None,
     modes: int | None = None,
     harmonics: int = 5,
@@ -178,8 +177,7 @@ def _templates(candidates: Mapping[str, PlannedRecord], model: Model, before: Be
             channels = [replace(own, std=own.std or noise.get(own.sensor)) for own in one.own_channels]
             one = replace(one, channels=channels)
         if isinstance(one, ResponseRecord):  # its standard deviations have defaults
-            tones = natural_modes(model, count=min(12, model.freedoms)).frequencies
-            away = np.abs(np.log(one.f[:, None] / tones)).min(axis=1)
+            away = np.abs(np.log(one.f[:, None] / sought_frequencies(model))).min(axis=1)
             found.append(replace(one, values=one.a / (LINEAR_SHARE + away)))
             continue
         stds: Sequence[Any] = [own.std for own in one.own_channels] if isinstance(one, MotionRecord) else [one.stds]

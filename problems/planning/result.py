@@ -181,10 +181,9 @@ class Plan(Reported):
         InputError
             If the candidate is no motion or has fewer places, or the goal is unknown.
         """
-        record, weights = self.expected[self._motion(name)], self._goal(goal)
+        (record, others), weights = self._motion(name, counts), self._goal(goal)
         points = np.unique(record.places)
         count = whole(count, "count", 1, len(points))
-        others = self.design.total(self._amounts(counts or {}))
 
         def loss(chosen: tuple[int, ...]) -> float:
             own = np.flatnonzero(np.isin(record.places, points[list(chosen)])).tolist()
@@ -214,8 +213,8 @@ class Plan(Reported):
         InputError
             If the candidate is no motion, or as in ``errors_of``.
         """
-        record = self.expected[self._motion(name)]
-        points, others = np.unique(record.places), self.design.total(self._amounts(counts or {}))
+        record, others = self._motion(name, counts)
+        points = np.unique(record.places)
         parts = [record.of_series(np.flatnonzero(record.places == point).tolist()) for point in points]
         return points, self._over([self.design.errors(others + own) for own in parts])
 
@@ -224,10 +223,8 @@ class Plan(Reported):
 
         Parameters
         ----------
-        name : str
-            The candidate, a motion.
-        counts : mapping of str to float, optional
-            Other records on the list; none if not given.
+        name, counts
+            As in ``over_places``.
 
         Returns
         -------
@@ -241,10 +238,9 @@ class Plan(Reported):
         InputError
             If the candidate is no motion, or as in ``errors_of``.
         """
-        record = self.expected[self._motion(name)]
+        record, others = self._motion(name, counts)
         distinct = np.unique(record.times)
         times = distinct[np.unique(np.linspace(0, len(distinct) - 1, INSTANTS + 1).astype(int)[1:])]
-        others = self.design.total(self._amounts(counts or {}))
         return times, self._over([self.design.errors(others + own) for own in record.until(times)])
 
     def duration(self, name: str, unknown: str, error: float, counts: Mapping[str, float] | None = None) -> float:
@@ -341,12 +337,13 @@ class Plan(Reported):
             raise FitError("; ".join(self.warnings))
         return None if goal == "D" else weights
 
-    def _motion(self, name: str) -> int:
+    def _motion(self, name: str, counts: Mapping[str, float] | None) -> tuple[ExpectedRecord, Array]:
+        """Return a candidate, which is a motion, and the information of the other records on the list."""
         choice(name, self.names, "name")
-        k = self.names.index(name)
-        if np.isnan(self.expected[k].times).any():
+        record = self.expected[self.names.index(name)]
+        if np.isnan(record.times).any():
             raise InputError(f"{name} is no motion", "name")
-        return k
+        return record, self.design.total(self._amounts(counts or {}))
 
 
 def heads_of(unknowns: Sequence[Unknown]) -> list[str]:

@@ -18,8 +18,8 @@ every band.  The band is the widest whose mean agrees with that of each narrower
 these means tell (Lepski's method).  Lines then end the band, and white or autoregressive noise extends it to the whole
 spectrum of all series, which leaves no more than the errors of s^2 and rho.  The degrees of freedom nu of Student's
 distribution allow for both: for a small variance V of the logarithm of S due to the error of rho, 1/nu is that of s^2
-plus V/(V + 2).  If no variance changes by more than a
-tenth, or than its random error, the noise counts as white, and the errors are those of an ordinary fit.
+plus V/(V + 2).  If no variance changes by more than a tenth, or than its random error, the noise counts as white, and
+the errors are those of an ordinary fit.
 
 A fit of an almost exact record leaves misfit, such as harmonics, instead of noise.  Misfit has no floor: between its
 lines the power falls by orders of magnitude, and a low power beside a line says nothing of the misfit that the curve

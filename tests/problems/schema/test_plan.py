@@ -8,20 +8,16 @@ from ancf_casadi import InputError
 from problems import plan
 from problems.cli import main
 from problems.schema.plan import read_plan
+from tests.problems.conftest import BEAM
 
-BEAM = """
-[beam]
-length = 0.5
-width = 5e-3
-thickness = 0.5e-3
-density = 8000.0
-elastic_modulus = 210e9
-elements = 3
-
+FITTED = (
+    BEAM
+    + """
 [fit]
 unknowns = ["elastic_modulus", "density"]
 tolerance = 1e-6
 """
+)
 SAG = """
 [[candidates]]
 name = "sag"
@@ -64,7 +60,7 @@ point = 0.4
 def study(tmp_path):
     def written(*tables):
         path = tmp_path / "study.toml"
-        path.write_text("\n".join((BEAM, *tables)))
+        path.write_text("\n".join((FITTED, *tables)))
         return str(path)
 
     return written

@@ -229,7 +229,7 @@ def _expected(
         kind = InputError if isinstance(error, InputError) else FitError
         raise kind(f"the candidate {name!r} cannot be computed: {error}") from None
     known = [
-        np.eye(len(names))[k] * (y.slopes(y.guess) * y.scale)[k] / one.prior[1]
+        np.eye(len(names))[k] * (y.slopes(y.guess) * y.scale)[k] / one.prior_std
         for k, one in enumerate(unknowns)
         if one.prior and k >= len(shared)
     ]
@@ -290,7 +290,7 @@ def _prior(shared: Sequence[Unknown], before: BeamFit | None) -> Array:
     """Return the information of priors and of an earlier fit on the shared unknowns, in units of their scales."""
     y = Coordinates.of(shared)
     sizes = y.slopes(y.guess) * y.scale
-    information = np.diag([(size / u.prior[1]) ** 2 if u.prior else 0.0 for u, size in zip(shared, sizes, strict=True)])
+    information = np.diag([(size / u.prior_std) ** 2 for u, size in zip(shared, sizes, strict=True)])
     if before is not None:
         pairs = [
             (k, before.fit.names.index(one.name))

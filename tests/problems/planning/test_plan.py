@@ -233,6 +233,14 @@ def test_an_earlier_fit_counts_with_its_information_and_its_noise(release):
         plan(MODEL, {"again": again}, law)
 
 
+def test_a_relative_prior_at_the_guess_is_the_absolute_one_to_first_order():
+    errors = [
+        plan(LEVEL, {"tones": TONES}, unknowns=PROPERTIES, priors={"density": prior}).errors_of({"tones": 1})
+        for prior in ((8000.0, 80.0), (8000.0, 0.01, "log-normal"))
+    ]
+    assert errors[1] == pytest.approx(errors[0]) and errors[0]["density"] == pytest.approx(80.0, rel=0.05)
+
+
 def test_priors_count_once_however_often_a_record_is_repeated(values):
     known = plan(LEVEL, {"tones": TONES}, unknowns=PROPERTIES, priors={"density": (8000.0, 80.0)})
     assert known.errors_of({"tones": 1e6})["density"] == pytest.approx(80.0, rel=1e-3)

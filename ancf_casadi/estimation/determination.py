@@ -50,7 +50,7 @@ def check_determined(residuals: Callable[..., cs.MX], unknowns: Sequence[Unknown
     # distance of the second point from the guess, in scales
     for point in (y.guess, np.clip(y.guess + 0.5 * signs * y.scale, y.lower, y.upper)):
         _, jacobian = residuals_and_jacobian(evaluate, point / y.scale)
-        logarithmic = np.where(y.reciprocal, -1.0, 1.0) * np.where(point == 0.0, 1.0, point / y.scale)
+        logarithmic = np.where(point == 0.0, 1.0, y.relative_slopes(point) / y.scale)
         found = undetermined(logarithmic * jacobian, negligible)
         if not len(found):
             return
@@ -63,11 +63,11 @@ def certainty(fit: Fit, names: Sequence[str]) -> list[tuple[str, float]]:
     The largest exponent of each product is 1.  All other unknowns, and those at a bound, count as known.
     """
     free = ~fit.active_bounds & (fit.values != 0.0) & np.isin(fit.names, names)
-    signs = np.where(fit.coordinates.reciprocal, -1.0, 1.0)
+    slopes = fit.coordinates.relative_slopes(fit.values)
     names = [name for name, own in zip(fit.names, free, strict=True) if own]
     if not names or not fit.noise.freedom:
         return []
-    _, singular, rows = np.linalg.svd((fit.jacobian * signs * fit.values)[:, free], full_matrices=False)
+    _, singular, rows = np.linalg.svd((fit.jacobian * slopes)[:, free], full_matrices=False)
     found, deviation = [], math.sqrt(fit.noise.variance)
     for value, row in zip(singular.tolist(), rows, strict=True):
         largest = float(row[np.abs(row).argmax()])

@@ -9,8 +9,8 @@ covariance
 For white noise this is (phi/w) (J' J)^-1 with phi of ``loss``.  Standard errors take an unknown at its bound as known;
 intervals do not (``intervals``).
 
-The solver may work with the reciprocal y = 1/x of an unknown (``Unknown.reciprocal``).  All of the above then holds for
-y; its standard error becomes that of x to first order, and the ends of its interval are the reciprocals of those of y.
+The solver may work with the reciprocal y = 1/(x + s) of an unknown (``unknown``).  All of the above then holds for y;
+its standard error becomes that of x to first order, and the ends of its interval are those of the interval of y.
 
 To first order, a change c of the residuals shifts the estimates by -(J' D J)^-1 J' D c, with D the diagonal matrix of
 the psi'(r_i); ``Fit.shifts`` gives this in standard errors.
@@ -199,9 +199,8 @@ class Fit:
         ends = np.clip(ends, self.lower[:, None], self.upper[:, None])
         inverse = self.coordinates.reciprocal
         ends[inverse & (ends[:, 0] <= self.lower), 0] = 0.0
-        with np.errstate(divide="ignore"):
-            ends[inverse] = 1 / ends[inverse, ::-1]
-        return np.asarray(ends)
+        ends[inverse] = ends[inverse, ::-1]
+        return np.stack([self.coordinates.unknowns(end) for end in ends.T], axis=1)
 
     def derived(self, quantities: Quantities) -> tuple[Array, Array]:
         """Return quantities (q,) and their standard errors to first order, nan where no free unknown enters."""

@@ -9,9 +9,9 @@
 
 A change of E I by the modulus, or of rho b h by the density, is the only one for a beam that hardly stretches.
 
-Small deflections are linear in 1/(E I) and 1/k, and so are, nearly, the squares of the periods of vibration.
-Stiffnesses of the beam and of its clamps therefore enter a fit by their reciprocals.  A rigid clamp has 1/k = 0.  Those
-of springs enter as they are, because a spring beside others adds to their stiffness.
+Small deflections are linear in 1/(E I), and nearly so in 1/(k + 3 E I/L) of a clamp; so are the squares of the periods
+of vibration.  Stiffnesses of the beam and of its clamps enter a fit by these.  Those of springs enter as they are,
+because a spring beside others adds to their stiffness.
 """
 
 from __future__ import annotations
@@ -48,6 +48,7 @@ ELASTIC = (CLAMP_STIFFNESS, "rotational_spring", "spring_x", "spring_y", "spring
 STIFFNESSES = (CLAMP_STIFFNESS, "elastic_modulus", "bending_stiffness")
 GROUP = re.compile(rf"({'|'.join(PROPERTIES)})\[(\d+)(?::(\d+))?\]")
 
+FIXITY = 3.0  # stiffness of a beam whose far end is hinged against the turn of its near end, in units of E I/L
 MOST_FACTOR = 10.0  # factor on a property, either way, without other bounds
 MOST_LUMPED = 100.0  # largest factor on a lumped property without other bounds
 SAME_PROPERTY = 1e-9  # relative difference of properties that are the same
@@ -185,8 +186,9 @@ def property_unknown(name: str, first: float, models: Sequence[Model]) -> Unknow
         lower, upper = first / MOST_LUMPED if kind in ELASTIC else 0.0, first * MOST_LUMPED
     else:
         lower, upper = first / MOST_FACTOR, first * MOST_FACTOR
-    inverse = (kind or name.partition("[")[0]) in STIFFNESSES
-    return Unknown(name, first, abs(first), lower, upper, unit_of(name), reciprocal=inverse)
+    stiffness = (kind or name.partition("[")[0]) in STIFFNESSES
+    offset = FIXITY * _clamp_unit(models) if kind == CLAMP_STIFFNESS else 0.0
+    return Unknown(name, first, abs(first), lower, upper, unit_of(name), offset=offset if stiffness else None)
 
 
 def _clamp_unit(models: Sequence[Model]) -> float:

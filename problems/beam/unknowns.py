@@ -145,7 +145,7 @@ def _restricted(unknown: Unknown, bounds: Bounds, priors: Priors) -> Unknown:
     lower, upper = two_numbers(bounds[name], f"bounds: {name}")
     if not lower <= unknown.guess <= upper:
         raise InputError(f"the first value {unknown.guess:g} is not within [{lower:g}, {upper:g}]", f"bounds: {name}")
-    if unknown.reciprocal:
+    if unknown.offset is not None:
         lower = max(lower, unknown.lower / 100)  # a stiffness of zero has no reciprocal
     return replace(unknown, lower=lower, upper=upper)
 

@@ -261,8 +261,9 @@ class Plan(Reported):
     def warnings(self) -> tuple[str, ...]:
         """Products of powers of the unknowns that all candidates together leave open, one sentence each."""
         values, vectors = np.linalg.eigh(self.design.total(np.ones(len(self.names))))
-        signs = np.where(Coordinates.of(self.unknowns).reciprocal, -1.0, 1.0)
-        left = signs * vectors[:, values <= self.design.negligible**2].T
+        y = Coordinates.of(self.unknowns)
+        slopes = y.relative_slopes(y.guess) / y.scale
+        left = vectors[:, values <= self.design.negligible**2].T / np.where(slopes == 0.0, 1.0, slopes)
         return tuple(
             f"the candidates leave {product(list(self.guess), row / row[np.abs(row).argmax()])} open; add one that "
             "determines it, or fix an unknown"

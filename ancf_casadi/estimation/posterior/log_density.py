@@ -23,8 +23,8 @@ Where p of the unknowns have priors, m counts the measured values alone, (f + n)
 density is multiplied by those of the priors.  The estimates weigh priors by the standard deviations of the blocks; if
 the noise differs from these, or is coloured, the maximum of the density is beside them.
 
-An unknown without a prior has a constant density within its bounds.  Stiffnesses of a beam and of its clamps
-(``Unknown.reciprocal``) have it in the compliance, y = 1/x, in which a rigid clamp is no more than the point 0.
+An unknown without a prior has a constant density within its bounds.  Stiffnesses of a beam and of its clamps have it in
+their reciprocal y (``solver.unknown``), in which a rigid clamp is no more than the point 0.
 
 Samplers work with coordinates z without bounds:
 
@@ -167,7 +167,7 @@ class LogDensity(Displayed):
         """
         given = self._each(unknowns, "unknowns")
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-            found = self._free(self.fit.coordinates.unknowns(given))  # a reciprocal is its own inverse
+            found = self._free(self.fit.coordinates.at(given))
         if not np.isfinite(found).all():
             raise InputError("must be within their bounds", "unknowns")
         return found
@@ -208,13 +208,15 @@ class LogDensity(Displayed):
         values, slopes = self.unknowns(x), self.fit.coordinates.slopes(y)
         for k, unknown in enumerate(self.fit.unknowns):
             if unknown.prior:
+                # the density of y is that of x or log x times their derivative, of size 1, 1/x, (x + s)^2, (x + s)^2/x
                 (mean, std), own = unknown.prior, float(values[k])
-                far, slope, power = (own - mean) / std, 1 / std, 2.0 * unknown.reciprocal
+                far = (math.log(own / mean) if unknown.relative_prior else own - mean) / std
+                value, slope = value - far**2 / 2, -far / std
                 if unknown.relative_prior:
-                    far, slope, power = math.log(own / mean) / std, 1 / (std * own), power - 1.0
-                # the density of y = x or 1/x is that of p times |dp/dy|, which is proportional to x^power
-                value += power * math.log(own) - far**2 / 2 if power else -(far**2) / 2
-                gradient[k] = (power / own if power else 0.0) - far * slope
+                    value, slope = value - math.log(own), (slope - 1) / own
+                if unknown.offset is not None:
+                    value, slope = value + 2 * math.log(own + unknown.offset), slope + 2 / (own + unknown.offset)
+                gradient[k] = slope
         return value, gradient * slopes
 
     def _evaluated(self, function: cs.Function, x: Array) -> list[Array]:

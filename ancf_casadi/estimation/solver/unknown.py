@@ -1,4 +1,18 @@
-"""Quantities to be estimated, and the coordinates in which the solver works."""
+"""Quantities to be estimated, and the coordinates in which the solver works.
+
+The coordinate of an unknown x is y = x, or for a stiffness
+
+    y = 1/(x + s),
+
+in which the data are nearly linear, with the stiffness s of what deforms beside it: 0 for that of a beam.  For a clamp
+of stiffness x at the end of a beam, s = 3 E I/L makes x y the fixity factor of semi-rigid joints, from 0 for a hinge to
+1 for a rigid clamp.
+
+References
+----------
+G. R. Monforton, T. S. Wu, Matrix analysis of semi-rigidly connected frames, Journal of the Structural Division, ASCE 89
+(1963), for the fixity factor.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +38,7 @@ class Unknown:
     lower: float = -math.inf
     upper: float = math.inf
     unit: str = ""  # SI, for reports
-    reciprocal: bool = False  # solve for 1/x, in which the data are nearly linear, as in that of a stiffness
+    offset: float | None = None  # of a stiffness: s of the coordinate 1/(x + s), see above
     prior: tuple[float, float] | None = None  # mean and standard deviation that are known without the data
     relative_prior: bool = False  # that of a normal logarithm: median, and relative standard deviation
     curved: bool = False  # far from linear, so that intervals of derived quantities follow its likelihood; one in a fit
@@ -36,8 +50,8 @@ class Unknown:
             raise InputError(f"the lower bound {self.lower:g} is not below the upper {self.upper:g}", self.name)
         if not (math.isfinite(self.guess) and self.lower <= self.guess <= self.upper):
             raise InputError(f"the guess {self.guess:g} is not within [{self.lower:g}, {self.upper:g}]", self.name)
-        if self.reciprocal and not self.lower > 0.0:
-            raise InputError(f"the lower bound {self.lower:g} must be positive", self.name)
+        if self.offset is not None and not self.lower + self.offset > 0.0:
+            raise InputError(f"the lower bound {self.lower:g} must be above {-self.offset:g}", self.name)
 
     @property
     def prior_std(self) -> float:
@@ -53,38 +67,50 @@ class Unknown:
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """The coordinates y of the solver: y = x of an unknown x, or y = 1/x if it is reciprocal."""
+    """The coordinates y of the solver: y = x of an unknown x, or y = 1/(x + s) if it is reciprocal."""
 
     scale: Array  # (n,)
     guess: Array
     lower: Array
     upper: Array
     reciprocal: Mask  # (n,)
+    offset: Array  # s (n,), 0 of those that are not reciprocal
 
     @classmethod
     def of(cls, unknowns: Sequence[Unknown]) -> Coordinates:
         """Return the coordinates of unknowns."""
         rows = [
-            (1 / u.scale, 1 / u.guess, 1 / u.upper, 1 / u.lower)
-            if u.reciprocal
-            else (u.scale, u.guess, u.lower, u.upper)
+            (u.scale, u.guess, u.lower, u.upper)
+            if u.offset is None
+            else tuple(1 / (x + u.offset) for x in (u.scale, u.guess, u.upper, u.lower))
             for u in unknowns
         ]
         scale, guess, lower, upper = np.array(rows).reshape(len(rows), 4).T
-        return cls(scale, guess, lower, upper, np.array([u.reciprocal for u in unknowns], dtype=bool))
+        reciprocal = np.array([u.offset is not None for u in unknowns], dtype=bool)
+        return cls(scale, guess, lower, upper, reciprocal, np.array([u.offset or 0.0 for u in unknowns]))
 
     def symbols(self, y: Sequence[cs.MX]) -> list[cs.MX]:
         """Return the unknowns as expressions of the coordinates."""
-        return [1 / one if inverse else one for one, inverse in zip(y, self.reciprocal.tolist(), strict=True)]
+        kinds = zip(y, self.reciprocal.tolist(), self.offset.tolist(), strict=True)
+        return [1 / one - s if inverse else one for one, inverse, s in kinds]
 
     def unknowns(self, y: Array) -> Array:
         """Return the unknowns (n,) at values of the coordinates (n,)."""
         with np.errstate(divide="ignore"):
-            return np.where(self.reciprocal, 1 / np.where(self.reciprocal, y, 1.0), y)
+            return np.where(self.reciprocal, 1 / np.where(self.reciprocal, y, 1.0) - self.offset, y)
+
+    def at(self, x: Array) -> Array:
+        """Return the coordinates (n,) of values of the unknowns (n,)."""
+        with np.errstate(divide="ignore"):
+            return np.where(self.reciprocal, 1 / np.where(self.reciprocal, x + self.offset, 1.0), x)
 
     def slopes(self, y: Array) -> Array:
         """Return the derivatives (n,) of the unknowns by the coordinates."""
-        return np.where(self.reciprocal, -(self.unknowns(y) ** 2), 1.0)
+        return np.where(self.reciprocal, -((self.unknowns(y) + self.offset) ** 2), 1.0)
+
+    def relative_slopes(self, y: Array) -> Array:
+        """Return the derivatives (n,) of the coordinates by the logarithms of the unknowns."""
+        return np.where(self.reciprocal, -y * (1.0 - self.offset * y), y)
 
 
 def started(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[Unknown]:

@@ -119,7 +119,7 @@ def test_estimates_from_simulated_records_scatter_as_expected(values, release):
             estimates = dict(zip(fit.estimates, fit.resampled(noise), strict=True))
             # in units of the scales; the reciprocals of stiffnesses are nearly linear
             z = [
-                one.guess / estimates[one.name] - 1 if one.reciprocal else estimates[one.name] / one.guess - 1
+                one.guess / estimates[one.name] - 1 if one.offset is not None else estimates[one.name] / one.guess - 1
                 for one in found.unknowns
             ]
             total += float(z @ np.linalg.solve(covariance, z))

@@ -12,11 +12,13 @@
     ends              stiffness of one end and prestress of a strip between two clamps, from six frequencies
     curvature         natural curvature and modulus from four sags
     suspension        modulus and suspension of a free strip from six frequencies
+    clamped           stiffness of one end, prestress and curvature of a strip that two clamps hold level, from decays
+                      of two modes and a response curve; clamped-decays without the curve
     joint             a decay, a static test, three frequencies with an added mass and a response curve of one beam
 
 The motions are integrated at 1e-10, so that their own error is negligible, and carry white noise unless the case says
 otherwise.  That of response curves is 1 % of the amplitude and 0.01 rad, and 0.1 % of the largest amplitude in both.
-The fits know the noise of static tests, frequencies and the curve of the case joint alone; in the cases that end with
+The fits know the noise of static tests, frequencies and the cases clamped and joint alone; in the cases that end with
 ``-understated`` it is twice as large as they know.
 
 Each row has the exact limits (Clopper and Pearson) of the coverage.  The standardised errors, (estimate -
@@ -30,7 +32,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from typing import Any
 
@@ -67,6 +69,7 @@ STRIP = {"length": 0.2, "width": 0.01, "thickness": 2e-3, "density": 1070.0, "el
 PLAIN = {"length": 0.5, "width": 20e-3, "thickness": 1e-3, "density": 2700.0, "elements": 10}
 RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)
 NOISE, FLOOR = 0.01, 1e-3  # of response curves, relative to the amplitude and to the largest amplitude
+TIP = Sensor("displacement")
 AROUND = np.concatenate([[0.96, 0.98], np.linspace(0.988, 1.012, 9), [1.02, 1.04]])
 
 
@@ -150,7 +153,8 @@ def resonance(mode: int, ratio: float, eta2: float, levels: tuple[float, ...]) -
     model = Model(Beam.uniform(**STEEL, elements=8))
     modes = natural_modes(model, count=mode)
     law = ModalDamping(modes, (0.01,) * (mode - 1) + (ratio,)) + QuadraticDamping(eta2=eta2)
-    truths = [response(model, law, modes.frequencies[-1] * AROUND, level) for level in levels]
+    bases = [HarmonicBase(level, 1.0) for level in levels]
+    truths = [response(model, law, modes.frequencies[-1] * AROUND, base) for base in bases]
     truth = {f"ratio{mode}": ratio, "eta2": eta2, f"frequency_{mode}": 1.0}
     fixed = tuple(f"ratio{k}" for k in range(1, mode))
     settings = {"fixed": fixed, "modes": 4, "harmonics": 5}
@@ -158,22 +162,29 @@ def resonance(mode: int, ratio: float, eta2: float, levels: tuple[float, ...]) -
 
 
 def response(
-    model: Model, law: DampingLaw, frequencies: np.ndarray, level: float, *, stated: bool = False
+    model: Model,
+    law: DampingLaw,
+    frequencies: np.ndarray,
+    base: HarmonicBase,
+    *,
+    stated: bool = False,
+    sensor: Sensor = TIP,
 ) -> Callable[[np.random.Generator], ResponseRecord]:
-    """Return a response curve of the tip for an amplitude of the base, m, as a function of a random generator.
+    """Return a response curve of a displacement as a function of a random generator.
 
     If ``stated``, the record holds the standard deviations.
     """
     reduced = reduce_model(model, modes=4, damping=law)
-    motions = [periodic_motion(reduced, base=HarmonicBase(level, f)) for f in frequencies]
-    values = np.array([motion.harmonics(relative=False)[1] for motion in motions])
+    motions = [periodic_motion(reduced, base=replace(base, frequency=f)) for f in frequencies]
+    where = {"direction": sensor.direction, "relative": False}
+    values = np.array([motion.harmonics(sensor.point, **where)[1] for motion in motions])
     spread = np.hypot(NOISE, FLOOR * abs(values).max() / abs(values))
 
     def record(rng: np.random.Generator) -> ResponseRecord:
         size, angle = rng.standard_normal((2, len(values))) * spread
         noise = {"amplitude_std": spread * abs(values), "phase_std": spread} if stated else {}
         noisy = values * (1 + size) * np.exp(1j * angle)
-        return ResponseRecord(frequencies, noisy, base=HarmonicBase(level, 1.0), **noise)
+        return ResponseRecord(frequencies, noisy, sensor=sensor, base=base, **noise)
 
     return record
 
@@ -196,7 +207,9 @@ def joint() -> Case:
     sag = np.array([(rest - one)[1] for one in held])
     frequencies = natural_modes(Model(beam.with_(tip_mass=truth["tip_mass"])), count=3).frequencies
     resonant = natural_modes(model, count=1).frequencies[0] * np.array([0.97, 0.99, 1.0, 1.01, 1.03])
-    curve = response(model, law, resonant, 0.5e-3, stated=True)  # five points do not show their noise
+    curve = response(
+        model, law, resonant, HarmonicBase(0.5e-3, 1.0), stated=True
+    )  # five points do not show their noise
 
     def records(rng: np.random.Generator) -> list[Any]:
         noisy = frequencies * (1 + 1e-3 * rng.normal(size=3))
@@ -287,6 +300,41 @@ def suspension(understated: float) -> Case:
     return Case(Model(first), None, truth, tones(free(*truth.values()), first, 6, understated), {"unknowns": [*truth]})
 
 
+def clamped(*, curve: bool) -> Case:
+    """Return the decays of two modes and, if wanted, a response curve of a coiled strip that two clamps hold level."""
+    truth, law = {"clamp_stiffness": 0.1, "prestress": 2e5, "natural_curvature": 0.3}, RayleighDamping(alpha=6.0)
+    places, across, noise = (0.125, 0.25), (0.0, 1.0), 5e-6
+
+    def level(k: float, prestress: float, bend: float) -> Model:
+        coiled = Model(plain(elements=4, natural_curvature=bend, prestress=prestress))
+        (x, y), (c, s) = (part[-1].tolist() for part in coiled.natural_nodes)
+        far = Clamp(0.5, k, displacement=(0.5 - x, -y), rotation=-np.arctan2(s, c))
+        return Model(coiled.beam.with_(supports=[Clamp(0.0), far]))
+
+    model, first = level(*truth.values()), level(0.12, 1.5e5, 0.29)
+    frequencies, runs = natural_modes(model, count=2).frequencies, []
+    for f, periods in zip(frequencies, (10, 15), strict=True):
+        base = HarmonicBase(1e-4, f, stop=3 / f, direction=across)
+        settings = {"duration": periods / f, "sample_rate": 8 * f, "tolerance": 1e-10}
+        runs.append(simulate(model, damping=law, base=base, method="radau", **settings))
+    resonant, middle = frequencies[0] * np.array([0.9, 0.95, 1.05, 1.2]), Sensor("displacement", places[1], across)
+    base = HarmonicBase(5e-5, 1.0, direction=across)
+    measured = response(model, law, resonant, base, stated=True, sensor=middle) if curve else None
+
+    def records(rng: np.random.Generator) -> list[Any]:
+        found: list[Any] = []
+        for run in runs:
+            channels = [
+                Channel(Measurement(run.time, run.position(s)[:, 1] + noise * rng.standard_normal(len(run.time)),
+                                    sensor=Sensor("position", s, across)), std=noise) for s in places
+            ]  # fmt: skip
+            found.append(MotionRecord(channels, base=run.base, start=static_equilibrium(first)))
+        return found + ([measured(rng)] if measured else [])
+
+    settings = {"unknowns": [*truth], "fixed": ("alpha",), "modes": 2, "harmonics": 3}
+    return Case(first, law, truth, records, settings)
+
+
 CASES: Mapping[str, Callable[[], Case]] = {
     "drag": partial(drag, 0.2),
     "no-drag": partial(drag, 0.0),
@@ -299,6 +347,8 @@ CASES: Mapping[str, Callable[[], Case]] = {
     "mode-2": partial(resonance, 2, 0.003, 0.3, (0.05e-3, 0.1e-3, 0.2e-3)),
     **{f"{one.__name__}{end}": partial(one, factor) for one in (mass, ends, curvature, suspension)
        for end, factor in (("", 1.0), ("-understated", 2.0))},
+    "clamped": partial(clamped, curve=True),
+    "clamped-decays": partial(clamped, curve=False),
     "joint": joint,
 }  # fmt: skip
 

@@ -11,7 +11,7 @@ from scipy import stats
 from ancf_casadi.estimation.fit import colour_warning
 from ancf_casadi.estimation.intervals import profile_interval, quantile
 from ancf_casadi.estimation.solver.least_squares import least_squares
-from ancf_casadi.estimation.solver.unknown import Unknown, started
+from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, started
 from ancf_casadi.exceptions import InputError
 
 X = np.linspace(0.0, 3.0, 40)
@@ -46,6 +46,29 @@ def test_intervals_of_a_line_are_those_of_linear_regression_both_ways():
     np.testing.assert_allclose(profile_interval(fit, "a"), fit.intervals()[0], rtol=1e-7)
     np.testing.assert_allclose(profile_interval(fit, "b", 0.5), fit.intervals(0.5)[1], rtol=1e-7)
     assert np.diff(fit.intervals(0.99)).min() > np.diff(fit.intervals()).min()
+
+
+@pytest.mark.parametrize("rigid", [False, True])
+def test_data_linear_in_the_coordinate_of_a_stiffness_give_the_intervals_of_a_mean(rigid):
+    """The deflection 1/(k + s) has the interval of a mean, also if that reaches beyond 0 or a hinge."""
+    beside, deflections = 2.0, (0.005 if rigid else 0.35) + 0.03 * NOISE
+    fit = least_squares(lambda k: 1 / (k + beside) - cs.DM(deflections),
+                        [Unknown("k", 50.0, 50.0, 0.0, 1e9, offset=beside)])  # fmt: skip
+    half = stats.t.ppf(0.975, 39) * stats.sem(deflections)
+    least, most = (float(end) for end in deflections.mean() + np.array([-half, half]))
+    assert fit.estimates["k"] == pytest.approx(1 / deflections.mean() - beside, rel=1e-6)
+    expected = [1 / most - beside, math.inf if least < 0.0 else 1 / least - beside]
+    np.testing.assert_allclose(fit.intervals()[0], expected, rtol=1e-6)
+    assert math.isinf(expected[1]) == rigid
+
+
+def test_slopes_of_a_coordinate_are_those_of_differences():
+    y = Coordinates.of([Unknown("k", 0.3, 1.0, 0.0, 9.0, offset=2.0), Unknown("E", 3.0, 1.0, 1.0, 9.0, offset=0.0)])
+    x, step = np.array([0.3, 3.0]), 1e-6
+    np.testing.assert_allclose(y.unknowns(y.at(x)), x, rtol=1e-12)
+    change = (y.at(x * (1 + step)) - y.at(x * (1 - step))) / (2 * step)
+    np.testing.assert_allclose(y.relative_slopes(y.at(x)), change, rtol=1e-8)
+    np.testing.assert_allclose(y.slopes(y.at(x)), x / change, rtol=1e-8)
 
 
 @pytest.mark.parametrize("bound", [0.0, 0.06, 0.07])

@@ -1,5 +1,7 @@
 """Fits of beams with any supports and attachments: recovery of a known truth, and what the records leave open."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from ancf_casadi import (
     Dashpot,
     FitError,
     Guide,
+    HarmonicBase,
     InputError,
     Measurement,
     Model,
@@ -26,7 +29,7 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from problems import FrequencyRecord, MotionRecord, StaticRecord, fit_beam
+from problems import Channel, FrequencyRecord, MotionRecord, StaticRecord, fit_beam
 from problems.beam.properties import Owners
 
 STRIP = {"length": 0.5, "width": 20e-3, "thickness": 1e-3, "density": 7850.0, "elements": 8, "axis": (1.0, 0.0)}
@@ -179,6 +182,37 @@ def test_a_first_value_of_a_spring_by_which_the_decay_slips_two_cycles_does_no_h
     record = MotionRecord([Measurement(run.time, values, sensor=sensor)], start=starts[1])
     fit = fit_beam(first, record, law, unknowns=["spring_y"], fixed=["alpha"])
     assert abs(fit.estimates["spring_y"] - 20.0) < 3.0 * fit.standard_errors["spring_y"] < 0.5
+
+
+def level_strip(stiffness, prestress, curvature):
+    """Return a coiled strip that a rigid and an elastic clamp hold level."""
+    coiled = strip(
+        70e9, density=2700.0, elements=3, gravity=(0.0, 0.0), natural_curvature=curvature, prestress=prestress
+    )
+    (x, y), (c, s) = (part[-1].tolist() for part in coiled.natural_nodes)
+    far = Clamp(0.5, stiffness, displacement=(0.5 - x, -y), rotation=-math.atan2(s, c))
+    return Model(coiled.beam.with_(supports=(Clamp(0.0), far)))
+
+
+@pytest.mark.slow
+def test_a_soft_clamp_prestress_and_curvature_from_the_decays_of_two_modes():
+    """From twice its stiffness, a clamp as soft as the strip would run to a hinge in the coordinate 1/k."""
+    truth, law = {"clamp_stiffness": 0.1, "prestress": 2e5, "natural_curvature": 0.3}, RayleighDamping(alpha=6.0)
+    model, first = level_strip(*truth.values()), level_strip(0.2, 1e5, 0.25)
+    rng, sensors = np.random.default_rng(0), [Sensor("position", s, (0.0, 1.0)) for s in (0.125, 0.25)]
+    records = []
+    for f, periods in zip(natural_modes(model, count=2).frequencies, (6, 8), strict=True):
+        base = HarmonicBase(1e-4, f, stop=3 / f, direction=(0.0, 1.0))
+        run = simulate(model, damping=law, base=base, duration=periods / f, sample_rate=8 * f, method="radau")
+        noisy = [run.position(one.point)[:, 1] + 5e-6 * rng.standard_normal(len(run.time)) for one in sensors]
+        channels = [
+            Channel(Measurement(run.time, y, sensor=one), std=5e-6) for one, y in zip(sensors, noisy, strict=True)
+        ]
+        records.append(MotionRecord(channels, base=base, start=static_equilibrium(first)))
+    fit = fit_beam(first, records, law, unknowns=[*truth], fixed=["alpha"])
+    errors = {name: (fit.estimates[name] - true) / fit.standard_errors[name] for name, true in truth.items()}
+    assert max(map(abs, errors.values())) < 3.0
+    assert fit.standard_errors["clamp_stiffness"] < 0.02 and fit.standard_errors["natural_curvature"] < 0.003
 
 
 FULL = strip(

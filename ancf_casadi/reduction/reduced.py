@@ -291,11 +291,11 @@ def _functions(
     positions = cs.horzcat(cs.SX(2, 0), *(cs.DM(model.interpolation(s)) @ e for s in markers))
 
     D, LT, permutation = cs.ldl(motion.mass)
-    a = cs.ldl_solve(-forces, D, LT, permutation)
+    a = cs.cse(cs.ldl_solve(-forces, D, LT, permutation))
 
     def function(name: str, arguments: Sequence[str], **outputs: cs.SX) -> cs.Function:
         symbols = [inputs[argument] for argument in arguments]
-        return cs.Function(f"reduced_{name}", symbols, cs.cse([*outputs.values()]), [*arguments], [*outputs])
+        return cs.Function(f"reduced_{name}", symbols, [*outputs.values()], [*arguments], [*outputs])
 
     return {
         "rhs": function("rhs", ("q", "v", "base", "p"), a=a),

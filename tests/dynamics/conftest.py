@@ -5,6 +5,12 @@ import pytest
 from ancf_casadi import HarmonicBase, ModalDamping, Model, QuadraticDamping, natural_modes, simulate
 
 
+@pytest.fixture
+def uncompiled(monkeypatch):
+    """Leave the Functions of an element that only one short test has to the virtual machine."""
+    monkeypatch.setenv("ANCF_CASADI_COMPILE", "0")
+
+
 @pytest.fixture(scope="module")
 def small(paper_beam):
     """The paper's beam, hanging, with four elements."""

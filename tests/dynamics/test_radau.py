@@ -148,7 +148,7 @@ def test_functions_serve_all_numbers_of_a_law_and_a_beam_but_no_other_law_mesh_o
         assert Collocation(Equations(Model(other), RayleighDamping(alpha=0.3))) in forms[len(laws) + 3 :]
 
 
-def test_a_run_with_the_functions_of_another_run_has_the_same_digits():
+def test_a_run_with_the_functions_of_another_run_has_the_same_digits(uncompiled):
     model = Model(Beam.uniform(**BEAM, elements=3, tip_mass=1e-3, clamp_stiffness=0.5))
     settings = {"damping": RayleighDamping(0.3, 1e-3), "base": SWING, "duration": 0.2, "sample_rate": 50.0}
     first_equal.cache_clear()

@@ -349,7 +349,7 @@ def test_other_values_of_the_lumped_properties_give_the_motion_of_another_beam(m
 
 
 @pytest.mark.parametrize("start", [pytest.param("equilibrium", marks=pytest.mark.slow), "held"])
-def test_supports_stay_in_place_as_curvature_and_prestress_change(model, start):
+def test_supports_stay_in_place_as_curvature_and_prestress_change(model, start, uncompiled):
     """The motion at other values is that of the other beam on the same supports, and so are its derivatives."""
     lumped = {"natural_curvature": 0.5, "prestress": 200.0}
     held = Model(model.beam.with_(supports=(Clamp(0.0), Pin(0.12, displacement=(1e-3, 2e-5)))))
@@ -377,7 +377,7 @@ def test_supports_stay_in_place_as_curvature_and_prestress_change(model, start):
         assert abs(found[..., k] - change).max() < 2e-4 * abs(change).max()
 
 
-def test_the_first_accelerations_after_a_release_are_those_of_the_changed_tip_mass(model):
+def test_the_first_accelerations_after_a_release_are_those_of_the_changed_tip_mass(model, uncompiled):
     """The mass of the first accelerations is that of the values; so are their derivatives."""
     problem, at = lumped_problem(model, "held", FixedBase(), orders=3, times=np.array([0.0, 1e-3]))
     direction = lumped_directions(problem, at)[:, :1]

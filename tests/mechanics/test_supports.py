@@ -252,19 +252,27 @@ MOTIONS = {
     "guide": {"supports": (Pin(0.0), Guide(0.5, (1.0, 0.0)))},
     "two pins": {"supports": (Pin(0.0), Pin(0.5))},
     "free": {"supports": ()},
-    "spring": {"attachments": (Spring(0.3, (0.0, 5.0)), RotationalSpring(0.2, 0.01))},
-    "masses": {"attachments": (PointMass(0.25, 2e-3, 1e-6),)},
-    "dashpot": {"attachments": (Dashpot(0.4, (0.0, 0.05)),)},
+    "attached": {
+        "attachments": (
+            Spring(0.3, (0.0, 5.0)),
+            RotationalSpring(0.2, 0.01),
+            PointMass(0.2, 2e-3, 1e-6),
+            Dashpot(0.4, (0.0, 0.05)),
+        )
+    },
     "all": {"supports": (Pin(0.1), Roller(0.4, (1.0, 0.0))), "attachments": FEATURES},
 }
 THICK = {"thickness": 0.02, "elastic_modulus": 210e9 / 40**2}  # slow axial waves, which IDAS has to follow
 
 
 @pytest.mark.parametrize(
-    ("name", "method"), [*((name, "radau") for name in MOTIONS), ("free", "idas"), ("roller", "idas"), ("all", "idas")]
+    ("name", "method"), [(name, method) for name in ("free", "roller", "all") for method in ("radau", "idas")]
 )
 def test_the_energy_of_a_pushed_beam_is_balanced(name, method):
-    """The push at a free tip lasts half a period of 5 Hz; where the tip is held, the beam is released instead."""
+    """The push at a free tip lasts half a period of 5 Hz; where the tip is held, the beam is released instead.
+
+    Each other feature is in the test of the moving base.
+    """
     beam = strip(5, **MOTIONS[name], **THICK, **WEIGHTLESS)
     held = any(one.point == 0.5 for one in beam.supports)
     start = static_equilibrium(Model(beam), loads=[PointLoad((0.0, 0.5), point=0.25)]) if held else "equilibrium"

@@ -32,8 +32,6 @@ SPRINGS = (Spring(0.31, (0.3, 0.8)), Spring(0.5, (0.0, 0.2)))
 DASHPOTS = (Dashpot(0.31, (2e-3, 5e-3)), Dashpot(0.42, (0.0, 1e-2)))
 MASSES = (PointMass(0.2, 2e-3, 1e-7), PointMass(0.5, 1e-3))
 SET_UPS = {
-    "masses": {"attachments": MASSES},
-    "springs": {"attachments": SPRINGS, "axis": (0.8, -0.6)},
     "everything": {"attachments": SPRINGS + MASSES, "axis": (0.8, -0.6), "supports": (Clamp(0.0, 0.02),)},
     "hinge": {"supports": (Pin(0.0),), "attachments": (RotationalSpring(0.0, 0.02), *MASSES), "axis": (1.0, 0.0)},
     "pendulum": {"supports": (Pin(0.0),), "attachments": MASSES},

@@ -58,8 +58,8 @@ def uneven(elements=20):
 
 @pytest.mark.parametrize(
     "changes",
-    [{"axis": (1.0, 0.0)}, {"axis": (1.0, 0.0), "gravity": (0.0, 0.0)}, uneven(), ELASTIC],
-    ids=["horizontal", "weightless", "hanging and uneven", "elastic clamp and tip mass"],
+    [{"axis": (1.0, 0.0)}, uneven(), ELASTIC],
+    ids=["horizontal", "hanging and uneven", "elastic clamp and tip mass"],
 )
 def test_small_motion_has_the_frequencies_and_the_equilibrium_of_the_full_beam(paper_beam, changes):
     model = Model(paper_beam(**changes))

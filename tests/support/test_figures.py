@@ -43,8 +43,7 @@ def test_a_name_is_drawn_as_it_was_written(kind, drawn):
 
 
 def labels(figure: Figure) -> list[str]:
-    """Return the texts that a figure draws, without the signs that keep tick labels from being formulas."""
-    figure.draw_without_rendering()
+    """Return the texts that a figure has drawn, without the signs that keep tick labels from being formulas."""
     found = [text for axes in figure.axes for text in (axes.title, axes.xaxis.label, axes.yaxis.label)]
     assert not any(text.get_parse_math() for text in found if "$" in text.get_text())
     ticks = [text.get_text().replace(r"\$", "$") for axes in figure.axes for text in axes.get_yticklabels()]

@@ -138,11 +138,10 @@ class Equations:
         return [list(outputs) for outputs in zip(*results, strict=True)]
 
     @cached_property
-    def turned_projection(self) -> cs.Function:
-        """(slope of the clamp) -> rows of R B of the free coordinates, (N, m)."""
-        tau = cs.MX.sym("tau", 2)
-        B = turned(cs.MX(cs.DM(self.projection)), self.model.beam.axis, tau)
-        return cs.Function("turned_projection", [tau], [self.model.of_free(B)])
+    def turned_projections(self) -> Array:
+        """Rows of R B of the free coordinates for a clamp along x and along y, (2, N, m); R is linear in its slope."""
+        B, axis = cs.DM(self.projection), self.model.beam.axis
+        return np.array([self.model.of_free(turned(B, axis, along).full()) for along in ((1.0, 0.0), (0.0, 1.0))])
 
 
 @dataclass(frozen=True, eq=False)

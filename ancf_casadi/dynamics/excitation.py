@@ -58,6 +58,8 @@ class Excitation:
 
     def jacobian(self, time: float) -> Array:
         """Return the derivatives of the excitation with respect to b, (15, m), at a time."""
+        if not self.parameters.size:
+            return np.zeros((EXCITATION, 0))
         return np.asarray(self._derivatives[0](time, self.parameters).full())
 
     def derivatives(self, time: float) -> Array:

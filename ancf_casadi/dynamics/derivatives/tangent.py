@@ -24,7 +24,6 @@ from functools import cached_property
 
 import casadi as cs
 import numpy as np
-import scipy.linalg
 import scipy.sparse
 
 from ancf_casadi.dynamics.derivatives.run import (
@@ -45,7 +44,8 @@ from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.support.banded import BandedFactors, lapack_place, lapack_storage
 from ancf_casadi.support.compilation import Buffered
 
-StepFunction = Callable[..., Array]  # (step, parameters, vector) -> value of a Function (Z, h, u, [vector])
+StepFunction = Callable[..., Array]  # (step, parameters, [vectors]) -> values of a Function (Z, h, u, [vector]), (k, d)
+NO_VECTOR = np.empty((0, 1))  # for a Function without one
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +84,11 @@ class Tangent:
         """Return U and V (3 N, 3 m) of the low-rank part U V^T of G, in the order of G, for excitations (3, 15), d."""
         if not modal_coefficients.size:
             return (np.zeros((len(self.order), 0)),) * 2
-        B = [self.form.equations.turned_projection(tau).full() for tau in excitations[:, 2:NODE]]
-        U = scipy.linalg.block_diag(*(one * modal_coefficients for one in B))
-        V = np.hstack([np.kron(row[:, None] / h, one) for row, one in zip(RADAU.inverse, B, strict=True)])
-        return U[self.inverse_order], V[self.inverse_order]
+        B = np.tensordot(excitations[:, 2:NODE], self.form.equations.turned_projections, 1)
+        U = np.einsum("ij,inm->jnim", np.eye(STAGES), B * modal_coefficients)
+        V = np.einsum("ij,inm->jnim", RADAU.inverse / h, B)
+        size = len(self.order)
+        return U.reshape(size, -1)[self.inverse_order], V.reshape(size, -1)[self.inverse_order]
 
     @cached_property
     def matrix(self) -> cs.Function:
@@ -108,19 +109,19 @@ class Tangent:
         d = cs.evalf(self.form.equations.balance(cs.MX(cs.DM(run.parameters))).modal_coefficients).full().ravel()
         for step, samples in zip(passage.steps[::order], passage.samples[::order], strict=True):
             stop_if_interrupted()
-            band = lapack_storage(self._bound_matrix(step, run.parameters), self.bandwidth)
+            band = lapack_storage(self._bound_matrix(step, run.parameters).ravel(), self.bandwidth)
             low_rank = self.low_rank(step.excitations, step.length, d)
             yield step, samples, BandedFactors.of(band, self.bandwidth, *low_rank)
 
     def increments(self, step: RadauStep, factors: BandedFactors, parameters: Array, du: Array) -> Array:
         """Return dZ = -G^-1 R_u du for d directions side by side, (3 N, d)."""
-        right = np.column_stack([self._forward(step, parameters, direction) for direction in du.T])
+        right = self._forward(step, parameters, du)
         return -factors.solve(right[self.inverse_order], overwrite=True)[self.order]
 
     def given(self, step: RadauStep, factors: BandedFactors, parameters: Array, weights: Array) -> Array:
         """Return -R_u^T G^-T w for weights w of the increments, (3 N, d)."""
         residuals = -factors.solve_transposed(weights[self.inverse_order])[self.order]
-        return np.column_stack([self._reverse(step, parameters, direction) for direction in residuals.T])
+        return self._reverse(step, parameters, residuals)
 
     @cached_property
     def _forward(self) -> StepFunction:
@@ -261,14 +262,18 @@ def _sampled(
 
 
 def _bound(function: cs.Function) -> StepFunction:
-    """Return a Function (Z, h, u, [vector]) that is evaluated for a step, bound to arrays."""
+    """Return a Function (Z, h, u, [vector]) that is evaluated for a step and each column of vectors."""
     inputs = [np.zeros(function.numel_in(k)) for k in range(function.n_in())]
     call = Buffered(function, *inputs)
 
-    def evaluate(step: RadauStep, parameters: Array, *vector: Array) -> Array:
+    def evaluate(step: RadauStep, parameters: Array, vectors: Array = NO_VECTOR) -> Array:
         u = np.concatenate([step.q, step.v, step.excitations.ravel(), parameters])
-        for array, given in zip(inputs, (step.increments.ravel(), np.array(step.length), u, *vector), strict=True):
+        for array, given in zip(inputs, (step.increments.ravel(), np.array(step.length), u), strict=False):
             array[:] = given
-        return call()[0].copy()
+        columns = []
+        for column in vectors.T:
+            inputs[-1][: len(column)] = column
+            columns.append(call()[0].copy())
+        return np.column_stack(columns)
 
     return evaluate

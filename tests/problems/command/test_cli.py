@@ -922,7 +922,7 @@ class TestInterrupted:
     def test_while_writing(self, files, capsys, monkeypatch, ending):
         monkeypatch.setattr(os, "replace", lambda *_: signal.raise_signal(ending))
         before = sorted(files.iterdir())
-        assert main(["fit-decay", "decay.csv", "--plot", "decay.png"]) == 128 + ending
+        assert main(["modes", "beam.toml", "--out", "modes.csv"]) == 128 + ending
         assert one_line(capsys) == "ancf-casadi: stopped; not all files were written"
         assert sorted(files.iterdir()) == before
 

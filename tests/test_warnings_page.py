@@ -61,7 +61,10 @@ def with_notes(tree):
 
 def makers(path):
     """Return the functions of a module that make warnings; the notes of studies are captions, and no warnings."""
-    tree = ast.parse(path.read_text())
+    source = path.read_text()
+    if not re.search("warn|note|limitations", source):
+        return []
+    tree = ast.parse(source)
     functions = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
     fields = {"warn"} if {"study", "paper"} & {*path.parts} else FIELDS | {"warn"} | with_notes(tree)
     found = {

@@ -38,7 +38,9 @@ def elastica(force, stiffness, length=0.5):
             theta, curvature, _ = state
             return curvature, -force / stiffness * math.cos(theta), math.sin(theta)
 
-        return solve_ivp(slopes, (0.0, length), (0.0, moment / stiffness, 0.0), rtol=1e-10, atol=1e-12).y[:, -1]
+        return solve_ivp(
+            slopes, (0.0, length), (0.0, moment / stiffness, 0.0), method="DOP853", rtol=1e-10, atol=1e-12
+        ).y[:, -1]
 
     moment = brentq(lambda m: end(m)[1], 0.0, force * length * 1.001, xtol=1e-12)
     return end(moment)[2]

@@ -54,7 +54,9 @@ def test_the_frame_of_williams_by_shooting():
             shear = stretch * (across * np.sin(theta) - up * np.cos(theta))
             return stretch * np.cos(theta), stretch * np.sin(theta), bent / 9270.0, shear
 
-        return solve_ivp(slopes, (0.0, length), (0.0, 0.0, angle, moment), rtol=1e-10, atol=1e-12).y[:3, -1]
+        return solve_ivp(slopes, (0.0, length), (0.0, 0.0, angle, moment), method="DOP853", rtol=1e-10, atol=1e-12).y[
+            :3, -1
+        ]
 
     for k in range(1, 8):
         target = np.array([FEET, RISE - k / 10, angle])

@@ -72,6 +72,7 @@ def test_the_quadratic_decay_approximates_a_numerical_solution(frequency, Î·1, Î
         (0, times[-1]),
         [e0, 0.0],
         t_eval=times,
+        method="DOP853",
         rtol=1e-10,
         atol=1e-12,
     )

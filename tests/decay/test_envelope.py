@@ -63,6 +63,7 @@ def test_the_equation_of_motion_shows_its_terms():
         (0.0, 15.0),
         [E0, 0.0],
         t_eval=TIME,
+        method="DOP853",
         rtol=1e-10,
         atol=1e-12,
     )

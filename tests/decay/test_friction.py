@@ -47,6 +47,7 @@ def motion(η0, η1, η2, e0=E0, end=5.0):
             state,
             events=turn,
             args=(sign,),
+            method="DOP853",
             rtol=1e-11,
             atol=1e-14,
             dense_output=True,

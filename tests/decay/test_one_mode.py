@@ -20,6 +20,7 @@ def solution(η1, η2, r0=0.076, v0=-0.1):
         (0.0, TIME[-1]),
         [r0, v0],
         t_eval=TIME,
+        method="DOP853",
         rtol=1e-12,
         atol=1e-14,
     )

@@ -170,6 +170,7 @@ def test_the_power_law_is_the_decay_of_the_oscillator(p):
         (0.0, time[-1]),
         [E0, 0.0],
         t_eval=time,
+        method="DOP853",
         rtol=1e-9,
         atol=1e-12,
     ).y
@@ -192,6 +193,7 @@ def test_the_phase_of_a_decaying_duffing_oscillator_follows_its_amplitude(harden
         (0.0, time[-1]),
         [E0, 0.0],
         t_eval=time,
+        method="DOP853",
         rtol=1e-10,
         atol=1e-13,
     ).y[0]

@@ -268,6 +268,7 @@ def test_a_numerical_solution_of_the_equation_of_motion_is_fitted_to_first_order
         (0.0, 15.0),
         [e0, 0.0],
         t_eval=np.arange(0.0, 15.0, 0.002),
+        method="DOP853",
         rtol=1e-10,
         atol=1e-12,
     )

@@ -71,7 +71,9 @@ def test_the_motion_by_the_formula_solves_eq_26_from_rest(decay):
         r, v = state
         return [v, -law.eta1 * v - law.eta2 * v * abs(v) - omega**2 * r]
 
-    exact = solve_ivp(rates, (0.0, decay.time[-1]), [0.076, 0.0], t_eval=decay.time, rtol=1e-9, atol=1e-12).y[0]
+    exact = solve_ivp(
+        rates, (0.0, decay.time[-1]), [0.076, 0.0], t_eval=decay.time, method="DOP853", rtol=1e-9, atol=1e-12
+    ).y[0]
     assert decay.formula_tip[0] == pytest.approx(0.076)
     assert abs(decay.formula_tip - exact).max() < 0.15 * zeta * 0.076
     printed = decay.formula.amplitude * np.cos(omega * decay.time)

@@ -20,7 +20,8 @@ from ancf_casadi.dynamics.damped_modes import DampedModes
 from ancf_casadi.dynamics.trajectory import Motion
 from ancf_casadi.estimation.figures import draw_autocorrelation
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam import PROPERTIES, Beam
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.lumped import PROPERTIES
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.set_up import draw_set_up
 from ancf_casadi.support.arrays import Array

@@ -20,13 +20,12 @@ import ancf_casadi
 import ancf_casadi.export
 import problems
 from problems.cli import COMMANDS, module_of
-from problems.schema.file import FILE_TABLES
 from problems.schema.match import MatchTable
-from problems.schema.motion import AXES, COMPONENTS, READING
+from problems.schema.motion import AXES, COMPONENTS, READING, SETTINGS
 from problems.schema.plan import PlanTable
 from problems.schema.records import CHANNEL, FIT, RECORD
 from problems.schema.response import ResponseTable
-from problems.schema.simulation import SETTINGS
+from problems.schema.table import FILE_TABLES
 from problems.study.part import LawChoice
 from problems.study.reading import StudyTable
 from problems.study.study import KINDS

@@ -22,9 +22,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.mechanics.beam import PROPERTIES
+from ancf_casadi.mechanics.lumped import BEAM_UNITS, PROPERTIES
 from ancf_casadi.mechanics.nodes import NODE
-from ancf_casadi.mechanics.property_names import BEAM_UNITS
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import instances
 from ancf_casadi.support.tables import Displayed, counted

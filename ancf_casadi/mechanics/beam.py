@@ -29,7 +29,7 @@ import numpy as np
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import Attachment
 from ancf_casadi.mechanics.beam_table import PART_KINDS, with_parts
-from ancf_casadi.mechanics.lumped import Place, changed_parts, lumped_places
+from ancf_casadi.mechanics.lumped import PROPERTIES, Place, changed_parts, lumped_places
 from ancf_casadi.mechanics.section import Section, check_elements
 from ancf_casadi.mechanics.supports import Clamp, Support, at_first
 from ancf_casadi.support.arrays import Array
@@ -49,7 +49,6 @@ from ancf_casadi.support.inputs import (
 )
 from ancf_casadi.support.tables import Displayed, counted
 
-PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
 INITIAL = ("natural_curvature", "prestress")  # one value per element, or none; the largest is a lumped property
 MINIMUM_ELEMENTS = 2
 MAXIMUM_ELEMENTS = 10_000  # a larger number is taken for a typing error

@@ -1,4 +1,4 @@
-"""Lumped properties: numbers that a beam does not have once per element, by name.
+"""Properties of a beam: names and units, and the lumped ones, which a beam does not have once per element.
 
     tip_mass, mass                     of a ``PointMass`` at the tip, or elsewhere, kg
     rotary_inertia                     of a ``PointMass``, if it is not 0, kg m^2
@@ -8,12 +8,13 @@
     clamp_stiffness                    torsional stiffness of a ``Clamp``, if it is finite, N m/rad
     natural_curvature, prestress       the largest one of the elements, which keep their ratios, 1/m, Pa
 
-A second one of a name counts on along the beam: mass, mass_2.
+A second one of a name counts on along the beam: mass, mass_2.  ``spring_stiffness`` stands for all springs.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -21,6 +22,38 @@ from typing import Any, Literal
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, RotationalSpring, Spring
 from ancf_casadi.mechanics.supports import Clamp, Support
+
+PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
+BEAM_UNITS = {
+    "width": "m",
+    "thickness": "m",
+    "density": "kg/m^3",
+    "elastic_modulus": "Pa",
+    "tip_mass": "kg",
+    "mass": "kg",
+    "rotary_inertia": "kg m^2",
+    "clamp_stiffness": "N m/rad",
+    "rotational_spring": "N m/rad",
+    "spring_x": "N/m",
+    "spring_y": "N/m",
+    "spring_stiffness": "N/m",
+    "dashpot_x": "N s/m",
+    "dashpot_y": "N s/m",
+    "natural_curvature": "1/m",
+    "prestress": "Pa",
+}
+LUMPED_KINDS = tuple(name for name in BEAM_UNITS if name not in PROPERTIES)
+
+
+def lumped_kind(name: str) -> str:
+    """Return the name of a lumped property without its number; empty if the name is not that of a lumped property."""
+    kind = re.sub("_[0-9]+$", "", name)
+    return kind if kind in LUMPED_KINDS else ""
+
+
+def unit_of(name: str) -> str:
+    """Return the SI unit of a property; a name may have elements in brackets, or a number."""
+    return BEAM_UNITS[lumped_kind(name) or name.partition("[")[0]]
 
 
 @dataclass(frozen=True)

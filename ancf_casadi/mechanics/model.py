@@ -29,8 +29,9 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.mechanics.beam import INITIAL, PROPERTIES, Beam
+from ancf_casadi.mechanics.beam import INITIAL, Beam
 from ancf_casadi.mechanics.element import Element, Group, element
+from ancf_casadi.mechanics.lumped import PROPERTIES
 from ancf_casadi.mechanics.nodes import NODE, Nodes
 from ancf_casadi.mechanics.point_elements import (
     dashpot,

@@ -13,8 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.processing import amplitude_spectrum, decimated, in_band, sampling_step, without_line
-from ancf_casadi.records.quality import quality_warnings
+from ancf_casadi.records.processing import (
+    amplitude_spectrum,
+    decimated,
+    in_band,
+    quality_warnings,
+    sampling_step,
+    without_line,
+)
 from ancf_casadi.records.recording import Recording, read_recording, unit_notes
 from ancf_casadi.records.sensor import Sensor, sensor_of
 from ancf_casadi.records.units import known_unit

@@ -7,8 +7,8 @@ Eq. (6) with the damping forces of Eqs. (14), (23) and (32), projected on these 
 A beam that one clamp or pin holds at its beginning does not stretch, and may bend far (``projection``: shapes and
 constants of the full model, ``bending``: motion of the slopes).  A beam that supports hold at more places, or that may
 slide, stretches as it bends; its shapes are quadratic functions of the modal coordinates, for moderate amplitudes
-(``condensation``: constants, ``condensed``: motion).  Both have the same forces (``forces``), CasADi Functions
-(``reduced``) and time integration (``stepping``).
+(``condensed``).  Both have the same forces (``forces``), CasADi Functions (``reduced``) and time integration
+(``stepping``).
 """
 
 from ancf_casadi.reduction.reduced import ReducedModel, reduce_model

@@ -1,6 +1,6 @@
 """Projection of the full beam on bending in a few modes, without stretching.
 
-One clamp or pin holds the beam at its beginning; for others see ``condensation``.
+One clamp or pin holds the beam at its beginning; for others see ``condensed``.
 
 The slope r' = lambda (cos theta, sin theta) keeps the length lambda it has at rest.  Its angle to the x axis is
 

@@ -46,8 +46,7 @@ from ancf_casadi.dynamics.signals import (
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.bending import BendingMotion
-from ancf_casadi.reduction.condensation import CondensedProjection, condensed_projection
-from ancf_casadi.reduction.condensed import CondensedMotion
+from ancf_casadi.reduction.condensed import CondensedMotion, CondensedProjection, condensed_projection
 from ancf_casadi.reduction.forces import BASE_SIZE, Expression, ReducedMotion
 from ancf_casadi.reduction.projection import (
     Projection,

@@ -15,7 +15,8 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import PointMass
-from ancf_casadi.mechanics.beam import PROPERTIES, Beam
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.lumped import PROPERTIES
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.supports import Clamp, Guide, Support
 from ancf_casadi.support.arrays import Array

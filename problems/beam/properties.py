@@ -25,9 +25,9 @@ import numpy as np
 
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam import PROPERTIES, Beam
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.lumped import BEAM_UNITS, PROPERTIES, lumped_kind
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.property_names import BEAM_UNITS, lumped_kind
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.assembly import structure_properties

@@ -16,8 +16,7 @@ from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.records.processing import sampling
-from ancf_casadi.records.quality import quality_warnings
+from ancf_casadi.records.processing import quality_warnings, sampling
 from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.recording import Recording, recording_of
 from ancf_casadi.records.sensor import Sensor

@@ -13,7 +13,7 @@ from ancf_casadi.dynamics.trajectory import Trajectory
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.tables import Table
 from problems.command.output import Output, add_plot, figure_writers, file_writers, json_text, new_files
-from problems.schema.simulation import SIMULATION_HELP, read_simulation
+from problems.schema.motion import SIMULATION_HELP, read_simulation
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

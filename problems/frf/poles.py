@@ -14,7 +14,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
-from ancf_casadi.support.tall import tall_triangle
+from ancf_casadi.support.banded import tall_triangle
 from problems.frf.modal_sum import ModalSum, stacked
 
 RATIO_RANGE = (1e-5, 0.6)  # least and largest damping ratio of a candidate

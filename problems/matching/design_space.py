@@ -31,9 +31,9 @@ import scipy  # its packages are imported on first use
 
 from ancf_casadi.estimation.solver.least_squares import AT_BOUND
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam import PROPERTIES, Beam
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.lumped import PROPERTIES, lumped_kind
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.property_names import lumped_kind
 from ancf_casadi.support.arrays import Array, Index, Mask
 from ancf_casadi.support.inputs import check_instance, is_sequence, numbers, positive, shown
 from ancf_casadi.support.tables import Displayed

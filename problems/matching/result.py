@@ -15,7 +15,7 @@ from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.result import FitResult, Interval
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.property_names import lumped_kind, unit_of
+from ancf_casadi.mechanics.lumped import lumped_kind, unit_of
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Table
 from ancf_casadi.support.tables import known as finite

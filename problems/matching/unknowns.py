@@ -22,8 +22,8 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam import MAXIMUM_ELEMENTS, PROPERTIES
-from ancf_casadi.mechanics.property_names import LUMPED_KINDS, lumped_kind
+from ancf_casadi.mechanics.beam import MAXIMUM_ELEMENTS
+from ancf_casadi.mechanics.lumped import LUMPED_KINDS, PROPERTIES, lumped_kind
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import choice, positive, shown, whole
 from ancf_casadi.support.tables import Displayed

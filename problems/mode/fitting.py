@@ -3,7 +3,7 @@
     fit = fit_mode([decay, curve_up, curve_down], law="quadratic", frequency_law="logarithmic")
 
 All records share the laws of the mode: its frequency and its rate of decay against the amplitude.  Each decay adds its
-release (``decays``), each kind of excitation its modal constant (``curves``).  The loop of all fits
+release, each kind of excitation its modal constant (``decays``).  The loop of all fits
 (``ancf_casadi.estimation.solve``) weighs the records by the scatter of their residuals.
 
 The fit starts from the largest decay, and from regressions of the curves (``start``), whichever ends in the better
@@ -37,8 +37,14 @@ from problems.beam.unknowns import Priors, with_prior
 from problems.decay.laws import NOT_AT_ZERO, RATIO_BOUNDS, DecayModel, Law
 from problems.decay.result import DecayFit
 from problems.decay.solution import as_record, fit_one
-from problems.mode.curves import ModeCurveBlock, constant_unit, curves_of_mode
-from problems.mode.decays import decay_block, mode_decay, release_unknowns
+from problems.mode.decays import (
+    ModeCurveBlock,
+    constant_unit,
+    curves_of_mode,
+    decay_block,
+    mode_decay,
+    release_unknowns,
+)
 from problems.mode.oscillator import motion_amplitudes, reading_factor
 from problems.mode.result import ModeFit
 from problems.mode.start import LEAST_RATIO, Points, from_points, guess_of, law_at, modal_constant_of

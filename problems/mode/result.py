@@ -26,7 +26,7 @@ from problems.decay.law_curve import given_amplitudes, with_bands
 from problems.decay.laws import DECAY_QUANTITIES, NOT_AT_ZERO, DecayModel
 from problems.decay.prediction import predicted
 from problems.decay.takes import OF_RECORD
-from problems.mode.curves import ModeCurveBlock, curves_of_mode
+from problems.mode.decays import ModeCurveBlock, curves_of_mode
 from problems.mode.oscillator import reading_factor
 
 OF_MODE = tuple(name for name in DECAY_QUANTITIES if name not in OF_RECORD)

@@ -1,6 +1,6 @@
 """The tables of TOML files.
 
-``file`` holds a file that was read.  A table whose keys are the arguments of a class or a function, such as
+``table.StudyFile`` is a file that was read.  A table whose keys are the arguments of a class or a function, such as
 ``HarmonicBase``, is declared by its signature (``table.made``).  A table with keys of its own is declared by a class
 whose fields carry type, range, default and description (``table.read``), which gives the checks and the help.
 

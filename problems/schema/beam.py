@@ -15,8 +15,7 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import check_keys, is_sequence, located, shown
 from ancf_casadi.vibration.modes import natural_modes
-from problems.schema.file import StudyFile, is_document
-from problems.schema.table import made
+from problems.schema.table import StudyFile, is_document, made
 
 HEAD = "tables of a TOML file:\n"
 BEAM_KEYS = """\

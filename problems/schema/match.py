@@ -14,8 +14,7 @@ from ancf_casadi.support.inputs import located, numbers, shown
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.unknowns import Global, PerElement, PropertyUnknown, Smooth
 from problems.schema.beam import BEAM_HELP, read_beam
-from problems.schema.file import StudyFile
-from problems.schema.table import read, told
+from problems.schema.table import StudyFile, read, told
 
 
 @dataclass(frozen=True, kw_only=True)

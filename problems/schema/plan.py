@@ -17,7 +17,6 @@ from ancf_casadi.support.inputs import check_keys, is_sequence, located, shown
 from problems.beam.curves.record import ResponseRecord
 from problems.planning.record import PlannedRecord
 from problems.schema.beam import DAMPED_HELP, read_damped
-from problems.schema.file import StudyFile
 from problems.schema.motion import MOTION_KEYS, read_motion
 from problems.schema.records import (
     CONFIGURATION,
@@ -29,7 +28,7 @@ from problems.schema.records import (
     excitation_of,
     table_sensor,
 )
-from problems.schema.table import Positive, read, told
+from problems.schema.table import Positive, StudyFile, read, told
 
 
 @dataclass(frozen=True)

@@ -31,9 +31,8 @@ from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.record import Camera, Channel, MotionRecord
 from problems.beam.values.records import FrequencyRecord, StaticRecord
 from problems.schema.beam import DAMPED_HELP, read_damped, term_of, total
-from problems.schema.file import StudyFile
 from problems.schema.motion import MOTION_KEYS, READING, read_measured, read_motion
-from problems.schema.table import made
+from problems.schema.table import StudyFile, made
 
 RECORD_KEYS = """\
   [[records]]   one table per measured motion; channels = [{column = "x",

@@ -19,9 +19,8 @@ from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.tracing import CURVE_POINTS, MOST_CURVE_POINTS, frequency_response
 from ancf_casadi.support.inputs import unit_vector, whole
 from problems.schema.beam import DAMPED_HELP, read_damped
-from problems.schema.file import StudyFile
-from problems.schema.simulation import MARKERS_KEYS, read_markers
-from problems.schema.table import Positive, read, told
+from problems.schema.motion import MARKERS_KEYS, read_markers
+from problems.schema.table import Positive, StudyFile, read, told
 
 RESPONSE_MODES = 8  # of the reduced model, if the beam has as many
 RESPONSE_TOLERANCE = 1e-4  # few harmonics suffice for it, even under friction

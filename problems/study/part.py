@@ -25,8 +25,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.inputs import is_sequence, number, shown
 from problems.schema.beam import law_of, read_beam
-from problems.schema.file import StudyFile
-from problems.schema.table import UNLISTED
+from problems.schema.table import UNLISTED, StudyFile
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing
 

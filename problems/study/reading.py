@@ -16,8 +16,7 @@ from msgspec import Meta, Struct
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import shown
-from problems.schema.file import StudyFile
-from problems.schema.table import read
+from problems.schema.table import StudyFile, read
 from problems.study.part import LawChoice, Part, Source, Study
 from problems.study.results import file_name
 

@@ -35,10 +35,9 @@ from problems.study.kinds.motion import Comparison, MotionFit, SimulationPart
 from problems.study.kinds.rayleigh import Rayleigh
 from problems.study.kinds.response import ResponsePart
 from problems.study.kinds.transients import Transients
-from problems.study.page import page
 from problems.study.part import FULL, QUICK, LawChoice, Part, Study
 from problems.study.reading import StudyTable, read_study
-from problems.study.results import Shown, file_name, labelled, results, schema
+from problems.study.results import Shown, file_name, labelled, page, results, schema
 from problems.study.runner import PartTime, run_parts
 
 KINDS: tuple[type[Part], ...] = (  # that users' files name, in the order of the help

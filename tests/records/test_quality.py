@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Measurement
-from ancf_casadi.records.quality import quality_warnings
+from ancf_casadi.records.processing import quality_warnings
 from problems import MotionRecord, fit_decay, fit_modes
 from problems.cli import main
 

@@ -31,7 +31,7 @@ from functools import cached_property
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.element_forces import mapped, side_by_side
+from ancf_casadi.dynamics.equations import mapped, side_by_side
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.strain import gauss, hermite_slope

@@ -26,7 +26,7 @@ from functools import cached_property
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.element_forces import ELEMENTS_PER_CALL
+from ancf_casadi.dynamics.equations import ELEMENTS_PER_CALL
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Index, Layout

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ancf_casadi.exceptions import NumericsError
-from ancf_casadi.mechanics.property_names import lumped_kind
+from ancf_casadi.mechanics.lumped import lumped_kind
 from ancf_casadi.support.arrays import Array
 from problems.beam.curves.driven import Driven
 from problems.beam.curves.points import CurvePoints, Measured, NoMotionError, PointMotion, closest, motion_from_rest

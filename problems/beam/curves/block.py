@@ -18,8 +18,8 @@ from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.estimation.block import Account, Evaluation, Fitted
 from ancf_casadi.estimation.solve import LARGEST_SHIFT, meaningful
 from ancf_casadi.exceptions import NumericsError
+from ancf_casadi.mechanics.lumped import lumped_kind
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.property_names import lumped_kind
 from ancf_casadi.reduction import ReducedModel, reduce_model
 from ancf_casadi.reduction.reduced import rebuilt
 from ancf_casadi.response.harmonic_balance.drive import beam_drive

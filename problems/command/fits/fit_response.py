@@ -14,8 +14,8 @@ from problems.beam.curves.record import Control, Sweep
 from problems.command.fits.fit import add_fit_outputs, fit_output
 from problems.command.output import Output, new_files
 from problems.command.record_options import add_spectral_options
-from problems.schema.file import StudyFile
 from problems.schema.records import CURVE_READING, RECORDS_HELP, read_measurements
+from problems.schema.table import StudyFile
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -12,8 +12,8 @@ from msgspec import Meta
 from ancf_casadi.export.model_document import beam_data, beam_from
 from ancf_casadi.export.structs import BeamData
 from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.lumped import unit_of
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.property_names import unit_of
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import located, whole

@@ -17,10 +17,9 @@ from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.model_document import beam_data
 from problems.beam.fitting import compare_laws, fit_beam
-from problems.schema.file import StudyFile
+from problems.schema.motion import read_simulation
 from problems.schema.records import NUMBERS, read_measurements
-from problems.schema.simulation import read_simulation
-from problems.schema.table import UNLISTED
+from problems.schema.table import UNLISTED, StudyFile
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import drawn
 from problems.study.part import NO_FILE, Effort, Finding, Found, Part, Source, Task

@@ -26,9 +26,8 @@ from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.modes import natural_modes
-from problems.schema.file import StudyFile
 from problems.schema.response import ResponseTask, read_response
-from problems.schema.table import UNLISTED
+from problems.schema.table import UNLISTED, StudyFile
 from problems.study.data_table import Column
 from problems.study.drawing import drawn, new_figure, series
 from problems.study.part import NO_FILE, Effort, Finding, Found, Part, Source, Task

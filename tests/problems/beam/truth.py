@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ancf_casadi.mechanics.beam import PROPERTIES
+from ancf_casadi.mechanics.lumped import PROPERTIES
 from problems.beam.properties import Owners
 
 FACTORS = (*PROPERTIES, "tip_mass", "clamp_stiffness")

@@ -19,8 +19,8 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from problems.schema import motion
+from problems.schema.motion import read_simulation
 from problems.schema.records import read_measurements
-from problems.schema.simulation import read_simulation
 
 BEAM = """
 [beam]

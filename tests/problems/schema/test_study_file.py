@@ -31,7 +31,7 @@ from ancf_casadi.support.inputs import numbers
 from problems import Global, MeasuredModes, PerElement, Smooth
 from problems.schema.beam import BEAM_HELP, read_beam, read_damped
 from problems.schema.match import read_match
-from problems.schema.simulation import read_simulation
+from problems.schema.motion import read_simulation
 
 BEAM = """
 [beam]

@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 
 from problems.study.drawing import FIGURE_WIDTH, STYLE
-from problems.study.page import inline_svg
 from problems.study.part import Finding, Study
-from problems.study.results import file_name, labelled
+from problems.study.results import file_name, inline_svg, labelled
 from problems.study.study import StudyReport, run_study
 from tests.problems.conftest import BEAM, DECAYS, RAYLEIGH
 from tests.problems.study.test_runner import Doubles

@@ -29,7 +29,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy  # its packages are imported on first use
@@ -41,13 +40,9 @@ from ancf_casadi.decay.track import LocalDecay, local_decay, waves
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text, prefixed
+from ancf_casadi.support.figures import COMPUTED, MEASURED, Axes, Figure, literal_text, prefixed
 from ancf_casadi.support.inputs import check_instance, physical
 from ancf_casadi.support.tables import Displayed, Table, counted, spread
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 # Tests that fail: test_the_curve_is_the_equivalent_damping_ratio_at_each_amplitude (PERIODS halved or doubled),
 # test_the_curve_ends_in_the_noise (PIECE halved), test_stated_errors_are_the_scatter_between_records (BAND halved or

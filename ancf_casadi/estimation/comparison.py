@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from ancf_casadi.estimation.criteria import Candidate, Verdict, judge
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.result import LeastSquaresResult
+from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.tables import Displayed, Table, known
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 F = TypeVar("F", bound=LeastSquaresResult)
 

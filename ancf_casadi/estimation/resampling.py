@@ -37,7 +37,7 @@ from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -47,13 +47,11 @@ from ancf_casadi.estimation.result import FitResult, LeastSquaresResult
 from ancf_casadi.estimation.solver.noise import autocorrelation
 from ancf_casadi.exceptions import AncfError, FitError, InputError
 from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import choice, number, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.support.tables import Displayed, Table, known
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Method = Literal["parametric", "bootstrap"]
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import NoneType
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,11 +24,9 @@ from ancf_casadi.records.recording import Recording, read_recording, unit_notes
 from ancf_casadi.records.sensor import Sensor, sensor_of
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, located, number, physical, whole
 from ancf_casadi.support.tables import Displayed, counted, spread
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SHORTEST = 30  # new samples of a record that can be decimated: the length of the filter
 

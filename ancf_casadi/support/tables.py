@@ -18,17 +18,15 @@ from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from html import escape
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import instances
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 REPORT_WIDTH = 100  # columns of a report on a terminal
 MOST_CHARACTERS = 180  # characters of an object on one line

@@ -7,7 +7,7 @@ import math
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,13 +22,11 @@ from ancf_casadi.records.recording import Recording, recording_of
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.records.time_axis import is_counter, is_time
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import physical
 from ancf_casadi.support.tables import Table, known
 from problems.command.output import Output, add_plot, figure_writers, json_text, new_files
 from problems.command.record_options import add_record_options
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 MOST_CHANNELS_SHOWN = 40  # channels in the table
 EPILOG = """\

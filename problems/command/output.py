@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.tables import Reported, to_json
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from ancf_casadi.estimation.comparison import LawComparison
 
 LONGEST = 300  # characters of a refusal, which may show an option as it was typed

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
 
 import casadi as cs
 import numpy as np
@@ -20,13 +19,11 @@ from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import array, check_instance
 from ancf_casadi.support.tables import Cell, Table
 from problems.decay.result import DecayFit
 from problems.decay.takes import DecayFits, DecayModes
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def law_curve(fit: DecayFit, amplitudes: ArrayLike | None = None, *, level: float = CONFIDENCE_LEVEL) -> LawCurve:

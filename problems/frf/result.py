@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +16,7 @@ from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, ComplexArray
+from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import check_instance, positive_array
 from ancf_casadi.support.tables import Table, known
 from problems.frf.modal_sum import ModalSum, TrialFit, quick_fit
@@ -23,9 +24,6 @@ from problems.frf.record import FrfRecord
 from problems.frf.refinement import FRF_ADVICE, coefficient_covariance, corrected, inflation, limitations, refine
 from problems.frf.weights import first_deviations, given_deviations
 from problems.matching.measured_modes import MeasuredModes
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 GREY = "#b0b0b0"
 

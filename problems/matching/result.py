@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,14 +17,12 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.lumped import lumped_kind, unit_of
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.tables import Table
 from ancf_casadi.support.tables import known as finite
 from problems.matching.identifiability import Identifiability
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.response import Matching
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 MOST_NAMES = 6  # largest number of bounds that a warning names
 

@@ -29,7 +29,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -40,12 +40,9 @@ from ancf_casadi.estimation.solver.noise import Noise
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
+from ancf_casadi.support.figures import COMPUTED, MEASURED, Figure, literal_text
 from ancf_casadi.support.inputs import is_sequence, numbers, physical, shown
 from ancf_casadi.support.tables import Table, known
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,7 +43,7 @@ from ancf_casadi.export.model_document import beam_from
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED
+from ancf_casadi.support.figures import COMPUTED, MEASURED, Figure
 from ancf_casadi.support.tables import known
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.paper.air import Air, implied_drag_coefficient, viscous_damping_ratios
@@ -53,8 +53,6 @@ from problems.study.drawing import Drawing, drawn, line, new_figure
 from problems.study.part import Effort, Finding, Found
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from problems.paper.reproduce import PaperPart
 
 NAME = "modal + quadratic"

@@ -14,6 +14,7 @@ import numpy as np
 
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.tables import known
 from problems.paper.effects import (
     HORIZON,
@@ -31,8 +32,6 @@ from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_fi
 from problems.study.part import Effort, Finding, Found, LawChoice, Task
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from problems.paper.reproduce import PaperPart
 
 CURVE_MARKERS = 12  # markers of a drawn curve

@@ -17,15 +17,13 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import hermite
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.figures import Axes, Figure
 from ancf_casadi.vibration.equilibrium import static_equilibrium
 from ancf_casadi.vibration.modes import natural_modes
 from problems.study.drawing import drawn, line, new_figure, series
 from problems.study.part import Effort, Finding, Found
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from problems.paper.reproduce import PaperPart
 
 ENDS = np.array([[0.9, 1.9], [4.3, 1.7]])  # r0 and rl

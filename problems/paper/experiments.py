@@ -17,6 +17,7 @@ from ancf_casadi.decay.envelope import DampingCurve
 from ancf_casadi.dynamics.simulation import Method
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.figures import Figure
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.paper.combined_law import ratio_curves
 from problems.schema.beam import law_of
@@ -27,8 +28,6 @@ from problems.study.kinds.transients import experiment_tasks, results_of
 from problems.study.part import Effort, Finding, Found, Task
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from problems.paper.reproduce import PaperPart
 
 LAW_POINTS = 40  # of a drawn law

@@ -20,6 +20,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.stepping import ReducedTrajectory
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.figures import Figure
 from problems.schema.beam import law_of
 from problems.schema.response import RESPONSE_MODES, ResponseTable, ResponseTask
 from problems.study.data_table import Column
@@ -28,8 +29,6 @@ from problems.study.kinds.response import curve_numbers, draw_curve, summary_col
 from problems.study.part import Effort, Finding, Found, Task, Terms
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from problems.paper.reproduce import PaperPart
 
 RANGE_WIDTH = 5.0  # half-width of the range of frequencies relative to that of the resonance

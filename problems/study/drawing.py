@@ -12,16 +12,12 @@ import threading
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import SERIES, literal_text
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from ancf_casadi.support.figures import SERIES, Axes, Figure, literal_text
 
 FIGURE_WIDTH = 5.2  # inches
 STYLE: dict[Any, Any] = {

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from ancf_casadi.support.figures import Figure
 
 SHARES = (0.95, 0.5)  # of the samples within the contours
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, Self, final
+from typing import Annotated, Any, Self, final
 
 import numpy as np
 from msgspec import Meta
@@ -16,6 +16,7 @@ from ancf_casadi.mechanics.lumped import unit_of
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import located, whole
 from ancf_casadi.vibration.modes import natural_modes
 from problems.matching.frequency_matching import match_frequencies
@@ -24,9 +25,6 @@ from problems.schema.table import Positive, read
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import FIGURE_WIDTH, Drawing, drawn, new_figure, series
 from problems.study.part import Effort, Finding, Found, Part, Printed, Source, Task, printed_numbers
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 BEAM_ROWS = (("length", "mm", 1e3), ("width", "mm", 1e3), ("thickness", "mm", 1e3), ("density", "kg/m³", 1.0),
         ("elastic_modulus", "GPa", 1e-9))  # fmt: skip

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, final
+from typing import Annotated, Any, Literal, Self, final
 
 import casadi as cs
 import numpy as np
@@ -22,7 +22,7 @@ from ancf_casadi.estimation.agreement import part_estimates
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import prefixed
+from ancf_casadi.support.figures import Figure, prefixed
 from ancf_casadi.support.inputs import check_keys, located
 from ancf_casadi.support.tables import known
 from problems.decay.fitting import fit_decay
@@ -33,9 +33,6 @@ from problems.schema.table import UNLISTED, Positive, read
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
 from problems.study.part import Effort, Finding, Found, Part, Printed, Source, Task, printed_numbers
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 PRINTED = ("frequency", "damping_ratio", "eta1", "eta2")
 SYNTHETIC_STD = 0.2e-3  # m, of synthetic decays

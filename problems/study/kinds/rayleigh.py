@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, Self, final
+from typing import Annotated, Any, Self, final
 
 import numpy as np
 from msgspec import Meta, Struct
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.tables import known
 from problems.modal_damping.rayleigh import RayleighFit, fit_rayleigh, rayleigh_ratio
@@ -17,9 +18,6 @@ from problems.schema.table import Positive
 from problems.study.data_table import Column
 from problems.study.drawing import drawn, line, new_figure, plain_log_ticks
 from problems.study.part import Effort, Finding, Found, Part, Printed, Source, printed_numbers
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 class OtherModes(Struct, frozen=True):

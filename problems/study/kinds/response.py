@@ -16,7 +16,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, Self, final
+from typing import Annotated, Any, Self, final
 
 import numpy as np
 
@@ -25,16 +25,13 @@ from ancf_casadi.reduction.reduced import ReducedModel
 from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.figures import Axes, Figure
 from ancf_casadi.vibration.modes import natural_modes
 from problems.schema.response import ResponseTask, read_response
 from problems.schema.table import UNLISTED, StudyFile
 from problems.study.data_table import Column
 from problems.study.drawing import drawn, new_figure, series
 from problems.study.part import NO_FILE, Effort, Finding, Found, Part, Source, Task
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 RESPONSE_TABLES = {"beam", "damping", "response", "markers"}
 TIP_KEY = "tip"

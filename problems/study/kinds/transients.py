@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, Self, final
+from typing import Annotated, Any, Self, final
 
 import numpy as np
 import scipy  # its packages are imported on first use
@@ -18,16 +18,13 @@ from ancf_casadi.dynamics.simulation import Method
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.figures import Axes, Figure
 from ancf_casadi.support.tables import known
 from problems.schema.table import keys_of
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series
 from problems.study.kinds.experiment import ExperimentResult, RequestedRun, run_experiment
 from problems.study.part import Effort, Finding, Found, LawChoice, Part, Printed, Source, Task, printed_numbers
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 TRANSIENT_KEYS = {"experiment", "runs"}  # other keys of its numbers
 

@@ -73,10 +73,7 @@ def decay_figure(
 
 @literal_text
 def fit_figure(time: Array, measured: Array, fitted: Array, unit: str = "m") -> Figure:
-    """Draw measured and fitted values over time (s), the residuals, and their autocorrelation.
-
-    For white residuals, 95 % of the autocorrelation values lie between the dotted lines.
-    """
+    """Draw measured and fitted values over time (s), the residuals, and their autocorrelation."""
     figure = Figure(figsize=(9, 7), layout="constrained")
     over_time, below = figure.subfigures(2, 1, squeeze=False, height_ratios=(1.2, 1)).ravel()
     _draw_fit(over_time, below, time, measured, lambda t: np.interp(np.asarray(t, dtype=float), time, fitted), "", unit)
@@ -92,10 +89,7 @@ def _draw_fit(
     title: str,
     unit: str,
 ) -> None:
-    """Draw a record and a fit, and below the residuals and their autocorrelation.
-
-    If there are many periods, their extremes are drawn, and the first periods beside them.
-    """
+    """Draw a record and a fit, and below the residuals and their autocorrelation."""
     fitted = curve(time)
     turns = np.flatnonzero(np.diff(np.sign(fitted - np.median(fitted))))
     many = len(turns) > 2 * 40  # half periods; fewer are drawn in full

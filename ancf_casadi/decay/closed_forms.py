@@ -116,10 +116,7 @@ def quadratic_decay(time: Value, ω: Value, η1: Value, η2: Value, e0: Value, �
 
 
 def equivalent_damping_ratio(η1: Value, η2: Value, ω: Value, amplitude: Value, η0: Value | None = None) -> Value:
-    """Return the viscous damping ratio with the same energy loss per period at an amplitude (m).
-
-    The loss is due to linear damping η1 (1/s), quadratic damping η2 (1/m) and, if given, friction η0 (m/s^2).
-    """
+    """Return the viscous damping ratio with the same energy loss per period at an amplitude (m)."""
     viscous = η1 / (2 * ω) + 4 * η2 * amplitude / (3 * math.pi)
     return viscous if η0 is None else viscous + 2 * η0 / (math.pi * ω**2 * amplitude)
 
@@ -138,10 +135,7 @@ def friction_decay(time: Value, ω: Value, η0: Value, η1: Value, η2: Value, e
 
 
 def power_envelope(time: Value, ω: Value, rate: Value, p: Value, e0: Value) -> Value:
-    """Return the amplitude of the free decay under a force with an exponent; 0 after the stop.
-
-    The ``rate`` is that of the decay at the release, -A'/A, 1/s.
-    """
+    """Return the amplitude of the free decay under a force with an exponent; 0 after the stop."""
     band = cs.fmin(math.pi * rate / (2 * ω) + LEAST_BAND, 0.5)
     left = stopping(1 - (1 - p) * rate * time, band) + 1e-12  # so that its logarithm stays finite after the stop
     u = time * log_ratio(left - 1)

@@ -36,18 +36,12 @@ def least_gain(samples: float, unknowns: int) -> float:
 
 
 def evident(smaller: float, larger: float, samples: float, unknowns: int, motion: float) -> bool:
-    """Return whether a larger model with k further unknowns is evident, from the sums S0 and S1 that both leave.
-
-    ``motion`` is the sum of the squares of the motion, of which each model leaves a part.
-    """
+    """Return whether a larger model with k further unknowns is evident, from the sums S0 and S1 that both leave."""
     rough = MODEL_ERROR**2 * motion + np.finfo(float).tiny
     gain = samples * (math.log(smaller + rough) - math.log(larger + rough))
     return gain > least_gain(samples, unknowns)
 
 
 def visible(amplitude: ArrayLike, error: ArrayLike, samples: ArrayLike) -> NDArray[np.bool_]:
-    """Return whether noise leaves oscillations visible, from their amplitudes and the standard errors of these.
-
-    ``samples`` is the number of samples of each.
-    """
+    """Return whether noise leaves oscillations visible, from their amplitudes and the standard errors of these."""
     return np.square(amplitude) > (2 * np.log(samples) + CLEAR) * np.square(error)

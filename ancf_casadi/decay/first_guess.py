@@ -61,10 +61,7 @@ class DecayGuess:
 
 
 def first_guess(record: Measurement, *, release_time: float | None = None, rest: Rest = "constant") -> DecayGuess:
-    """Guess the parameters of a decay from its record at any times, which may begin at rest or with an excitation.
-
-    The release (s) is detected if it is not given.
-    """
+    """Guess the parameters of a decay from its record at any times, which may begin at rest or with an excitation."""
     time, displacement = record.time, record.values
     step = typical_step(time)
     if time[-1] - time[0] > MOST_GAPS * step * len(time):

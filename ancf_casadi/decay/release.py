@@ -177,11 +177,7 @@ def end_of_excitation(time: Array, displacement: Array) -> int:
 
 
 def grows_slowly(time: Array, displacement: Array, frequency: float) -> bool:
-    """Return whether the first oscillation of a given frequency (Hz) in a record grows over many windows.
-
-    That of an excited mode does, that after a release or a blow does not.  Its velocity is taken, in which a slower and
-    larger oscillation is small.
-    """
+    """Return whether the first oscillation of a given frequency (Hz) in a record grows over many windows."""
     found = _tracked(time, np.gradient(displacement, time), frequency)
     size = found.amplitude
     peak = int(np.argmax(size)) if size.size else 0
@@ -262,10 +258,7 @@ def _lossy(k: Array, z: ComplexArray) -> float:
 
 
 def _beating(k: Array, z: ComplexArray, modes: int) -> float:
-    """Return the misfit of several free modes, by the matrix pencil.
-
-    If windows were left out, they are interpolated for the pencil, and nonlinear least squares refines the poles.
-    """
+    """Return the misfit of several free modes, by the matrix pencil."""
     every = np.arange(round(k[-1]) + 1.0)
     filled = np.exp(np.interp(every, k, np.log(np.abs(z))) + 1j * np.interp(every, k, np.unwrap(np.angle(z))))
     hankel = np.lib.stride_tricks.sliding_window_view(filled, len(filled) // 2 + 1)

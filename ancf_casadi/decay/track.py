@@ -138,10 +138,7 @@ class LocalDecay:
 
 
 def local_decay(τ: Array, y: Array, λ: float, ω: float, others: Sequence[float] = ()) -> LocalDecay | None:
-    """Return the decay in a piece of a record, from a first guess of rate and frequency; None if none is plausible.
-
-    The times (s) are those from the middle of the piece, and ``others`` the frequencies of other oscillations, rad/s.
-    """
+    """Return the decay in a piece of a record, from a first guess of rate and frequency; None if none is plausible."""
     rest = np.column_stack([np.ones(len(τ)), waves(τ, others)])
     for _ in range(3):
         fading = np.exp(-λ * τ)

@@ -47,10 +47,7 @@ ELEMENTS_PER_CALL = 10  # elements per call of a compiled Function
 
 @dataclass(frozen=True, eq=False)
 class ElementFunctions:
-    """The Functions of one element under a damping law.
-
-    The inputs are coordinates e (d), velocities e_t and accelerations e_tt, the properties p of the element, and c.
-    """
+    """The Functions of one element under a damping law, of e (d), e_t, e_tt, the properties p of the element, and c."""
 
     element: Element
     law: DampingLaw
@@ -289,10 +286,7 @@ class Balance:
         return model.elastic_force(e, self.properties) - model.gravity_force(self.properties, self.gravity)
 
     def local(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
-        """Return all forces but the low-rank damping, and the powers lost to local damping and supplied by the load.
-
-        Coordinates, velocities, accelerations and loads have s columns, the forces (4 n + 4, s), the powers (1, s).
-        """
+        """Return all forces but the low-rank damping, and the powers lost to local damping and supplied by the load."""
         equations = self.equations
         forces, powers = equations.mapped("balance", self, e, e_t, e_tt)
         lost = [cs.sum1(cs.reshape(power, -1, e.size2())) for power in powers]

@@ -110,10 +110,7 @@ class SemiExplicit:
 
     @cached_property
     def _jacobian(self) -> cs.Function:
-        """The Jacobian of ``residual``, assembled block by block.
-
-        Because of the dense rows and columns of B, CasADi alone would compute all other columns one at a time.
-        """
+        """The Jacobian of ``residual``; CasADi alone would take columns beside the dense ones of B one at a time."""
         x, z, excitation = self._symbols
         model, free, m = self.equations.model, self.equations.free, self.equations.projection.shape[1]
         W, divisors, balance, (e, e_t, _) = self.element_frequency, self._divisors, self._balance, self._motion
@@ -184,10 +181,7 @@ def integrate_by_idas(
     largest_step: float,
     options: Mapping[str, Any],
 ) -> Iterator[SegmentSolution]:
-    """Integrate over a smooth piece of the excitation, and yield the solution on each segment.
-
-    The arguments are those of ``integrate_by_radau``; the options override ``DEFAULTS``.
-    """
+    """Integrate over a smooth piece of the excitation, and yield the solution on each segment."""
     form, excitation = SemiExplicit(equations), piece.function
     settings = {**DEFAULTS, "abstol": tolerance, **options}
     s, interval = cs.MX.sym("s"), cs.MX.sym("interval", 2)

@@ -77,10 +77,7 @@ def certain(condition: cs.MX) -> cs.MX:
 
 
 def equilibrium_function(rest: Equilibrium, equations: Equations, start: Array) -> cs.Function:
-    """Return p -> q, the free coordinates at rest under gravity, with the base as in the model.
-
-    ``rest`` is the equilibrium of the model, and ``start`` its values of p.
-    """
+    """Return p -> q, the free coordinates at rest under gravity, with the base as in the model."""
     model, scale = rest.model, _scale(rest)
     shift = model.beam.length * scale / scale.max()  # of the coordinates per unit of z
     origin, base = cs.DM(model.of_free(rest.coordinates)), cs.DM(rest.coordinates[:NODE])

@@ -35,10 +35,7 @@ PART_KINDS: Mapping[str, Mapping[str, type]] = {"supports": SUPPORTS, "attachmen
 
 
 def with_parts(table: Mapping[str, Any], where: str = "") -> dict[str, Any]:
-    """Return the keys of a table with its supports and attachments, if it has any, in place of their tables.
-
-    A table of another layout raises an ``InputError`` that names it, such as ``[beam]: supports: 2``.
-    """
+    """Return the keys of a table with its supports and attachments, if it has any, in place of their tables."""
     found = dict(table)
     for name in PART_KINDS.keys() & table.keys():
         place, given = f"{where}: {name}".removeprefix(": "), table[name]

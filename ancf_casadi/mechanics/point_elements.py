@@ -57,10 +57,7 @@ def _away(e: cs.SX, alpha: cs.SX, beta: cs.SX) -> cs.SX:
 
 @lru_cache(maxsize=1)
 def spring() -> Element:
-    """Derive the Functions of a spring for e = (r_b, tau_b, r, tau) and p = (alpha, beta, x, y, k).
-
-    The stiffness k acts along (x, y).  The undeformed element, of which only the stiffness matters, is any.
-    """
+    """Derive the Functions of a spring for e = (r_b, tau_b, r, tau) and p = (alpha, beta, x, y, k)."""
     e, e_t, p = _symbols(8, 5)
     along = cs.dot(_away(e, p[0], p[1]), p[2:4])
     return _attached((e, e_t, p), along, p[4], straight=cs.SX([0, 0, 1, 0, 0, 0, 1, 0]))
@@ -97,10 +94,7 @@ def rotational_spring() -> Element:
 
 @lru_cache(maxsize=1)
 def slope_length() -> Element:
-    """Derive the Functions of the element that fixes the length of the slopes, for e = (r, tau).
-
-    Its properties are those of an element of the beam, whose axial stiffness it has.
-    """
+    """Derive the Functions of the element that fixes the length of the slopes, for e = (r, tau)."""
     e, e_t, p = _symbols(4, ELEMENT_PROPERTIES)
     width, thickness, _, elastic_modulus, l, *axis = cs.vertsplit(p)
     sigma = cs.norm_2(e[2:]) - 1

@@ -28,10 +28,7 @@ def record_figure(label: str, time: Array, values: Array, title: str) -> Figure:
 def spectra_figure(
     series: Sequence[tuple[str, Array, Array, tuple[Array, Array]]], title: str = "", release: float = math.nan
 ) -> Figure:
-    """Draw series over time and their spectra, one below the other, and mark the release (s) if it is not nan.
-
-    Each series is given as label, times (s), values, and the pair of even times (s) and values of the spectrum.
-    """
+    """Draw series over time and their spectra, one below the other, and mark the release (s) if it is not nan."""
     figure = Figure(figsize=(10, 1.4 + 1.8 * len(series)), layout="constrained")
     rows = figure.subplots(len(series), 2, sharex="col", squeeze=False, width_ratios=(3, 2))
     for (left, right), (label, time, values, (grid, even)) in zip(rows, series, strict=True):

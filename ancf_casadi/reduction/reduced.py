@@ -240,11 +240,7 @@ def reduced_motion(
 
 
 def rebuilt(first: ReducedModel, model: Model) -> ReducedModel:
-    """Return the reduced model of a beam with other properties, of the size and at the points of a first one.
-
-    Points that ``reduce_model`` selects jump with the properties, and the equation of motion with them; at the same
-    points, the equation is a continuous function of the properties.
-    """
+    """Return the reduced model of a beam with other properties, of the size and at the points of a first one."""
     rest, drag_points = neighbour(Structure.of(model), first.modes.equilibrium.exact), len(first.projection.drag_mass)
     equilibrium = None if rest is None else Equilibrium(model, rest.coordinates, remainder=rest.remainder)
     modes = natural_modes(model, count=first.count, equilibrium=equilibrium)

@@ -231,10 +231,7 @@ def backbone(
 
 
 def _first(subject: Excited, mode: int, amplitude: float, tolerance: float) -> Point:
-    """Return the motion of a mode with a small amplitude; its family has frequency and growth of the linear mode.
-
-    Its row is the unit vector along which the sine of the mode in the first harmonic grows.
-    """
+    """Return the motion of a mode with a small amplitude; its family has frequency and growth of the linear mode."""
     balance = subject.balance
     C = rest(balance, 1.0)
     entries = balance.linearised(C, Setting(1.0, 0.0)).matrices

@@ -110,10 +110,7 @@ def _parameters(subject: Excited) -> tuple[dict[str, cs.MX], Index]:
 
 
 def _near(motion: PeriodicMotion, varied: Index, inputs: Array) -> tuple[Array, Array]:
-    """Return the coefficients (c,) of the motion near a given one, and their derivatives, (c, m + 2).
-
-    The inputs are the m parameters of the system that vary, frequency and amplitude of the excitation.
-    """
+    """Return the coefficients (c,) of the motion near a given one, and their derivatives, (c, m + 2)."""
     point = _point_near(motion, varied, inputs)
     balance, by = point.family.balance, point.linear.by
     directions = np.eye(len(balance.system.parameters))[:, varied]

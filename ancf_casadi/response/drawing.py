@@ -151,10 +151,7 @@ class Curve:
 
 @literal_text
 def bode_figure(columns: Sequence[Sequence[Curve]], label: str, titles: Sequence[str] = ()) -> Figure:
-    """Draw curves, one pair of plots per column: amplitude above, phase below.
-
-    The label is that of the amplitude, with its unit; the titles are those of the columns.
-    """
+    """Draw curves, one pair of plots per column: amplitude above, phase below."""
     count = len(columns)
     figure = Figure(figsize=(max(7.0, 4.2 * count), 5.5), layout="constrained")
     plots = figure.subplots(2, count, squeeze=False, sharex="col", height_ratios=(1.7, 1))

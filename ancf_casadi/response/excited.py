@@ -89,10 +89,7 @@ class Excited:
     def displacement(
         self, q: Any, u: Any, point: float | None, direction: Sequence[float] | None, *, relative: bool
     ) -> Any:
-        """Return the displacement of a point of a beam, m, or a coordinate of a system, (1, k).
-
-        Coordinates (n, k), excitation (e, k) and displacement are DM or MX.
-        """
+        """Return the displacement of a point of a beam, m, or a coordinate of a system, (1, k)."""
         model = self.model
         if model is None:
             return q[whole(0 if point is None else point, "point", 0, self.system.size - 1), :]

@@ -337,11 +337,7 @@ def _rows(model: Model, points: Sequence[float], direction: tuple[float, float])
 def _responses(
     rest: Equilibrium, law: DampingLaw, f: Array, outputs: Array, forces: Array, translation: Array
 ) -> ComplexArray:
-    """Return the displacements of points, given by rows, relative to the base, (outputs, inputs, k).
-
-    The inputs are forces on the free coordinates, (free, inputs), and translations of all nodes, (size, inputs), with
-    the base.
-    """
+    """Return the displacements of points, given by rows, relative to the base, (outputs, inputs, k)."""
     model, B = rest.model, law.projection(rest.model)
     D, own, d = damping_at_rest(model, law)(rest.coordinates)
     M, d = model.mass(model.properties).sparse(), d.full()

@@ -162,10 +162,7 @@ def crossing(
     first_step: float,
     longest: Callable[[Point, Array], float] = lambda point, tangent: math.inf,
 ) -> ContinuationStep | None:
-    """Return the first step along a curve in which a function changes its sign; None if there is none in 300 steps.
-
-    The other arguments are those of ``follow``.
-    """
+    """Return the first step along a curve in which a function changes its sign; None if there is none in 300 steps."""
     for step in itertools.islice(follow(point, direction, first_step, longest), MOST_ONSET_STEPS + 1):
         if (test(step.start) < 0.0) != (test(step.end) < 0.0):
             return step

@@ -55,10 +55,7 @@ def interpreted(function: cs.Function) -> cs.Function:
 
 
 def compiled(function: cs.Function, *, derivatives: bool = False) -> cs.Function:
-    """Return a function as machine code, or for the virtual machine if it cannot be compiled, with one warning.
-
-    Its name is that of the C function.  If asked, its directional derivatives are compiled too, forward and reverse.
-    """
+    """Return a function as machine code, or for the virtual machine if it cannot be compiled, with one warning."""
     compiler = c_compiler()
     if os.environ.get("ANCF_CASADI_COMPILE") == "0" or compiler in _failed:
         return interpreted(function)
@@ -235,10 +232,7 @@ def _differentiability(function: cs.Function) -> dict[str, list[bool]]:
 
 
 class Buffered:
-    """A dense Function bound to arrays: a call, of half a microsecond, reads its inputs and writes to ``outputs``.
-
-    The arrays are real or complex and contiguous, matrices by columns; each call uses their current values.
-    """
+    """A dense Function bound to arrays, matrices by columns: a call reads its inputs and writes to ``outputs``."""
 
     def __init__(self, function: cs.Function, *inputs: NDArray[Any]) -> None:
         buffer: Any

@@ -42,10 +42,7 @@ Drawn = TypeVar("Drawn", bound="Figure | SubFigure")
 
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
-    """Return the size and the name of the unit with an SI prefix in which a value is between 1 and 1000.
-
-    A quantity without a unit, such as strain, is in millionths or, if large, as it is.
-    """
+    """Return the size and the name of the unit with an SI prefix in which a value is between 1 and 1000."""
     if not (math.isfinite(largest) and largest > 0.0):
         return 1.0, unit
     power = 3 * math.floor(math.log10(largest) / 3)
@@ -56,10 +53,7 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
 
 
 def literal_text(draw: Callable[P, Drawn]) -> Callable[P, Drawn]:
-    """Return a function that draws the same figure, with its texts as they are: a $ starts no formula.
-
-    Annotations, and numbers beside axes, remain formulas.  So do texts that the caller adds to the figure.
-    """
+    """Return a function that draws the same figure, with its texts as they are: a $ starts no formula."""
 
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> Drawn:

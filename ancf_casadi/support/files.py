@@ -137,10 +137,7 @@ def read_bytes(path: str | Path) -> bytes:
 
 @contextlib.contextmanager
 def opened(path: str | Path, most: float = math.inf) -> Iterator[BufferedReader]:
-    """Open a regular file for reading that is not empty and has at most ``most`` bytes.
-
-    Pipes and devices are refused: they could keep their reader waiting for ever.
-    """
+    """Open a regular file of 1 to ``most`` bytes; pipes and devices could keep their reader waiting for ever."""
     check_path(path, "path")
     try:
         with open(path, "rb", opener=_open_without_waiting) as file:

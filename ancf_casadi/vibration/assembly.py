@@ -111,10 +111,7 @@ class ElementBalance:
 def element_balance(
     element: Element, shared: tuple[float, ...], constants: int, lumped: int, gravity: tuple[float, float]
 ) -> ElementBalance:
-    """Return the balance of an element under gravity (m/s^2), with numbers of its constants and lumped properties.
-
-    Constants that equal elements share are part of its Functions.
-    """
+    """Return the balance of an element under gravity (m/s^2), with numbers of its constants and lumped properties."""
     coordinates = element.elastic_force.size1_in(0)
     properties = element.elastic_force.size1_in(1) - constants - len(shared)
     e, p, c = cs.SX.sym("e", coordinates), cs.SX.sym("p", properties), cs.SX.sym("c", constants)
@@ -197,10 +194,7 @@ class EqualElements:
 
     @cached_property
     def bands(self) -> tuple[Index, Array | None]:
-        """Places of the entries of element matrices in the diagonals, and N_ik N_jl unless all are 0 or 1.
-
-        The entries of coordinates that are held go to one more place, at the end.
-        """
+        """Places of the entries of element matrices in the diagonals, and N_ik N_jl unless all are 0 or 1."""
         rows, columns = self.numbers[:, :, None], self.numbers[:, None, :]
         places = (BANDWIDTH + rows - columns) * self.freedoms + columns
         places = np.where((rows < 0) | (columns < 0), (2 * BANDWIDTH + 1) * self.freedoms, places)
@@ -353,11 +347,7 @@ def scatter(places: Index, values: Array, size: int) -> Array:
 
 
 def refined(solve: Callable[[Array], Array], product: Callable[[Array], Array], right: Array) -> Array:
-    """Solve A x = b by iterative refinement, with an approximate inverse of A and exact products A x.
-
-    The corrections shrink by a nearly constant factor.  The iteration ends when the next correction would be below
-    rounding, or when the corrections stop shrinking.
-    """
+    """Solve A x = b by iterative refinement to rounding, with an approximate inverse of A and exact products A x."""
     x = solve(right)
     last = float(np.linalg.norm(x))
     for _ in range(12):  # most refinements of one solution

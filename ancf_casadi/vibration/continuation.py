@@ -80,10 +80,7 @@ class Growing:
 
 @dataclass(frozen=True, eq=False)
 class PathPoint:
-    """Free coordinates q and a factor s, and the balance R there.
-
-    Tangents and rows refer to the unknowns x = (q/scale, s/largest), (N + 1,).
-    """
+    """Free coordinates q, a factor s, and the balance R; tangents refer to x = (q/scale, s/largest), (N + 1,)."""
 
     growing: Growing
     q: Array
@@ -296,10 +293,7 @@ def _critical_between(first: PathPoint, last: PathPoint, *, limit: bool) -> Path
 def _root(
     first: PathPoint, last: PathPoint, value: Callable[[PathPoint], float], row: Array, *, deflate: bool = False
 ) -> PathPoint | None:
-    """Return the point between two points of a path at which a value of opposite signs there is zero.
-
-    The Illinois variant of the regula falsi keeps a bracket; its order is 1.44.
-    """
+    """Return the point between two points of a path at which a value of opposite signs there is zero."""
     chord, point = first.chord(last), last
     (a, b), (low, high) = (0.0, 1.0), (value(first), value(last))
     for _ in range(60):

@@ -47,10 +47,7 @@ SMALLEST_STEP = 1e-3  # relative to the whole change of the properties
 
 
 def pencil_solver(pencil: Array, diagonal: Array, phi: Array) -> Callable[[Array], Array]:
-    """Return a solver with K - lambda M, stored by diagonals, for right-hand sides as columns.
-
-    The solutions are zero in the coordinate that is held.  ``diagonal`` is that of K, and phi the mode shape of lambda.
-    """
+    """Return a solver with K - lambda M, stored by diagonals, for right-hand sides as columns."""
     scale = 1 / np.sqrt(diagonal)
     size, held = len(scale), int(np.abs(phi / scale).argmax())
     rows = np.arange(size) - np.arange(BANDWIDTH, -BANDWIDTH - 1, -1)[:, None]

@@ -256,10 +256,7 @@ class TrialFit:
 
 
 def quick_fit(start: TrialFit) -> TrialFit | None:
-    """Return the fit of all parameters from the modes of a start; None if the functions do not determine the modes.
-
-    The triangle of Jacobian and residuals has the same products as these, and the solver needs no more.
-    """
+    """Return the fit of all parameters from the modes of a start; None if the functions do not determine the modes."""
     bounded = start.bounded
 
     @lru_cache(maxsize=1)  # residuals and Jacobian are asked for in turn

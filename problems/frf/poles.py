@@ -33,10 +33,7 @@ class Candidates:
 
 
 def candidate_poles(frequencies: Array, values: ComplexArray) -> Candidates:
-    """Return the poles of all orders in the band, and those among them that recur.
-
-    The values, (k, F), at the frequencies, Hz, are scaled to equal noise.
-    """
+    """Return the poles of all orders in the band, and those among them that recur."""
     try:
         ema = importlib.import_module(MODULE)
     except ModuleNotFoundError:

@@ -116,10 +116,7 @@ def _shared(trial: TrialFit, basis: Array) -> Array:
 
 
 def coefficient_covariance(trial: TrialFit, fit: Fit, function: int) -> Array:
-    """Return the covariance of the coefficients of a function, numbered from 0, (c, c), by a corrected fit.
-
-    Unknowns at a bound count as known.
-    """
+    """Return the covariance of the coefficients of a function, numbered from 0, (c, c), by a corrected fit."""
     (q, triangle), k = trial.factors[function], len(trial.values)
     own = slice(2 * k * function, 2 * k * (function + 1))
     scatter = fit.noise.variance * np.eye(len(triangle))

@@ -257,11 +257,7 @@ def refined(record: FrfRecord, start: TrialFit, notes: tuple[str, ...], again: C
 
 
 def _constant_errors(trial: TrialFit, fit: Fit, function: int) -> ComplexArray:
-    """Return standard errors of real and imaginary parts of the modal constants of a function (m,).
-
-    The change of the constants by frequency and damping ratio at given coefficients is zero for real modes, and left
-    out: it is of the order of the damping ratio.
-    """
+    """Return standard errors of real and imaginary parts of the modal constants of a function (m,)."""
     covariance, size = coefficient_covariance(trial, fit, function), 2 * len(trial.ratios)
     (aa, ab), (_, bb) = (
         [np.diag(covariance[i:size:2, j:size:2]) for j in range(2)] for i in range(2)

@@ -87,10 +87,7 @@ def _variance(squares: Array, power: Array) -> Array:
 
 
 def _slow_factor(ratio: Array) -> Array:
-    """Return g (k,) from the mean ratio of squared residuals to variances over all functions.
-
-    The scatter of the ratio tells how many independent functions the mean is worth: it is 1 for one function.
-    """
+    """Return g (k,) from the mean ratio of squared residuals to variances over all functions."""
     scatter = float(np.var(ratio / ratio.mean())) if ratio.any() else 0.0
     if not scatter:
         return np.ones(len(ratio))

@@ -197,10 +197,7 @@ def _attempt(matching: Matching, start: Array) -> NlpSolution | NumericsError:
 
 
 def _solution(matching: Matching, start: Array) -> NlpSolution:
-    """Solve the program of a matching from a start within the bounds; m comes first among its variables.
-
-    The last constraints are the changes of the factors of smooth properties.
-    """
+    """Solve the program of a matching from a start within the bounds; m comes first among its variables."""
     space, size, at_start = matching.space, matching.space.size, matching.residuals(start)
     count, worst = len(at_start), matching.objective == "worst-error"
     x, r = cs.MX.sym("x", size + (1 if worst else count)), cs.MX.sym("r", count)

@@ -359,10 +359,7 @@ class FrequencyMatch(FitResult):
 
 
 def match_figure(matches: Mapping[str, FrequencyMatch]) -> Figure:
-    """Draw the changes of the properties along the beam, with the ranges that the data leave open.
-
-    Of several matches the estimates are drawn.
-    """
+    """Draw the changes of the properties along the beam, with the ranges that the data leave open."""
     from ancf_casadi.estimation.figures import saved_figure  # slow to import: matplotlib
     from ancf_casadi.plot import properties_figure
 

@@ -146,10 +146,7 @@ def decay_block(decays: Sequence[ModeDecay]) -> DecayBlock:
 def mode_decay(
     number: int, record: Measurement, alone: DecayFit, model: DecayModel, shared: Sequence[str]
 ) -> ModeDecay:
-    """Return a decay as its fit alone used it; the names of the unknowns of its release end with its number.
-
-    The model has the amplitude of reference of the mode.
-    """
+    """Return a decay as its fit alone used it; the names of the unknowns of its release end with its number."""
     names = tuple(name if name in shared else f"{name}_{number}" for name in alone.fit.names)
     label = record.name or f"decay {number}"
     return ModeDecay(label, fitted_part(record, alone), replace(model, sensor=record.sensor), names, alone)

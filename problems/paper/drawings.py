@@ -94,10 +94,7 @@ def _arrow(axes: Axes, start: object, end: object, dash: str) -> None:
 
 
 def deflections(beam: Beam) -> tuple[Array, Array, Array]:
-    """Return places along a beam without gravity, its deflection there under a uniform load, and its mode 1.
-
-    The places are relative to the length, the deflections to that of the tip.
-    """
+    """Return places along a beam without gravity, its deflection there under a uniform load, and its mode 1."""
     x, y = beam.axis
     across = np.array([-y, x])
     weightless = beam.with_(gravity=(0.0, 0.0))

@@ -74,10 +74,7 @@ def _runs(part: PaperPart, found: Found) -> list[Mapping[str, Any]]:
 
 
 def finding(part: PaperPart, results: Sequence[Resonance], found: Found, effort: Effort) -> Finding:
-    """Return the curves of each mode in a panel, with the amplitudes that the experiments have reached.
-
-    In the numbers, ``amplitude_m`` is the amplitude of the driven mode at the tip, at each point of the curve.
-    """
+    """Return the curves of each mode in a panel, with the amplitudes that the experiments have reached."""
     runs = _runs(part, found)
     titles = {law.name: law.title for law in part.laws}
     columns = (

@@ -136,10 +136,7 @@ def _list(value: Any, kind: types.VarTupleType, where: str, hooks: Hooks) -> tup
 
 
 def told(head: str, text: str, *declared: type, indent: int = 16, base: type | None = None) -> str:
-    """Return the help on a table: its head, and beside it a text in which each {} stands for the keys of a class.
-
-    Keys that a base class declares are left out.
-    """
+    """Return the help on a table: its head, and beside it a text in which each {} stands for the keys of a class."""
     full = f"  {head} ".ljust(indent) + text.format(*(", ".join(keys_of(kind, base)) for kind in declared))
     return (
         textwrap.fill(full, 80, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False) + "\n"
@@ -217,10 +214,7 @@ class StudyFile:
         return Path(self.path).parent / name
 
     def only(self, names: Set[str]) -> StudyFile:
-        """Return the file with the tables of the given names alone, as far as they are there, and with their hashes.
-
-        A result that is computed from it is not kept when one of the files that it names changes.
-        """
+        """Return the file with the tables of the given names alone, as far as they are there, and with their hashes."""
         tables = {name: table for name, table in self.tables.items() if name in names}
         return StudyFile(self.path, tables, tuple((name, self._digest(name)) for name in sorted(set(_named(tables)))))
 

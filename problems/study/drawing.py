@@ -80,10 +80,7 @@ def drawn(caption: str, draw: Callable[[], Figure]) -> Drawing:
 
 
 def new_figure(height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, list[Axes]]:
-    """Return a figure of the usual width and a height in inches, and its panels, row by row.
-
-    The options are those of ``Figure.subplots``.
-    """
+    """Return a figure of the usual width and a height in inches, and its panels, row by row."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(FIGURE_WIDTH, height), layout="constrained")

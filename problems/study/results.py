@@ -46,11 +46,7 @@ class Shown:
 
 
 def labelled(study: Study, findings: Mapping[str, Finding]) -> tuple[Shown, ...]:
-    """Return the parts in order, their tables and figures with labels.
-
-    The notes of a part stand below its first table.  In a study that gives labels, the others continue with the letters
-    of additional ones: ``Table A1``, ``Figure A1``.
-    """
+    """Return the parts in order, their tables and figures with labels."""
     own = any(part.tables or part.figures for part in study.parts)
     taken = {file_name(label) for part in study.parts for label in (*part.tables, *part.figures)}
     numbered = {kind: _free(f"{kind} {'A' if own else ''}", taken) for kind in ("Table", "Figure")}
@@ -76,10 +72,7 @@ def labelled(study: Study, findings: Mapping[str, Finding]) -> tuple[Shown, ...]
 
 
 def file_name(label: str) -> str:
-    """Return the name of the files of a labelled table or figure: ``figure_05`` for Figure 5.
-
-    The name is made of letters, digits and _; it is empty if the label has none of them.
-    """
+    """Return the name of the files of a labelled table or figure: ``figure_05`` for Figure 5."""
     kind, _, number = label.lower().partition(" ")
     named = f"{kind} {number.zfill(2)}" if number.isdecimal() else label.lower()
     return re.sub(r"\W+", "_", named).strip("_")
@@ -187,10 +180,7 @@ def _numeric(table: DataTable) -> list[bool]:
 
 
 def inline_svg(svg: str, name: str, caption: str) -> Markup:
-    """Return an SVG file as an element of an HTML page: names get a prefix, as they must differ between figures.
-
-    The caption describes the figure to readers who do not see it.
-    """
+    """Return an SVG file as an element of an HTML page: names get a prefix, as they must differ between figures."""
     element = svg[svg.index("<svg") :]
     element = re.sub(r"<metadata>.*?</metadata>", "", element, flags=re.S)
     element = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', element)

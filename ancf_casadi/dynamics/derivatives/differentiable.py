@@ -123,10 +123,7 @@ def motion(
 
 
 class Runs:
-    """The runs of a motion, of which the last one is kept.
-
-    A run is given up after ``patience`` times the steps of the first run, but not before ``FEW_STEPS``.
-    """
+    """The runs of a motion, of which the last one is kept."""
 
     def __init__(self, problem: SensitivityProblem, patience: float = math.inf) -> None:
         self.problem = problem

@@ -50,10 +50,7 @@ NO_VECTOR = np.empty((0, 1))  # for a Function without one
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
-    """The Functions of a linearised step.
-
-    Their inputs are Z (N, 3), the step h, and u = (q, v, excitations stage by stage, parameters).
-    """
+    """The Functions of a linearised step, of Z (N, 3), the step h, and u = (q, v, excitations by stage, parameters)."""
 
     form: Collocation
 

@@ -95,10 +95,7 @@ class Elimination:
 
 @functools.cache
 def _node_functions(parts: int) -> tuple[cs.Function, ...]:
-    """(carried, columns of each node, ...) -> carried, result, for elimination, and forward and back substitution.
-
-    Each takes ``ELEMENTS_PER_CALL`` nodes.  The carried columns are L_i B_i, L_i f_i and x_i+1.
-    """
+    """(carried, columns of each node, ...) -> carried, result, for elimination, and forward and back substitution."""
     kind, size = "real" if parts == 1 else "complex", parts * NODE
     blocks, factors = cs.SX.sym("blocks", parts * BLOCKS), cs.SX.sym("factors", parts * BLOCKS)
     previous, carried, right = (cs.SX.sym("x", length) for length in (parts * BLOCK_ENTRIES, size, size))
@@ -122,10 +119,7 @@ def _split(column: cs.SX, length: int, count: int) -> list[Complex]:
 
 
 def node_blocks(model: Model, entries: cs.MX, unit: float = 1.0) -> cs.MX:
-    """Return D, B and C of each node, (48, nodes), as sums of element matrices (entries as in ``Model.entries``).
-
-    The places of coordinates that are held have ``unit`` on the diagonal (``node_places``).
-    """
+    """Return D, B and C of each node, (48, nodes), as sums of element matrices (entries as in ``Model.entries``)."""
     kept, rows, columns, products = model.free_entries
     places = node_places(model)
     rows, columns = places[rows], places[columns]

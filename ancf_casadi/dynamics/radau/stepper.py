@@ -46,10 +46,7 @@ def integrate_by_radau(
     tolerance: float,
     largest_step: float,
 ) -> Iterator[SegmentSolution]:
-    """Integrate over a smooth piece of the excitation, and yield the solution on each of its consecutive segments.
-
-    The other arguments are those of ``Stepper``.
-    """
+    """Integrate over a smooth piece of the excitation, and yield the solution on each of its consecutive segments."""
     stepper = Stepper(form, parameters, piece, start, tolerance, largest_step)
     size, steps, energies = form.equations.model.size, 0, np.zeros(ENERGY_STATES)
     for segment in segments:

@@ -64,10 +64,7 @@ def readable(path: str, format_name: str) -> Iterator[None]:
 
 
 def read_isolated(kind: str, module: str, path: Path, format_name: str) -> tuple[dict[str, Array], dict[str, Any]]:
-    """Return the arrays and the properties that the reader ``kind`` of ``worker`` finds in a file with its library.
-
-    A file that the library refuses, or for which it crashes or needs too much memory or time, raises an ``InputError``.
-    """
+    """Return the arrays and the properties that the reader ``kind`` of ``worker`` finds in a file with its library."""
     check_installed(module, format_name)
     command = [sys.executable, "-P", "-W", "ignore", worker.__file__, kind, os.path.abspath(path)]
     try:

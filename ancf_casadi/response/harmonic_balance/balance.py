@@ -220,10 +220,7 @@ def errors_of(
     size: float,
     shift: Callable[[Array], Array],
 ) -> Errors:
-    """Return the estimated errors of a motion relative to its size, from the entries of K, D and M at the samples.
-
-    ``shift`` gives the change of the coefficients due to a residual, both (2 H + 1, n).
-    """
+    """Return the estimated errors of a motion relative to its size, from the entries of K, D and M at the samples."""
     series, system = balance.fourier, balance.system
     # harmonics of the residual are checked up to this multiple of H
     most = min(3 * series.harmonics, series.samples - 1)

@@ -247,10 +247,7 @@ class Turning:
         return np.asarray(self.inverse @ (_real(moved) - self.constant[:, None]))
 
     def turned(self, reference: Array, q: Array, vectors: Array, way: Literal["forth", "back"]) -> Array:
-        """Return corrections with each slope turned by its angle from the reference to q (forth).
-
-        Residuals are turned back by the transposed matrix.
-        """
+        """Return corrections with each slope turned by its angle from the reference to q (forth)."""
         before, after = (self._pairs(own)[:-1] for own in (reference, q))
         turn = after / before if way == "forth" else before / after
         into, out = (self.matrix, self.inverse) if way == "forth" else (self.inverse.T, self.matrix.T)

@@ -153,10 +153,7 @@ class CurveBlock(ResponseBlock):
 
     @property
     def of_model(self) -> tuple[str, ...]:
-        """The properties in the constants of the reduced model.
-
-        The modulus is one of them only if the damping contains it, or a clamp or spring has strain energy of its own.
-        """
+        """The properties in the constants of the reduced model."""
         terms, beam = self.law.laws if isinstance(self.law, SumOfLaws) else (self.law,), self.model.beam
         free = not any(lumped_kind(name) in ELASTIC for name in beam.lumped)
         free = free and all(isinstance(term, WITHOUT_MODULUS) for term in terms)

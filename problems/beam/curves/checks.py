@@ -103,10 +103,7 @@ def _phase_note(record: ResponseRecord, mirrored: bool, turn: int) -> str:
 
 
 def checked(record: ResponseRecord, model: ResponseRecord) -> tuple[ResponseRecord, list[str]]:
-    """Return a record whose phases count from its excitation, and notes about its phases and its levels.
-
-    ``model`` has the computed response of the same excitation and sensor about the same resonance.
-    """
+    """Return a record whose phases count from its excitation, and notes about its phases and its levels."""
     expected = seen_mode(model)
     if expected is None:
         return record, []
@@ -120,10 +117,7 @@ def checked(record: ResponseRecord, model: ResponseRecord) -> tuple[ResponseReco
 
 
 def level_notes(records: Sequence[ResponseRecord], factors: Sequence[ComplexArray | Array]) -> list[str]:
-    """Return notes about records whose response per level differs by orders of magnitude from that of the others.
-
-    The factors (m,) are the responses that a unit modal constant causes at the points of each record, times omega^2.
-    """
+    """Return notes about records whose response per level differs by orders of magnitude from that of the others."""
     pairs = [(one, seen_mode(one), factor) for one, factor in zip(records, factors, strict=True)]
     sizes = [(one, seen.size / float(np.median(np.abs(factor)))) for one, seen, factor in pairs if seen is not None]
     notes = []

@@ -129,19 +129,13 @@ class PointMotion:
         return np.array([1.0, self.reading[1][1] @ self.tangent, self.tangent[-1] / self.driven.drive.amplitude])
 
     def sensitivities(self, forces: Array, polar: Array) -> Array:
-        """Return the derivatives of amplitude, phase and level by unknowns, at the same amplitude, (3, k).
-
-        Those of the balance (d, k) and of the reading (2, k) are at the same coefficients and level.
-        """
+        """Return the derivatives of amplitude, phase and level by unknowns, at the same amplitude, (3, k)."""
         change = self._changed(-forces, -polar[0])
         phase = polar[1] + self.reading[1][1] @ change
         return np.array([np.zeros(len(phase)), phase, change[-1] / self.driven.drive.amplitude])
 
     def moved(self, along: float) -> PointMotion:
-        """Return the motion on the curve whose amplitude is larger by about a step.
-
-        Raise NotFound if Newton's method does not converge.
-        """
+        """Return the motion on the curve whose amplitude is larger by about a step; raise NotFound if there is none."""
         own = self.bordered
         return PointMotion(self.driven, point_at(own.family, own.z + along * self.tangent, own.row, own))
 

@@ -125,10 +125,7 @@ class CurveResiduals(ABC):
         return Differentiable(respond, sum(self.block.series), len(names))
 
     def at(self, values: Mapping[str, float]) -> tuple[Array, Array]:
-        """Return the residuals (m,), and their Jacobian (m, n) by the unknowns of the block, for values by name.
-
-        Those that are not given have their guesses.
-        """
+        """Return the residuals (m,), and their Jacobian (m, n) by the unknowns of the block, for values by name."""
         motions, points = self.motions(values), self.block.measured(values)
         residuals, jacobians = [], []
         for record, motion, point, change in zip(
@@ -165,10 +162,7 @@ class CurveResiduals(ABC):
 
 
 def response_channels(record: ResponseRecord, values: Array, errors: Array, prefix: str = "") -> list[PredictedChannel]:
-    """Return measured and computed amplitudes and phases; the latter are on the turn nearest to the measured ones.
-
-    The computed values and their standard errors are (2, m).
-    """
+    """Return measured and computed amplitudes and phases; the latter are on the turn nearest to the measured ones."""
     amplitudes, phases = values
     measured = np.full(phases.shape, math.nan) if record.measured_phases is None else record.measured_phases
     if record.measured_phases is not None:
@@ -186,10 +180,7 @@ def response_channels(record: ResponseRecord, values: Array, errors: Array, pref
 
 
 def across(slopes: Array, response_controlled: bool, has_phase: bool) -> Array:
-    """Return the rows of the rotations T that take the planes across curves to residuals, (m, 2, 3) or (m, 1, 3).
-
-    The slopes (m, 3) have the derivatives of amplitude, phase and level over their standard deviations.
-    """
+    """Return the rows of the rotations T that take the planes across curves to residuals, (m, 2, 3) or (m, 1, 3)."""
     rows = (2, 1) if response_controlled else (0, 1)
     e = np.array([1.0, 0.0, 0.0]) if response_controlled else np.array([0.0, 0.0, 1.0])
     u = slopes * np.array([1.0, float(has_phase), 1.0])

@@ -58,10 +58,7 @@ def modal_response(model: Model, numbers: Index, owners: Owners) -> Respond:
 def static_response(
     model: Model, cases: Sequence[Sequence[PointLoad]], sensors: Sequence[Sensor], tared: bool, owners: Owners
 ) -> Respond:
-    """Return the function from factors to the readings of k sensors case by case, (c k,), and their Jacobian.
-
-    With ``tared`` all sensors, not only those of displacement, read zero without the loads.
-    """
+    """Return the function from factors to the readings of k sensors case by case, (c k,), and their Jacobian."""
     equilibria = [static_equilibrium(model, loads=loads) for loads in ((), *cases)]
     read = readings(model, sensors)
     from_rest = np.array([float(tared or sensor.quantity == "displacement") for sensor in sensors])

@@ -92,10 +92,7 @@ class ExperimentResult:
 def run_experiment(
     beam: Beam, terms: Terms, run: RequestedRun, effort: Effort, method: Method = "radau"
 ) -> ExperimentResult:
-    """Simulate the experiment of a run under a law, and fit its decay.
-
-    The decay is fitted until the amplitude halves, but over at most 70 periods, if the run gives no window.
-    """
+    """Simulate the experiment of a run under a law, and fit its decay."""
     modes = natural_modes(Model(beam), count=max(FEWEST_MODES, run.mode))
     law = law_of(terms, modes.model, "damping")
     mode = run.mode - 1

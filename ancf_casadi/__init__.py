@@ -44,8 +44,7 @@ if TYPE_CHECKING:
     from ancf_casadi.response.backbone import Backbone, backbone
     from ancf_casadi.response.curve import ResponseCurve
     from ancf_casadi.response.differentiable import motion_function
-    from ancf_casadi.response.harmonic_balance.drive import HarmonicForce
-    from ancf_casadi.response.harmonic_balance.system import SecondOrderSystem
+    from ancf_casadi.response.harmonic_balance.system import HarmonicForce, SecondOrderSystem
     from ancf_casadi.response.linear_frf import LinearFrf, linear_frf
     from ancf_casadi.response.onset import periodic_motion
     from ancf_casadi.response.periodic import PeriodicMotion

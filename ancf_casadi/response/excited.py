@@ -25,9 +25,15 @@ from ancf_casadi.reduction.forces import BASE_SIZE
 from ancf_casadi.reduction.reduced import ReducedModel, reduce_model, reduced_motion
 from ancf_casadi.response.harmonic_balance.balance import FIRST_HARMONICS, HarmonicBalance, Setting, least_samples
 from ancf_casadi.response.harmonic_balance.beams import STRAIGHT, full_system, reduced_system
-from ancf_casadi.response.harmonic_balance.drive import Drive, HarmonicForce, beam_drive, force_drive, no_drive
 from ancf_casadi.response.harmonic_balance.fourier import basis_at, fourier
-from ancf_casadi.response.harmonic_balance.system import SecondOrderSystem
+from ancf_casadi.response.harmonic_balance.system import (
+    Drive,
+    HarmonicForce,
+    SecondOrderSystem,
+    beam_drive,
+    force_drive,
+    no_drive,
+)
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, unit_vector, whole
 from ancf_casadi.vibration.modes import natural_modes

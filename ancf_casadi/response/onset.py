@@ -26,8 +26,8 @@ from ancf_casadi.response.harmonic_balance.continuation import (
     located,
     point_at,
 )
-from ancf_casadi.response.harmonic_balance.drive import HarmonicForce
 from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
+from ancf_casadi.response.harmonic_balance.system import HarmonicForce
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import positive

@@ -36,8 +36,8 @@ from ancf_casadi.response.harmonic_balance.continuation import (
     located,
     point_at,
 )
-from ancf_casadi.response.harmonic_balance.drive import HarmonicForce
 from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
+from ancf_casadi.response.harmonic_balance.system import HarmonicForce
 from ancf_casadi.response.onset import RESPONSE_ERROR, grown, motion_of, reached, set_to
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array

@@ -1,4 +1,4 @@
-"""Frequency response functions in files: the arguments of an ``FrfRecord``.
+"""Frequency response functions in files: their kind, their values in SI units, and their order.
 
 The unit of the values tells the kind, and the factor to SI units: displacement, velocity or acceleration per force, or
 a quotient of equal quantities for a transmissibility.  Universal files name the input of each function; the functions
@@ -8,20 +8,15 @@ of all other files count as outputs of one input.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from pathlib import Path
-from types import NoneType
-from typing import Any, get_args
 
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.over_frequency import SpectralFunction, functions_of, read_spectral
-from ancf_casadi.records.recording import unit_notes
+from ancf_casadi.records.over_frequency import SpectralFunction
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.response.linear_frf import FrfKind
 from ancf_casadi.support.arrays import ComplexArray
-from ancf_casadi.support.inputs import check_instance, choice, shown
+from ancf_casadi.support.inputs import shown
 
 KINDS_OF_UNITS: dict[tuple[str, str], FrfKind] = {
     ("length", "force"): "receptance",
@@ -31,59 +26,7 @@ KINDS_OF_UNITS: dict[tuple[str, str], FrfKind] = {
 QUOTIENT = ("transmissibility", "relative-transmissibility")
 
 
-@np.errstate(all="ignore")  # a file may hold any numbers; those that are not finite are refused
-def read_frf(
-    path: str | Path,
-    kind: FrfKind | None,
-    *,
-    column: str | int | None,
-    frequency: str | int | None,
-    phase: str | int | None,
-    unit: str | None,
-    phase_unit: str | None,
-    progress: bool,
-) -> dict[str, Any]:
-    """Return the arguments of the ``FrfRecord`` of a file; see ``FrfRecord.from_file``."""
-    check_instance(unit, "unit", str, NoneType)
-    if kind is not None:
-        choice(kind, get_args(FrfKind), "kind")
-    found = read_spectral(path, frequency, progress=progress)
-    columns = tuple(("" if part == "level" else part, channel) for part, channel in found.columns)
-    found = (
-        replace(found, columns=columns)
-        .only("--column", ["amplitude", "real", ""], column)
-        .only("--phase", ["phase"], phase)
-    )
-    functions = functions_of(found, phase_unit)
-    if not functions:
-        raise InputError("has no columns with the values of functions", str(path))
-    bare = [one.channel for one in functions if not np.iscomplexobj(one.values)]
-    functions = [one for one in functions if np.iscomplexobj(one.values)]
-    if not functions:
-        raise InputError(
-            "has amplitudes only; a function needs its phase, or real and imaginary part",
-            f"{path}: column {bare[0].label}",
-        )
-    found_kind, values = _in_si(functions, kind, unit, str(path))
-    notes = [*found.notes, *(f"column {one.label} has no phase, and is left out" for one in bare)]
-    notes += () if unit else unit_notes([one.channel for one in functions])
-    shape, order = _grid(functions, str(path))
-    f = found.frequencies
-    quality = [one.coherence for one in functions]
-    coherence = None if any(one is None for one in quality) else np.array(quality, dtype=float)
-    kept = np.isfinite(f) & np.isfinite(values).all(axis=0) & (f != 0.0)
-    if not kept.all():
-        notes.append(f"{int((~kept).sum())} lines at 0 Hz or with a gap are left out")
-    return {
-        "frequencies": f[kept],
-        "values": values[order][:, kept].reshape(*shape, -1),
-        "kind": found_kind,
-        "coherence": None if coherence is None else coherence[order][:, kept].reshape(*shape, -1),
-        "notes": tuple(f"{Path(path).name}: {note}" for note in notes),
-    }
-
-
-def _in_si(
+def in_si(
     functions: Sequence[SpectralFunction], kind: FrfKind | None, unit: str | None, path: str
 ) -> tuple[FrfKind, ComplexArray]:
     """Return the kind of the functions and their values in SI units, (functions, k)."""
@@ -115,7 +58,7 @@ def frf_unit(text: str, where: str) -> tuple[FrfKind, float]:
     raise InputError(f"the unit {shown(text)} is none of such a function; give it with --unit, as mm/N or g/N", where)
 
 
-def _grid(functions: Sequence[SpectralFunction], path: str) -> tuple[tuple[int, int], list[int]]:
+def grid_of(functions: Sequence[SpectralFunction], path: str) -> tuple[tuple[int, int], list[int]]:
     """Return the numbers of outputs and inputs, and the order of the functions, output after output."""
     outputs = list(dict.fromkeys(one.name for one in functions))
     inputs = list(dict.fromkeys(one.channel.reference for one in functions))

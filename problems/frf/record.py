@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import NoneType
 from typing import Any, get_args
 
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.over_frequency import functions_of, read_spectral
+from ancf_casadi.records.recording import unit_notes
 from ancf_casadi.response.linear_frf import FRF_UNITS, FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import array, choice, complex_array, instances, located, numbers
+from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, instances, located, numbers
 from ancf_casadi.support.tables import Displayed, counted, spread
-from problems.frf.reading import read_frf
+from problems.frf.reading import grid_of, in_si
 
 LEAST_LINES = 8
 
@@ -110,6 +113,7 @@ class FrfRecord(Displayed):
             object.__setattr__(self, name, found)
 
     @classmethod
+    @np.errstate(all="ignore")  # a file may hold any numbers; those that are not finite are refused
     def from_file(
         cls,
         path: str | Path,
@@ -157,12 +161,45 @@ class FrfRecord(Displayed):
         >>> FrfRecord.from_file("tip.csv")
         FrfRecord(receptance, 1 output, 1 input, 201 frequencies, 1 to 3 Hz)
         """
-        given = read_frf(
-            path, kind, column=column, frequency=frequency, phase=phase, unit=unit, phase_unit=phase_unit,
-            progress=progress,
-        )  # fmt: skip
+        check_instance(unit, "unit", str, NoneType)
+        if kind is not None:
+            choice(kind, get_args(FrfKind), "kind")
+        found = read_spectral(path, frequency, progress=progress)
+        columns = tuple(("" if part == "level" else part, channel) for part, channel in found.columns)
+        found = (
+            replace(found, columns=columns)
+            .only("--column", ["amplitude", "real", ""], column)
+            .only("--phase", ["phase"], phase)
+        )
+        functions = functions_of(found, phase_unit)
+        if not functions:
+            raise InputError("has no columns with the values of functions", str(path))
+        bare = [one.channel for one in functions if not np.iscomplexobj(one.values)]
+        functions = [one for one in functions if np.iscomplexobj(one.values)]
+        if not functions:
+            raise InputError(
+                "has amplitudes only; a function needs its phase, or real and imaginary part",
+                f"{path}: column {bare[0].label}",
+            )
+        found_kind, values = in_si(functions, kind, unit, str(path))
+        notes = [*found.notes, *(f"column {one.label} has no phase, and is left out" for one in bare)]
+        notes += () if unit else unit_notes([one.channel for one in functions])
+        shape, order = grid_of(functions, str(path))
+        f = found.frequencies
+        quality = [one.coherence for one in functions]
+        coherence = None if any(one is None for one in quality) else np.array(quality, dtype=float)
+        kept = np.isfinite(f) & np.isfinite(values).all(axis=0) & (f != 0.0)
+        if not kept.all():
+            notes.append(f"{int((~kept).sum())} lines at 0 Hz or with a gap are left out")
         with located(str(path)):
-            return cls(**given, points=points)
+            return cls(
+                f[kept],
+                values[order][:, kept].reshape(*shape, -1),
+                found_kind,
+                None if coherence is None else coherence[order][:, kept].reshape(*shape, -1),
+                points=points,
+                notes=tuple(f"{Path(path).name}: {note}" for note in notes),
+            )
 
     @classmethod
     def mean_of(cls, records: Sequence[FrfRecord]) -> FrfRecord:

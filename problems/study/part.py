@@ -2,7 +2,7 @@
 
 A study is a list of parts in the order of its document.  A part states tasks, which are independent of each other and
 may run in any process, and makes a finding of their results.  Both are functions of plain data, so that the runner can
-keep every result under a key made from its inputs (``store``) and take it up again when a study is interrupted.
+keep every result under a key made from its inputs (``runner``) and take it up again when a study is interrupted.
 
 A later part may need an earlier one: its beam, or the terms of its damping law.
 """

@@ -27,7 +27,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.dynamics.base_motion import Piece
-from ancf_casadi.export import beam_functions, c_source, fmu, values, write_c
+from ancf_casadi.export import beam_functions, c, fmu, values, write_c
 from ancf_casadi.export.fmu import write_fmu
 from ancf_casadi.export.solved_functions import SDIRK_STAGES
 
@@ -115,7 +115,7 @@ def test_c_code_and_fmu_of_a_hinged_beam_agree_with_simulate(tmp_path, monkeypat
     """The program in C releases the beam from a pull; the FMU begins at rest, with half of gravity missing."""
     step, samples, model = 5e-4, 100, Model(HINGED)
     for name, value in {"PROGRAM_STEP": step, "PROGRAM_SAMPLES": samples, "DEFLECTION": 1e-3}.items():
-        monkeypatch.setattr(c_source, name, value)
+        monkeypatch.setattr(c, name, value)
     monkeypatch.setattr(fmu, "FMU_FLAGS", ("-O0", *fmu.FMU_FLAGS[1:]))
     exported = beam_functions(model, LAW, markers=(0.2,), modes=1)
     settings = {"damping": LAW, "duration": step * samples, "sample_rate": 1 / step, "tolerance": 1e-9}

@@ -22,7 +22,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.export import beam_functions, values, write_c
-from ancf_casadi.export.c_source import PROGRAM_SAMPLES, PROGRAM_STEP
+from ancf_casadi.export.c import PROGRAM_SAMPLES, PROGRAM_STEP
 
 LAW = RayleighDamping(alpha=0.5, beta=3e-5) + QuadraticDamping(eta2=0.2)
 STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O2", "-fPIC")

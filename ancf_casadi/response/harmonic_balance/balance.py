@@ -42,9 +42,8 @@ import numpy as np
 import scipy.sparse
 from numpy.typing import NDArray
 
-from ancf_casadi.response.harmonic_balance.drive import Drive
 from ancf_casadi.response.harmonic_balance.fourier import Fourier, fourier, resized
-from ancf_casadi.response.harmonic_balance.system import SampledFunctions, SecondOrderSystem
+from ancf_casadi.response.harmonic_balance.system import Drive, SampledFunctions, SecondOrderSystem
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import evaluated
 

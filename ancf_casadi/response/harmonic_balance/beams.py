@@ -27,8 +27,8 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.reduction.forces import BASE_SIZE
 from ancf_casadi.reduction.reduced import ReducedModel, reduced_motion
-from ancf_casadi.response.harmonic_balance.drive import BEAM_EXCITATION
 from ancf_casadi.response.harmonic_balance.system import (
+    BEAM_EXCITATION,
     KEPT_FUNCTIONS,
     SampledFunctions,
     SecondOrderSystem,

@@ -22,7 +22,7 @@ from ancf_casadi.mechanics.lumped import lumped_kind
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction import ReducedModel, reduce_model
 from ancf_casadi.reduction.reduced import rebuilt
-from ancf_casadi.response.harmonic_balance.drive import beam_drive
+from ancf_casadi.response.harmonic_balance.system import beam_drive
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import known
 from problems.beam.curves.beam_residuals import BeamResponses

@@ -31,10 +31,9 @@ from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.reduction import ReducedModel
 from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
 from ancf_casadi.response.harmonic_balance.beams import reduced_system
-from ancf_casadi.response.harmonic_balance.drive import Drive, beam_drive
 from ancf_casadi.response.harmonic_balance.family import Family
 from ancf_casadi.response.harmonic_balance.fourier import Fourier, fourier
-from ancf_casadi.response.harmonic_balance.system import SecondOrderSystem
+from ancf_casadi.response.harmonic_balance.system import Drive, SecondOrderSystem, beam_drive
 from ancf_casadi.response.onset import linear_response
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import evaluated

@@ -1,4 +1,4 @@
-"""Response curves in files: the arguments of a ``ResponseRecord``.
+"""Response curves in files: the amplitudes, the sensor that read them, and the levels of the excitation.
 
 The columns are told by their names (``over_frequency``).  A column of forces beside another amplitude is the level of
 the excitation, even if no word says so.
@@ -7,9 +7,7 @@ the excitation, even if no word says so.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from types import NoneType
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -20,17 +18,12 @@ from ancf_casadi.records.channel import RecordedChannel
 from ancf_casadi.records.over_frequency import (
     SpectralContents,
     SpectralFunction,
-    functions_of,
-    read_spectral,
-    sine_amplitudes,
 )
-from ancf_casadi.records.recording import unit_notes
 from ancf_casadi.records.sensor import Sensor, sensor_of
 from ancf_casadi.records.time_axis import listed
-from ancf_casadi.records.units import Unit, known_unit
-from ancf_casadi.response.harmonic_balance.drive import beam_drive
+from ancf_casadi.records.units import Unit
+from ancf_casadi.response.harmonic_balance.system import beam_drive
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, located
 
 ExcitationUnit = Literal["", "N", "V", "m", "m/s", "m/s^2"]
 
@@ -49,70 +42,8 @@ LEVEL_UNITS: Mapping[str, ExcitationUnit] = {
 EXCITED_BY = {"m": tuple(RATES), "N": ("force",), "N m": ("moment",)}  # quantities of levels, by unit of the excitation
 
 
-@np.errstate(all="ignore")  # a file may hold any numbers; those that are not finite are left out
-def read_curve(
-    path: str | Path,
-    column: str | int | None,
-    *,
-    frequency: str | int | None,
-    level: str | int | None,
-    phase: str | int | None,
-    unit: str | None,
-    level_unit: str | None,
-    phase_unit: str | None,
-    sensor: Sensor | None,
-    base: HarmonicBase | None,
-    load: HarmonicLoad | None,
-    excitation_unit: ExcitationUnit | None,
-    progress: bool,
-) -> dict[str, Any]:
-    """Return the arguments of the ``ResponseRecord`` of a file; see ``ResponseRecord.from_file``."""
-    check_instance(sensor, "sensor", Sensor, NoneType)
-    own_unit, level_own = (
-        None if text is None else known_unit(text, name) for text, name in ((unit, "unit"), (level_unit, "level_unit"))
-    )
-    found = read_spectral(path, frequency, progress=progress)
-    found = found.only("--level", ["level"], level).only("--phase", ["phase"], phase)
-    found = found.only("--column", ["amplitude", "real", ""], column)
-    told = _told_levels(found)
-    if told is not None:
-        found = found.only("--level", ["level"], told.number)
-    function = _only_one(functions_of(found, phase_unit), found.path)
-    with located(f"{path}: column {function.channel.label}"):
-        factor, read_by = _reading(function.channel, own_unit, sensor, for_beam=excitation_unit is None)
-    values = factor * function.values
-    notes = [*found.notes, *(() if own_unit else unit_notes([function.channel]))]
-    levels, quantity, present = None, "", np.isfinite(found.frequencies) & np.isfinite(values)
-    if told is not None:
-        own = level_own or told.unit
-        levels, quantity = sine_amplitudes(told) * (own.factor if own else 1.0), own.quantity if own else ""
-        notes += () if own else unit_notes([told])
-        present &= np.isfinite(levels)
-        levels = levels[present]
-    if not present.any():
-        raise InputError("has no row with a frequency and an amplitude", found.path)
-    if not present.all():
-        notes.append(f"{int((~present).sum())} rows with a gap are left out")
-    frequencies = found.frequencies[present]
-    with located(str(path)):
-        if excitation_unit is None:
-            base, load, levels = _excitation(frequencies, levels, quantity, base, load)
-        else:
-            excitation_unit = _level_unit(quantity, excitation_unit)
-    return {
-        "frequencies": frequencies,
-        "values": values[present],
-        "sensor": read_by,
-        "base": base,
-        "load": load,
-        "levels": levels,
-        "name": Path(path).name,
-        "excitation_unit": excitation_unit or "",
-        "notes": tuple(f"{Path(path).name}: {note}" for note in notes),
-    }
-
-
-def _only_one(functions: Sequence[SpectralFunction], path: str) -> SpectralFunction:
+def only_function(functions: Sequence[SpectralFunction], path: str) -> SpectralFunction:
+    """Return the function of a file that has one; refuse a file with none or several."""
     if not functions:
         raise InputError("has no column of amplitudes", path)
     if len(functions) > 1:
@@ -121,7 +52,7 @@ def _only_one(functions: Sequence[SpectralFunction], path: str) -> SpectralFunct
     return functions[0]
 
 
-def _told_levels(found: SpectralContents) -> RecordedChannel | None:
+def told_levels(found: SpectralContents) -> RecordedChannel | None:
     """Return the column of the levels: the one that says so, or the only one of forces beside other amplitudes."""
     told = [channel for part, channel in found.columns if part == "level"]
     sizes = [channel for part, channel in found.columns if part in ("", "amplitude", "real")]
@@ -132,7 +63,7 @@ def _told_levels(found: SpectralContents) -> RecordedChannel | None:
     return told[0] if told else None
 
 
-def _reading(
+def reading_of(
     channel: RecordedChannel, given: Unit | None, sensor: Sensor | None, *, for_beam: bool
 ) -> tuple[float, Sensor]:
     """Return the factor of the amplitudes to SI units, and the sensor; volts count as a strain without a beam."""
@@ -144,7 +75,7 @@ def _reading(
     return sensor_of(channel, unit, sensor)
 
 
-def _excitation(
+def excitation_at_one(
     frequencies: Array, levels: Array | None, quantity: str, base: HarmonicBase | None, load: HarmonicLoad | None
 ) -> tuple[HarmonicBase | None, HarmonicLoad | None, Array | None]:
     """Return base or load at level 1, and the levels as multiples of it."""
@@ -167,7 +98,7 @@ def _excitation(
     return base, load, sizes / drive.amplitude
 
 
-def _level_unit(quantity: str, given: ExcitationUnit) -> ExcitationUnit:
+def level_unit_of(quantity: str, given: ExcitationUnit) -> ExcitationUnit:
     """Return the SI unit of the levels of a file: that of the file, or the given one if the file has none."""
     found = LEVEL_UNITS.get(quantity, given)
     if not found:

@@ -38,12 +38,22 @@ from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.records.over_frequency import functions_of, read_spectral, sine_amplitudes
+from ancf_casadi.records.recording import unit_notes
 from ancf_casadi.records.sensor import Sensor
-from ancf_casadi.response.harmonic_balance.drive import beam_drive
+from ancf_casadi.records.units import known_unit
+from ancf_casadi.response.harmonic_balance.system import beam_drive
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, flag, located, positive_array
 from ancf_casadi.support.tables import Displayed, counted, spread
-from problems.beam.curves.reading import ExcitationUnit, read_curve
+from problems.beam.curves.reading import (
+    ExcitationUnit,
+    excitation_at_one,
+    level_unit_of,
+    only_function,
+    reading_of,
+    told_levels,
+)
 
 TIP_DISPLACEMENT = Sensor("displacement")
 
@@ -145,6 +155,7 @@ class ResponseRecord(Displayed):
         self._check_order()
 
     @classmethod
+    @np.errstate(all="ignore")  # a file may hold any numbers; those that are not finite are left out
     def from_file(
         cls,
         path: str | Path,
@@ -206,11 +217,50 @@ class ResponseRecord(Displayed):
         >>> record.base.amplitude * record.a
         array([0.001 , 0.0011])
         """
-        given = read_curve(
-            path, column, frequency=frequency, level=level, phase=phase, unit=unit, level_unit=level_unit,
-            phase_unit=phase_unit, sensor=sensor, base=base, load=load, excitation_unit=excitation_unit,
-            progress=progress,
-        )  # fmt: skip
+        check_instance(sensor, "sensor", Sensor, NoneType)
+        own_unit, level_own = (
+            None if text is None else known_unit(text, name)
+            for text, name in ((unit, "unit"), (level_unit, "level_unit"))
+        )
+        found = read_spectral(path, frequency, progress=progress)
+        found = found.only("--level", ["level"], level).only("--phase", ["phase"], phase)
+        found = found.only("--column", ["amplitude", "real", ""], column)
+        told = told_levels(found)
+        if told is not None:
+            found = found.only("--level", ["level"], told.number)
+        function = only_function(functions_of(found, phase_unit), found.path)
+        with located(f"{path}: column {function.channel.label}"):
+            factor, read_by = reading_of(function.channel, own_unit, sensor, for_beam=excitation_unit is None)
+        values = factor * function.values
+        notes = [*found.notes, *(() if own_unit else unit_notes([function.channel]))]
+        levels, quantity, present = None, "", np.isfinite(found.frequencies) & np.isfinite(values)
+        if told is not None:
+            own = level_own or told.unit
+            levels, quantity = sine_amplitudes(told) * (own.factor if own else 1.0), own.quantity if own else ""
+            notes += () if own else unit_notes([told])
+            present &= np.isfinite(levels)
+            levels = levels[present]
+        if not present.any():
+            raise InputError("has no row with a frequency and an amplitude", found.path)
+        if not present.all():
+            notes.append(f"{int((~present).sum())} rows with a gap are left out")
+        frequencies = found.frequencies[present]
+        with located(str(path)):
+            if excitation_unit is None:
+                base, load, levels = excitation_at_one(frequencies, levels, quantity, base, load)
+            else:
+                excitation_unit = level_unit_of(quantity, excitation_unit)
+        given: dict[str, Any] = {
+            "frequencies": frequencies,
+            "values": values[present],
+            "sensor": read_by,
+            "base": base,
+            "load": load,
+            "levels": levels,
+            "name": Path(path).name,
+            "excitation_unit": excitation_unit or "",
+            "notes": tuple(f"{Path(path).name}: {note}" for note in notes),
+        }
         with located(str(path)):
             return cls(**(given | settings))
 

@@ -20,9 +20,9 @@ from ancf_casadi import Beam, Clamp, Pin, PointMass, Roller, Spring
 from ancf_casadi.export.model_document import beam_data, beam_from
 from ancf_casadi.export.structs import BeamData
 from ancf_casadi.support.arrays import Array
-from problems.study import store as store_module
+from problems.study import runner as store_module
 from problems.study.part import Task
-from problems.study.store import SUFFIX, Kept, Store, decoded, encoded, key_of, run_task
+from problems.study.runner import SUFFIX, Kept, Store, decoded, encoded, key_of, run_task
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class TestKey:
         code = (
             "from problems.study.part import FULL, Finding, Task; from problems.paper.reproduce import PAPER_FILE\n"
             "from problems.paper.reproduce import ALL_KINDS\n"
-            "from problems.study.reading import read_study; from problems.study.store import key_of\n"
+            "from problems.study.reading import read_study; from problems.study.runner import key_of\n"
             "study = read_study(PAPER_FILE, ALL_KINDS)\n"
             "from ancf_casadi.export.model_document import beam_data\n"
             "found = {'': Finding(None, beam=beam_data(study.beam))}\n"

@@ -5,8 +5,7 @@ and accelerations; ``solved_functions`` one time step, equilibrium and natural f
 these Functions, or those of the reduced model, as C code with a header and a test program, ``fmu`` as an FMU, and
 ``storage`` to a CasADi file.  ``model_document`` writes and reads the durable form, a JSON document with the
 beam, its damping law, its identifications and its provenance (``identification``): ``structs`` states its layout and
-ranges, from which the schema follows, and ``strict_json`` refuses what JSON readers tolerate.  No other folder of the
-package imports this one.
+ranges, from which the schema follows.  No other folder of the package imports this one.
 """
 
 from ancf_casadi.dynamics.signals import MotionFunctions, Signal, values

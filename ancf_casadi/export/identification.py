@@ -16,8 +16,8 @@ import scipy
 from msgspec import Struct, to_builtins
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.strict_json import MOST_LEVELS, check, place
 from ancf_casadi.export.structs import DataFile, IdentificationData, ProvenanceData, data_of
+from ancf_casadi.support.files import MOST_LEVELS, check, place
 from ancf_casadi.support.inputs import check_instance, instances, is_sequence, shown
 from ancf_casadi.version import __version__
 

@@ -21,7 +21,6 @@ from msgspec.structs import asdict
 from ancf_casadi.damping import DampingLaw, ModalDamping, SumOfLaws
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.identification import Identification, Provenance
-from ancf_casadi.export.strict_json import place, read_json
 from ancf_casadi.export.structs import (
     COEFFICIENT_LAWS,
     DOCUMENT_FORMAT,
@@ -44,7 +43,7 @@ from ancf_casadi.mechanics.beam_table import PART_KINDS, table_of, with_parts
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.files import check_file, write_file
+from ancf_casadi.support.files import check_file, place, read_json, write_file
 from ancf_casadi.support.inputs import check_instance, instances, located
 from ancf_casadi.support.tables import to_json
 from ancf_casadi.vibration.equilibrium import Equilibrium

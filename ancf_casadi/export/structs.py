@@ -41,11 +41,10 @@ from ancf_casadi.damping import (
     RayleighDamping,
 )
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.strict_json import check
 from ancf_casadi.mechanics.beam_table import ATTACHMENTS, PART_KINDS, SUPPORTS
 from ancf_casadi.mechanics.strain import AxialStrain, Curvature
 from ancf_casadi.mechanics.supports import Clamp
-from ancf_casadi.support.files import opened
+from ancf_casadi.support.files import check, opened
 from ancf_casadi.support.inputs import shown
 
 DOCUMENT_FORMAT: Final = "ancf-casadi"

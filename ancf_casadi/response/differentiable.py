@@ -22,11 +22,10 @@ import numpy as np
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.response.excited import Excited
-from ancf_casadi.response.harmonic_balance.balance import size_of
+from ancf_casadi.response.harmonic_balance.balance import fourier, size_of
 from ancf_casadi.response.harmonic_balance.beams import GRAVITY_SIZE
 from ancf_casadi.response.harmonic_balance.continuation import point_at
 from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
-from ancf_casadi.response.harmonic_balance.fourier import fourier
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.callbacks import Differentiable, kept

@@ -23,9 +23,15 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.forces import BASE_SIZE
 from ancf_casadi.reduction.reduced import ReducedModel, reduce_model, reduced_motion
-from ancf_casadi.response.harmonic_balance.balance import FIRST_HARMONICS, HarmonicBalance, Setting, least_samples
+from ancf_casadi.response.harmonic_balance.balance import (
+    FIRST_HARMONICS,
+    HarmonicBalance,
+    Setting,
+    basis_at,
+    fourier,
+    least_samples,
+)
 from ancf_casadi.response.harmonic_balance.beams import STRAIGHT, full_system, reduced_system
-from ancf_casadi.response.harmonic_balance.fourier import basis_at, fourier
 from ancf_casadi.response.harmonic_balance.system import (
     Drive,
     HarmonicForce,

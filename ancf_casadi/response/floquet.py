@@ -42,7 +42,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.exceptions import NumericsError
-from ancf_casadi.response.harmonic_balance.fourier import basis_at
+from ancf_casadi.response.harmonic_balance.balance import basis_at
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 
 FLOQUET_STAGES = 7

@@ -19,9 +19,8 @@ from ancf_casadi.reduction.reduced import ReducedModel
 from ancf_casadi.reduction.stepping import ReducedTrajectory
 from ancf_casadi.response.excited import Excited, half_range
 from ancf_casadi.response.floquet import is_stable
-from ancf_casadi.response.harmonic_balance.balance import Errors, HarmonicBalance, Setting
+from ancf_casadi.response.harmonic_balance.balance import Errors, HarmonicBalance, Setting, fourier
 from ancf_casadi.response.harmonic_balance.beams import base_force
-from ancf_casadi.response.harmonic_balance.fourier import fourier
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import whole
 from ancf_casadi.support.tables import Reported, Table, counted

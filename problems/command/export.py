@@ -24,8 +24,7 @@ from ancf_casadi.export import (
     write_document,
     write_fmu,
 )
-from ancf_casadi.export.strict_json import read_json
-from ancf_casadi.support.files import check_folder
+from ancf_casadi.support.files import check_folder, read_json
 from ancf_casadi.support.inputs import located
 from problems.command.output import Output, comma_numbers, json_text, new_files, positive_count
 from problems.schema.beam import DAMPED_HELP, read_damped

@@ -40,8 +40,7 @@ from ancf_casadi import (
 )
 from ancf_casadi.damping import SumOfLaws
 from ancf_casadi.export import DataFile, Document, Identification, Provenance, read_document, schema, write_document
-from ancf_casadi.export.strict_json import MOST_LEVELS
-from ancf_casadi.support.files import MOST_BYTES
+from ancf_casadi.support.files import MOST_BYTES, MOST_LEVELS
 from problems import fit_decay
 
 WRITTEN = "2025-01-31T12:00:00Z"

@@ -35,8 +35,9 @@ from ancf_casadi.response.harmonic_balance.balance import (
     HarmonicBalance,
     Setting,
     errors_of,
+    fourier,
+    resized,
 )
-from ancf_casadi.response.harmonic_balance.fourier import fourier, resized
 from ancf_casadi.support.arrays import Array, ComplexArray
 
 if TYPE_CHECKING:

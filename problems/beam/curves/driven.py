@@ -29,10 +29,9 @@ from ancf_casadi.dynamics.derivatives.reading import SampledMotion
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.reduction import ReducedModel
-from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
+from ancf_casadi.response.harmonic_balance.balance import Fourier, HarmonicBalance, Setting, fourier
 from ancf_casadi.response.harmonic_balance.beams import reduced_system
 from ancf_casadi.response.harmonic_balance.family import Family
-from ancf_casadi.response.harmonic_balance.fourier import Fourier, fourier
 from ancf_casadi.response.harmonic_balance.system import Drive, SecondOrderSystem, beam_drive
 from ancf_casadi.response.onset import linear_response
 from ancf_casadi.support.arrays import Array

@@ -17,7 +17,7 @@ from ancf_casadi import (
 from ancf_casadi.estimation.result import FitResult
 from ancf_casadi.plot import rendered
 from problems import FrfRecord, Global, fit_frf, match_frequencies
-from problems.frf import fitting, poles, selection
+from problems.frf import fitting, selection
 from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, TrialFit
 from tests.coverage import covers
 
@@ -315,7 +315,7 @@ def test_without_sdypy_ema_approximate_frequencies_are_enough(four_modes, monkey
     f, modes = four_modes
     values = modal_sum(f, modes)
     record = FrfRecord(f, values + 1e-6 * complex_noise(np.random.default_rng(12), values.shape), "receptance")
-    monkeypatch.setattr(poles, "MODULE", "no_such_module.EMA")
+    monkeypatch.setattr(selection, "MODULE", "no_such_module.EMA")
     with pytest.raises(InputError, match=r"^sdypy-EMA: is not installed.*pip install sdypy-EMA, or give"):
         fit_frf(record)
     check(fit_frf(record, frequencies=[mode[0] for mode in modes]), modes)
@@ -442,7 +442,7 @@ def test_two_poles_within_a_bandwidth_are_two_modes_if_their_shapes_differ(assur
 def test_bins_are_few_and_lose_three_percent_of_the_precision_at_most():
     f, own, ratio = np.arange(8.0, 32.0, 0.01), np.array([15.0]), np.array([0.01])
     lines = ModalSum.of(f, "receptance", RESIDUAL_POWERS[0])
-    bins = replace(lines, starts=selection.bins(f, poles.Candidates(own, ratio, np.array([0]))))
+    bins = replace(lines, starts=selection.bins(f, selection.Candidates(own, ratio, np.array([0]))))
     assert 5 * len(bins.bin_sizes) < len(f)
     triangles, values = [], modal_sum(f, [(15.0, 0.01, (1.0,))])[0].T
     for model in (lines, bins):

@@ -107,17 +107,6 @@ def releases(options: argparse.Namespace, count: int) -> list[float | None]:
 
 def check_no_record_options(options: argparse.Namespace, instead: str) -> None:
     """Refuse the options of a record where there is none, and say what to do ``instead``."""
-    for name in (
-        "column",
-        "time",
-        "unit",
-        "time_unit",
-        "sample_rate",
-        "sensor",
-        "begin",
-        "end",
-        "decimate",
-        "release_time",
-    ):
+    for name in "column time unit time_unit sample_rate sensor begin end decimate release_time".split():
         if getattr(options, name) is not None:
             raise InputError(f"belongs to the file of a record; {instead}", f"--{name.replace('_', '-')}")

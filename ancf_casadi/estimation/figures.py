@@ -108,11 +108,6 @@ def saved_figure(fits: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def channels_or_estimates(fits: Mapping[str, Any]) -> Figure:
-    """Draw the channels of a fit; the estimates of several."""
-    return saved_figure(fits) if len(fits) > 1 else channels_figure(fits)
-
-
 @literal_text
 def channels_figure(results: Mapping[str, Any]) -> Figure:
     """Draw measured (dots) and computed values, amplitudes of complex ones, and their differences below.

@@ -110,6 +110,7 @@ class Reported(Displayed, ABC):
     """Base class of results: text and HTML, JSON, a file, and a figure."""
 
     _drawing: ClassVar[str]  # module and name of the function that draws results by their labels
+    _comparing: ClassVar[str] = ""  # of the one that draws several, if it is another
 
     @abstractmethod
     def table(self) -> Table:
@@ -160,8 +161,8 @@ class Reported(Displayed, ABC):
 
     def _drawn(self, others: Sequence[Any], labels: Sequence[str], **options: Any) -> Figure:
         """Return the figure of the drawing function for results by label; matplotlib is imported here."""
-        drawing = self._drawing
-        strange = [one for one in others if getattr(one, "_drawing", None) != drawing]
+        drawing = (others and self._comparing) or self._drawing
+        strange = [one for one in others if getattr(one, "_drawing", None) != self._drawing]
         if strange:
             raise InputError(f"a {type(self).__name__} cannot be drawn with a {type(strange[0]).__name__}", "figure")
         own = [self, *others]

@@ -76,7 +76,7 @@ class BeamFit(BlocksResult):
     """
 
     kind = "beam"
-    _drawing = "ancf_casadi.estimation.figures.channels_or_estimates"
+    _drawing = "ancf_casadi.estimation.figures.channels_figure"
 
     given: Model
     guess: DampingLaw

@@ -142,15 +142,9 @@ def _windows_of(fit: DecayFit) -> DampingCurve | None:
 
 
 def decay_fit_figure(fits: Mapping[str, DecayFit]) -> Figure:
-    """Draw record and fit, the residuals, and damping ratio and frequency against amplitude, by law and by windows.
+    """Draw record and fit, the residuals, and damping ratio and frequency against amplitude, by law and by windows."""
+    from ancf_casadi.plot import decay_figure  # matplotlib is slow to import
 
-    Of several fits the estimates are drawn.
-    """
-    from ancf_casadi.estimation.figures import saved_figure  # matplotlib is slow to import
-    from ancf_casadi.plot import decay_figure
-
-    if len(fits) > 1:
-        return saved_figure(fits)
     (fit,) = fits.values()
     measured = fit.displacement(fit.time) - fit.residuals
     values = f"{fit.law} damping, {_value(fit, 'frequency', 1.0, 'Hz')}, {_value(fit, 'damping_ratio', 100.0, '%')}"
@@ -170,18 +164,15 @@ def takes_figure(fits: Mapping[str, DecayFits]) -> Figure:
     from ancf_casadi.estimation.figures import agreement_figure, saved_figure  # matplotlib is slow to import
 
     agreements = [one for fit in fits.values() for one in fit.agreements]
-    if len(fits) > 1 or not agreements:
+    if not agreements:
         return saved_figure(fits)
     return agreement_figure([(f"{one.name}, {one.unit}".removesuffix(", "), one) for one in agreements])
 
 
 def modes_figure(fits: Mapping[str, DecayModes]) -> Figure:
-    """Draw the record, the sum of the modes, the residuals and their autocorrelation; of several fits the estimates."""
-    from ancf_casadi.estimation.figures import saved_figure  # matplotlib is slow to import
-    from ancf_casadi.plot import fit_figure
+    """Draw the record, the sum of the modes, the residuals and their autocorrelation."""
+    from ancf_casadi.plot import fit_figure  # matplotlib is slow to import
 
-    if len(fits) > 1:
-        return saved_figure(fits)
     (modes,) = fits.values()
     first = modes[0]
     fitted = np.sum([fit.displacement(first.time) for fit in modes], axis=0)

@@ -267,13 +267,10 @@ def _constant_errors(trial: TrialFit, fit: Fit, function: int) -> ComplexArray:
 
 
 def frf_figure(fits: Mapping[str, FrfFit]) -> Figure:
-    """Draw measured and fitted functions, amplitude and phase, and their difference; of several fits the estimates."""
-    from ancf_casadi.estimation.figures import saved_figure  # slow to import: matplotlib
-    from ancf_casadi.response.drawing import Curve, bode_figure
+    """Draw measured and fitted functions, amplitude and phase, and their difference."""
+    from ancf_casadi.response.drawing import Curve, bode_figure  # slow to import: matplotlib
     from ancf_casadi.support.figures import COMPUTED, MEASURED
 
-    if len(fits) > 1:
-        return saved_figure(fits)
     (fit,) = fits.values()
     record = fit.record
     measured = record.columns.T

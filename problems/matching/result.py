@@ -360,11 +360,8 @@ class FrequencyMatch(FitResult):
 
 def match_figure(matches: Mapping[str, FrequencyMatch]) -> Figure:
     """Draw the changes of the properties along the beam, with the ranges that the data leave open."""
-    from ancf_casadi.estimation.figures import saved_figure  # slow to import: matplotlib
-    from ancf_casadi.plot import properties_figure
+    from ancf_casadi.plot import properties_figure  # slow to import: matplotlib
 
-    if len(matches) > 1:
-        return saved_figure(matches)
     (match,) = matches.values()
     known, space = match.identifiability, match.matching.space
     ends = np.column_stack([known.factors, known.factors]) if match.out_of_reach else known.spread

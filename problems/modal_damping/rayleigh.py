@@ -69,7 +69,7 @@ class RayleighFit(LeastSquaresResult):
     """
 
     kind = "rayleigh"
-    _drawing = "problems.modal_damping.rayleigh.rayleigh_figure"
+    _drawing = _comparing = "problems.modal_damping.rayleigh.rayleigh_figure"
 
     frequencies: tuple[float, ...]
     measured: tuple[float, ...]

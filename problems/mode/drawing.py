@@ -14,7 +14,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ancf_casadi.decay.envelope import draw_against_amplitude
-from ancf_casadi.estimation.figures import saved_figure
 from ancf_casadi.estimation.prediction import TIME_AXIS
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text, prefixed
@@ -26,13 +25,10 @@ GRID = 240  # frequencies and amplitudes at which levels are computed
 ONE_LEVEL = 0.02  # relative range of levels that count as one
 
 
-def mode_figure(fits: Mapping[str, ModeFit]) -> Figure:
-    """Draw curves, decays and laws of a fit; the estimates of several."""
-    return saved_figure(fits) if len(fits) > 1 else _figure(next(iter(fits.values())))
-
-
 @literal_text
-def _figure(fit: ModeFit) -> Figure:
+def mode_figure(fits: Mapping[str, ModeFit]) -> Figure:
+    """Draw curves, decays and laws of a fit."""
+    (fit,) = fits.values()
     block = fit.curve_block
     curves = list(zip(block.records, block.constants, strict=True)) if block else []
     driven = [pair for pair in curves if pair[0].control == "excitation"]

@@ -46,7 +46,7 @@ from scipy.optimize import least_squares
 from ancf_casadi.estimation.solver.noise import estimated_noise
 from ancf_casadi.response.linear_frf import FRF_POWERS, FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
-from ancf_casadi.support.banded import inner, tall_qr, tall_times, tall_triangle
+from ancf_casadi.support.tall import inner, tall_qr, tall_times, tall_triangle
 
 RESIDUAL_POWERS = tuple(
     tuple(range(-size, size)) for size in (2, 4, 6)

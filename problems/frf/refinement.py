@@ -32,8 +32,8 @@ from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, concentratio
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, root_mean_square
-from ancf_casadi.support.banded import tall_qr
 from ancf_casadi.support.callbacks import Differentiable, kept
+from ancf_casadi.support.tall import tall_qr
 from problems.decay.limitations import IMPRECISE
 from problems.frf.modal_sum import LARGEST_RATIO, RESIDUAL_POWERS, TrialFit, stacked
 from problems.frf.weights import LEAST_REMAINDER

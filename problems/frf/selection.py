@@ -39,7 +39,7 @@ import numpy as np
 from ancf_casadi.estimation.criteria import VERY_STRONG
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, ComplexArray, Index, Mask
-from ancf_casadi.support.banded import inner, tall_qr, tall_times, tall_triangle
+from ancf_casadi.support.tall import inner, tall_qr, tall_times, tall_triangle
 from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, TrialFit, quick_fit, stacked
 from problems.frf.weights import fitted_deviations
 

@@ -49,7 +49,7 @@ import numpy as np
 from ancf_casadi.estimation.determination import LEAST_EXPONENT
 from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.support.arrays import Array, Mask
-from ancf_casadi.support.banded import tall_triangle
+from ancf_casadi.support.tall import tall_triangle
 
 UNUSED = 1e-6  # share of a budget below which the interior-point method means none
 PROGRESS = 1e-9  # decrease of a loss, relative, that counts as an improvement

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ancf_casadi.support.banded import inner, tall_qr, tall_times, tall_triangle
+from ancf_casadi.support.tall import inner, tall_qr, tall_times, tall_triangle
 
 
 @pytest.mark.parametrize("rows", [40, 500, 5000])

@@ -29,7 +29,7 @@ from ancf_casadi.estimation.solver.stated import noise_with_stated
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, started
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, Mask
-from ancf_casadi.support.banded import tall_triangle
+from ancf_casadi.support.tall import tall_triangle
 
 TIGHT: Mapping[str, Any] = {
     "ipopt.tol": 1e-12,

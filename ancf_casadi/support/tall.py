@@ -1,0 +1,73 @@
+"""Factors and products of matrices with many more rows than columns, in blocks of rows.
+
+BLAS divides a large operation among threads, and if other work keeps a core busy, each waits for the other thread.  A
+factorisation of a tall matrix does so for every column.  The blocks are so small that each stays in one thread and in
+the cache.
+
+The triangle R of the QR factors is that of the triangles of the blocks (TSQR).  Q = A R^-1 with one step of iterative
+refinement is nearly orthonormal, and a Cholesky factor of Q' Q makes it so.
+
+References
+----------
+J. Demmel, L. Grigori, M. Hoemmen, J. Langou, Communication-optimal parallel and sequential QR and LU factorizations,
+SIAM Journal on Scientific Computing 34 (2012).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ancf_casadi.support.arrays import Array
+
+MOST_PRODUCTS = 2**18  # multiplications of matrices that OpenBLAS leaves to one thread
+MOST_ENTRIES = 9215  # of a matrix that OpenBLAS multiplies with a vector in one thread
+FACTOR_ROWS = 8  # of a block that is factorised, per column
+
+
+def tall_triangle(matrix: Array) -> Array:
+    """Return the triangle of the QR factors of a tall matrix, (c, c)."""
+    columns = matrix.shape[1]
+    size = FACTOR_ROWS * columns
+    while len(matrix) > size:
+        whole = len(matrix) // size * size
+        triangles = np.asarray(np.linalg.qr(matrix[:whole].reshape(-1, size, columns), mode="r"))
+        matrix = np.concatenate([triangles.reshape(-1, columns), matrix[whole:]])
+    return np.asarray(np.linalg.qr(matrix, mode="r"))
+
+
+def tall_qr(matrix: Array) -> tuple[Array, Array]:
+    """Return the QR factors of a tall matrix, (m, c) and (c, c)."""
+    triangle = tall_triangle(matrix)
+    length = np.linalg.norm(triangle, axis=0)
+    triangle /= length
+    inverse = np.linalg.inv(triangle)
+    q = np.empty(matrix.shape)
+    for rows in _blocks(*matrix.shape):
+        scaled = matrix[rows] / length
+        part = scaled @ inverse
+        q[rows] = part + (scaled - part @ triangle) @ inverse
+    correction = np.linalg.cholesky(inner(q, q)).T
+    return tall_times(q, np.linalg.inv(correction)), correction @ triangle * length
+
+
+def tall_times(tall: Any, small: Array) -> Any:
+    """Return the product of a tall matrix (m, c) and a small one (c, n)."""
+    found = np.empty((len(tall), small.shape[1]), dtype=np.result_type(tall, small))
+    for rows in _blocks(len(tall), max(small.shape)):
+        np.matmul(tall[rows], small, out=found[rows])
+    return found
+
+
+def inner(first: Any, second: Any) -> Any:
+    """Return the product A' B of two tall matrices (m, c), (m, n)."""
+    blocks = _blocks(len(first), max(first.shape[1], second.shape[1]))
+    return sum(first[rows].T @ second[rows] for rows in blocks)
+
+
+def _blocks(count: int, columns: int) -> Iterator[slice]:
+    """Return the rows of the blocks of matrices with so many columns at most."""
+    size = max(min(MOST_PRODUCTS // columns**2, MOST_ENTRIES // columns), 1)
+    return (slice(start, start + size) for start in range(0, count, size))

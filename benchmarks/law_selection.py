@@ -1,14 +1,22 @@
 """Measure how often the true damping law is selected: seeded records of each law, each fitted with all laws.
 
     .venv/bin/python benchmarks/law_selection.py combined --runs 100     decays with omega(A), all terms significant
+    .venv/bin/python benchmarks/law_selection.py calibration --runs 100  how often laws are right, by their probability
     .venv/bin/python benchmarks/law_selection.py decays --runs 200       closed-form decays, compare_decay_laws
     .venv/bin/python benchmarks/law_selection.py motions --runs 20       large motion of a beam, compare_laws
     .venv/bin/python benchmarks/law_selection.py motions --runs 20 --weak    the same, too short and noisy to decide
+    .venv/bin/python benchmarks/law_selection.py power --runs 200        the share of right choices that plans announce
 
-A run is right if the true law has the lowest BIC, and settled if the verdict says so.  ``combined`` draws decays under
-each damping law with each frequency law, of 30 to 150 periods with noise of 0.1 to 3 % of the amplitude, and keeps
-those in which each term of the truth, fitted with the true law, is at least five standard errors large.  The exponent
-of the power law must differ by as much from 0, 1 and 2, where it is another law.
+A run is right if the true law is the most probable one, and settled if the verdict says so.  ``combined`` draws
+decays under each damping law with each frequency law, of 30 to 150 periods with noise of 0.1 to 3 % of the amplitude,
+and keeps those in which each term of the truth, fitted with the true law, is at least five standard errors large.  The
+exponent of the power law must differ by as much from 0, 1 and 2, where it is another law.  ``calibration`` keeps all,
+so that terms of all sizes occur, with as many records of each law, and with white and with AR(1) noise; ``--weak`` has
+10 to 100 periods at constant frequency and noise of 0.1 to 10 %.
+It lists the share of true laws among those with a probability from a class, for the probabilities of the comparison
+and for weights of BIC and of AICc, and the share of records of each law on whose wrong law the verdict is settled.
+``power`` fits two laws to the record of one of them, with noise of many seeds: decays by closed forms, and releases of
+a strip as ``plan_comparison`` takes them.
 """
 
 from __future__ import annotations
@@ -17,12 +25,16 @@ import argparse
 import math
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 import casadi as cs
 import numpy as np
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+from scipy.stats import binom
 
 from ancf_casadi import (
     Beam,
@@ -31,6 +43,7 @@ from ancf_casadi import (
     Model,
     QuadraticDamping,
     RayleighDamping,
+    Sensor,
     natural_modes,
     run_all,
     simulate,
@@ -38,14 +51,27 @@ from ancf_casadi import (
 )
 from ancf_casadi.decay.closed_forms import friction_decay
 from ancf_casadi.decay.phase import FrequencyLaw
+from ancf_casadi.estimation.criteria import Candidate, expectation, judge
+from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.exceptions import AncfError
-from problems import DecayFit, MarkerRecord, compare_decay_laws, compare_laws, fit_decay
+from ancf_casadi.support.tables import Table
+from problems import (
+    DecayFit,
+    MarkerRecord,
+    PlannedRecord,
+    compare_decay_laws,
+    compare_laws,
+    fit_beam,
+    fit_decay,
+    plan,
+)
 from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED
 from problems.decay.laws import DecayModel, Law
 
 DECAYS = {"linear": (0.0, 0.25, 0.0), "quadratic": (0.0, 0.15, 0.5), "friction": (0.1, 0.15, 0.5)}  # eta0, eta1, eta2
 LAWS = ("mass-proportional", "quadratic", "modal")
 NOISE = 0.5e-3  # m
+CLASSES = (0.0, 0.01, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.001)  # of probabilities
 SIGNIFICANT = 5.0  # least size of each term, standard errors
 
 
@@ -74,14 +100,39 @@ def combined(law: Law, frequency_law: FrequencyLaw, seed: int) -> tuple[str, boo
     return f"{comparison.best.law}, {comparison.best.frequency_law}", comparison.verdict.settled
 
 
-def _draw(rng: np.random.Generator, law: Law, frequency_law: FrequencyLaw) -> tuple[Any, Any]:
-    """Return a random decay of 1 Hz with an amplitude of 1 under two laws."""
+def weighed(
+    law: Law, seed: int, rho: float, *, weak: bool
+) -> tuple[list[tuple[bool, ...]], list[tuple[float, ...]], bool]:
+    """Return for each law fitted to a decay if it is true and best, its probabilities, and if the choice is settled."""
+    rng = np.random.default_rng([LAWS_COMPARED.index(law), round(100 * rho), seed])
+    frequency_law: FrequencyLaw = "constant" if weak else FREQUENCY_LAWS_COMPARED[int(rng.integers(4))]
+    time, y = _draw(rng, law, frequency_law, rho, weak=weak)
+    constant: Any = {"frequency_laws": ("constant",), "rests": ("constant",)} if weak else {}
+    found = compare_decay_laws(time, y, release_time=0.0, **constant)
+    verdict = found.verdict
+    weights = [np.exp((min(one) - np.array(one)) / 2) for one in (verdict.bic, verdict.aicc)]
+    columns = (verdict.probabilities, *(own / own.sum() for own in weights))
+    true = [
+        fit.model == replace(fit.model, law=law, frequency_law=frequency_law, rest="constant") for fit in found.fits
+    ]
+    chosen = [k == verdict.best for k in range(len(true))]
+    return (
+        list(zip(true, chosen, strict=True)),
+        list(zip(*map(np.ndarray.tolist, columns), strict=True)),
+        verdict.settled,
+    )
+
+
+def _draw(
+    rng: np.random.Generator, law: Law, frequency_law: FrequencyLaw, rho: float = 0.0, *, weak: bool = False
+) -> tuple[Any, Any]:
+    """Return a random decay of 1 Hz with an amplitude of 1 under two laws, in AR(1) noise."""
 
     def between(least: float, most: float) -> float:
         return float(math.exp(rng.uniform(math.log(least), math.log(most))))
 
     model, omega = DecayModel(law, "constant", frequency_law), 2 * math.pi
-    periods = between(30.0, 150.0)
+    periods = between(10.0, 100.0) if weak else between(30.0, 150.0)
     time = np.arange(0.0, periods, 1 / between(8.0, 16.0))
     ratio = between(0.7, 4.0) / (omega * periods)
     shares = rng.dirichlet(np.ones({"linear": 1, "quadratic": 2, "friction": 3, "power": 1}[law])) * ratio
@@ -92,7 +143,8 @@ def _draw(rng: np.random.Generator, law: Law, frequency_law: FrequencyLaw) -> tu
     phase = rng.uniform(-math.pi, math.pi)
     values = (omega, *damping, *change, 1.0, phase, 0.0)
     y = np.asarray(cs.evalf(model.curve(time, *map(cs.MX, values)))).ravel()
-    return time, y + between(1e-3, 0.03) * rng.standard_normal(len(time))
+    drive = rng.standard_normal(len(time) + 300)
+    return time, y + between(1e-3, 0.1 if weak else 0.03) * lfilter([math.sqrt(1 - rho**2)], [1.0, -rho], drive)[300:]
 
 
 def _least_term(fit: DecayFit) -> float:
@@ -140,7 +192,7 @@ def motion(law: str, seed: int, *, weak: bool) -> tuple[bool, bool]:
 def main() -> None:
     """Run the study and print a line for each law."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=("combined", "decays", "motions"))
+    parser.add_argument("what", choices=("combined", "calibration", "decays", "motions", "power"))
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--weak", action="store_true")
     parser.add_argument("--jobs", type=int, default=2)
@@ -148,6 +200,13 @@ def main() -> None:
     if options.what == "combined":
         for law, frequency_law in product(LAWS_COMPARED, FREQUENCY_LAWS_COMPARED):
             _print_combined(law, frequency_law, options.runs, options.jobs)
+        return
+    if options.what == "calibration":
+        for rho in (0.0, 0.7):
+            _print_calibration(rho, options.runs, options.jobs, weak=options.weak)
+        return
+    if options.what == "power":
+        _print_power(options.runs)
         return
     one: Callable[..., tuple[bool, bool]] = decay if options.what == "decays" else motion
     for law in DECAYS if options.what == "decays" else LAWS:
@@ -172,6 +231,73 @@ def _print_combined(law: Law, frequency_law: FrequencyLaw, runs: int, jobs: int)
         + (", ".join(f"{name} ({count})" for name, count in wrong.most_common()) or "none"),
         flush=True,
     )
+
+
+def _print_calibration(rho: float, runs: int, jobs: int, *, weak: bool) -> None:
+    truths = [law for law in LAWS_COMPARED for _ in range(runs)]
+    tasks: list[Any] = [partial(weighed, law, seed % runs, rho, weak=weak) for seed, law in enumerate(truths)]
+    found = run_all(tasks, jobs=jobs)
+    true, _ = np.array([flags for flags, _, _ in found for flags in flags]).T
+    probabilities = np.array([row for _, rows, _ in found for row in rows])
+    rows: list[list[str | float]] = []
+    for low, high in pairwise(CLASSES):
+        row: list[str | float] = [f"{low:g} to {high:g}"]
+        for own in probabilities.T:
+            inside = (own >= low) & (own < high)
+            row += [int(inside.sum()), *(round(float(part[inside].mean()), 3) if inside.any() else None
+                                         for part in (own, true))]  # fmt: skip
+        rows.append(row)
+    heads = [f"{name} {head}" for name in ("P", "BIC", "AICc") for head in ("count", "mean", "true")]
+    print(Table("calibration", f"AR(1) noise with rho = {rho:g}", ("class", *heads), rows).text())
+    for law in LAWS_COMPARED:
+        own = [(flags, settled) for name, (flags, _, settled) in zip(truths, found, strict=True) if name == law]
+        right = np.array([any(true and chosen for true, chosen in flags) for flags, _ in own])
+        settled = np.array([settled for _, settled in own])
+        print(f"{law:10} right {right.mean():.1%}, settled {settled.mean():.1%}, settled on a wrong law "
+              f"{(settled & ~right).mean():.1%}", flush=True)  # fmt: skip
+
+
+def noisy(fit: Fit, terms: list[str], noise: np.ndarray) -> Candidate:
+    """Return the candidate of a fit to the record that was fitted, plus noise of each residual."""
+    scale, ends = fit.scale, (fit.lower / fit.scale, fit.upper / fit.scale)
+    start = np.clip(fit.values / scale, ends[0] + 1e-9, ends[1] - 1e-9)
+    found = least_squares(
+        lambda z: fit.model(z)[0].full().ravel() - noise, start, lambda z: fit.model(z)[1].full(), ends, x_scale="jac"
+    )
+    own = replace(fit, values=found.x * scale, residuals=found.fun, jacobian=found.jac / scale)
+    return replace(Candidate.of("", own, terms), effective_samples=float(len(noise)))
+
+
+def _print_power(runs: int) -> None:
+    """Print the announced probability of the right choice, and the share of right ones with its binomial limits."""
+    cases = []
+    time = np.arange(0.0, 2.0, 1 / 100)
+    for amplitude, (truth, law) in product((0.02, 0.04), enumerate(("linear", "quadratic"))):
+        exact = np.asarray(friction_decay(cs.DM(time), 2 * math.pi * 1.85, *DECAYS[law], amplitude, 0.2)).ravel()
+        own = [fit_decay(time, exact, law=one, release_time=0.0).fit for one in ("linear", "quadratic")]
+        cases.append((f"decay of {amplitude:g} m, {law}", own, [["zeta"], ["eta1", "eta2"]], truth, 4e-4))
+    model = Model(
+        Beam.uniform(length=0.2, width=0.01, thickness=2e-3, density=1070.0, elastic_modulus=264e3, elements=2)
+    )
+    start = static_equilibrium(model, tip_force=(1e-3, 0.0))
+    release = PlannedRecord.motion(Sensor("displacement"), duration=0.6, sample_rate=50.0, std=4e-4, start=start)
+    laws = [RayleighDamping(1.2), QuadraticDamping(eta2=8.0)]
+    record = {name: plan(model, {"release": release}, law).records[0] for name, law in zip("ab", laws, strict=True)}
+    for truth, name in enumerate("ab"):
+        fits = [fit_beam(model, record[name], law).fit for law in laws]
+        cases.append((f"release, {type(laws[truth]).__name__}", fits, [["alpha"], ["eta1", "eta2"]], truth, 1.0))
+    for name, fits, terms, truth, std in cases:
+        order = [truth, 1 - truth]
+        announced = expectation(
+            [fits[k] for k in order], [terms[k] for k in order], fits[1 - truth].residuals, std, 1.0
+        )
+        right = 0
+        for seed in range(runs):
+            noise = std * np.random.default_rng(seed).standard_normal(len(fits[0].residuals))
+            right += judge([noisy(fit, own, noise) for fit, own in zip(fits, terms, strict=True)]).best == truth
+        low, high = binom.ppf([0.025, 0.975], runs, announced.right) / runs
+        print(f"{name:28} announced {announced.right:6.1%}, right {right / runs:6.1%}, 95 % of counts within "
+              f"{low:.1%} to {high:.1%}", flush=True)  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from problems.mode.fitting import fit_mode
     from problems.mode.result import ModeFit
     from problems.paper.reproduce import reproduce
+    from problems.planning.comparison import PlannedComparison, plan_comparison
     from problems.planning.experiments import plan
     from problems.planning.record import PlannedRecord
     from problems.planning.result import Plan
@@ -65,6 +66,7 @@ __all__ = [
     "MotionRecord",
     "PerElement",
     "Plan",
+    "PlannedComparison",
     "PlannedRecord",
     "RayleighFit",
     "RecordPrediction",
@@ -91,6 +93,7 @@ __all__ = [
     "match_frequencies",
     "monte_carlo",
     "plan",
+    "plan_comparison",
     "reproduce",
     "run_study",
 ]

@@ -67,7 +67,7 @@ NOT_CALLED = frozenset(
     " Backbone Equilibrium LinearFrf Modes PeriodicMotion ReducedModel ReducedTrajectory ResponseCurve Trajectory"
     " DampingCurve LawCurve BeamFunctions MotionFunctions ReducedFunctions DecayFit DecayFits DecayModes"
     " CriticalLoad CriticalPoint DampedModes EquilibriumPath FrequencyMatch FrfFit ModeFit"
-    " IsolatedMode LawComparison LogDensity MonteCarlo Plan RayleighFit RecordPrediction SavedFit"
+    " IsolatedMode LawComparison LogDensity MonteCarlo Plan PlannedComparison RayleighFit RecordPrediction SavedFit"
     " StudyReport BeamFit".split()  # results, which the package makes
 )
 
@@ -369,6 +369,10 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
             "model": model, "damping": None,
             "candidates": {"tones": p.PlannedRecord.natural_frequencies(model, [1, 2], std=0.01)},
             "unknowns": ["elastic_modulus"], "fixed": (), "priors": None, "before": None, "modes": 1, "harmonics": 3,
+        }),
+        "plan_comparison": (p.plan_comparison, {
+            "model": model, "laws": [rayleigh, a.QuadraticDamping(eta2=1.0)], "counts": {"swing": 1},
+            "candidates": {"swing": p.PlannedRecord(motion_record)},
         }),
         "corner_figure": (p.corner_figure, {"samples": drawn_samples()}),
         "monte_carlo": (p.monte_carlo, {"fit": fit, "runs": 2, "seed": 0, "method": "parametric"}),

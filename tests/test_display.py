@@ -53,6 +53,7 @@ from ancf_casadi import (
     simulate_reduced,
     static_equilibrium,
 )
+from ancf_casadi.estimation.criteria import Expectation
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import FitResult
 from ancf_casadi.support.tables import Reported
@@ -67,6 +68,7 @@ from problems import (
     MeasuredModes,
     MotionRecord,
     PerElement,
+    PlannedComparison,
     PlannedRecord,
     ResponseRecord,
     SavedFit,
@@ -186,6 +188,7 @@ def fits(folder, model, record):
         fit_frf(FrfRecord(lines, receptance, "receptance"), frequencies=[2.0]), monte_carlo(decay, runs=2),
         match_frequencies(model.beam, targets=(1.9, 10.4), unknowns=[Global("thickness"), Global("density")]),
         compare_decay_laws(record, laws=("linear", "quadratic"), frequency_laws=("constant",)),
+        PlannedComparison(("a", "b"), {("tap", k, 1 - k): Expectation(9.0, 0.99) for k in (0, 1)}),
     ]  # fmt: skip
 
 
@@ -222,7 +225,7 @@ def test_a_computed_result_has_text_html_data_and_a_file(samples, name, tmp_path
 
 
 def test_each_computed_result_states_its_own_kind(samples):
-    assert len({samples[name].to_dict()["kind"] for name in COMPUTED}) == len(COMPUTED) == 11
+    assert len({samples[name].to_dict()["kind"] for name in COMPUTED}) == len(COMPUTED) == 12
 
 
 @pytest.mark.parametrize("name", COMPUTED)

@@ -13,7 +13,7 @@ from ancf_casadi.support.compilation import c_compiler
 
 SLOW = (
     "ContinuationError", "DecayFit", "RecordPrediction", "SampledLoad",
-    "BeamFit", "Plan", "compare_laws", "corner_figure", "fit_beam", "write_fmu",
+    "BeamFit", "Plan", "compare_laws", "corner_figure", "fit_beam", "plan_comparison", "write_fmu",
 )  # fmt: skip
 ELSEWHERE = {"reproduce"}  # tests/problems/paper/test_reproduce.py
 PUBLIC = [

@@ -47,7 +47,7 @@ EXEMPT = {  # name and place, and why
         r"(natural_modes|(Reduced)?Model|(Measured|Damped)?Modes|damped_modes)\b.*",
     ): "promised as natural_modes(model, count=5)",
     (r"(harmonic|residual)_count", r".*"): "not a number of modes",
-    (r"counts?", r"Plan\b.*"): "how often a record is on a list, and how many places are chosen",
+    (r"counts?", r"(Plan|plan_comparison)\b.*"): "how often a record is on a list, and how many places are chosen",
     (r"value_and_gradient", r".*LogDensity.*"): "promised; the two are computed together",
     (r"noise", r".*\.resampled"): "the noise itself, one value per residual",
     (r".*_stderr.*", r".*\.to_dict"): "keys of written results keep their names",

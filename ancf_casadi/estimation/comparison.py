@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Generic, TypeVar
 
-from ancf_casadi.estimation.criteria import Candidate, Verdict, judge
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from ancf_casadi.estimation.criteria import Candidate, Expectation, Verdict, expectation, judge
 from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import LeastSquaresResult
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.tables import Displayed, Table, known
 
 F = TypeVar("F", bound=LeastSquaresResult)
+LIKE_RECORDS = (2, 5)  # numbers of like records whose power is stated
+RULED_OUT = 1e-3  # probability below which a law does not count in a mean over laws
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +37,9 @@ class LawComparison(Displayed, Generic[F]):
         Names of the unknowns that are the damping parameters of each law.
     failed : mapping of str to str
         Reason for the failure of each law that could not be fitted, by its name; such laws are not among ``names``.
-    counted : mapping of str to tuple of str
-        Unknowns of a law, by its name, that the criteria count even at a bound.
-    priors : mapping of str to float
-        Prior probability of a law, by its name, relative to that of the others; 1 if not given.
+    other_records : callable, optional
+        Function of the places of two laws in ``names`` that returns, by the name of another record, what a comparison
+        on it is expected to find if the first law is true.
 
     Examples
     --------
@@ -53,26 +59,90 @@ class LawComparison(Displayed, Generic[F]):
     fits: tuple[F, ...]
     terms: tuple[tuple[str, ...], ...]
     failed: Mapping[str, str] = field(default_factory=dict)
-    counted: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    priors: Mapping[str, float] = field(default_factory=dict)
+    other_records: Callable[[int, int], Mapping[str, Expectation]] | None = None
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
         """The fits as the criteria see them."""
         return tuple(
-            Candidate.of(name, one.fit, terms, self.counted.get(name, ()), self.priors.get(name, 1.0))
+            Candidate.of(name, one.fit, terms)
             for name, one, terms in zip(self.names, self.fits, self.terms, strict=True)
         )
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Information criteria, and the best law."""
+        """Information criteria and probabilities, and the best law."""
         return judge(self.candidates)
 
     @property
     def best(self) -> F:
-        """Fit with the lowest BIC."""
+        """Fit with the most probable law."""
         return self.fits[self.verdict.best]
+
+    @property
+    def probabilities(self) -> dict[str, float]:
+        """Probability of each law by name, if all were equally probable before."""
+        return dict(zip(self.names, self.verdict.probabilities.tolist(), strict=True))
+
+    @property
+    def probable(self) -> tuple[tuple[float, F], ...]:
+        """Probability and fit of each law that is not ruled out; the probabilities sum to 1."""
+        pairs = zip(self.verdict.probabilities.tolist(), self.fits, strict=True)
+        found = [(own, fit) for own, fit in pairs if own > RULED_OUT]
+        total = sum(own for own, _ in found)
+        return tuple((own / total, fit) for own, fit in found)
+
+    @cached_property
+    def deciding(self) -> dict[str, float]:
+        """Probability that other records lead to the right choice between the two most probable laws, by their name.
+
+        Each of the two is true with its probability, and with its estimates.  Laws that fit the same curve count as
+        one.  Empty if the choice is settled.
+        """
+        first, *others = sorted(range(len(self.fits)), key=lambda k: -self.verdict.evidence[k])
+        fitted = self.fits[first].fit.residuals
+        second = next((k for k in others if not np.allclose(self.fits[k].fit.residuals, fitted, atol=0.0)), None)
+        if self.verdict.settled or second is None:
+            return {}
+        found: dict[str, float] = {}
+        weights = self.verdict.probabilities[[first, second]]
+        weights /= weights.sum()
+        for weight, pair in zip(weights.tolist(), ((first, second), (second, first)), strict=True):
+            expected = self._repeated(*pair) | dict(self.other_records(*pair) if self.other_records else {})
+            for name, one in expected.items():
+                found[name] = found.get(name, 0.0) + weight * one.right
+        return found
+
+    def _repeated(self, truth: int, rival: int) -> dict[str, Expectation]:
+        """Return what several records like the fitted ones would show if one law is true."""
+        fits, terms = [self.fits[k].fit for k in (truth, rival)], [self.terms[k] for k in (truth, rival)]
+        change = fits[1].residuals - fits[0].residuals
+        growth = self.candidates[truth].samples / self.verdict.effective_samples
+        std = min(one.residual_rms for one in self.candidates)
+        return {f"{count} records": expectation(fits, terms, change, std, growth, count) for count in LIKE_RECORDS}
+
+    def predict(self, record: Any) -> RecordPrediction:
+        """Compute another record with each law that is not ruled out, and compare the mean over the laws.
+
+        The laws count by their probabilities.  The squared standard errors are the mean of those under each law, plus
+        the variance between the laws.
+
+        Raises
+        ------
+        InputError, FitError
+            As in ``predict`` of the fits.
+        """
+        weights, fits = zip(*self.probable, strict=True)
+        found = [fit.predict(record) for fit in fits]
+        channels = []
+        for own in zip(*(one.channels for one in found), strict=True):
+            mean = sum(p * one.predicted for p, one in zip(weights, own, strict=True))
+            variance: Any = sum(
+                p * (one.errors**2 + np.abs(one.predicted - mean) ** 2) for p, one in zip(weights, own, strict=True)
+            )
+            channels.append(replace(own[int(np.argmax(weights))], predicted=mean, errors=np.sqrt(variance)))
+        notes = dict.fromkeys(note for one in found for note in one.notes)
+        return RecordPrediction(found[0].kind, tuple(channels), tuple(notes))
 
     @property
     def standard_errors(self) -> Mapping[str, float]:
@@ -97,28 +167,32 @@ class LawComparison(Displayed, Generic[F]):
         verdict = self.verdict
         numbered = max(map(len, self.names)) > 32  # characters of a law in a table of 100 columns
         labels = [str(k) if numbered else name for k, name in enumerate(self.names, start=1)]
-        laws = zip(labels, self.fits, self.candidates, verdict.aicc, verdict.bic, strict=True)
+        laws = zip(
+            labels, self.fits, self.candidates, verdict.probabilities.tolist(), verdict.aicc, verdict.bic, strict=True
+        )
         rows = [
             (
                 label,
                 candidate.estimated,
+                round(probability, 4),
                 one.fit.residual_rms,
                 known(aicc - min(verdict.aicc)),
                 bic - min(verdict.bic),
                 known(one.fit.autocorrelation),
             )
-            for label, one, candidate, aicc, bic in laws
+            for label, one, candidate, probability, aicc, bic in laws
         ]
-        columns = ("law", "estimated", "residual_rms", "delta_AICc", "delta_BIC", "autocorrelation")
+        columns = ("law", "estimated", "probability", "residual_rms", "delta_AICc", "delta_BIC", "autocorrelation")
         heads = [f"{label}: {name}" if numbered else name for label, name in zip(labels, self.names, strict=True)]
         listed = [
             f"{head}: {_parameters(one.fit, terms)}"
             for head, one, terms in zip(heads, self.fits, self.terms, strict=True)
         ]
-        best = f"best by BIC: {self.names[verdict.best]}"
-        if not verdict.settled:
-            best = f"the record does not settle the choice; {best}"
-        notes = (*listed, best, *(f"note: {text}" for text in self._choice_warnings))
+        notes = [*listed, f"most probable: {self.names[verdict.best]}"]
+        if self.deciding:
+            powers = ", ".join(f"{name} {own:.2g}" for name, own in self.deciding.items())
+            notes.append(f"probability of the right choice of the two most probable, with other records: {powers}")
+        notes += [f"note: {text}" for text in self._choice_warnings]
         return Table("laws", "Damping laws", columns, rows, notes)
 
     def _summary(self) -> str:
@@ -134,11 +208,13 @@ class LawComparison(Displayed, Generic[F]):
         return {
             "best": self.names[verdict.best],
             "settled": verdict.settled,
+            "deciding": self.deciding,
             "effective_samples": verdict.effective_samples,
             "laws": [
                 {
                     "law": name,
                     "estimated": candidate.estimated,
+                    "probability": probability,
                     "aicc": known(aicc),
                     "bic": bic,
                     "residual_rms": one.fit.residual_rms,
@@ -146,8 +222,14 @@ class LawComparison(Displayed, Generic[F]):
                     "at_bound": list(one.fit.at_bound),
                     **one.to_dict(),
                 }
-                for name, one, candidate, aicc, bic in zip(
-                    self.names, self.fits, self.candidates, verdict.aicc, verdict.bic, strict=True
+                for name, probability, one, candidate, aicc, bic in zip(
+                    self.names,
+                    verdict.probabilities.tolist(),
+                    self.fits,
+                    self.candidates,
+                    verdict.aicc,
+                    verdict.bic,
+                    strict=True,
                 )
             ],
             "failed": dict(self.failed),
@@ -155,10 +237,30 @@ class LawComparison(Displayed, Generic[F]):
         }
 
     def figure(self) -> Figure:
-        """Draw the differences of AICc and BIC from their lowest values."""
+        """Draw the differences of AICc and BIC from their lowest values, with the probabilities."""
         from ancf_casadi.estimation.figures import criteria_figure  # matplotlib is slow to import
 
-        return criteria_figure(self.names, self.verdict.aicc, self.verdict.bic)
+        probabilities = self.verdict.probabilities.tolist()
+        names = [f"{name}, {round(100 * own, 2):g} %" for name, own in zip(self.names, probabilities, strict=True)]
+        return criteria_figure(names, self.verdict.aicc, self.verdict.bic)
+
+
+def mixed_ends(weights: Array, values: Array, ends: Array, level: float) -> Array:
+    """Return the ends (q, 2) of intervals of mixtures of distributions, whose quantiles are halves of normal ones.
+
+    ``weights`` (k,) sum to 1; ``values`` (k, q) are the medians and ``ends`` (k, q, 2) the intervals of the parts.
+    """
+    quantile, found = float(ndtri((1 + level) / 2)), []
+    below, above = (np.maximum(np.abs(ends[..., j] - values), np.finfo(float).tiny) / quantile for j in (0, 1))
+    for side, share in ((0, (1 - level) / 2), (1, (1 + level) / 2)):
+        low, high = ends[..., side].min(axis=0), ends[..., side].max(axis=0)
+        for _ in range(60):  # bisection, to rounding
+            middle = (low + high) / 2
+            distance = middle - values
+            inside = weights @ ndtr(distance / np.where(distance < 0, below, above))
+            low, high = np.where(inside < share, middle, low), np.where(inside < share, high, middle)
+        found.append((low + high) / 2)
+    return np.stack(found, axis=1)
 
 
 def _parameters(fit: Fit, terms: tuple[str, ...]) -> str:

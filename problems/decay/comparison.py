@@ -4,6 +4,9 @@ Of all combinations of a damping law, a frequency law and a rest position, those
 each damping law with the frequency law that the track of the phase shows (``start``), then each frequency law with the
 best damping law, each rest position with both, and so on, until the best combination was compared with all that differ
 from it in one respect.  A long record is reduced once, less the best curve so far (``solution``).
+
+Other records that might settle an open choice are the decay of one law from twice the amplitude, over twice the length,
+and over the same length but from its end on, each without noise and fitted by the other law.
 """
 
 from __future__ import annotations
@@ -11,18 +14,25 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from typing import Any
 
+import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import first_guess, with_rest
 from ancf_casadi.decay.phase import FrequencyLaw
-from ancf_casadi.decay.rest import REST_TERMS, Rest
+from ancf_casadi.decay.rest import Rest
 from ancf_casadi.estimation.comparison import LawComparison
+from ancf_casadi.estimation.criteria import Expectation, expectation
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.solver.least_squares import least_squares
+from ancf_casadi.estimation.solver.unknown import started
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import is_sequence, number, shown
 from ancf_casadi.support.interrupts import lasting_interrupts
 from problems.decay.laws import DECAY_TERMS, RATIO_BOUNDS, DecayModel, Law
@@ -31,17 +41,13 @@ from problems.decay.solution import after_release, as_record, fit_from
 from problems.decay.start import evident_law
 
 LAWS_COMPARED: tuple[Law, ...] = ("linear", "quadratic", "friction", "power")
-EMPIRICAL = math.exp(-3)  # prior probability of the power law, an empirical one: its BIC must be lower by 6
 FREQUENCY_LAWS_COMPARED: tuple[FrequencyLaw, ...] = ("constant", "linear", "quadratic", "logarithmic")
 RESTS_COMPARED: tuple[Rest, ...] = ("constant", "drift", "creep")
 LARGEST_LAG = 100.0  # lag of the criterion beyond which a law is not tried again beside another law; 10 would be clear
 RESPECTS = ("law", "frequency_law", "rest")  # in which combinations differ
-ADDITIVE: Mapping[Law, tuple[str, ...]] = {  # unknowns whose uncertainty may leave the choice of a law open
+ADDITIVE: Mapping[Law, tuple[str, ...]] = {  # unknowns that are terms of the damping
     law: ("zeta",) if law in ("linear", "power") else terms for law, terms in DECAY_TERMS.items()
 }
-COUNTED: Mapping[Law, tuple[str, ...]] = {  # unknowns that count even at a bound; the others make the law a simpler one
-    "linear": ("zeta",), "quadratic": ("eta1",), "friction": ("eta1", "eta2"), "power": ("zeta", "exponent"),
-}  # fmt: skip
 
 
 @lasting_interrupts()
@@ -113,15 +119,10 @@ def compare_decay_laws(
                 fits=tuple(fits[model] for model in names.values()),
                 terms=tuple(ADDITIVE[model.law] for model in names.values()),
                 failed={_name(model): reason for model, reason in failed.items()},
-                counted={
-                    name: (*COUNTED[model.law], *model.frequency_terms, *REST_TERMS[model.rest])
-                    for name, model in names.items()
-                },
-                priors={name: EMPIRICAL for name, model in names.items() if model.law == "power"},
+                other_records=partial(_other_records, [fits[model] for model in names.values()]),
             )
-            lags = dict(
-                zip(names.values(), (np.array(found.verdict.bic) - min(found.verdict.bic)).tolist(), strict=True)
-            )
+            evidence = np.array(found.verdict.evidence)
+            lags = dict(zip(names.values(), (2 * (evidence.max() - evidence)).tolist(), strict=True))
             best = next(model for model, fit in fits.items() if fit is found.best)
     if found is None:
         reasons = "; ".join(f"{_name(model)}: {reason}" for model, reason in failed.items())
@@ -137,6 +138,46 @@ def compared(law: str, frequency_law: str | None, rest: str | None) -> dict[str,
     settled = None if law == "auto" else "constant"
     given = {"laws": law, "frequency_laws": frequency_law or settled, "rests": rest or settled}
     return {name: (one,) for name, one in given.items() if one not in (None, "auto")}
+
+
+def _other_records(fits: Sequence[DecayFit], truth: int, rival: int) -> dict[str, Expectation]:
+    """Return what the comparison of two laws is expected to find on other records if one is true."""
+    pair, best = (fits[truth], fits[rival]), min(fits, key=lambda fit: fit.fit.residual_rms)
+    time, growth = np.asarray(pair[0].fit.times), max(best.fit.noise.growth, 1.0)
+    later = time + time[-1] + np.median(np.diff(time))
+    records = {"twice the amplitude": (2.0, time), "twice the length": (1.0, np.concatenate([time, later])),
+               "a later begin": (1.0, later)}  # fmt: skip
+    found = {}
+    for name, (size, instants) in records.items():
+        exact = _curve(pair[0], instants, *_from(pair[0], size))
+        try:
+            own = [_fit_to(fit, instants, np.asarray(cs.evalf(exact)).ravel(), size) for fit in pair]
+        except FitError:  # then nothing is said of this record
+            continue
+        terms = [ADDITIVE[fit.law] for fit in pair]
+        found[name] = expectation(own, terms, own[1].residuals, best.fit.residual_rms, growth)
+    return found
+
+
+def _from(fit: DecayFit, size: float) -> list[cs.MX]:
+    """Return the unknowns of a decay with another amplitude, relative to the fitted one."""
+    return [cs.MX(value * (size if name == "e0" else 1.0)) for name, value in fit.fit.estimates.items()]
+
+
+def _curve(fit: DecayFit, time: Array, *x: cs.MX) -> cs.MX:
+    return fit.model.curve(time, *(x[i] for i in fit.indices))
+
+
+def _fit_to(fit: DecayFit, time: Array, values: Array, size: float) -> Fit:
+    """Return the fit of the laws of a fit to a decay with another amplitude, relative to the fitted one."""
+    start = fit.fit.estimates | {"e0": size * fit.fit["e0"]}
+    return least_squares(
+        lambda *x: _curve(fit, time, *x) - cs.DM(values),
+        started(fit.fit.unknowns, start),
+        series=[len(time)],
+        times=time,
+        advice="name the laws",
+    )
 
 
 def _next(best: DecayModel, left: Sequence[DecayModel], lags: Mapping[DecayModel, float]) -> list[DecayModel]:

@@ -17,6 +17,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, Literal, get_args
 
@@ -58,7 +59,8 @@ def fit_decay(
         Displacement at each time, m.
     law : {"linear", "quadratic", "friction", "power", "auto"}
         ``linear``: Eq. (9).  ``quadratic``: Eq. (27).  ``friction``: Eq. (27) with friction as a third term.
-        ``power``: a force ``eta_p |v|^p`` with a free exponent p.  ``auto``: the best of ``compare_decay_laws``.
+        ``power``: a force ``eta_p |v|^p`` with a free exponent p.  ``auto``: the most probable of
+        ``compare_decay_laws``; a warning names the others if its probability is below 95 %.
     frequency_law : {"constant", "linear", "quadratic", "power", "logarithmic", "smooth", "auto"}, optional
         Change of the frequency f with the amplitude A: none, f (1 + k A), f (1 + k A^2), f (1 + k A^q),
         f (1 + k ln(1 + A/A_s)), a smooth function without a law, or the best of ``compare_decay_laws``, which does not
@@ -102,12 +104,14 @@ def fit_decay(
     if "auto" in (law, frequency_law, rest):
         if flag(robust, "robust"):
             raise InputError("compares sums of squares; name a law, or leave out robust=True", "auto")
-        return compare_decay_laws(
+        found = compare_decay_laws(
             record,
             **compared(law, frequency_law, rest),
             release_time=release_time,
             **settings,
-        ).best
+        )
+        open_choice = () if found.verdict.settled else found.verdict.warnings[:1]
+        return replace(found.best, notes=(*found.best.notes, *open_choice))
     settings |= {"law": law, "frequency_law": frequency_law or "constant", "rest": rest or "constant", "robust": robust}
     releases = None if release_time is None else [number(release_time, "release_time")]
     return fit_decays([record], release_times=releases, **settings)[0]

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.envelope import DampingCurve, LawCurve, damping_curve
+from ancf_casadi.estimation.comparison import LawComparison, mixed_ends
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL
 from ancf_casadi.exceptions import InputError
@@ -26,13 +27,16 @@ from problems.decay.result import DecayFit
 from problems.decay.takes import DecayFits, DecayModes
 
 
-def law_curve(fit: DecayFit, amplitudes: ArrayLike | None = None, *, level: float = CONFIDENCE_LEVEL) -> LawCurve:
-    """Return damping ratio and frequency against amplitude under the law of a fit.
+def law_curve(
+    fit: DecayFit | LawComparison[DecayFit], amplitudes: ArrayLike | None = None, *, level: float = CONFIDENCE_LEVEL
+) -> LawCurve:
+    """Return damping ratio and frequency against amplitude under the law of a fit, or averaged over several laws.
 
     Parameters
     ----------
-    fit : DecayFit
-        The fit.
+    fit : DecayFit or LawComparison
+        The fit; or a comparison of decay laws, which count by their probabilities: the values are means over the laws,
+        and the bands have the quantiles of the mixture of their distributions.
     amplitudes : array_like, optional
         Amplitudes (k,), in the unit of ``fit.amplitude``, positive; those between release and end of the record if not
         given.
@@ -55,7 +59,10 @@ def law_curve(fit: DecayFit, amplitudes: ArrayLike | None = None, *, level: floa
     >>> [f"{100 * ratio:.2f} %" for ratio in curve.damping_ratio]
     ['0.83 %', '1.67 %']
     """
-    check_instance(fit, "fit", DecayFit)
+    check_instance(fit, "fit", DecayFit, LawComparison)
+    if isinstance(fit, LawComparison):
+        check_instance(fit.best, "fit", DecayFit)
+        return _averaged(fit, amplitudes, level)
     if amplitudes is None:
         last = fit.displacement(fit.time[fit.time > fit.time[-1] - 1 / fit.frequency])
         per_amplitude = (2 * np.pi * fit.frequency) ** fit.model.sensor.derivatives  # of the record
@@ -70,6 +77,22 @@ def law_curve(fit: DecayFit, amplitudes: ArrayLike | None = None, *, level: floa
         chosen,
         level,
         fit.units["amplitude"],
+    )
+
+
+def _averaged(found: LawComparison[DecayFit], amplitudes: ArrayLike | None, level: float) -> LawCurve:
+    """Return the mean over the laws that are not ruled out, and the bands of the mixture."""
+    if amplitudes is None:
+        amplitudes = law_curve(found.best).amplitude
+    weights, fits = np.array([own for own, _ in found.probable]), [fit for _, fit in found.probable]
+    curves = [law_curve(fit, amplitudes, level=level) for fit in fits]
+    ratios, frequencies = (np.array([getattr(one, name) for one in curves]) for name in ("damping_ratio", "frequency"))
+    bands = (np.array([getattr(one, name) for one in curves]) for name in ("damping_ratio_band", "frequency_band"))
+    ratio_band, frequency_band = (
+        mixed_ends(weights, values, ends, level) for values, ends in zip((ratios, frequencies), bands, strict=True)
+    )
+    return LawCurve(
+        curves[0].amplitude, weights @ ratios, ratio_band, weights @ frequencies, frequency_band, curves[0].unit
     )
 
 

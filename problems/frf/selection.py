@@ -36,13 +36,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ancf_casadi.estimation.criteria import VERY_STRONG
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, ComplexArray, Index, Mask
 from ancf_casadi.support.tall import inner, tall_qr, tall_times, tall_triangle
 from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, TrialFit, quick_fit, stacked
 from problems.frf.weights import fitted_deviations
 
+VERY_STRONG = 10.0  # difference of BIC that leaves no doubt
 RATIO_RANGE = (1e-5, 0.6)  # least and largest damping ratio of a candidate
 RATIO_GRID = (3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.25)  # damping ratios to try at a given frequency
 POLE_WIDTHS, POLE_DISTANCE = 0.3, 2e-3  # distance of equal poles, relative to their half-width, and to their frequency

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from ancf_casadi.set_up import draw_set_up
 from ancf_casadi.support.figures import MEASURED, SERIES, literal_text
 from ancf_casadi.vibration.equilibrium import static_equilibrium
+from problems.planning.comparison import PlannedComparison
 from problems.planning.result import TOGETHER, Plan, heads_of
 
 MOST_MOTIONS = 3  # whose errors are drawn against duration and place
@@ -44,6 +45,29 @@ def plan_figure(plans: Mapping[str, Plan]) -> Figure:
             _draw_lines(axes[1], first, 1e3 * points, errors, marked=True)
             axes[1].set(xlabel="place of a single sensor, mm")
             _draw_places(axes[2], first, name)
+    return figure
+
+
+@literal_text
+def comparison_plan_figure(results: Mapping[str, PlannedComparison]) -> Figure:
+    """Draw the probability of the right choice for each candidate, with a marker per pair of laws and result."""
+    names = list(dict.fromkeys(name for one in results.values() for name in one.right))
+    lines: dict[str, dict[int, float]] = {}
+    for label, one in results.items():
+        for (name, truth, rival), found in one.expected.items():
+            pair = f"{label} {one.names[truth]}, not {one.names[rival]}".strip()
+            lines.setdefault(pair, {})[names.index(name)] = 100 * found.right
+    figure = Figure(figsize=(8.0, 1.4 + 0.3 * (len(names) + len(lines))), layout="constrained")
+    axes = figure.subplots()
+    for k, (pair, right) in enumerate(lines.items()):
+        places = np.array(list(right)) + 0.6 * ((k + 0.5) / len(lines) - 0.5)
+        colour, _, marker = SERIES[k % len(SERIES)]
+        axes.plot(list(right.values()), places, marker, color=colour, label=pair, clip_on=False)
+    axes.axvline(95.0, color=MEASURED, lw=0.8, ls=":")
+    axes.set(xlabel="probability of the right choice, %", xlim=(0.0, 100.0), ylim=(len(names) - 0.5, -0.5))
+    axes.set_yticks(range(len(names)), names)
+    axes.grid(alpha=0.3, axis="x")
+    figure.legend(frameon=False, fontsize="small", loc="outside lower center")
     return figure
 
 

@@ -189,7 +189,7 @@ class TestFitDecay:
         assert data["law"] == data["comparison"]["best"] == "linear"
         assert {"linear", "quadratic", "friction"} <= {law["law"] for law in data["comparison"]["laws"]}
         assert main(["fit-decay", "decay.csv", "--law", "auto"]) == 0
-        assert "best by BIC: linear" in capsys.readouterr().out
+        assert "most probable: linear" in capsys.readouterr().out
         assert "leave out --robust" in refused(["fit-decay", "decay.csv", "--law", "auto", "--robust"], files, capsys)
 
     def test_drift_and_outliers_are_borne_on_request(self, files, capsys):

@@ -143,7 +143,7 @@ class TestCompareLaws:
     def test_on_a_decay(self, run, decay):
         decay("a.csv", (3.0, 0.02, 5e-3))
         done = run("compare-laws", "a.csv", "--plot", "laws.png")
-        assert done.code == 0 and "best by BIC: linear" in done.out
+        assert done.code == 0 and "most probable: linear" in done.out
         assert max(map(len, done.out.splitlines())) <= 100
         assert json.loads(run("compare-laws", "a.csv", "--json").out)["best"] == "linear"
 
@@ -152,7 +152,7 @@ class TestCompareLaws:
         assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
         done = run("compare-laws", "study.toml")
         assert done.code == 0 and max(map(len, done.out.splitlines())) <= 100
-        assert "best by BIC: ModalDamping(ratio1, ratio2) + QuadraticDamping(eta2)" in done.out
+        assert "most probable: ModalDamping(ratio1, ratio2) + QuadraticDamping(eta2)" in done.out
 
     def test_parameters_that_are_kept_are_refused(self, run, study):
         assert run("simulate", "study.toml", "--out", "motion.csv").code == 0

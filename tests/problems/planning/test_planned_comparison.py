@@ -1,0 +1,52 @@
+"""Planned comparisons of laws against a scan of the wrong law."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ancf_casadi import (
+    Beam,
+    InputError,
+    Model,
+    QuadraticDamping,
+    RayleighDamping,
+    Sensor,
+    simulate,
+    static_equilibrium,
+)
+from problems import PlannedRecord, plan_comparison
+
+MODEL = Model(Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9, elements=2))
+START = static_equilibrium(MODEL, tip_force=(5e-3, 0.0))
+LAWS = [RayleighDamping(0.5), QuadraticDamping(eta2=2.0)]
+
+
+def release(std):
+    return PlannedRecord.motion(Sensor(), duration=0.6, sample_rate=30.0, std=std, start=START)
+
+
+@pytest.mark.slow
+def test_the_expected_difference_is_what_the_best_wrong_law_misses():
+    std = 1e-6
+    found = plan_comparison(MODEL, {"release": release(std)}, LAWS)
+
+    def tip(law):
+        run = simulate(MODEL, damping=law, start=START, duration=0.6, sample_rate=30.0, tolerance=1e-8)
+        return run.tip[:, 0] - run.tip[0, 0]
+
+    exact, alphas = tip(LAWS[1]), np.linspace(0.2, 1.0, 5)
+    missed = [np.sum((tip(RayleighDamping(alpha)) - exact) ** 2) / std**2 for alpha in alphas]
+    parabola = np.polynomial.Polynomial.fit(alphas, missed, 3)
+    least = min(parabola(np.linspace(0.2, 1.0, 2001)))
+    assert least > 100.0
+    assert found.expected["release", 1, 0].difference == pytest.approx(19 * math.log1p(least / 19), rel=0.1)
+    assert found.right == {"release": 1.0}
+
+
+def test_a_single_law_and_unknown_candidates_are_refused():
+    candidates = {"release": release(1e-4)}
+    with pytest.raises(InputError, match="laws: needs two laws at least"):
+        plan_comparison(MODEL, candidates, LAWS[:1])
+    with pytest.raises(InputError, match="counts: must be"):
+        plan_comparison(MODEL, candidates, LAWS, counts={"swing": 1})

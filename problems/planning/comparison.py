@@ -133,8 +133,8 @@ def plan_comparison(
     >>> from problems import PlannedRecord, plan_comparison
     >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9, elements=2)
     >>> model = Model(beam)
-    >>> start = static_equilibrium(model, tip_force=(5e-4, 0.0))
-    >>> release = PlannedRecord.motion(Sensor(), duration=1.0, sample_rate=50.0, std=2e-3, start=start)
+    >>> start = static_equilibrium(model, tip_force=(5e-3, 0.0))
+    >>> release = PlannedRecord.motion(Sensor(), duration=0.5, sample_rate=20.0, std=2e-3, start=start)
     >>> found = plan_comparison(model, {"release": release}, [RayleighDamping(0.5), QuadraticDamping(eta2=1.0)])
     >>> found.right["release"] < 0.9
     True

@@ -357,7 +357,7 @@ def test_friction_is_told_from_drag_and_its_coefficient_recovered(model):
 def test_laws_that_explain_a_record_equally_are_not_distinguished():
     verdict = judge([Candidate("first", 200, 200.0, 1.00e-3, 1, 0.0), Candidate("second", 200, 200.0, 1.01e-3, 1, 0.0)])
     assert verdict.best == 0 and not verdict.settled
-    assert any(text.startswith("the second law is not clearly worse") for text in verdict.warnings)
+    assert "probabilities: first 0.88, second 0.12" in verdict.warnings[0]
     clear = judge([Candidate("first", 200, 200.0, 1.0e-3, 1, 0.0), Candidate("second", 200, 200.0, 1.2e-3, 1, 0.0)])
     assert clear.settled and not clear.warnings
 

@@ -232,7 +232,7 @@ def joint() -> Case:
 def plain(modulus: float = 70e9, **options: Any) -> Beam:
     """Return a strip of aluminium, by default lying without gravity."""
     given = {"axis": (1.0, 0.0), "gravity": (0.0, 0.0)} | options
-    return Beam.uniform(**PLAIN, elastic_modulus=modulus, **given)
+    return Beam.uniform(**PLAIN | given, elastic_modulus=modulus)
 
 
 def tones(
@@ -316,19 +316,19 @@ def clamped(*, curve: bool) -> Case:
     for f, periods in zip(frequencies, (10, 15), strict=True):
         base = HarmonicBase(1e-4, f, stop=3 / f, direction=across)
         settings = {"duration": periods / f, "sample_rate": 8 * f, "tolerance": 1e-10}
-        runs.append(simulate(model, damping=law, base=base, method="radau", **settings))
+        runs.append((base, simulate(model, damping=law, base=base, method="radau", **settings)))
     resonant, middle = frequencies[0] * np.array([0.9, 0.95, 1.05, 1.2]), Sensor("displacement", places[1], across)
-    base = HarmonicBase(5e-5, 1.0, direction=across)
-    measured = response(model, law, resonant, base, stated=True, sensor=middle) if curve else None
+    driven = HarmonicBase(5e-5, 1.0, direction=across)
+    measured = response(model, law, resonant, driven, stated=True, sensor=middle) if curve else None
 
     def records(rng: np.random.Generator) -> list[Any]:
         found: list[Any] = []
-        for run in runs:
+        for base, run in runs:
             channels = [
                 Channel(Measurement(run.time, run.position(s)[:, 1] + noise * rng.standard_normal(len(run.time)),
                                     sensor=Sensor("position", s, across)), std=noise) for s in places
             ]  # fmt: skip
-            found.append(MotionRecord(channels, base=run.base, start=static_equilibrium(first)))
+            found.append(MotionRecord(channels, base=base, start=static_equilibrium(first)))
         return found + ([measured(rng)] if measured else [])
 
     settings = {"unknowns": [*truth], "fixed": ("alpha",), "modes": 2, "harmonics": 3}

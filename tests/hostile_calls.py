@@ -89,6 +89,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
     beam = a.Beam.uniform(**uniform)
     model = a.Model(beam)
     rest = a.static_equilibrium(model)
+    pulled = a.static_equilibrium(model, tip_force=(5e-3, 0.0))
     modes = a.natural_modes(model, count=2)
     f = float(modes.frequencies[0])
     law, base = a.ModalDamping(modes, (0.02, 0.01)), a.HarmonicBase(1e-3, f, stop=0.05)
@@ -372,7 +373,8 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         }),
         "plan_comparison": (p.plan_comparison, {
             "model": model, "laws": [rayleigh, a.QuadraticDamping(eta2=1.0)], "counts": {"swing": 1},
-            "candidates": {"swing": p.PlannedRecord(motion_record)},
+            "candidates": {"swing": p.PlannedRecord.motion(a.Sensor(), duration=0.05, sample_rate=100.0, std=1e-4,
+                                                           start=pulled)},
         }),
         "corner_figure": (p.corner_figure, {"samples": drawn_samples()}),
         "monte_carlo": (p.monte_carlo, {"fit": fit, "runs": 2, "seed": 0, "method": "parametric"}),

@@ -99,7 +99,7 @@ RECORD = Measurement(TIME, np.exp(-TIME) * np.cos(40.0 * TIME))
         (lambda: export.beam_functions(3), "model: must be a Model, got 3"),
         (lambda: export.values([1.0]), "signals: must be a Signal, got 1.0"),
         (lambda: export.Provenance("2025-01-31T12:00:00Z", [1]), "versions: must be a mapping"),
-        (lambda: law_curve("x"), "fit: must be a DecayFit, got 'x'"),
+        (lambda: law_curve("x"), "fit: must be a DecayFit or a LawComparison, got 'x'"),
         (lambda: isolate_mode(RECORD, 3.0), "band: must be a pair of numbers"),
         (lambda: damping_curve(RECORD, release_time="x"), "release_time: must be a finite number"),
         (lambda: damping_curve([1.0, 2.0]), "record: must be a Measurement, got a list"),

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass
 from functools import partial
+from types import NoneType
 from typing import Any
 
 from ancf_casadi.damping import DampingLaw
@@ -143,6 +144,7 @@ def plan_comparison(
     if len(laws) < 2:
         raise InputError("needs two laws at least", "laws")
     check_instance(candidates, "candidates", Mapping)
+    check_instance(counts, "counts", Mapping, NoneType)
     numbers = {name: 1 for name in candidates} if counts is None else dict(counts)
     for name, count in numbers.items():
         choice(name, tuple(candidates), "counts")

@@ -33,6 +33,7 @@ import numpy as np
 
 from ancf_casadi.estimation.intervals import (
     CONFIDENCE_LEVEL,
+    ROUNDING,
     Quantities,
     derived_ends,
     first_order_ends,
@@ -47,7 +48,6 @@ from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.tables import finite
 
 CORRELATED = 0.95  # correlation of two unknowns beyond which there is a warning
-ROUNDING = 1e-10  # standard error relative to the scale of an unknown that only a record without noise leaves
 
 
 @dataclass(frozen=True, eq=False)

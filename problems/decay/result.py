@@ -284,7 +284,7 @@ class DecayFit(LeastSquaresResult):
         ends = ", ".join(_precise(end, interval) for end in interval)
         if math.isnan(error):
             return f"{unit}  [{ends}]  (at its bound)".lstrip()
-        return f"{f'+- {error:.2g} {unit}'.rstrip()}  [{ends}]"
+        return f"{f'+- {error:.2g} {unit}'.rstrip()}  [{ends}]{'  (by profile likelihood)' * (name in self.profiled)}"
 
 
 def _precise(end: float, interval: Interval) -> str:

@@ -53,7 +53,7 @@ from problems.decay.start import evident_law, of_motion, span_of, starting_value
 LEAST_REDUCED_LENGTH = 2500  # samples to which a longer record is reduced, if the band of the mode needs no more
 REDUCED_PER_PERIOD = 6  # samples that this band needs
 LATER_STARTS = (0.25, 0.5, 0.75)  # shares of the information before a later start, for which errors allow
-NO_PRIORS: Priors = MappingProxyType({})
+NO_PRIORS: Priors = {}
 SIMPLER_LAWS: Sequence[FrequencyLaw] = ("constant", "linear", "quadratic", "logarithmic")  # than a smooth frequency
 
 

@@ -53,13 +53,17 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
 
 
 def plain_log_ticks(axes: Axes, axis: str) -> None:
-    """Label a logarithmic axis with plain numbers: at 1, 2 and 5 times the powers of ten, or closer on a short axis."""
+    """Label a logarithmic axis with plain numbers: at 1, 2 and 5 times the powers of ten, closer on a short axis.
+
+    Beyond three powers of ten, where they would touch, only these have labels.
+    """
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
     part = axes.xaxis if axis == "x" else axes.yaxis
     low, high = axes.get_xlim() if axis == "x" else axes.get_ylim()
     short = high < 8.0 * low  # ratio of the ends of a logarithmic axis below which its labels are closer
-    part.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]) if short else LogLocator(subs=(1.0, 2.0, 5.0)))
+    subs = (1.0, 2.0, 5.0) if high < 1e3 * low else (1.0,)
+    part.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]) if short else LogLocator(subs=subs))
     part.set_minor_locator(NullLocator())
     part.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     part.set_minor_formatter(NullFormatter())

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import final
 
 from ancf_casadi.support.tables import known
-from problems.schema.file import StudyFile
 from problems.schema.plan import PLAN_TABLES, read_plan
+from problems.schema.table import StudyFile
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import drawn
 from problems.study.kinds.motion import FilePart

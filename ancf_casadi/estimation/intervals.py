@@ -85,7 +85,7 @@ HELD_STEPS = 16
 # test_the_interval_of_a_curved_fit_is_that_by_profile_likelihood fails.
 MOST_BEND = 0.1
 ROUNDING = 1e-10  # standard error relative to the scale of an unknown that only a record without noise leaves
-LEAST_WAY = 0.1  # part of d, below which a bound is too near
+LEAST_WAY = 0.1  # part of d to a bound, below which rounding would count
 HELD = 1e-9  # distance, in scales, that a held unknown may move
 
 

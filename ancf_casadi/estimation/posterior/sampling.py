@@ -59,7 +59,8 @@ WARM_UP = 300  # steps of a chain before its draws, in which nutpie adapts
 NEARLY_INDEPENDENT = 4  # draws of the expanded density per proposal
 LEAST_ACCEPTED = 0.5  # share of the proposals
 LARGEST_R_HAT = 1.01  # R-hat beyond which chains have not converged (Vehtari et al.)
-UNLUCKY = 1e-3  # chance of a larger R-hat of chains that have
+# Chance of a larger R-hat of chains that have.  At 0.05, test_short_chains_that_have_converged_do_not_warn fails.
+UNLUCKY = 1e-3
 
 
 @dataclass(frozen=True, eq=False)

@@ -209,8 +209,8 @@ class LeastSquaresResult(FitResult):
     def intervals(self, level: float = CONFIDENCE_LEVEL) -> dict[str, Interval]:
         """Return the interval of each estimated quantity by name for a confidence level.
 
-        Intervals are to first order in the unknowns, and by profile likelihood where this is wrong by more than a tenth
-        of half an interval (``profiled``).  Fits of beams, for which this would take long, leave it to ``profile``.
+        They are to first order, or by profile likelihood where the former are wrong by more than 5 % of their width
+        (``profiled``).  Fits of beams, for which this would take long, leave it to ``profile``.
 
         Raises
         ------
@@ -279,8 +279,7 @@ class LeastSquaresResult(FitResult):
     def resampled(self, noise: Array) -> Array:
         """Return the estimates (p,) from a fit to the fitted curve plus noise of each residual (m,)."""
         x, of = refitted(self.fit, noise), self.quantities[2]
-        values = np.asarray(cs.evalf(cs.densify(of(*map(cs.MX, x.tolist()))))).ravel()
-        return np.asarray(values[self._estimated])
+        return np.asarray(cs.evalf(cs.densify(of(*map(cs.MX, x.tolist()))))).ravel()[self._estimated]
 
     def _remark(self, name: str, error: float) -> str:
         return "interval by profile likelihood" if name in self.profiled else super()._remark(name, error)

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 
 from ancf_casadi import Beam, HarmonicBase, ModalDamping, Model, natural_modes, simulate
 from ancf_casadi.plot import rendered
-from ancf_casadi.support.figures import MEASURED
+from ancf_casadi.support.figures import MEASURED, plain_log_ticks
 from problems.paper.reproduce import PAPER_FILE
-from problems.study.drawing import plain_log_ticks, series
+from problems.study.drawing import series
 
 LAWS = {"generic": "modal (generic)", "proportional": "Rayleigh (proportional)", "quadratic": "quadratic"}
 SWING = HarmonicBase(amplitude=5e-3, frequency=1.876, stop=10.0)

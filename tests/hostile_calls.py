@@ -317,7 +317,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "compare_laws": (p.compare_laws, {"model": model, "records": [motion_record], "laws": [rayleigh]}),
         "fit_decay": (p.fit_decay, {
             "time": instants, "displacement": values + noise, "law": "linear", "frequency_law": None, "rest": None,
-            "release_time": 0.0, "ratio_bounds": (0.0, 0.9), "robust": False,
+            "release_time": 0.0, "ratio_bounds": (0.0, 0.9), "priors": {"frequency": (2.0, 0.1)}, "robust": False,
         }),
         "fit_decays": (p.fit_decays, {
             "records": [record], "law": "linear", "frequency_law": "constant", "rest": "constant",

@@ -51,6 +51,7 @@ SLOW = (  # pages that take more than about a second
     "how_to/videos.md",
     "how_to/your_set_up.md",
     "tutorials/decay.md",
+    "tutorials/decisive_record.md",
     "tutorials/export.md",
     "tutorials/frequencies.md",
     "tutorials/large_motion.md",

@@ -33,6 +33,7 @@ import numpy as np
 
 from ancf_casadi.estimation.intervals import (
     CONFIDENCE_LEVEL,
+    ROUNDING,
     Quantities,
     derived_ends,
     first_order_ends,
@@ -42,12 +43,11 @@ from ancf_casadi.estimation.intervals import (
 from ancf_casadi.estimation.solver.loss import dispersion, influence, row_weights
 from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, Noise, autocorrelation, concentration
 from ancf_casadi.estimation.solver.stated import CONTRADICTED
-from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown
+from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, share_lines
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.tables import finite
 
 CORRELATED = 0.95  # correlation of two unknowns beyond which there is a warning
-ROUNDING = 1e-10  # standard error relative to the scale of an unknown that only a record without noise leaves
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +182,7 @@ class Fit:
         It is 1 if the prior adds nothing, and 0 if the data add nothing; nan at a bound.
         """
         pairs = zip(self.unknowns, self.standard_errors.values(), strict=True)
-        return {one.name: float(np.maximum(1 - (error / one.prior_std) ** 2, 0.0)) for one, error in pairs if one.prior}
+        return {one.name: one.data_share(error) for one, error in pairs if one.prior}
 
     @property
     def correlations(self) -> Array:
@@ -295,11 +295,7 @@ class Fit:
             f"of independent residuals {self.effective_samples:.0f}; {self.colour()}",
             f"{self.rank} of {len(self.names)} unknowns free of bounds, condition number {self.condition:.3g}",
             f"{self.status} after {self.iterations} iterations",
-            *(
-                f"{name}: the data determine {share:.0%}, the prior {1 - share:.0%}"
-                for name, share in self.data_shares.items()
-                if math.isfinite(share)
-            ),
+            *share_lines(self.data_shares),
         ]
 
     def to_dict(self) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, cast
 
 import casadi as cs
 import numpy as np
@@ -21,7 +21,7 @@ import numpy as np
 from ancf_casadi.estimation.agreement import Agreement, agreement_of_parts
 from ancf_casadi.estimation.block import Account
 from ancf_casadi.estimation.fit import Fit, colour_warning
-from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, Quantities, profile_interval
+from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, Quantities, profile_interval, profiles
 from ancf_casadi.estimation.posterior.log_density import LogDensity
 from ancf_casadi.estimation.prediction import PredictedChannel
 from ancf_casadi.estimation.solve import FitSolution
@@ -108,8 +108,7 @@ class FitResult(Reported):
 
     def refit(self, records: Any) -> Self:
         """Return the result of the same fit, with the same settings, to other records."""
-        found: Self = self.again(records)
-        return found
+        return cast(Self, self.again(records))
 
     @abstractmethod
     def resampled(self, noise: Array) -> Array:
@@ -210,14 +209,25 @@ class LeastSquaresResult(FitResult):
     def intervals(self, level: float = CONFIDENCE_LEVEL) -> dict[str, Interval]:
         """Return the interval of each estimated quantity by name for a confidence level.
 
-        The intervals are to first order in the unknowns, but follow the likelihood of one that is far from linear.
+        They are to first order, or by profile likelihood where the former are wrong by more than 5 % of their width
+        (``profiled``).  Fits of beams, for which this would take long, leave it to ``profile``.
 
         Raises
         ------
         InputError
             If the level is not between 0 and 1.
         """
-        return self._named([(low, high) for low, high in self._ends(level).tolist()])
+        return self._named([(low, high) for low, high in self._ends(level).tolist()]) | self._profiles(level)
+
+    @property
+    def profiled(self) -> tuple[str, ...]:
+        """Names of the estimates whose 95 % intervals are by profile likelihood."""
+        return tuple(self._profiles(CONFIDENCE_LEVEL))
+
+    def _profiles(self, level: float) -> dict[str, Interval]:
+        """Return the intervals by profile likelihood where those to first order are wrong."""
+        names, _, of = self.quantities
+        return profiles(self.fit, names, None if names == self.fit.names else of, level)
 
     def _ends(self, level: float) -> Array:
         """Return the intervals (q, 2) of all quantities."""
@@ -226,11 +236,10 @@ class LeastSquaresResult(FitResult):
     @property
     def covariance(self) -> Array:
         """Covariance (p, p) of the p estimates; nan where one is at a bound."""
-        jacobian, free = self._linearised[1][self._estimated], ~self.fit.active_bounds
-        own = jacobian[:, free]
+        free = ~self.fit.active_bounds
+        own = self._linearised[1][self._estimated][:, free]
         found = own @ self.fit.covariance[np.ix_(free, free)] @ own.T
-        certain = ~own.any(axis=1)
-        found[certain], found[:, certain] = math.nan, math.nan
+        found[~own.any(axis=1)] = found[:, ~own.any(axis=1)] = math.nan
         return np.asarray(found)
 
     @property
@@ -269,10 +278,11 @@ class LeastSquaresResult(FitResult):
 
     def resampled(self, noise: Array) -> Array:
         """Return the estimates (p,) from a fit to the fitted curve plus noise of each residual (m,)."""
-        x = refitted(self.fit, noise)
-        of = self.quantities[2]
-        values = np.asarray(cs.evalf(cs.densify(of(*map(cs.MX, x.tolist()))))).ravel()
-        return np.asarray(values[self._estimated])
+        x, of = refitted(self.fit, noise), self.quantities[2]
+        return np.asarray(cs.evalf(cs.densify(of(*map(cs.MX, x.tolist()))))).ravel()[self._estimated]
+
+    def _remark(self, name: str, error: float) -> str:
+        return "interval by profile likelihood" if name in self.profiled else super()._remark(name, error)
 
     def log_density(self) -> LogDensity:
         """Return the logarithm of the posterior density of the unknowns of the fit, with its exact gradient.
@@ -299,15 +309,11 @@ class LeastSquaresResult(FitResult):
 
         Parameters
         ----------
-        draws : int
-            Number of draws of each chain, at least 4.
-        chains : int
-            Number of chains, which start at different points; two or more show whether they agree.
-        seed : int
-            Seed of the draws.
+        draws, chains, seed : int
+            Draws of each chain, at least 4; chains, which start at different points, so that two or more show whether
+            they agree; seed of the draws.
         executor, jobs, progress
-            As in ``run_all``; the chains run in parallel.  With ``jobs`` above 1 a script must call this under
-            ``if __name__ == "__main__":``.
+            As in ``run_all``, for the chains; with ``jobs`` above 1 a script needs ``if __name__ == "__main__":``.
 
         Returns
         -------
@@ -326,11 +332,10 @@ class LeastSquaresResult(FitResult):
         """
         from ancf_casadi.estimation.posterior.sampling import sampled  # only here
 
-        names, units, of = self.quantities
-        own = self._estimated
+        (names, units, of), own = self.quantities, self._estimated
         named = [names[k] for k in own], [units[k] for k in own], lambda *x: of(*x)[own]
-        settings: dict[str, Any] = {"seed": seed, "executor": executor, "jobs": jobs, "progress": progress}
-        return sampled(self.log_density(), named, draws=draws, chains=chains, **settings)
+        runs: dict[str, Any] = {"executor": executor, "jobs": jobs, "progress": progress}
+        return sampled(self.log_density(), named, draws=draws, chains=chains, seed=seed, **runs)
 
     def table(self) -> Table:
         """Return the estimates with units, standard errors and 95 % intervals."""
@@ -338,7 +343,7 @@ class LeastSquaresResult(FitResult):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""
-        return {**super().to_dict(), "fit": self.fit.to_dict()}
+        return {**super().to_dict(), "profiled": list(self.profiled), "fit": self.fit.to_dict()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -350,6 +355,9 @@ class BlocksResult(LeastSquaresResult):
     def log_density(self) -> LogDensity:
         """Return the logarithm of the posterior density of the unknowns of the fit, with its exact gradient."""
         return LogDensity(self.fit, self.solution)
+
+    def _profiles(self, level: float) -> dict[str, Interval]:
+        return {}
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without Functions; the solution has the fit, and derives them again."""
@@ -373,14 +381,10 @@ class BlocksResult(LeastSquaresResult):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the estimates, one sentence each."""
-        notes = [
-            *self.fit.warnings,
-            # systematic errors of a record, up to which residuals may be those of the computation
-            colour_warning(self.fit, noise_free=3.0 * self.fit.systematic),
-            *(one.warning for one in self.agreements),
-            *(note for account in self.accounts for note in account.warnings),
-        ]
-        return tuple(note for note in notes if note)
+        # systematic errors of a record, up to which residuals may be those of the computation
+        colour = colour_warning(self.fit, noise_free=3.0 * self.fit.systematic)
+        own = [colour, *(one.warning for one in self.agreements)]
+        return (*self.fit.warnings, *filter(None, own), *(text for one in self.accounts for text in one.warnings))
 
     def table(self) -> Table:
         """Return the estimates with units, standard errors and 95 % intervals; notes say what each record shows."""

@@ -52,6 +52,24 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
     return 10.0**power, PREFIXES[power] + unit.replace("^2", "²")
 
 
+def plain_log_ticks(axes: Axes, axis: str) -> None:
+    """Label a logarithmic axis with plain numbers: at 1, 2 and 5 times the powers of ten, closer on a short axis.
+
+    Beyond three powers of ten, where they would touch, only these have labels.
+    """
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+
+    part = axes.xaxis if axis == "x" else axes.yaxis
+    low, high = axes.get_xlim() if axis == "x" else axes.get_ylim()
+    short = high < 8.0 * low  # ratio of the ends of a logarithmic axis below which its labels are closer
+    subs = (1.0, 2.0, 5.0) if high < 1e3 * low else (1.0,)
+    part.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]) if short else LogLocator(subs=subs))
+    part.set_minor_locator(NullLocator())
+    part.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    part.set_minor_formatter(NullFormatter())
+    axes.set(**{f"{axis}lim": (low, high)})
+
+
 def literal_text(draw: Callable[P, Drawn]) -> Callable[P, Drawn]:
     """Return a function that draws the same figure, with its texts as they are: a $ starts no formula."""
 

@@ -246,6 +246,14 @@ def array(values: ArrayLike, where: str, *, finite: bool = True) -> Array:
     return result
 
 
+def two_numbers(given: Any, where: str, names: str = "(lower, upper)", *, finite: bool = False) -> tuple[float, float]:
+    """Return two numbers that the user gave as a pair."""
+    values: Array = array(given, where, finite=finite)
+    if values.shape != (2,):
+        raise InputError(f"must be a pair {names}, got {shown(given)}", where)
+    return float(values[0]), float(values[1])
+
+
 def positive_array(values: ArrayLike, where: str, shape: tuple[int, ...] | None = None) -> Array:
     """Return a copy of numbers above zero as an array; with a shape, one number may stand for all."""
     found = array(values, where)

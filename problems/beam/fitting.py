@@ -43,6 +43,7 @@ from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.estimation.block import Block
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.estimation.solve import FitProblem, solve
+from ancf_casadi.estimation.solver.unknown import Priors
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
@@ -63,7 +64,6 @@ from problems.beam.unknowns import (
     LOADS,
     NATURAL_FREQUENCIES,
     Bounds,
-    Priors,
     mode_of,
     of_curves,
     of_law,

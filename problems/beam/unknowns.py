@@ -27,21 +27,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw, Parameter
 from ancf_casadi.dynamics.start import LOAD_NAMES, START_LOAD_NAMES
-from ancf_casadi.estimation.solver.unknown import Unknown
+from ancf_casadi.estimation.solver.unknown import Priors, Unknown, with_prior
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_keys, choice, choices, is_sequence, positive
+from ancf_casadi.support.inputs import check_keys, choices, two_numbers
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.curves.record import ResponseRecord
-from problems.beam.motions.record import Channel, MotionRecord, two_numbers
+from problems.beam.motions.record import Channel, MotionRecord
 from problems.beam.properties import value_of
 from problems.beam.values.response import place
 
@@ -55,8 +54,6 @@ LOADS = tuple(f"start_{name}" for name in START_LOAD_NAMES)
 GROUPS = (NATURAL_FREQUENCIES, COMMON, EACH, BASE_AMPLITUDE, *LOADS)
 
 Bounds = Mapping[str, tuple[float, float]]
-Priors = Mapping[str, tuple[float, float] | tuple[float, float, str]]
-LOG_NORMAL = "log-normal"  # third entry of a prior of the logarithm
 
 
 def base_name(name: str, number: int) -> str:
@@ -148,19 +145,6 @@ def _restricted(unknown: Unknown, bounds: Bounds, priors: Priors) -> Unknown:
     if unknown.offset is not None:
         lower = max(lower, unknown.lower / 100)  # a stiffness of zero has no reciprocal
     return replace(unknown, lower=lower, upper=upper)
-
-
-def with_prior(unknown: Unknown, given: Any) -> Unknown:
-    """Return an unknown with a prior: mean and standard deviation, or median, relative one and "log-normal"."""
-    where, names = f"priors: {unknown.name}", "(mean, standard deviation)"
-    if not (is_sequence(given) and len(given) == 3):
-        mean, std = two_numbers(given, where, f'{names}, or (median, relative standard deviation, "{LOG_NORMAL}")')
-        return replace(unknown, prior=(mean, positive(std, where)))
-    choice(given[2], [LOG_NORMAL], where)
-    mean, std = (positive(value, where) for value in given[:2])
-    if unknown.lower < 0.0:
-        raise InputError(f"may be negative, and a {LOG_NORMAL} quantity may not; give it a lower bound of 0", where)
-    return replace(unknown, prior=(mean, std), relative_prior=True)
 
 
 def _of_parameter(name: str, parameter: Parameter) -> Unknown:

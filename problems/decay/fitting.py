@@ -16,9 +16,10 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from types import NoneType
 from typing import Any, Literal, get_args
 
 from numpy.typing import ArrayLike
@@ -26,14 +27,15 @@ from numpy.typing import ArrayLike
 from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest import Rest
+from ancf_casadi.estimation.solver.unknown import Priors
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.inputs import choice, flag, instances, number, numbers
+from ancf_casadi.support.inputs import check_instance, choice, flag, instances, number, numbers
 from ancf_casadi.support.interrupts import lasting_interrupts
 from problems.decay.comparison import compare_decay_laws, compared
 from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law
 from problems.decay.result import DecayFit
-from problems.decay.solution import as_record, fit_from
+from problems.decay.solution import as_record, fit_from, fit_one
 from problems.decay.takes import DecayFits
 
 
@@ -47,6 +49,7 @@ def fit_decay(
     rest: Rest | Literal["auto"] | None = None,
     release_time: float | None = None,
     ratio_bounds: tuple[float, float] = RATIO_BOUNDS,
+    priors: Priors | None = None,
     robust: bool = False,
 ) -> DecayFit:
     """Fit a free decay.
@@ -72,6 +75,10 @@ def fit_decay(
         Start of the free decay, s; detected in the record if not given.
     ratio_bounds : (float, float)
         Bounds of the damping ratio under the linear law, above -1 and below 1.
+    priors : mapping, optional
+        What is known of an unknown before the fit, by its name in ``fit.fit.names`` or as ``frequency`` (Hz, at zero
+        amplitude) or ``damping_ratio`` (linear law): mean and standard deviation, or median, relative standard
+        deviation and ``"log-normal"``: ``{"frequency": (1.91, 0.01)}``.  Not with ``auto``.
     robust : bool
         Whether to use the pseudo-Huber loss, which limits the influence of outliers.
 
@@ -100,21 +107,23 @@ def fit_decay(
     choice(law, (*get_args(Law), "auto"), "law")
     choice("constant" if frequency_law is None else frequency_law, (*get_args(FrequencyLaw), "auto"), "frequency_law")
     choice("constant" if rest is None else rest, (*get_args(Rest), "auto"), "rest")
-    settings: dict[str, Any] = {"ratio_bounds": ratio_bounds}
+    check_instance(priors, "priors", Mapping, NoneType)
+    robust = flag(robust, "robust")
     if "auto" in (law, frequency_law, rest):
-        if flag(robust, "robust"):
-            raise InputError("compares sums of squares; name a law, or leave out robust=True", "auto")
+        if robust or priors:
+            other = "robust=True" if robust else "priors"
+            raise InputError(f"compares sums of squares; name a law, or leave out {other}", "auto")
         found = compare_decay_laws(
             record,
             **compared(law, frequency_law, rest),
             release_time=release_time,
-            **settings,
+            ratio_bounds=ratio_bounds,
         )
         open_choice = () if found.verdict.settled else found.verdict.warnings[:1]
         return replace(found.best, notes=(*found.best.notes, *open_choice))
-    settings |= {"law": law, "frequency_law": frequency_law or "constant", "rest": rest or "constant", "robust": robust}
-    releases = None if release_time is None else [number(release_time, "release_time")]
-    return fit_decays([record], release_times=releases, **settings)[0]
+    model = DecayModel(law, rest or "constant", frequency_law or "constant", ratio_bounds)  # type: ignore[arg-type]
+    release = None if release_time is None else number(release_time, "release_time")
+    return fit_one(record, model, release_time=release, robust=robust, priors=dict(priors or {}))
 
 
 @lasting_interrupts()

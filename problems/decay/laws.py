@@ -38,7 +38,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import casadi as cs
@@ -55,11 +55,11 @@ from ancf_casadi.decay.closed_forms import (
 from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.phase import AMPLITUDE_SPAN, FREQUENCY_TERMS, FrequencyLaw, frequency_change, integral
 from ancf_casadi.decay.rest import REST_TERMS, Rest, rest_position
-from ancf_casadi.estimation.solver.unknown import Unknown
+from ancf_casadi.estimation.solver.unknown import Priors, Unknown, with_prior
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import choice, vector
+from ancf_casadi.support.inputs import check_keys, choice, vector
 
 Law = Literal["linear", "quadratic", "friction", "power"]
 Symbols = Sequence[cs.MX]
@@ -325,3 +325,23 @@ class DecayModel:
 
 def _column(values: Array) -> cs.MX:
     return cs.MX(cs.DM(values))
+
+
+def with_priors(unknowns: Sequence[Unknown], priors: Priors, model: DecayModel) -> list[Unknown]:
+    """Return the unknowns with priors, also of the frequency and of the damping ratio that a name stands for."""
+    factors = {one.name: (one.name, 1.0) for one in unknowns}
+    if model.frequency_law not in NOT_AT_ZERO:
+        factors["omega"] = ("frequency", 2 * math.pi)
+    if model.law == "linear":
+        factors["zeta"] = ("damping_ratio", 1.0)
+    check_keys(dict(priors), set(), {*factors, *(name for name, _ in factors.values())} - {"omega", "zeta"}, "priors")
+    found = []
+    for one in unknowns:
+        name, factor = factors[one.name]
+        if name in priors:
+            own = with_prior(replace(one, name=name), priors[name])
+            mean, std = own.prior or (0.0, 1.0)
+            std = std if own.relative_prior else factor * std
+            one = replace(one, prior=(factor * mean, std), relative_prior=own.relative_prior)
+        found.append(one)
+    return found

@@ -21,6 +21,7 @@ from ancf_casadi.decay.rest import REST_TERMS
 from ancf_casadi.estimation.intervals import Quantities
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
+from ancf_casadi.estimation.solver.unknown import share_lines
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.inputs import array
@@ -271,6 +272,7 @@ class DecayFit(LeastSquaresResult):
             f"  {'solution':<20}{self.fit.rank} of {len(self.fit.names)} unknowns free of bounds, condition number "
             f"{self.fit.condition:.3g}; {self.fit.status} after {self.fit.iterations} iterations"
         )
+        lines += [f"  {line}" for line in share_lines(self.fit.data_shares)]
         return "\n".join([*lines, *(f"  note: {warning}" for warning in self.warnings)])
 
     def _uncertainty(self, name: str) -> str:
@@ -282,7 +284,7 @@ class DecayFit(LeastSquaresResult):
         ends = ", ".join(_precise(end, interval) for end in interval)
         if math.isnan(error):
             return f"{unit}  [{ends}]  (at its bound)".lstrip()
-        return f"{f'+- {error:.2g} {unit}'.rstrip()}  [{ends}]"
+        return f"{f'+- {error:.2g} {unit}'.rstrip()}  [{ends}]{'  (by profile likelihood)' * (name in self.profiled)}"
 
 
 def _precise(end: float, interval: Interval) -> str:

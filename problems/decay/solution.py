@@ -10,7 +10,8 @@ before the projection, because the slope of the decay at the release would leave
 so that a robust fit takes all samples.
 
 A robust fit replaces the squares by the pseudo-Huber loss (``ancf_casadi.estimation.solver.loss``).  The residuals of
-the previous fit give the noise that sets its threshold.
+the previous fit give the noise that sets its threshold.  They also give the weight of priors, whose distances in
+standard deviations, times that of the noise, are further residuals; a first fit gives them next to no weight.
 
 References
 ----------
@@ -38,13 +39,13 @@ from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.later_start import allowing_for_later_starts
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.loss import HUBER, noise_of
-from ancf_casadi.estimation.solver.unknown import Unknown, started
+from ancf_casadi.estimation.solver.unknown import Priors, Unknown, started
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import projected
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
-from problems.decay.laws import DecayModel
+from problems.decay.laws import DecayModel, with_priors
 from problems.decay.limitations import NOISE_FREE, late_part
 from problems.decay.result import DecayFit
 from problems.decay.start import evident_law, of_motion, span_of, starting_values
@@ -52,6 +53,7 @@ from problems.decay.start import evident_law, of_motion, span_of, starting_value
 LEAST_REDUCED_LENGTH = 2500  # samples to which a longer record is reduced, if the band of the mode needs no more
 REDUCED_PER_PERIOD = 6  # samples that this band needs
 LATER_STARTS = (0.25, 0.5, 0.75)  # shares of the information before a later start, for which errors allow
+NO_PRIORS: Priors = {}
 SIMPLER_LAWS: Sequence[FrequencyLaw] = ("constant", "linear", "quadratic", "logarithmic")  # than a smooth frequency
 
 
@@ -67,12 +69,17 @@ def as_record(time: Measurement | ArrayLike, displacement: ArrayLike | None) -> 
 
 
 def fit_one(
-    record: Measurement, model: DecayModel, *, release_time: float | None = None, robust: bool = False
+    record: Measurement,
+    model: DecayModel,
+    *,
+    release_time: float | None = None,
+    robust: bool = False,
+    priors: Priors = NO_PRIORS,
 ) -> DecayFit:
     """Fit one free decay; see ``fit_from``."""
     check_instance(record, "records", Measurement)
     guess = first_guess(record, release_time=release_time, rest=model.rest)
-    return fit_from([guess], [record], model, robust)[0]
+    return fit_from([guess], [record], model, robust, priors=priors)[0]
 
 
 def fit_from(
@@ -81,6 +88,7 @@ def fit_from(
     model: DecayModel,
     robust: bool = False,
     near: DecayFit | None = None,
+    priors: Priors = NO_PRIORS,
 ) -> tuple[DecayFit, ...]:
     """Fit several free decays of one mode at once, each from its guess; the model takes their sensor.
 
@@ -100,12 +108,12 @@ def fit_from(
     if counts != lengths:  # the curve of a first fit, which has slopes at the ends
         if near is None:
             thinned = [reduced(*one) for one in zip(decays, counts, curves, strict=True)]
-            fit, columns = _match(model, thinned, moving, robust)
+            fit, columns = _match(model, thinned, moving, robust, priors=priors)
             start, curves = fit.estimates, [curve_at(model, fit.values[list(own)]) for own in columns]
         else:
             curves = [curve_at(near.model, near.fit.values[list(near.indices)])]
     thinned = [reduced(*one) for one in zip(decays, counts, curves, strict=True)]
-    fit, columns = _match(model, thinned, moving, robust, start, near.fit.estimates if near else {})
+    fit, columns = _match(model, thinned, moving, robust, start, near.fit.estimates if near else {}, priors)
     parts = [slice(*ends) for ends in pairwise(np.cumsum([0, *counts]).tolist())]
     if fit.residual_rms > NOISE_FREE * _swing(model, moving):
         fit = allowing_for_later_starts(fit, [late_part(fit, parts, share) for share in LATER_STARTS])
@@ -114,7 +122,7 @@ def fit_from(
         final = [curve_at(model, fit.values[list(own)]) for own in columns]
         residuals = [curve(decay.time) - decay.values for curve, decay in zip(final, decays, strict=True)]
     given = [float(time[0]) if guess.reason == "given" else None for time, guess in zip(times, guesses, strict=True)]
-    again = [partial(fit_one, model=stated, release_time=release, robust=robust) for release in given]
+    again = [partial(fit_one, model=stated, release_time=release, robust=robust, priors=priors) for release in given]
     return tuple(
         DecayFit(fit, model, own, rows, time, rest, guess.reason, guess.notes, again=one)
         for time, rest, own, rows, guess, one in zip(times, residuals, columns, parts, guesses, again, strict=True)
@@ -195,6 +203,7 @@ def _match(
     robust: bool,
     start: Mapping[str, float] | None = None,
     near: Mapping[str, float] = MappingProxyType({}),
+    priors: Priors = NO_PRIORS,
 ) -> tuple[Fit, list[tuple[int, ...]]]:
     """Return the fit of a model, and the positions of the unknowns of each record.
 
@@ -203,6 +212,8 @@ def _match(
     of a smooth frequency come from the fit by a simpler law.
     """
     unknowns, columns = _unknowns(model, guesses)
+    unknowns = with_priors(unknowns, priors, model)
+    held = [k for k, unknown in enumerate(unknowns) if unknown.prior]
     if model.frequency_law == "smooth" and start is None:
         near = _bent_starts(model, decays, guesses)
     times, measured = [decay.time for decay in decays], cs.DM(np.concatenate([decay.values for decay in decays]))
@@ -210,8 +221,12 @@ def _match(
     curve = cs.vertcat(*(model.curve(t, *(x[i] for i in own)) for t, own in zip(times, columns, strict=True)))
     curves = cs.Function("curves", [x], [curve], {"always_inline": True})  # built once, and inserted where needed
 
-    def residuals(*x: cs.MX) -> cs.MX:
-        return curves(cs.vertcat(*x)) - measured
+    def solved(start: Sequence[Unknown], noise: float, huber: float = math.inf) -> Fit:
+        def residuals(*x: cs.MX) -> cs.MX:
+            known = (noise * unknowns[k].prior_residual(x[k]) for k in held)
+            return cs.vertcat(curves(cs.vertcat(*x)) - measured, *known)
+
+        return least_squares(residuals, start, huber=huber, deviation=noise, **settings)
 
     def misfit(start: Sequence[Unknown]) -> float:
         return float(cs.sumsqr(curves([u.guess for u in start]) - measured))
@@ -222,24 +237,27 @@ def _match(
     else:
         starts = [started(unknowns, start)]
     settings: dict[str, Any] = {
-        "series": [len(t) for t in times],
-        "times": np.concatenate(times),
+        "series": [*(len(t) for t in times), *[1] * len(held)],
+        "times": np.concatenate([*times, np.zeros(len(held))]),
+        "stated": np.repeat([False, True], [measured.numel(), len(held)]),
         "advice": "check the time of the release, or fit a law with fewer terms",
     }
+    least = NOISE_FREE * _swing(model, guesses)
     fit, errors = None, list[FitError]()
     for one in starts:
         try:
-            fit = least_squares(residuals, one, **settings)
+            fit = solved(one, least)  # in which priors hold what the record leaves open, and no more
             break
         except FitError as error:
             errors.append(error)
     if fit is None:
         raise errors[0]
-    for _ in range(3 * robust):  # robust fits, in which the estimate of the noise settles
-        noise = noise_of(fit.residuals)
-        if noise <= NOISE_FREE * _swing(model, guesses):
+    for _ in range(3 if robust else min(len(held), 1)):  # robust fits, in which the estimate of the noise settles
+        own = fit.residuals[: measured.numel()]
+        noise = noise_of(own) if robust else math.sqrt(float(own @ own) / max(len(own) - fit.rank, 1))
+        if noise <= least:
             break
-        fit = least_squares(residuals, started(fit.unknowns, fit.estimates), huber=HUBER * noise, **settings)
+        fit = solved(started(fit.unknowns, fit.estimates), noise, HUBER * noise if robust else math.inf)
     return fit, columns
 
 

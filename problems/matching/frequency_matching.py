@@ -32,7 +32,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from functools import partial
 from types import NoneType
@@ -42,11 +42,12 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.solver.nlp import NlpSolution, solve_nlp
-from ancf_casadi.exceptions import NumericsError
+from ancf_casadi.estimation.solver.unknown import Priors, Unknown, with_prior
+from ancf_casadi.exceptions import InputError, NumericsError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.callbacks import Differentiable
-from ancf_casadi.support.inputs import check_instance, choice, whole
+from ancf_casadi.support.inputs import check_instance, check_keys, choice, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.vibration.modal_state import ModalState, modes_near
@@ -78,6 +79,7 @@ def match_frequencies(
     bounds: float = 0.10,
     preference: LeastChange | None = None,
     objective: Objective = "least-squares",
+    priors: Priors | None = None,
     guess: Sequence[float] | None = None,
     starts: int = 1,
     seed: int = 0,
@@ -104,6 +106,10 @@ def match_frequencies(
         Criterion that selects one of the beams that fit; the least change if not given.
     objective : {"least-squares", "worst-error"}
         Minimise the squared residuals, or the largest relative frequency error, whatever the standard deviations.
+    priors : mapping, optional
+        What is known of a property before the match, by its name in ``match.estimates``: mean and standard deviation,
+        or median, relative standard deviation and ``"log-normal"``: ``{"density": (7850.0, 50.0)}``.  The targets need
+        standard deviations.
     guess : sequence of float, optional
         First values of the unknowns, in their order: factors, and coefficients of smooth properties; those of the given
         beam if not given.
@@ -119,7 +125,7 @@ def match_frequencies(
     InputError
         If the targets are not positive and ascending (without shapes), are more than the modes of the mesh, or match no
         mode of the beam; if a point is off the beam, the bounds are not in (0, 1], there is no unknown, a property has
-        two, or the guess is not within the bounds.
+        two, or the guess is not within the bounds; if a prior is unusable, or has no standard deviation beside it.
     EquilibriumError
         If the beam has no stable equilibrium.
     FitError
@@ -142,10 +148,14 @@ def match_frequencies(
     space = DesignSpace(beam, unknowns, bounds)  # type: ignore[arg-type]
     choice(objective, get_args(Objective), "objective")
     check_instance(preference, "preference", LeastChange, Smoothness, NoneType)
+    check_instance(priors, "priors", Mapping, NoneType)
     starts, jobs, seed = whole(starts, "starts", 1, 10_000), whole(jobs, "jobs", 1), whole(seed, "seed", 0)
     first = space.check_guess(guess)
     began = time.perf_counter()
-    matching = Matching(space, measured, preference or LeastChange(), objective)
+    known = _with_priors(space, priors or {})
+    if known and not (measured.frequency_std and objective == "least-squares"):
+        raise InputError("need frequency_std of the targets, and the objective least-squares, to be weighed", "priors")
+    matching = Matching(space, measured, preference or LeastChange(), objective, known)
     _ = matching.standard
     build_seconds = time.perf_counter() - began
 
@@ -162,6 +172,7 @@ def match_frequencies(
     multipliers[~free] = np.abs(best.constraint_multipliers[len(best.constraint_multipliers) - np.sum(~free) :])
     state = matching.state(m)
     settings = {"unknowns": space.unknowns, "bounds": bounds, "preference": preference, "objective": objective}
+    settings |= {"priors": priors, "guess": guess, "starts": starts, "seed": seed}
     return FrequencyMatch(
         beam=space.changed(m),
         targets=measured.frequencies,
@@ -181,8 +192,16 @@ def match_frequencies(
         # largest relative difference of objectives that count as the same optimum
         reached=sum(optimum.objective - best.objective <= 1e-3 * best.objective + 1e-6 for optimum in optima),
         failed=starts - len(optima),
-        again=partial(_again, beam, guess=guess, starts=starts, seed=seed, **settings),
+        again=partial(_again, beam, **settings),
     )
+
+
+def _with_priors(space: DesignSpace, priors: Priors) -> tuple[Unknown, ...]:
+    """Return the properties with priors."""
+    check_keys(dict(priors), set(), set(space.factor_names), "priors")
+    given = dict(zip(space.factor_names, space.given_values.tolist(), strict=True))
+    every = [Unknown(name, given[name], lower=0.0 if given[name] > 0.0 else -math.inf) for name in priors]
+    return tuple(with_prior(one, priors[one.name]) for one in every)
 
 
 def _again(beam: Beam, targets: Any, **settings: Any) -> FrequencyMatch:

@@ -205,11 +205,12 @@ class Identifiability:
     def statements(self) -> tuple[str, ...]:
         """Return sentences that say which combinations of the unknowns the data determine."""
         size = self.space.size
+        who = "The data and the priors" if self.matching.priors else "The data"
         said = [
-            f"The data determine {self.rank} independent combinations of the {size} unknowns; the preference selects "
+            f"{who} determine {self.rank} independent combinations of the {size} unknowns; the preference selects "
             "the rest."
             if self.rank < size
-            else f"The data determine all {size} unknowns."
+            else f"{who} determine all {size} unknowns."
         ]
         names, rows = self.exponents
         if names and len(rows) < len(names):

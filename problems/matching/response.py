@@ -6,8 +6,9 @@ to the lowest modes that are no rigid motions, in their order.  As the beam chan
 
 The residuals are (u/sigma_k) (f_k/target_k - 1), with the relative standard deviations sigma_k of the frequencies and
 the smallest of them, u, and u times the residuals of the shapes (``measured_modes``).  Without standard deviations they
-are the relative errors f_k/target_k - 1.  They are functions r(x) of the observations x, the eigenvalues and the
-displacements v = H phi of the measured points, so that
+are the relative errors f_k/target_k - 1.  A prior of a property adds u times its distance in standard deviations.
+They are functions r(x) of the observations x, the eigenvalues, the displacements v = H phi of the measured points, and
+the properties with priors, so that
 
     dr/dm = r_x x_m,    d2(y^T r)/dm2 = (r_x^T y) x_mm + x_m^T (y^T r)_xx x_m.
 """
@@ -23,6 +24,7 @@ import numpy as np
 import scipy  # its packages are imported on first use
 import scipy.sparse
 
+from ancf_casadi.estimation.solver.unknown import Priors, Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
@@ -43,10 +45,11 @@ class Matching:
     measured: MeasuredModes
     preference: LeastChange = field(default_factory=LeastChange)
     objective: Objective = "least-squares"
+    priors: tuple[Unknown, ...] = ()  # the properties with priors, by the names of their factors
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without the modes, which the other process computes again."""
-        return Matching, (self.space, self.measured, self.preference, self.objective)
+        return Matching, (self.space, self.measured, self.preference, self.objective, self.priors)
 
     @property
     def model(self) -> Model:
@@ -102,8 +105,12 @@ class Matching:
 
     @cached_property
     def preference_matrix(self) -> Array:
-        """Matrix of the preference, to be added to half the sum of the squared weighted residuals, (N, N)."""
-        return self.preference.matrix(self.space, WEIGHT / self.unit**2)
+        """Matrix of the preference, to be added to half the sum of the squared weighted residuals, (N, N).
+
+        Its default weight is small beside those of the frequencies and of the priors.
+        """
+        widest = max([self.unit, *(one.prior_std / abs(one.guess) for one in self.priors)])
+        return self.preference.matrix(self.space, WEIGHT / (self.unit * widest))
 
     @cached_property
     def _last(self) -> dict[bytes, ModalState]:
@@ -123,11 +130,19 @@ class Matching:
         shapes = np.array(measured.shapes)
         if measured.shape_std is not None:
             known, std, displacements = measured.measured, np.array(measured.shape_std), self.observer @ state.shapes
-            rest = np.split(noise[measured.count :], np.cumsum(known.sum(axis=1))[:-1])
+            rest = np.split(noise[measured.count :], np.cumsum(known.sum(axis=1)))[:-1]
             for psi, σ, v, own, row in zip(shapes, std, displacements.T, known, rest, strict=True):
                 psi[own] = v[own] * ((v / σ**2)[own] @ psi[own]) / ((v / σ**2)[own] @ v[own]) + σ[own] * row
         rows = tuple(map(tuple, shapes.tolist()))
         return replace(measured, frequencies=tuple(frequencies.tolist()), shapes=rows)
+
+    def synthetic_priors(self, m: Array, noise: Array) -> Priors:
+        """Return priors whose means are the properties of the unknowns m, plus the last of the noise (R,)."""
+        values = dict(zip(self.space.factor_names, self.space.given_values * (1 + self.space.changes(m)), strict=True))
+        return {
+            one.name: one.with_mean(float(values[one.name]), float(own))
+            for one, own in zip(self.priors, noise[len(noise) - len(self.priors) :], strict=True)
+        }
 
     @property
     def relative(self) -> Array:
@@ -136,29 +151,36 @@ class Matching:
 
     def residuals(self, m: Array) -> Array:
         """Return r, (R,)."""
-        return np.asarray(self._functions[0](self._observations(self.state(m))).full().ravel())
+        return np.asarray(self._functions[0](self._observations(m)).full().ravel())
 
     def jacobian(self, m: Array) -> Array:
         """Return dr/dm, (R, N)."""
-        state = self.state(m)
-        return np.asarray(self._functions[1](self._observations(state)).full() @ self._observation_jacobian(state))
+        return np.asarray(self._functions[1](self._observations(m)).full() @ self._observation_jacobian(self.state(m)))
 
     def curvature(self, m: Array, y: Array) -> Array:
         """Return the second derivatives of y^T r, (N, N)."""
         state, count = self.state(m), self.measured.count
-        x, x_m = self._observations(state), self._observation_jacobian(state)
+        x, x_m = self._observations(m), self._observation_jacobian(state)
         _, r_x, r_xx = self._functions
         weights = r_x(x).full().T @ y
-        of_shapes = weights[count:].reshape(count, -1) @ self.observer
+        of_shapes = weights[count : count + count * len(self.observer)].reshape(count, -1) @ self.observer
         of_observations = hessian(state, self.space.directions, weights[:count], of_shapes)
         return np.asarray(of_observations + x_m.T @ r_xx(x, y).full() @ x_m)
 
-    def _observations(self, state: ModalState) -> Array:
-        """Return x: the eigenvalues, and the displacements of the points mode by mode."""
-        return np.concatenate([state.eigenvalues, (self.observer @ state.shapes).T.ravel()])
+    @cached_property
+    def _known(self) -> Array:
+        """Derivatives of the properties with priors by the unknowns, (p, N)."""
+        rows = [self.space.factor_names.index(one.name) for one in self.priors]
+        return np.asarray(self.space.given_values[rows, None] * self.space.map[rows])
+
+    def _observations(self, m: Array) -> Array:
+        """Return x: the eigenvalues, the displacements of the points mode by mode, the properties with priors."""
+        state, given = self.state(m), [one.guess for one in self.priors]
+        known = given + self._known @ (m - self.space.standard)
+        return np.concatenate([state.eigenvalues, (self.observer @ state.shapes).T.ravel(), known])
 
     def _observation_jacobian(self, state: ModalState) -> Array:
-        """Return dx/dm, (m + m k, N)."""
+        """Return dx/dm, (m + m k + p, N)."""
         count, points = len(state.eigenvalues), len(self.observer)
         of_eigenvalues = np.eye(count, count + count * points)
         of_shapes = np.zeros((count, state.model.size, count + count * points))
@@ -166,7 +188,7 @@ class Matching:
             first = count + k * points
             of_shapes[k, :, first : first + points] = self.observer.T
         by_property = gradient(state, of_eigenvalues, of_shapes)
-        return np.asarray((scipy.sparse.csr_array(self.space.directions).T @ by_property).T)
+        return np.vstack([np.asarray((scipy.sparse.csr_array(self.space.directions).T @ by_property).T), self._known])
 
     @cached_property
     def _functions(self) -> tuple[cs.Function, cs.Function, cs.Function]:
@@ -182,7 +204,9 @@ class Matching:
                 psi = cs.DM(np.array(shape)[known] / np.array(std)[known])
                 v = displacements[np.flatnonzero(known).tolist(), k] / cs.DM(np.array(std)[known])
                 r.append(self.unit * (psi - v * (cs.dot(v, psi) / cs.dot(v, v))))
-        x, residuals = cs.vertcat(eigenvalues, cs.vec(displacements)), cs.vertcat(*r)
+        known = cs.SX.sym("p", len(self.priors))
+        r += [self.unit * one.prior_residual(known[k]) for k, one in enumerate(self.priors)]
+        x, residuals = cs.vertcat(eigenvalues, cs.vec(displacements), known), cs.vertcat(*r)
         y = cs.SX.sym("y", residuals.numel())
         return (
             cs.Function("r", [x], [residuals]),

@@ -13,6 +13,7 @@ import numpy as np
 from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, quantile
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.result import FitResult, Interval
+from ancf_casadi.estimation.solver.unknown import share_lines
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.lumped import lumped_kind, unit_of
@@ -58,7 +59,8 @@ class FrequencyMatch(FitResult):
     mac : array (m, c) or None
         MAC of the measured shapes with the lowest modes of the matched beam.
     residuals : array (R,)
-        Residuals of frequencies and shapes in units of their standard deviations; relative errors if none are given.
+        Residuals of frequencies, shapes and priors in units of their standard deviations; relative errors if none are
+        given.
     multipliers : array (F,)
         Decrease of the objective per unit by which a bound of a factor is widened, by ``matching.space.factor_names``.
     identifiability : Identifiability
@@ -232,8 +234,15 @@ class FrequencyMatch(FitResult):
 
     def resampled(self, noise: Array) -> Array:
         """Return the properties (p,) of the match to the modes of this beam plus noise of each residual (m,)."""
-        found = self.again(self.matching.synthetic(self.unknowns, noise))
+        priors = self.matching.synthetic_priors(self.unknowns, noise)
+        found = self.again(self.matching.synthetic(self.unknowns, noise), **({"priors": priors} if priors else {}))
         return np.array(list(found.estimates.values()))
+
+    @property
+    def data_shares(self) -> dict[str, float]:
+        """Share of each property with a prior that the data determine, 1 - (standard error/std of the prior)^2."""
+        errors = self.standard_errors
+        return {one.name: one.data_share(errors[one.name]) for one in self.matching.priors}
 
     @property
     def holding(self) -> tuple[tuple[str, float], ...]:
@@ -301,7 +310,11 @@ class FrequencyMatch(FitResult):
                 title,
                 ("property", "unit", "value", "change_%", "lowest", "highest", "stderr"),
                 [(*row[:3], 100 * row[3], *row[4:]) for row in self._properties],
-                (*self._statements, f"at a bound: {', '.join(self.at_bound) or 'nothing'}"),
+                (
+                    *self._statements,
+                    *share_lines(self.data_shares),
+                    f"at a bound: {', '.join(self.at_bound) or 'nothing'}",
+                ),
             ),
         )
 
@@ -335,6 +348,11 @@ class FrequencyMatch(FitResult):
             "properties": [
                 dict(zip(("name", "unit", "value", "change", "lowest", "highest", "stderr"), row, strict=True))
                 for row in self._properties
+            ],
+            "priors": [
+                {"name": one.name, "prior": (one.prior[0], one.prior_std), "data_share": finite(share)}
+                for one, share in zip(self.matching.priors, self.data_shares.values(), strict=True)
+                if one.prior
             ],
             "starts": {"number": self.starts, "reached": self.reached, "failed": self.failed},
             "iterations": self.iterations,

@@ -26,15 +26,14 @@ from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest import Rest
 from ancf_casadi.estimation.block import Block
 from ancf_casadi.estimation.solve import FitProblem, solve
-from ancf_casadi.estimation.solver.unknown import Unknown, started
+from ancf_casadi.estimation.solver.unknown import Priors, Unknown, started
 from ancf_casadi.exceptions import FitError, InputError, NumericsError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import root_mean_square
-from ancf_casadi.support.inputs import check_instance, check_keys, choice, flag, is_sequence, numbers, physical, shown
+from ancf_casadi.support.inputs import check_instance, choice, flag, is_sequence, numbers, physical, shown
 from problems.beam.curves.checks import level_notes, oriented, phase_locked
 from problems.beam.curves.record import ResponseRecord
-from problems.beam.unknowns import Priors, with_prior
-from problems.decay.laws import NOT_AT_ZERO, RATIO_BOUNDS, DecayModel, Law
+from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law, with_priors
 from problems.decay.result import DecayFit
 from problems.decay.solution import as_record, fit_one
 from problems.mode.decays import (
@@ -130,7 +129,7 @@ def fit_mode(
             "modal_constant each; add a decay or points beside the resonance, or give modal_constant"
         )
     problem, starts, model, laws = _stated(stated, decays, alone, curves, known, robust)
-    problem = replace(problem, unknowns=tuple(_with_priors(problem.unknowns, priors or {}, stated)))
+    problem = replace(problem, unknowns=tuple(with_priors(problem.unknowns, priors or {}, stated)))
     try:
         solution = solve(problem, starts)
     except FitError as error:
@@ -208,26 +207,6 @@ def _stated(
                      for one in units if free]  # fmt: skip
         blocks.append(_weighed(curves_of_mode(model, curves, shared, names, known), best))
     return FitProblem(tuple(blocks), tuple(unknowns), robust), starts, model, shared
-
-
-def _with_priors(unknowns: Sequence[Unknown], priors: Priors, model: DecayModel) -> list[Unknown]:
-    """Return the unknowns with priors, also of the frequency and of the damping ratio that a name stands for."""
-    factors = {one.name: (one.name, 1.0) for one in unknowns}
-    if model.frequency_law not in NOT_AT_ZERO:
-        factors["omega"] = ("frequency", 2 * math.pi)
-    if model.law == "linear":
-        factors["zeta"] = ("damping_ratio", 1.0)
-    check_keys(dict(priors), set(), {*factors, *(name for name, _ in factors.values())} - {"omega", "zeta"}, "priors")
-    found = []
-    for one in unknowns:
-        name, factor = factors[one.name]
-        if name in priors:
-            own = with_prior(replace(one, name=name), priors[name])
-            mean, std = own.prior or (0.0, 1.0)
-            std = std if own.relative_prior else factor * std
-            one = replace(one, prior=(factor * mean, std), relative_prior=own.relative_prior)
-        found.append(one)
-    return found
 
 
 def _weighed(block: ModeCurveBlock, start: Mapping[str, float]) -> ModeCurveBlock:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import Figure
+from ancf_casadi.support.figures import Figure, plain_log_ticks
 from ancf_casadi.support.tables import known
 from problems.paper.effects import (
     HORIZON,
@@ -28,7 +28,7 @@ from problems.paper.effects import (
 )
 from problems.schema.beam import law_of
 from problems.study.data_table import Column, DataTable
-from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure, plain_log_ticks, series
+from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure, series
 from problems.study.part import Effort, Finding, Found, LawChoice, Task
 
 if TYPE_CHECKING:

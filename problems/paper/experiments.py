@@ -17,12 +17,12 @@ from ancf_casadi.decay.envelope import DampingCurve
 from ancf_casadi.dynamics.simulation import Method
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import Figure
+from ancf_casadi.support.figures import Figure, plain_log_ticks
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.paper.combined_law import ratio_curves
 from problems.schema.beam import law_of
 from problems.study.data_table import Column
-from problems.study.drawing import drawn, new_figure, plain_log_ticks, series
+from problems.study.drawing import drawn, new_figure, series
 from problems.study.kinds.experiment import FEWEST_MODES, ExperimentResult, RequestedRun, decay_curve
 from problems.study.kinds.transients import experiment_tasks, results_of
 from problems.study.part import Effort, Finding, Found, Task

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ancf_casadi.set_up import draw_set_up
-from ancf_casadi.support.figures import MEASURED, SERIES, literal_text
+from ancf_casadi.support.figures import MEASURED, SERIES, literal_text, plain_log_ticks
 from ancf_casadi.vibration.equilibrium import static_equilibrium
 from problems.planning.comparison import PlannedComparison
 from problems.planning.result import TOGETHER, Plan, heads_of
@@ -84,6 +84,7 @@ def _draw_candidates(axes: Axes, plans: Mapping[str, Plan], names: Sequence[str]
                       label=f"{label}, {head}" if label else head)  # fmt: skip
     axes.set(xscale="log", xlabel="expected standard error from one record", ylim=(len(names) - 0.5, -0.5))
     axes.set_xlim(right=min(axes.get_xlim()[1], LARGEST_DRAWN))
+    plain_log_ticks(axes, "x")
     axes.set_yticks(range(len(names)), names)
     axes.grid(alpha=0.3, which="both")
     axes.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
@@ -97,6 +98,7 @@ def _draw_lines(
         known = np.isfinite(values)
         axes.plot(x[known], values[known], color=colour, ls=dash, lw=1.2, marker=marker if marked else None, ms=3)
     axes.set(yscale="log", ylabel="standard error, %" if all(plan.guess.values()) else "standard error")
+    plain_log_ticks(axes, "y")
     axes.grid(alpha=0.3, which="both")
 
 

@@ -30,7 +30,7 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.estimation.block import Block
 from ancf_casadi.estimation.solver.least_squares import residual_function
 from ancf_casadi.estimation.solver.polish import residuals_and_jacobian
-from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown
+from ancf_casadi.estimation.solver.unknown import Coordinates, Priors, Unknown
 from ancf_casadi.exceptions import AncfError, FitError, InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
@@ -47,7 +47,7 @@ from problems.beam.motions.record import MotionRecord
 from problems.beam.motions.weights import first_weights as motion_weights
 from problems.beam.properties import Owners
 from problems.beam.result import BeamFit
-from problems.beam.unknowns import COMMON, Priors, sought_frequencies
+from problems.beam.unknowns import COMMON, sought_frequencies
 from problems.beam.values.block import ValueBlock
 from problems.beam.values.records import StaticRecord
 from problems.beam.values.response import place

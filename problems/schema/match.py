@@ -28,6 +28,9 @@ class MatchTable:
     shape_std: Any = None
     bounds: Any = None
     objective: Annotated[Any, Meta(description='"least-squares" or "worst-error"')] = None
+    priors: Annotated[Any, Meta(description='{density = [7850.0, 50.0]}, or [MEDIAN, RELATIVE STD, "log-normal"]')] = (
+        None
+    )
     starts: Any = None
     seed: Any = None
     unknowns: Annotated[

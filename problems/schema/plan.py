@@ -15,7 +15,9 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import check_keys, is_sequence, located, shown
 from problems.beam.curves.record import ResponseRecord
+from problems.planning.experiments import plan
 from problems.planning.record import PlannedRecord
+from problems.planning.result import Plan
 from problems.schema.beam import DAMPED_HELP, read_damped
 from problems.schema.motion import MOTION_KEYS, read_motion
 from problems.schema.records import (
@@ -61,6 +63,7 @@ PLAN_KEYS = (
   [fit]         unknowns, fixed, priors: as for the command fit
 """
 )
+PLAN_TABLES = {"beam", "damping", "base", "load", "release", "candidates", "fit", "plan"}
 PLAN_HELP = DAMPED_HELP + MOTION_KEYS + PLAN_KEYS
 PLANNED_KEYS = {"name", "cost", *CONFIGURATION}
 READING_KEYS = {"sensor", "std", "points", *SENSOR}
@@ -77,6 +80,21 @@ class PlanTask:
     candidates: Mapping[str, PlannedRecord]
     settings: Mapping[str, Any]  # other arguments of ``plan``
     table: PlanTable
+    file: StudyFile
+
+    def planned(self, *, jobs: int = 1, progress: bool = False) -> Plan:
+        """Return the plan."""
+        with located(self.file.where("fit")):
+            return plan(self.model, self.candidates, self.damping, jobs=jobs, progress=progress, **self.settings)
+
+    def chosen(self, found: Plan) -> dict[str, Any]:
+        """Return goal and budget, the best list with its standard errors, and the best shares, for JSON."""
+        table = self.table
+        with located(self.file.where("plan")):
+            best = found.best(table.budget, table.goal, table.most_each)
+            shares = found.shares(table.budget, table.goal)
+        errors = {"standard_errors": found.errors_of(best), "shares": shares}
+        return {"goal": table.goal, "budget": table.budget, "best": best, **errors}
 
 
 def read_plan(given: str | StudyFile) -> PlanTask:
@@ -94,7 +112,7 @@ def read_plan(given: str | StudyFile) -> PlanTask:
     check_keys(fit, set(), {*FIT, "laws"}, file.where("fit"))
     settings = {key: fit[key] for key in PLAN_SETTINGS & fit.keys()}
     table = read(file.tables.get("plan", {}), PlanTable, file.where("plan"))
-    return PlanTask(source.model, source.damping, candidates, settings, table)
+    return PlanTask(source.model, source.damping, candidates, settings, table, file)
 
 
 def _candidate(file: StudyFile, given: Any, model: Model, where: str) -> PlannedRecord:

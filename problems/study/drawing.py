@@ -98,20 +98,6 @@ def line(number: int) -> dict[str, Any]:
     return {**series(number), "marker": ""}
 
 
-def plain_log_ticks(axes: Axes, axis: str) -> None:
-    """Label a logarithmic axis with plain numbers: at 1, 2 and 5 times the powers of ten, or closer on a short axis."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
-
-    part = axes.xaxis if axis == "x" else axes.yaxis
-    low, high = axes.get_xlim() if axis == "x" else axes.get_ylim()
-    short = high < 8.0 * low  # ratio of the ends of a logarithmic axis below which its labels are closer
-    part.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]) if short else LogLocator(subs=(1.0, 2.0, 5.0)))
-    part.set_minor_locator(NullLocator())
-    part.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    part.set_minor_formatter(NullFormatter())
-    axes.set(**{f"{axis}lim": (low, high)})
-
-
 def band(time: Array, values: Array, frequency: float) -> Array:
     """Return times and extremes, (3, k), of a vibration of a frequency (Hz): its samples if it has few periods."""
     periods = float(time[-1] - time[0]) * frequency

@@ -1,7 +1,7 @@
 """Reading a study from a TOML file: the table [study], the laws, and the parts in the order of the document.
 
 A file without [[parts]] has the parts that its other tables suggest: the beam and its modes, the decays, the match, the
-simulation, the steady vibration, and the fit to measured motion.
+simulation, the steady vibration, the fit to measured motion, and the plan.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from problems.study.results import file_name
 
 SUGGESTED_KEYS = {  # parts that a table suggests
     "beam": ("beam", "modes"), "decays": ("decays",), "match": ("match",), "simulation": ("simulation",),
-    "response": ("response",), "records": ("motion",),
+    "response": ("response",), "records": ("motion",), "candidates": ("plan",),
 }  # fmt: skip
 STUDY_TABLES = {"study", "timing", "versions", "data"}  # other keys of results.json
 

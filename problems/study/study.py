@@ -28,10 +28,12 @@ from ancf_casadi.support.tables import Displayed, counted, to_json
 from ancf_casadi.version import __version__
 from problems.schema import beam as beam_schema
 from problems.schema.match import MATCH_KEYS
+from problems.schema.plan import PLAN_KEYS
 from problems.schema.table import told
 from problems.study.kinds.beam import BeamProperties, Match, ModesOfBeam
 from problems.study.kinds.decays import DecayRecord, Decays
 from problems.study.kinds.motion import Comparison, MotionFit, SimulationPart
+from problems.study.kinds.planning import PlanPart
 from problems.study.kinds.rayleigh import Rayleigh
 from problems.study.kinds.response import ResponsePart
 from problems.study.kinds.transients import Transients
@@ -42,7 +44,7 @@ from problems.study.runner import PartTime, run_parts
 
 KINDS: tuple[type[Part], ...] = (  # that users' files name, in the order of the help
     BeamProperties, ModesOfBeam, Decays, Rayleigh, Match, SimulationPart, ResponsePart, MotionFit, Comparison,
-    Transients,
+    Transients, PlanPart,
 )  # fmt: skip
 NUMBERED = re.compile(r"(table|figure)_a?\d+\.(csv|svg|png)")  # names of files of tables and figures
 PAGE, NUMBERS_FILE, SCHEMA_FILE = "report.html", "results.json", "results.schema.json"
@@ -108,6 +110,7 @@ def study_help() -> str:
         told("[study]", "{}", StudyTable),
         beam_schema.BEAM_KEYS,
         MATCH_KEYS,
+        PLAN_KEYS,
         told("[[decays]]", "measured free decays: {}", DecayRecord),
         told("[[laws]]", "damping laws: {}", LawChoice),
         beam_schema.DAMPING_KEYS,

@@ -9,7 +9,8 @@ import pytest
 from scipy import stats
 
 from ancf_casadi.estimation.fit import colour_warning
-from ancf_casadi.estimation.intervals import profile_interval, quantile
+from ancf_casadi.estimation.intervals import profile_interval, profiles, quantile
+from ancf_casadi.estimation.result import LeastSquaresResult
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, started
 from ancf_casadi.exceptions import InputError
@@ -31,6 +32,13 @@ def puromycin(**options):
     return least_squares(
         lambda vm, k: vm * c / (k + c) - v, [Unknown("Vm", 200.0, 100.0), Unknown("K", 0.1, 0.1, **options)]
     )
+
+
+class Curve(LeastSquaresResult):
+    kind = "curve"
+
+    def predict(self, record):
+        raise NotImplementedError
 
 
 def straight(*, lower=-math.inf):
@@ -114,6 +122,19 @@ def test_profile_intervals_of_a_curve_are_where_the_profiled_sum_of_squares_says
     for end in (low, high):
         assert left(end) - least == pytest.approx(threshold, rel=1e-6)
     assert high - fit["K"] > 1.1 * (fit["K"] - low)  # not symmetric
+
+
+def test_the_interval_of_a_curved_fit_is_that_by_profile_likelihood():
+    """K of the Michaelis-Menten curve, and a power of it; the same data twenty times leave little curvature."""
+    fit = puromycin()
+    result = Curve(fit, again=lambda _: None)
+    assert result.profiled == ("K",)
+    assert result.intervals(0.9) == {"Vm": tuple(fit.intervals(0.9)[0]), "K": profile_interval(fit, "K", 0.9)}
+    assert "by profile likelihood" in result.report() and result.to_dict()["profiled"] == ["K"]
+    c, v, rows = cs.DM(np.tile(CONCENTRATION, 20)), cs.DM(np.tile(VELOCITY, 20)), fit.unknowns
+    many = least_squares(lambda vm, k: vm * c / (k + c) - v, rows)
+    assert Curve(many, again=lambda _: None).profiled == ()
+    assert set(profiles(fit, ("K^4",), lambda vm, k: k**4, 0.95)) == {"K^4"}
 
 
 def test_a_profile_interval_does_not_depend_on_how_the_quantity_is_stated():
@@ -355,11 +376,13 @@ def test_residuals_that_are_not_noise_are_told_of_unless_they_are_within_the_noi
     assert colour_warning(found, noise_free=2 * math.sqrt(np.mean(coloured**2))) is None
 
 
-def test_profile_intervals_allow_for_coloured_residuals():
-    """For a line, both intervals are the same."""
+@pytest.mark.parametrize("lower", [-math.inf, 0.5])
+def test_profile_intervals_allow_for_coloured_residuals(lower):
+    """For a line, both intervals are the same, also that of an intercept at its bound."""
     x = np.linspace(0.0, 3.0, 400)
     coloured = np.convolve(np.random.default_rng(1).standard_normal(407), np.ones(8), "valid")
-    unknowns = [Unknown("a", -0.5), Unknown("b", 0.0)]
+    unknowns = [Unknown("a", 1.0, lower=lower), Unknown("b", 0.0)]
     fit = least_squares(lambda a, b: a + b * cs.DM(x) - cs.DM(coloured), unknowns, series=[400])
-    for k, name in enumerate(fit.names):
+    assert fit.at_bound == ("a",) * math.isfinite(lower)
+    for k, name in enumerate(fit.names[: 1 if fit.at_bound else 2]):
         np.testing.assert_allclose(profile_interval(fit, name), fit.intervals()[k], rtol=1e-6)

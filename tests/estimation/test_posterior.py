@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from ancf_casadi import Beam, InputError, Model
 from ancf_casadi.estimation.intervals import profile_interval
 from ancf_casadi.estimation.posterior.log_density import LogDensity
-from ancf_casadi.estimation.posterior.sampling import _chain, expanded, sampled
+from ancf_casadi.estimation.posterior.sampling import _chain, expanded, largest_r_hat, sampled
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 from problems import FrequencyRecord, corner_figure, fit_beam, fit_decay
@@ -207,6 +207,16 @@ def test_samples_of_a_nearly_linear_fit_agree_with_its_intervals():
     first, again, other = (fit.sample(draws=50, chains=1, seed=seed).posterior["eta1"].values for seed in (0, 0, 1))
     assert np.array_equal(first, again) and not np.array_equal(first, other)
     assert corner_figure(data).axes[0].patches
+
+
+@pytest.mark.slow
+def test_short_chains_that_have_converged_do_not_warn():
+    """R-hat is 1.012 by chance; of chains whose means are 0.6 standard deviations apart, it is above the limit."""
+    samples = fit_decay(TIME, DECAY + noise(0, 1e-3), release_time=0.0).sample(draws=250, chains=2)
+    arviz = importlib.import_module("arviz")
+    apart = np.random.default_rng(0).standard_normal((2, 250)) + np.array([[0.3], [-0.3]])
+    assert float(arviz.rhat(apart)) > largest_r_hat(250, 2, 5) > max(map(float, arviz.rhat(samples).values())) > 1.01
+    assert largest_r_hat(500, 4, 5) == pytest.approx(1.01, abs=1e-3)
 
 
 @pytest.mark.slow

@@ -112,8 +112,8 @@ class Noise:
     def form(self, columns: Array) -> Array:
         """Return X' R X (n, n) of columns X (m, n)."""
         if self.parts:
-            return np.asarray(sum(noise.form(columns[rows]) for rows, noise in self.parts))
-        if self.spectra:
+            form = sum(noise.form(columns[rows]) for rows, noise in self.parts)
+        elif self.spectra:
             form = sum(spectrum.form(columns) for spectrum in self.spectra)
         else:
             form = self.variance * (columns.T @ columns)

@@ -19,13 +19,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import casadi as cs
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, Mask
-from ancf_casadi.support.inputs import positive
+from ancf_casadi.support.inputs import choice, is_sequence, positive, two_numbers
+
+Symbol = TypeVar("Symbol", cs.MX, cs.SX)
+Priors = Mapping[str, tuple[float, float] | tuple[float, float, str]]
+LOG_NORMAL = "log-normal"  # third entry of a prior of the logarithm
 
 
 @dataclass(frozen=True)
@@ -59,7 +64,20 @@ class Unknown:
         mean, std = self.prior or (1.0, math.inf)
         return std * mean if self.relative_prior else std
 
-    def prior_residual(self, x: cs.MX) -> cs.MX:
+    def data_share(self, error: float) -> float:
+        """Return the share that the data determine, 1 - (standard error/std of the prior)^2, nan for no error."""
+        return float(np.maximum(1 - (error / self.prior_std) ** 2, 0.0))
+
+    def with_mean(self, value: float, distance: float) -> tuple[float, float] | tuple[float, float, str]:
+        """Return the prior, as users give it, with its mean some standard deviations above a value."""
+        std = self.prior[1] if self.prior else math.inf
+        return (
+            (value * math.exp(std * distance), std, LOG_NORMAL)
+            if self.relative_prior
+            else (value + std * distance, std)
+        )
+
+    def prior_residual(self, x: Symbol) -> Symbol:
         """Return the distance of a value from its prior in standard deviations: (x - m)/s, or log(x/m)/s."""
         mean, std = self.prior or (0.0, math.inf)
         return (cs.log(x / mean) if self.relative_prior else x - mean) / std
@@ -116,3 +134,25 @@ class Coordinates:
 def started(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[Unknown]:
     """Return the unknowns with other guesses by name, each moved to its nearest bound if it is not within them."""
     return [replace(u, guess=min(max(values.get(u.name, u.guess), u.lower), u.upper)) for u in unknowns]
+
+
+def with_prior(unknown: Unknown, given: Any) -> Unknown:
+    """Return an unknown with a prior: mean and standard deviation, or median, relative one and "log-normal"."""
+    where, names = f"priors: {unknown.name}", "(mean, standard deviation)"
+    if not (is_sequence(given) and len(given) == 3):
+        mean, std = two_numbers(given, where, f'{names}, or (median, relative standard deviation, "{LOG_NORMAL}")')
+        return replace(unknown, prior=(mean, positive(std, where)))
+    choice(given[2], [LOG_NORMAL], where)
+    mean, std = (positive(value, where) for value in given[:2])
+    if unknown.lower < 0.0:
+        raise InputError(f"may be negative, and a {LOG_NORMAL} quantity may not; give it a lower bound of 0", where)
+    return replace(unknown, prior=(mean, std), relative_prior=True)
+
+
+def share_lines(shares: Mapping[str, float]) -> list[str]:
+    """Return how far data and priors determine unknowns, by name, as text."""
+    return [
+        f"{name}: the data determine {share:.0%}, the prior {1 - share:.0%}"
+        for name, share in shares.items()
+        if math.isfinite(share)
+    ]

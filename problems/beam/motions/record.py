@@ -36,8 +36,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
-from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import array, check_instance, is_sequence, number, positive, shown
+from ancf_casadi.support.inputs import check_instance, is_sequence, number, positive, shown, two_numbers
 from ancf_casadi.support.tables import Displayed, counted
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
@@ -337,14 +336,6 @@ def pair(bounds: Any, where: str) -> Bounds:
     if not lower < upper:
         raise InputError(f"the lower bound {lower:g} is not below the upper {upper:g}", where)
     return lower, upper
-
-
-def two_numbers(given: Any, where: str, names: str = "(lower, upper)", *, finite: bool = False) -> tuple[float, float]:
-    """Return two numbers that the user gave as a pair."""
-    values: Array = array(given, where, finite=finite)
-    if values.shape != (2,):
-        raise InputError(f"must be a pair {names}, got {shown(given)}", where)
-    return float(values[0]), float(values[1])
 
 
 def _keep_bounds(record: Channel | Camera, name: str) -> None:

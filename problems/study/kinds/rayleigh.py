@@ -10,13 +10,13 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.figures import Figure
+from ancf_casadi.support.figures import Figure, plain_log_ticks
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.tables import known
 from problems.modal_damping.rayleigh import RayleighFit, fit_rayleigh, rayleigh_ratio
 from problems.schema.table import Positive
 from problems.study.data_table import Column
-from problems.study.drawing import drawn, line, new_figure, plain_log_ticks
+from problems.study.drawing import drawn, line, new_figure
 from problems.study.part import Effort, Finding, Found, Part, Printed, Source, printed_numbers
 
 

@@ -18,11 +18,11 @@ from ancf_casadi.dynamics.simulation import Method
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import Axes, Figure
+from ancf_casadi.support.figures import Axes, Figure, plain_log_ticks
 from ancf_casadi.support.tables import known
 from problems.schema.table import keys_of
 from problems.study.data_table import Column, DataTable
-from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series
+from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, series
 from problems.study.kinds.experiment import ExperimentResult, RequestedRun, run_experiment
 from problems.study.part import Effort, Finding, Found, LawChoice, Part, Printed, Source, Task, printed_numbers
 

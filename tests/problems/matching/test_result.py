@@ -271,6 +271,40 @@ class TestIdentifiability:
         assert np.isnan(without).all()
         assert prior.identifiability.standard_errors == pytest.approx([0.1 / np.sqrt(2)] * 2, rel=1e-3)
 
+    def test_priors_are_further_measurements(self, beam):
+        """One frequency determines the change of E/rho; priors of 1 % and 2 % share it as their variances."""
+        weightless = beam.with_(gravity=(0.0, 0.0))
+        frequency = 1.003**0.5 * float(natural_modes(Model(weightless), count=1).frequencies[0])
+        match = match_frequencies(
+            weightless,
+            targets=MeasuredModes((frequency,), 1e-5),
+            unknowns=(Global("elastic_modulus"), Global("density")),
+            priors={"elastic_modulus": (210e9, 0.01, "log-normal"), "density": (8e3, 160.0)},
+        )
+        assert match.estimates["elastic_modulus"] == pytest.approx(210e9 * 1.003**0.2, rel=1e-5)
+        assert match.estimates["density"] == pytest.approx(8e3 * 1.003**-0.8, rel=1e-5)
+        common = 0.01 * 0.02 / np.hypot(0.01, 0.02)
+        assert match.identifiability.standard_errors == pytest.approx([common, common], rel=0.03)
+        shares = match.data_shares
+        assert shares == pytest.approx({"elastic_modulus": 0.2, "density": 0.8}, abs=0.02)
+        assert "density: the data determine 80%, the prior 20%" in match.report()
+        assert [one["data_share"] for one in match.to_dict()["priors"]] == list(shares.values())
+        for noise, shift in (([0.0, 1.0, 0.0], 0.8 * 0.01), ([0.0, 0.0, 1.0], 0.2 * 0.02)):
+            drawn = match.resampled(np.array(noise)) / list(match.estimates.values()) - 1
+            assert drawn == pytest.approx([shift, shift], rel=0.03)
+
+    @pytest.mark.parametrize(
+        ("given", "message"),
+        [
+            ({"priors": {"thickness": (1e-3, 1e-5)}}, "priors: unknown key 'thickness'"),
+            ({"priors": {"density": (8e3, 0.0)}}, "priors: density: must be positive"),
+            ({"priors": {"density": (8e3, 1.0)}}, "priors: need frequency_std of the targets"),
+        ],
+    )
+    def test_priors_that_cannot_be_used_are_refused(self, beam, given, message):
+        with pytest.raises(InputError, match=message):
+            match_frequencies(beam, targets=(1.85,), unknowns=[Global("density")], **given)
+
     def test_smoothness_prefers_a_smoother_beam(self, beam):
         targets = (natural_modes(Model(beam), count=2).frequencies * [1.02, 0.99]).tolist()
 

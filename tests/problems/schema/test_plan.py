@@ -5,7 +5,7 @@ import json
 import pytest
 
 from ancf_casadi import InputError
-from problems import plan
+from problems import plan, run_study
 from problems.cli import main
 from problems.schema.plan import read_plan
 from tests.problems.conftest import BEAM
@@ -97,6 +97,11 @@ def test_the_command_prints_the_errors_and_the_best_list(study, capsys, tmp_path
     data = json.loads(capsys.readouterr().out)
     assert data["best"] == best and data["kind"] == "plan"
     assert data["standard_errors"] == pytest.approx(found.errors_of(best))
+    report = run_study(study(SAG, TONES), tmp_path / "results", quick=True)
+    assert report.results["plan"] == data
+    ((_, table),) = report.parts[-1].tables
+    assert table.columns[0].values == ("sag", "tones", "all together", "best list")
+    assert "Best list within the budget 4 for D: " in table.notes[0]
 
 
 @pytest.mark.parametrize(("tables", "message"), [

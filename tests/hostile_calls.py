@@ -373,7 +373,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         }),
         "plan_comparison": (p.plan_comparison, {
             "model": model, "laws": [rayleigh, a.QuadraticDamping(eta2=1.0)], "counts": {"swing": 1},
-            "candidates": {"swing": p.PlannedRecord.motion(a.Sensor(), duration=0.05, sample_rate=100.0, std=1e-4,
+            "candidates": {"swing": p.PlannedRecord.motion(a.Sensor(), duration=0.05, sample_rate=200.0, std=1e-4,
                                                            start=pulled)},
         }),
         "corner_figure": (p.corner_figure, {"samples": drawn_samples()}),

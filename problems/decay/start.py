@@ -35,7 +35,7 @@ SHAPES: Mapping[FrequencyLaw, Sequence[tuple[float]]] = {  # exponents, and loga
 LEAST_SPAN = 3.0  # of amplitudes: at 1, the steps of a smooth frequency would coincide
 # Least amplitude that a record shows, over that of the last window in which noise leaves it visible.  At 1,
 # test_a_smooth_frequency_reaches_to_half_the_smallest_visible_amplitude fails.
-HIDDEN = 0.5
+LEAST_SHOWN = 0.5
 
 
 def of_motion(guess: DecayGuess, derivatives: int) -> DecayGuess:
@@ -81,7 +81,7 @@ def span_of(decays: Sequence[Measurement], guesses: Sequence[DecayGuess]) -> flo
         if len(found.time):
             hidden = math.exp(-max(guess.ζ * guess.ω * (decay.time[-1] - found.time[-1]), 0.0))
             largest = max(largest, float(found.amplitude.max()))
-            smallest = min(smallest, max(HIDDEN, hidden) * float(found.amplitude.min()))
+            smallest = min(smallest, max(LEAST_SHOWN, hidden) * float(found.amplitude.min()))
     return max(largest / smallest, LEAST_SPAN)
 
 

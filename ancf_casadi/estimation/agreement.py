@@ -49,7 +49,7 @@ from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, quantile
 from ancf_casadi.estimation.solver.loss import row_weights
 from ancf_casadi.estimation.solver.noise import estimated_noise
 from ancf_casadi.support.arrays import Array, Mask
-from ancf_casadi.support.tables import known
+from ancf_casadi.support.tables import known, to_width, with_error
 
 FREEDOM_AGREED = 3  # degrees of freedom per record if tau = 0 (test_two_records_may_agree_by_chance)
 AGREE, DISAGREE = 0.05, 0.01  # probabilities of Q above which estimates agree, and below which they do not
@@ -122,20 +122,21 @@ class Agreement:
         if self.probability >= DISAGREE:
             return None
         pairs = zip(self.values.tolist(), self.errors.tolist(), strict=True)
-        listed = ", ".join(f"{value:.4g} +- {error:.2g}" for value, error in pairs)
+        listed = ", ".join(with_error(*pair) for pair in pairs)
         return (
             f"the records do not agree on {self.name}: {listed}; the fit to all of them understates its error; "
-            f"use the mean with its scatter, {self.mean:.5g} +- {self.error:.2g}"
+            f"use the mean with its scatter, {with_error(self.mean, self.error)}"
         )
 
     def text(self) -> str:
         """Return the agreement as one line."""
         low, high = self.interval
+        ends = ", ".join(to_width(end, high - low, 3) for end in (low, high))
         unit = f" {self.unit}" if self.unit else ""
         chance = f"p = {self.probability:.2g}" if self.probability >= 1e-4 else "p < 0.0001"
         verdict = "agree" if self.agrees else "hardly agree" if self.probability >= DISAGREE else "do not agree"
         return (
-            f"{self.name}: {self.mean:.5g} +- {self.error:.2g}{unit}, 95 % interval [{low:.5g}, {high:.5g}]; the "
+            f"{self.name}: {with_error(self.mean, self.error, self.unit)}, 95 % interval [{ends}]; the "
             f"{len(self.values)} records {verdict} ({chance}), "
             f"scatter between them {self.scatter:.2g}{unit}"
         )

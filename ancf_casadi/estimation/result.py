@@ -29,7 +29,7 @@ from ancf_casadi.estimation.solver.least_squares import refitted
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.interrupts import lasting_interrupts
-from ancf_casadi.support.tables import Reported, Table, finite, known
+from ancf_casadi.support.tables import Reported, Table, finite, known, with_error
 
 Interval = tuple[float, float]
 
@@ -158,7 +158,7 @@ class FitResult(Reported):
 
     def _summary(self) -> str:
         shown = [
-            f"{name} {value:.5g}{f' +- {error:.2g}' if math.isfinite(error) else ''} {unit}".rstrip()
+            f"{name} {with_error(value, error, unit) if math.isfinite(error) else f'{value:.5g} {unit}'.rstrip()}"
             for name, value, unit, error, _ in self._rows()
         ]
         return f"{self.title}: {', '.join(shown)}"

@@ -151,7 +151,7 @@ def sensor_of(channel: RecordedChannel, given: Unit | None, sensor: Sensor | Non
     if not fitting:
         raise InputError(
             f"is in {unit.symbol}, a unit of {unit.quantity}, which no sensor measures; "
-            "give the scale with --unit, such as '0.25 mm'"
+            "give the scale with --unit, such as '0.25 mm', or 'strain' for values relative to the sensor"
         )
     if sensor is None:
         return unit.factor, Sensor(quantity=fitting[0])

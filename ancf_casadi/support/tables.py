@@ -186,6 +186,18 @@ def spread(values: ArrayLike, unit: str) -> str:
     return f"{' to '.join(ends)} {unit}".rstrip()
 
 
+def with_error(value: float, error: float, unit: str = "") -> str:
+    """Return a value with its standard error, as ``10.0013 +- 0.00026 Hz``: both have the same decimals."""
+    return f"{to_width(value, error)} +- {error:.2g} {unit}".rstrip()
+
+
+def to_width(value: float, width: float, digits: int = 2) -> str:
+    """Return a value with some digits of an error or of the width of an interval; six of its own without one."""
+    if not (math.isfinite(width) and width > 0.0 and value):
+        return f"{value:.6g}"
+    return f"{value:.{min(17, max(3, digits + math.ceil(math.log10(abs(value) / width))))}g}"
+
+
 def known(value: float) -> float | None:
     """Return a number for JSON, None if it is not finite."""
     return float(value) if math.isfinite(value) else None

@@ -34,6 +34,7 @@ from ancf_casadi.estimation.fit import Fit, colour_warning
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Mask
+from ancf_casadi.support.tables import with_error
 
 if TYPE_CHECKING:
     from problems.decay.result import DecayFit
@@ -157,7 +158,7 @@ def _changing(decay: DecayFit) -> str | None:
     worst = known[int(np.argmax(np.abs(normal)))]
     name, unit = fit.names[worst], f" {fit.units[worst]}".rstrip()
     split = time[int(np.argmax(late[rows]))]
-    before, after = (f"{values[worst]:.5g} +- {found[worst, worst] ** 0.5:.2g}" for values, found in parts)
+    before, after = (with_error(values[worst], found[worst, worst] ** 0.5) for values, found in parts)
     return (
         f"the law does not hold over the record: {name} is {before}{unit} up to {split:.4g} s, and {after}{unit} "
         "later; compare laws, or show damping and frequency against amplitude"

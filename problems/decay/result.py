@@ -20,12 +20,12 @@ from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest import REST_TERMS
 from ancf_casadi.estimation.intervals import Quantities
 from ancf_casadi.estimation.prediction import RecordPrediction
-from ancf_casadi.estimation.result import Interval, LeastSquaresResult
+from ancf_casadi.estimation.result import LeastSquaresResult
 from ancf_casadi.estimation.solver.unknown import share_lines
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.inputs import array
-from ancf_casadi.support.tables import known
+from ancf_casadi.support.tables import known, to_width
 from problems.decay.laws import DECAY_QUANTITIES, DecayModel, Law
 from problems.decay.limitations import limitations
 from problems.decay.prediction import predicted
@@ -281,15 +281,7 @@ class DecayFit(LeastSquaresResult):
         if name not in self.estimates:
             return f"{unit}  (fixed)".lstrip()
         error, interval = self.standard_errors[name], self.intervals()[name]
-        ends = ", ".join(_precise(end, interval) for end in interval)
+        ends = ", ".join(to_width(end, interval[1] - interval[0], 3) for end in interval)
         if math.isnan(error):
             return f"{unit}  [{ends}]  (at its bound)".lstrip()
         return f"{f'+- {error:.2g} {unit}'.rstrip()}  [{ends}]{'  (by profile likelihood)' * (name in self.profiled)}"
-
-
-def _precise(end: float, interval: Interval) -> str:
-    """Return an end of an interval with three digits of its width."""
-    width = interval[1] - interval[0]
-    if not (math.isfinite(width) and width > 0.0 and end):
-        return f"{end:.6g}"
-    return f"{end:.{min(17, max(3, 3 + math.ceil(math.log10(abs(end) / width))))}g}"

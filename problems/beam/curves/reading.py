@@ -102,7 +102,11 @@ def level_unit_of(quantity: str, given: ExcitationUnit) -> ExcitationUnit:
     """Return the SI unit of the levels of a file: that of the file, or the given one if the file has none."""
     found = LEVEL_UNITS.get(quantity, given)
     if not found:
-        raise InputError("does not tell the unit of its levels", "excitation_unit")
+        raise InputError(
+            "is missing, and the file does not tell the unit of its levels; state it, for a command in a table "
+            "[[curves]]",
+            "excitation_unit",
+        )
     if given not in ("", found):
         raise InputError(f"is {given}, but the levels of the file are in {found}", "excitation_unit")
     return found

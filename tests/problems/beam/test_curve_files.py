@@ -112,6 +112,8 @@ def test_volts_are_amplitudes_without_a_beam_only(tmp_path):
     curve = without_beam(path)
     check(curve, levels=np.ones(4))
     assert curve.sensor == Sensor("strain")
+    with pytest.raises(InputError, match=r"excitation_unit: is missing, .* state it, for a command in a table \[\[cur"):
+        without_beam(path, excitation_unit="")
     with pytest.raises(InputError, match="the reading is in V, which no sensor of a beam has; give its scale"):
         ResponseRecord.from_file(path, base=HarmonicBase(1e-3, 1.0))
     record = ResponseRecord.from_file(path, unit="2 m", base=HarmonicBase(1e-3, 1.0))

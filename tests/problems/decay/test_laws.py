@@ -7,13 +7,16 @@ import casadi as cs
 import numpy as np
 import pytest
 
+from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.exceptions import FitError, InputError
+from ancf_casadi.records.measurement import Measurement
 from problems import amplitude_table, compare_decay_laws, fit_decay, law_curve
 from problems.decay import comparison as comparison_module
 from problems.decay import solution
 from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED
 from problems.decay.fitting import fit_decays
 from problems.decay.laws import DecayModel
+from problems.decay.start import span_of
 
 TIME = np.arange(0.0, 12.0, 1 / 200)
 E0, F = 0.02, 6.92
@@ -163,6 +166,19 @@ def test_a_frequency_that_no_law_has_is_found_without_a_law(seed):
     assert law.min() == pytest.approx(0.99 * F, rel=1e-3)
     assert law.max() > 0.998 * F
     assert fit.frequency_change == pytest.approx(-0.01, abs=4 * fit.standard_errors["frequency_change"])
+
+
+def test_a_smooth_frequency_reaches_to_half_the_smallest_visible_amplitude():
+    """Or to that at the end of a record; at the smallest visible one alone, bands there are too narrow."""
+
+    def smallest(noise, time):
+        measured = Measurement(time, record("linear", "linear", noise, time=time))
+        return E0 / span_of([measured], [first_guess(measured, release_time=0.0)])
+
+    assert smallest(1e-5, TIME) == pytest.approx(E0 * math.exp(-0.004 * ω * TIME[-1]), rel=0.05)
+    samples = 200 / F  # in a period
+    visible = 1e-3 * math.sqrt((2 * math.log(samples) + 10) * 2 / samples)
+    assert 0.5 * visible < smallest(1e-3, np.arange(0.0, 30.0, 1 / 200)) < 0.8 * visible
 
 
 @pytest.mark.slow

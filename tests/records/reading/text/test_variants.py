@@ -123,7 +123,7 @@ REFUSED = {
     "days since 1900": (
         lines(lambda k, t, y: f"{45429.5 + t / 86400:.9f},{y}", "Time,x_mm\n"), {}, "may count days; .*--time-unit",
     ),
-    "volts": (table("time_s,sensor (V)\n"), {}, "is in V, a unit of voltage.*--unit, such as '0.25 mm'"),
+    "volts": (table("time_s,sensor (V)\n"), {}, "is in V, a unit of voltage.*--unit, such as '0.25 mm', or 'strain'"),
     "units told in a remark": (table("Units: ms and mm\ntime,x\n"), {}, "Units: ms and mm.*--time-unit"),
     "a name that does not fit the columns": (table("Time (ms) of the run; Disp (mm) of the tip\n"), {}, "--time-unit"),
     "large numbers without a unit of time": (

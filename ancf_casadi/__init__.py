@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ancf_casadi.dynamics.damped_modes import CriticalLoad, DampedModes, critical_load, damped_modes
     from ancf_casadi.dynamics.derivatives.differentiable import motion
     from ancf_casadi.dynamics.simulation import simulate
-    from ancf_casadi.dynamics.tip_load import HarmonicLoad, SampledLoad, TipLoad
+    from ancf_casadi.dynamics.tip_load import HarmonicLoad, MovingForce, SampledLoad, TipLoad
     from ancf_casadi.dynamics.trajectory import State, Trajectory
     from ancf_casadi.exceptions import (
         AncfError,
@@ -88,6 +88,7 @@ __all__ = [
     "ModalDamping",
     "Model",
     "Modes",
+    "MovingForce",
     "NumericsError",
     "Parameter",
     "PeriodicMotion",

@@ -23,7 +23,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.lumped import PROPERTIES
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.set_up import draw_set_up
+from ancf_casadi.set_up import draw_loads, draw_set_up
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES, literal_text, prefixed
 from ancf_casadi.vibration.equilibrium import Equilibrium
@@ -194,13 +194,14 @@ def _draw_plane(axes: Axes) -> None:
 
 @literal_text
 def equilibrium_figure(equilibria: Mapping[str, Equilibrium]) -> Figure:
-    """Draw the beam at rest and without load, by label, with its supports and attachments."""
+    """Draw the beam at rest and without load, by label, with supports, attachments and forces."""
     figure = Figure(figsize=(6.4, 5.6), layout="constrained")
     axes = figure.subplots()
     for (label, rest), (colour, dash) in zip(equilibria.items(), _lines(equilibria), strict=False):
         axes.plot(*_shape(rest.model, rest.model.straight), color=MEASURED, ls=":", lw=0.8)
         axes.plot(*_shape(rest.model, rest.coordinates), color=colour, ls=dash, lw=2.0, label=label or "at rest")
         draw_set_up(axes, rest.model, rest.coordinates)
+        draw_loads(axes, rest.model, rest.coordinates, rest.all_loads)
     axes.lines[0].set_label("without load")
     _draw_plane(axes)
     figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=4)

@@ -1,4 +1,4 @@
-"""Symbols of supports and attachments in drawings of a beam.
+"""Symbols of supports, attachments and forces in drawings of a beam.
 
     clamp       a wall across the beam            point mass          a disc
     pin         a triangle on hatched ground      spring              a zigzag to the ground
@@ -20,6 +20,7 @@ from matplotlib.path import Path
 from matplotlib.transforms import Affine2D
 
 from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, RotationalSpring, Spring
+from ancf_casadi.mechanics.loads import Load, PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.supports import Clamp, Support
 from ancf_casadi.support.arrays import Array
@@ -40,6 +41,19 @@ def draw_set_up(axes: Axes, model: Model, coordinates: Array) -> None:
         style = MarkerStyle(path, transform=Affine2D().rotate(direction))
         full = MEASURED if isinstance(one, PointMass) else "none"
         axes.plot(x, y, marker=style, ms=size, mec=MEASURED, mfc=full, mew=1.0, ls="none", zorder=3, label="_nolegend_")
+
+
+def draw_loads(axes: Axes, model: Model, coordinates: Array, loads: Sequence[Load]) -> None:
+    """Draw the directions of forces as arrows that end at their points on a beam, in axes of mm."""
+    for load in loads:
+        beam, force = model.beam, np.array(load.force)
+        points = [load.place(beam)] if isinstance(load, PointLoad) else np.linspace(*load.places(beam), 7).tolist()
+        for point in points if force.any() else ():
+            x, y = model.slope_interpolation(point) @ coordinates
+            own = np.array([[x, -y], [y, x]]) @ force if load.follower else force
+            dx, dy = (-22.0 * own / np.linalg.norm(own)).tolist()  # points of the page
+            end, away = tuple(1e3 * (model.interpolation(point) @ coordinates)), (dx, dy)
+            axes.annotate("", end, away, textcoords="offset points", arrowprops={"arrowstyle": "->", "color": MEASURED})
 
 
 def _symbol(one: Support | Attachment, angle: float) -> tuple[Path, float, float]:

@@ -186,11 +186,12 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "Measurement.cut": (record.cut, {"begin": 0.1, "end": 0.5}),
         "ModalDamping": (a.ModalDamping, {"modes": modes, "ratios": (0.01, 0.02), "frequencies": None}),
         "Model": (a.Model, {"beam": beam, "measures": a.StrainMeasures()}),
+        "MovingForce": (a.MovingForce, {"force": (0.0, 1.0), "speed": 2.0, "point": 0.1, "begin": 0.1, "end": 0.3}),
         "Parameter": (a.Parameter, {
             "name": "a", "value": 1.0, "unit": "m", "description": "b", "lower": 0.0, "upper": 2.0,
         }),
         "PointLoad": (a.PointLoad, {"force": (0.0, 1.0), "moment": 0.1, "point": 0.3}),
-        "QuadraticDamping": (a.QuadraticDamping, {"eta1": 0.1, "eta2": 0.2}),
+        "QuadraticDamping": (a.QuadraticDamping, {"eta1": 0.1, "eta2": 0.2, "flow": (1.0, 0.0)}),
         "RayleighDamping": (a.RayleighDamping, {"alpha": 0.1, "beta": 1e-4, "stiffness": "strain-rate"}),
         "Recording": (a.Recording, {"path": "a.csv", "channels": recording.channels, "notes": ()}),
         "Recording.channel": (recording.channel, {"column": 2}),

@@ -1,7 +1,8 @@
 """External damping laws: those of Section 4 of the paper, dry friction, and sums of laws.
 
 A law adds the force Q_damp(e, e_t) to the left-hand side of the equation of motion, M e_tt + Q_damp + Q_e = Q_g.  The
-velocities e_t are those in the laboratory frame: external damping resists motion relative to the still air.
+velocities e_t are those in the laboratory frame: external damping resists motion relative to the air, which is still
+unless a law has a flow.
 
     proportional    Rayleigh (proportional)  Q = alpha M e_t + beta (stiffness part),              Eqs. (11)-(16)
     quadratic       quadratic                Q = int S^T (gamma1 v + gamma2 |v| v) dp,             Eqs. (19)-(26)

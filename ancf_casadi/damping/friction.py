@@ -24,26 +24,22 @@ A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, Wiley (1979), Section 3.3.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import final
-
-import numpy as np
+from typing import Any, final
 
 from ancf_casadi.damping.law import (
     DampingLaw,
     Forces,
     Parameter,
     S,
-    at_tip_amplitudes,
     check_coefficients,
     nonzero,
+    ratios_over_a_period,
     weighted_sum,
 )
-from ancf_casadi.mechanics.strain import gauss
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import positive
+from ancf_casadi.support.inputs import check_instance, positive
 from ancf_casadi.vibration.modes import Modes
 
 FRICTION_CONSTANT = 52 / 81  # exact: int S^2 dp / int S dp for the shape S of Eq. (21)
@@ -110,13 +106,10 @@ class FrictionDamping(DampingLaw):
         InputError
             If there is not one amplitude per mode.
         """
-        tip, shapes, modal_mass = at_tip_amplitudes(modes, amplitudes)
-        omega, model = modes.angular_frequencies, modes.model
-        # relative to the smoothing speed; below it, friction is linear in the velocity to 1e-12
-        speed = np.maximum(omega * tip, 1e-6 * self.smoothing_speed)
-        points, weights = gauss(48)  # Gauss points in a quarter of a period, which resolve the turn of the motion
-        phase = np.cos(math.pi / 2 * points)
-        velocities = (shapes * speed)[:, :, None] * phase
-        forces = model.friction_force(velocities.reshape(model.size, -1), model.properties, self.smoothing_speed)
-        powers = np.einsum("ij,ijk->jk", shapes, forces.full().reshape(velocities.shape))  # per unit speed of the tip
-        return np.asarray(self.eta0 * FRICTION_CONSTANT * (powers @ (weights * phase)) / (omega * speed * modal_mass))
+        check_instance(modes, "modes", Modes)
+        model, least_speed = modes.model, 1e-6 * self.smoothing_speed  # below it, friction is linear to 1e-12
+
+        def unit(velocities: Array) -> Any:
+            return model.friction_force(velocities, model.properties, self.smoothing_speed)
+
+        return self.eta0 * FRICTION_CONSTANT * ratios_over_a_period(modes, amplitudes, unit, least_speed)

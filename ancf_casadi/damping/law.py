@@ -22,8 +22,11 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.loads import LineLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.mechanics.strain import gauss
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, not_negative, numbers
 from ancf_casadi.support.tables import Displayed
@@ -71,6 +74,10 @@ class Forces(Protocol):
 
     The Functions are those of ``Element``; their inputs are coordinates, velocities and properties of the body.
     """
+
+    @property
+    def unit_velocities(self) -> Array:
+        """Rates of the coordinates at a unit velocity along x and along y, (d, 2)."""
 
     @property
     def inertia_force(self) -> Callable[..., Any]:
@@ -143,8 +150,12 @@ class DampingLaw(Displayed, ABC):
 
     @property
     def dissipative(self) -> bool:
-        """True if the force never adds energy to a motion."""
+        """True if the force never adds energy to a motion, apart from the energy of a flow."""
         return True
+
+    def loads(self, beam: Beam) -> tuple[LineLoad, ...]:
+        """Return the forces of a flow on a beam at rest, one for each part of constant mass per length."""
+        return ()
 
     def projection(self, model: Model) -> Array:
         """Return B (4 n + 4, m) of the low-rank part R B diag(d) B^T R^T e_t of the force; m is 0 if there is none."""
@@ -194,8 +205,12 @@ class SumOfLaws(DampingLaw):
 
     @property
     def dissipative(self) -> bool:
-        """True if no term ever adds energy to a motion."""
+        """True if no term ever adds energy to a motion, apart from the energy of a flow."""
         return all(law.dissipative for law in self.laws)
+
+    def loads(self, beam: Beam) -> tuple[LineLoad, ...]:
+        """Return the forces of the flows of all terms on a beam at rest."""
+        return tuple(load for law in self.laws for load in law.loads(beam))
 
     def with_parameters(self, values: Sequence[float] | Array) -> SumOfLaws:
         """Return the sum with other values of the parameters of all terms."""
@@ -261,6 +276,24 @@ def at_tip_amplitudes(modes: Modes, amplitudes: Sequence[float] | Array) -> tupl
         raise InputError(f"has {len(found)} values for {modes.count} modes", "amplitudes")
     shapes, model = modes.shapes / modes.tip_amplitudes(), modes.model
     return np.abs(found), shapes, (shapes * (model.mass(model.properties).sparse() @ shapes)).sum(axis=0)
+
+
+def ratios_over_a_period(
+    modes: Modes, amplitudes: Sequence[float] | Array, force: Callable[[Array], Any], least_speed: float
+) -> Array:
+    """Return the equivalent damping ratios (m,) under a force, a function of velocities (4 n + 4, k).
+
+    They are exact in the energy per period.  The speed of the tip is at least ``least_speed``, m/s.
+    """
+    tip, shapes, modal_mass = at_tip_amplitudes(modes, amplitudes)
+    speed = np.maximum(modes.angular_frequencies * tip, least_speed)
+    points, weights = gauss(48)  # Gauss points in a quarter of a period, which resolve the turn of the motion
+    phase = np.cos(math.pi / 2 * points)
+    velocities = (shapes * speed)[:, :, None] * phase
+    columns = velocities.reshape(len(shapes), -1)
+    forces = (force(columns).full() - force(-columns).full()) / 2  # of both directions of the motion
+    powers = np.einsum("ij,ijk->jk", shapes, forces.reshape(velocities.shape))  # per unit speed of the tip
+    return np.asarray(powers @ (weights * phase) / (modes.angular_frequencies * speed * modal_mass))
 
 
 def _terms(law: DampingLaw) -> tuple[DampingLaw, ...]:

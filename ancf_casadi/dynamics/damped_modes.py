@@ -38,7 +38,7 @@ import scipy.sparse.linalg
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.tip_load import LOAD_SIZE
+from ancf_casadi.dynamics.placed_load import LOAD_SIZE
 from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.loads import LineLoad, Load, PointLoad
 from ancf_casadi.mechanics.model import Model
@@ -141,7 +141,7 @@ def damped_modes(
     count : int
         Number of modes; at most half the number of free coordinates.
     equilibrium : Equilibrium, optional
-        The equilibrium, under any loads, stable or not; by default under gravity alone.
+        The equilibrium, under any loads, stable or not; by default under gravity and the flow of the law.
 
     Raises
     ------
@@ -162,10 +162,11 @@ def damped_modes(
     check_instance(damping, "damping", DampingLaw, NoneType)
     check_instance(equilibrium, "equilibrium", Equilibrium, NoneType)
     count = whole(count, "count", 1, model.freedoms // 2)
-    rest = static_equilibrium(model) if equilibrium is None else equilibrium
+    law = RayleighDamping() if damping is None else damping
+    rest = static_equilibrium(model, loads=law.loads(model.beam)) if equilibrium is None else equilibrium
     if rest.model != model:
         raise InputError("belongs to another model", "equilibrium")
-    inverse, sigma = _inverse(rest, RayleighDamping() if damping is None else damping)
+    inverse, sigma = _inverse(rest, law)
     found, vectors = _largest(inverse, 2 * model.freedoms, 2 * count + 2)
     s = sigma + 1 / found
     still = np.abs(s) ** 2 <= 10 * rounding_of(model)
@@ -225,7 +226,7 @@ def critical_load(
     model : Model
         The beam.
     loads : sequence of PointLoad or LineLoad
-        The loads, which grow together; gravity does not.
+        The loads, which grow together; gravity and the flow of the law do not.
     damping : DampingLaw, optional
         The damping law; none if not given.
     largest_factor : float
@@ -254,11 +255,13 @@ def critical_load(
     1.0000, divergence
     """
     check_instance(model, "model", Model)
+    check_instance(damping, "damping", DampingLaw, NoneType)
     acting = instances(loads, "loads", PointLoad, LineLoad)
     largest, steps = positive(largest_factor, "largest_factor"), whole(steps, "steps", 1)
+    flow = () if damping is None else damping.loads(model.beam)
 
     def at(factor: float) -> DampedModes:
-        rest = static_equilibrium(model, loads=[load.scaled(factor) for load in acting])
+        rest = static_equilibrium(model, loads=[*flow, *(load.scaled(factor) for load in acting)])
         return damped_modes(model, damping, count=min(4, model.freedoms // 2), equilibrium=rest)
 
     stable = 0.0

@@ -35,7 +35,7 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import turned
-from ancf_casadi.dynamics.tip_load import TIP, PlacedLoad
+from ancf_casadi.dynamics.placed_load import TIP, PlacedLoad, TravellingLoad
 from ancf_casadi.mechanics.element import Element
 from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
@@ -132,12 +132,12 @@ class Equations:
     model: Model
     law: DampingLaw
     make: Callable[[cs.Function], cs.Function] = as_it_is  # compiles an element's Functions, or not
-    place: PointLoad = TIP  # where the load acts
+    place: PointLoad | None = TIP  # where the load acts; None if it travels
 
     @cached_property
-    def load(self) -> PlacedLoad:
+    def load(self) -> PlacedLoad | TravellingLoad:
         """The load at its place."""
-        return PlacedLoad(self.model, self.place)
+        return TravellingLoad(self.model) if self.place is None else PlacedLoad(self.model, self.place)
 
     @property
     def free(self) -> int:
@@ -285,6 +285,12 @@ class Balance:
         model = self.equations.model
         return model.elastic_force(e, self.properties) - model.gravity_force(self.properties, self.gravity)
 
+    def at_rest(self, e: cs.MX) -> cs.MX:
+        """Return the forces on a beam at rest, Q_e - Q_g, and those of a flow."""
+        equations, still = self.equations, cs.MX.zeros(e.shape)
+        flowing = equations.law.loads(equations.model.beam)
+        return self.conservative(e) + self.local_damping(e, still) if flowing else self.conservative(e)
+
     def local(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
         """Return all forces but the low-rank damping, and the powers lost to local damping and supplied by the load."""
         equations = self.equations
@@ -316,8 +322,10 @@ class Balance:
         """
         k, d, m = self.equations.mapped("tangents", self, e, e_t)
         columns = [cs.vertcat(*(cs.reshape(block, -1, e.size2()) for block in blocks)) for blocks in (k, d, m)]
-        places, stiffness = self.equations.load.stiffness
-        columns[0][places, :] -= stiffness(e, load)
+        acting = self.equations.load
+        if isinstance(acting, PlacedLoad):
+            places, stiffness = acting.stiffness
+            columns[0][places, :] -= stiffness(e, load)
         return columns[0], columns[1], columns[2]
 
     def resistance(self, e: cs.MX, e_t: cs.MX, u: cs.MX, w: cs.MX) -> cs.MX:

@@ -1,8 +1,8 @@
 """The excitation of a beam: motion of the clamped node and load at the tip, in smooth pieces.
 
-The excitation has 15 components: position, velocity and acceleration of the clamped node, (4,) each, which carry the
-base motion, and the force (2,) and moment at the tip.  It is symbolic in the time and in the parameters b of the base
-motion.
+The excitation has 16 components: position, velocity and acceleration of the clamped node, (4,) each, which carry the
+base motion, the force (2,) and moment at the tip, and the place of a force that travels, else 0.  It is symbolic in the
+time and in the parameters b of the base motion.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.base_motion import BaseMotion, Piece, pieces_between
-from ancf_casadi.dynamics.tip_load import LOAD_SIZE, HarmonicLoad, TipLoad
+from ancf_casadi.dynamics.placed_load import LOAD_SIZE
+from ancf_casadi.dynamics.tip_load import HarmonicLoad, TipLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 
 NO_LOAD = HarmonicLoad((0.0, 0.0), 1.0)
-EXCITATION = 3 * NODE + LOAD_SIZE  # components of the excitation
+EXCITATION = 3 * NODE + LOAD_SIZE + 1  # components of the excitation
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +43,7 @@ class Excitation:
 
     @cached_property
     def function(self) -> cs.Function:
-        """(t) -> the excitation, (15,)."""
+        """(t) -> the excitation, (16,)."""
         t = cs.MX.sym("t")
         return cs.Function("excitation", [t], [self._expression(t, cs.MX(cs.DM(self.parameters)))])
 
@@ -53,11 +54,11 @@ class Excitation:
         return cs.Function("clamp", [t], [with_rates(cs.densify(self.base.at(t, cs.MX(cs.DM(self.parameters)))), t)])
 
     def at(self, time: float) -> Array:
-        """Return the excitation, (15,), at a time."""
+        """Return the excitation, (16,), at a time."""
         return np.asarray(self.function(time).full().ravel())
 
     def jacobian(self, time: float) -> Array:
-        """Return the derivatives of the excitation with respect to b, (15, m), at a time."""
+        """Return the derivatives of the excitation with respect to b, (16, m), at a time."""
         if not self.parameters.size:
             return np.zeros((EXCITATION, 0))
         return np.asarray(self._derivatives[0](time, self.parameters).full())
@@ -78,7 +79,8 @@ class Excitation:
 
     def _expression(self, t: cs.MX, b: cs.MX) -> cs.MX:
         node = clamped_node(self.model, self.base.at(t, b), t)
-        return cs.vertcat(node, cs.densify(self.load.at(t, cs.MX(0, 1))))
+        load = cs.densify(self.load.at(t, cs.MX(0, 1)))
+        return cs.vertcat(node, load, cs.MX.zeros(EXCITATION - node.numel() - load.numel()))
 
 
 def excitation_pieces(

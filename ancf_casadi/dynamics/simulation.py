@@ -28,11 +28,12 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.excitation import Excitation
 from ancf_casadi.dynamics.idas import integrate_by_idas
+from ancf_casadi.dynamics.placed_load import LOAD_SIZE
 from ancf_casadi.dynamics.radau.collocation import Collocation, first_equal
 from ancf_casadi.dynamics.radau.stepper import integrate_by_radau
 from ancf_casadi.dynamics.segments import ENERGY_STATES, SegmentSolution, divide
 from ancf_casadi.dynamics.start import MotionSetup, Start, set_up
-from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TipLoad
+from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.tolerance import default_tolerance
 from ancf_casadi.dynamics.trajectory import IntegratorUse, State, Trajectory
 from ancf_casadi.exceptions import InputError, SimulationError
@@ -79,15 +80,17 @@ def simulate(
     base : BaseMotion, optional
         Motion of the clamp.  If not given, the clamp is fixed: at its place in a ``State``, else at the origin.
     load : TipLoad, optional
-        Force and moment at the tip over time, in the laboratory frame; none if not given.
+        Force and moment over time at the tip or another point, or a force that travels along the beam; none if not
+        given.
     sample_rate : float
         Samples per second in the result, 1/s.
     start : {"equilibrium", "straight", "impact"}, Equilibrium or State
-        ``equilibrium``: the shape at rest under gravity and the load at time 0.  ``straight``: as manufactured; gravity
-        and load then act.  An ``Equilibrium``: released from there; a load applied suddenly to a beam at rest is
-        ``start=static_equilibrium(model)``.  All three move with the base, at rest relative to it.  ``impact``: at rest
-        as in ``equilibrium`` even if the base starts with a velocity, which is an impact on the clamp.  A ``State``: as
-        given, at its own time; ``start=run.state(-1)`` continues another run, from any of its samples.
+        ``equilibrium``: the shape at rest under gravity, the flow of the law and the load at time 0.  ``straight``: as
+        manufactured; all of them then act.  An ``Equilibrium``: released from there; a load or a gust that sets in
+        suddenly is ``start=static_equilibrium(model)``.  All three move with the base, at rest relative to it.
+        ``impact``: at rest as in ``equilibrium`` even if the base starts with a velocity, which is an impact on the
+        clamp.  A ``State``: as given, at its own time; ``start=run.state(-1)`` continues another run, from any of its
+        samples.
     method : {"auto", "idas", "radau"}
         The integrator.  ``auto`` is Radau, which reaches the same accuracy at a smaller cost (``docs/accuracy.md``), or
         IDAS if ``options`` are given; ``integrators`` of the result tells.

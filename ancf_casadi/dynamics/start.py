@@ -2,8 +2,8 @@
 
 ``set_up`` makes the checks and the setup that ``simulate`` and ``motion`` share.
 
-At the start, a beam at rest under gravity and the load at its tip at this instant, or straight as manufactured, moves
-with its clamp as one rigid body.  With the velocity v_0 of the clamp and its angular velocity w,
+At the start, a beam at rest under gravity, a flow and the load at its tip at this instant, or straight as
+manufactured, moves with its clamp as one rigid body.  With the velocity v_0 of the clamp and its angular velocity w,
 
     r_t = v_0 + w (z x (r - r_0)),        tau_t = w (z x tau),
 
@@ -11,7 +11,8 @@ so that a base motion that begins with a velocity causes no impact on the clamp.
 at rest instead, and the clamp strikes it.
 
 Release.  A load p = (Fx, Fy, m) at the tip holds the beam in q(p, x), where the forces R(q, p, x) on the free
-coordinates vanish; x are the properties P of the elements and the lumped properties that the model has.  If the load
+coordinates vanish; x are the parameters of the law if it has a flow, the properties P of the elements and the lumped
+properties that the model has.  If the load
 changes slowly, at the rate p', the beam moves through these shapes with the velocity v,
 
     R(q, p, x) = 0,    h = R_q v + R_p p' = 0,    K = R_q,
@@ -43,12 +44,13 @@ from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
 from ancf_casadi.dynamics.equations import Equations, as_it_is
 from ancf_casadi.dynamics.excitation import Excitation, excitation_pieces
+from ancf_casadi.dynamics.placed_load import TIP, equilibrium_under
 from ancf_casadi.dynamics.segments import SAME_TIME
-from ancf_casadi.dynamics.tip_load import TIP, TipLoad, equilibrium_under
+from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.tolerance import check_speed, checked_excitation, expected_travel
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.loads import PointLoad
+from ancf_casadi.mechanics.loads import LineLoad, PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.strain import axial_strain
@@ -61,6 +63,7 @@ Start = Literal["equilibrium", "straight", "impact"]
 MOST_TRAJECTORY_SAMPLES = 2e6  # coordinates and velocities take 2.7 GB at 20 elements
 START_TOLERANCE = 1e-6  # deviation of a state from its base, relative to length, unit slope and largest velocity
 LOAD_NAMES = ("force_x", "force_y", "moment")  # N, N, N m
+STILL_AIR = RayleighDamping()
 START_LOAD_NAMES = (*LOAD_NAMES, *(f"{name}_rate" for name in LOAD_NAMES))
 
 
@@ -72,7 +75,7 @@ class MotionSetup:
     base: BaseMotion
     load: TipLoad | None
     pieces: Sequence[Excitation]  # smooth pieces of base and load, from the first to the last sample
-    checked: tuple[Array, Array]  # instants throughout the motion (k,), s, and the excitation there (k, 15)
+    checked: tuple[Array, Array]  # instants throughout the motion (k,), s, and the excitation there (k, 16)
     start: State  # the initial state
     sample_rate: float  # 1/s
     times: Array  # the samples (k,), s
@@ -80,7 +83,9 @@ class MotionSetup:
     @cached_property
     def travel(self) -> float:
         """The expected travel, relative to the length of the beam."""
-        return expected_travel(self.equations.model, *self.checked, self.start, self.equations.place)
+        equations = self.equations
+        flow = equations.law.loads(equations.model.beam)
+        return expected_travel(equations.model, *self.checked, self.start, equations.place, flow)
 
 
 def set_up(
@@ -102,8 +107,8 @@ def set_up(
     check_instance(start, "start", str, Equilibrium, State)
     duration, sample_rate = physical(duration, "duration"), physical(sample_rate, "sample_rate")
     base = _base_of(model, start) if base is None else base
+    load = None if load is None else load.along(model.beam)
     law, place = RayleighDamping() if damping is None else damping, TIP if load is None else load.place
-    place.place(model.beam)
     equations = Equations(model, law, make, place)
     times = _sample_times(duration, sample_rate, start.time if isinstance(start, State) else 0.0)
     begin, end = float(times[0]), float(times[-1])
@@ -119,7 +124,7 @@ def set_up(
         load=load,
         pieces=pieces,
         checked=checked_excitation(model, pieces),
-        start=initial_state(model, pieces[0], start, place),
+        start=initial_state(model, pieces[0], start, place, law.loads(model.beam)),
         sample_rate=sample_rate,
         times=times,
     )
@@ -146,9 +151,13 @@ def _base_of(model: Model, start: Start | Equilibrium | State) -> BaseMotion:
 
 
 def initial_state(
-    model: Model, excitation: Excitation, start: Start | Equilibrium | State, place: PointLoad = TIP
+    model: Model,
+    excitation: Excitation,
+    start: Start | Equilibrium | State,
+    place: PointLoad | None = TIP,
+    further: Sequence[LineLoad] = (),
 ) -> State:
-    """Return the initial state of a motion under the first piece of its excitation."""
+    """Return the initial state of a motion under the first piece of its excitation, and further loads."""
     if isinstance(start, State):
         _check_state(model, excitation.at(start.time), start)
         return start
@@ -163,7 +172,8 @@ def initial_state(
     if isinstance(start, Equilibrium):
         coordinates = start.coordinates
     else:
-        coordinates = model.straight if start == "straight" else equilibrium_under(model, load, place).coordinates
+        straight = start == "straight"
+        coordinates = model.straight if straight else equilibrium_under(model, load, place, further).coordinates
     if start == "impact":
         return State(coordinates, np.zeros(model.size))
     moving = rigid_motion(model)(coordinates, velocity).full().ravel()
@@ -193,19 +203,28 @@ def rigid_motion(model: Model) -> cs.Function:
     return cs.Function("rigid_motion", [e, velocity], [cs.vec(moved)])
 
 
+def flowing(law: DampingLaw, model: Model, start: Start | Equilibrium | State) -> DampingLaw:
+    """Return the law whose flow acts on a beam in a start at rest; if there is none, a law without a force."""
+    return law if start in ("equilibrium", "impact") and law.loads(model.beam) else STILL_AIR
+
+
 def held_start(
-    model: Model, jacobians: tuple[cs.Function, cs.Function], load: Array, place: PointLoad = TIP
+    model: Model,
+    jacobians: tuple[cs.Function, cs.Function],
+    load: Array,
+    place: PointLoad = TIP,
+    law: DampingLaw = STILL_AIR,
 ) -> tuple[State, Array]:
     """Return the state in which a beam is released from (p, p') in the order of ``START_LOAD_NAMES``, and its Jacobian.
 
     ``jacobians`` are those of the beam, or of one that differs in its properties P and its lumped properties alone.
-    The Jacobian (2 N, 4 n + k + 6) is that of the free coordinates and velocities with respect to P, element by
-    element, the lumped properties, and (p, p').
+    The Jacobian (2 N, l + 4 n + k + 6) is that of the free coordinates and velocities with respect to the parameters of
+    the law, P, element by element, the lumped properties, and (p, p').
     """
     p, rate = np.split(load, [len(LOAD_NAMES)])
-    coordinates = equilibrium_under(model, p, place).coordinates
-    lumped = [*model.lumped.values()]
-    given: Any = coordinates, p, model.properties, *lumped
+    coordinates = equilibrium_under(model, p, place, law.loads(model.beam)).coordinates
+    theta = np.array([own.value for own in law.parameters])
+    given: Any = coordinates, p, theta, model.properties, *model.lumped.values()
     found = stiffness, by_p, by_x = jacobians[0](*given)
     factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse()))
     q_p, q_x = -factors.solve(by_p.full()), -factors.solve(by_x.full())
@@ -216,23 +235,26 @@ def held_start(
     return State(coordinates, velocities), np.block([[q_x, q_p, np.zeros_like(q_p)], [v_x, v_p, q_p]])
 
 
-def start_jacobians(model: Model, place: PointLoad = TIP) -> tuple[cs.Function, cs.Function]:
-    """(e, p, P, each lumped property by its name) -> K, R_p, R_x of the free coordinates; its forward derivative."""
+def start_jacobians(
+    model: Model, place: PointLoad = TIP, law: DampingLaw = STILL_AIR
+) -> tuple[cs.Function, cs.Function]:
+    """(e, p, law, P, each lumped property) -> K, R_p, R_x of the free coordinates; its forward derivative."""
+    theta = cs.MX.sym("theta", len(law.parameters))
     e, load, still = cs.MX.sym("e", model.size), cs.MX.sym("load", len(LOAD_NAMES)), cs.MX.zeros(model.size)
     properties, lumped = cs.MX.sym("P", *model.properties.shape), [cs.MX.sym(name) for name in model.lumped]
-    equations = Equations(model, RayleighDamping(), place=place)
-    parameters = equations.given(properties=cs.vec(properties), lumped=cs.vertcat(cs.MX(0, 1), *lumped))
+    equations = Equations(model, law, place=place)
+    parameters = equations.given(law=theta, properties=cs.vec(properties), lumped=cs.vertcat(cs.MX(0, 1), *lumped))
     forces = equations.balance(parameters).local(e, still, still, load)[0]
     forces = model.of_free(forces)
-    by_x = cs.horzcat(*(cs.jacobian(forces, x) for x in (properties, *lumped)))
+    by_x = cs.horzcat(*(cs.jacobian(forces, x) for x in (theta, properties, *lumped)))
     outputs = [cs.jacobian(forces, e) @ model.whole_of_free, cs.jacobian(forces, load), by_x]
-    names = ["e", "load", "P", *model.lumped], ["K", "R_p", "R_x"]
-    jacobians = cs.Function("start_jacobians", [e, load, properties, *lumped], outputs, *names)
+    names = ["e", "load", "law", "P", *model.lumped], ["K", "R_p", "R_x"]
+    jacobians = cs.Function("start_jacobians", [e, load, theta, properties, *lumped], outputs, *names)
     return jacobians, jacobians.forward(1)
 
 
 def _check_state(model: Model, excitation: Array, state: State) -> None:
-    """Refuse a state that does not fit the model, stretches the beam, or disagrees with the excitation (15,)."""
+    """Refuse a state that does not fit the model, stretches the beam, or disagrees with the excitation (16,)."""
     for name, given in (("coordinates", state.coordinates), ("velocities", state.velocities)):
         if given.shape != (model.size,) or not np.isfinite(given).all():
             raise InputError(f"the {name} must be {model.size} finite numbers", "start")

@@ -1,13 +1,8 @@
-"""Force and moment at the tip, or at another point, as functions of time.
+"""Force and moment at the tip or another point as functions of time, and forces that travel along the beam.
 
 The load p = (Fx, Fy, m) has a fixed direction in the laboratory frame, or follows the beam (``mechanics.loads``); m is
-positive counterclockwise.  With position r = S e and slope tau = S' e at the point, its virtual work F.dr + m dtheta,
-theta = atan2(tau_y, tau_x), gives the generalized force
-
-    Q = S^T F + S'^T h,    h = m (-tau_y, tau_x)/|tau|^2,
-
-and the power F.r_t + h.tau_t.  Like a base motion, a load is a sequence of smooth pieces, and the integrator restarts
-at the end of each.
+positive counterclockwise (``placed_load``).  Like a base motion, a load is a sequence of smooth pieces, and the
+integrator restarts at the end of each.
 
 An integrator whose steps grow while nothing happens could step over a hammer blow.  Within a piece of a sampled load,
 its steps are therefore at most as long as the load, at its fastest in this piece, would take to change by its largest
@@ -19,28 +14,22 @@ from __future__ import annotations
 import itertools
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeVar, final
+from typing import Any, final
 
 import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.dynamics.base_motion import Piece, check_ramp, checked_samples, pieces_between, ramped
-from ancf_casadi.mechanics.loads import PointLoad
-from ancf_casadi.mechanics.model import Model
+from ancf_casadi.dynamics.placed_load import LOAD_SIZE
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.loads import LineLoad, PointLoad
+from ancf_casadi.mechanics.supports import checked_point
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_size, number, physical, positive_or_infinite, vector
+from ancf_casadi.support.inputs import check_size, not_negative, number, physical, positive_or_infinite, vector
 from ancf_casadi.support.tables import Displayed
-from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
-
-S = TypeVar("S", cs.SX, cs.MX)
-LOAD_SIZE = 3  # components of a load: force x and y, N, and moment, N m
-
-
-TIP = PointLoad()  # point and frame of a load at the tip
 
 
 class TipLoad(Displayed, ABC):
@@ -62,9 +51,14 @@ class TipLoad(Displayed, ABC):
     follower: bool
 
     @property
-    def place(self) -> PointLoad:
-        """Point and frame of the load, as a load of zero."""
+    def place(self) -> PointLoad | None:
+        """Point and frame of the load, as a load of zero; None if it travels."""
         return PointLoad(point=self.point, follower=self.follower)
+
+    def along(self, beam: Beam) -> TipLoad:
+        """Return the load on a beam; one beyond its tip raises an ``InputError``."""
+        PointLoad(point=self.point).place(beam)
+        return self
 
     @property
     def begin(self) -> float:
@@ -73,7 +67,7 @@ class TipLoad(Displayed, ABC):
 
     @abstractmethod
     def pieces(self) -> tuple[Piece, ...]:
-        """Return the smooth pieces in order, each with the load (N, N, N m); the last has no end."""
+        """Return the smooth pieces in order, each with the load (N, N, N m; place, m); the last has no end."""
 
     @final
     def values(self, times: Array) -> Array:
@@ -83,7 +77,7 @@ class TipLoad(Displayed, ABC):
             pieces, t = pieces_between(self.pieces(), times.min(), times.max()), cs.MX.sym("t")
             owners = np.minimum(np.searchsorted([last for *_, last in pieces], times), len(pieces) - 1)
             for k in np.unique(owners).tolist():
-                load = cs.Function("load", [t], [cs.densify(pieces[k][0].at(t, cs.MX(0, 1)))])
+                load = cs.Function("load", [t], [cs.densify(pieces[k][0].at(t, cs.MX(0, 1)))[:LOAD_SIZE]])
                 found[owners == k] = load(times[None, owners == k]).full().T
         return found
 
@@ -236,81 +230,75 @@ class SampledLoad(TipLoad):
         return (*found, _nothing(math.inf))
 
 
-def point_force(slope: S, load: S, *, follower: bool) -> tuple[S, S]:
-    """Return F and h, (2, s), of loads (3, s) at a point with slopes (2, s)."""
-    x, y = slope[0, :], slope[1, :]
-    turn = load[2, :] / (x * x + y * y)
-    h = cs.vertcat(-y * turn, x * turn)
-    if not follower:
-        return load[:2, :], h
-    length = cs.sqrt(x * x + y * y)
-    along, across = load[0, :] / length, load[1, :] / length
-    return cs.vertcat(along * x - across * y, along * y + across * x), h
+@final
+@dataclass(frozen=True)
+class MovingForce(TipLoad):
+    """A constant force that travels along the beam at a constant speed, and leaves it at the tip.
+
+    Parameters
+    ----------
+    force : (float, float)
+        Force in the laboratory frame, N.
+    speed : float
+        Speed along the arc length, m/s, positive.
+    point : float
+        Arc length at which the force begins, m.
+    begin : float
+        Time at which it begins, s.
+    end : float, optional
+        Arc length at which the force leaves the beam, m; the tip if not given.
+
+    Raises
+    ------
+    InputError
+        If a value is not a number in its range, or the end is not beyond the point.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, MovingForce, Pin, Roller, simulate
+    >>> bridge = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9,
+    ...                       elements=8, axis=(1.0, 0.0), gravity=(0.0, 0.0), supports=[Pin(0.0), Roller(0.5)])
+    >>> run = simulate(Model(bridge), load=MovingForce((0.0, -0.01), speed=2.0), duration=0.25)
+    >>> print(f"{1e3 * run.position(0.25)[:, 1].min():.2f} mm")
+    -3.93 mm
+    """
+
+    force: tuple[float, float]
+    speed: float
+    point: float = 0.0
+    begin: float = 0.0
+    end: float | None = None
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        object.__setattr__(self, "force", vector(self.force, "force"))
+        check_size(self.force, "force")
+        physical(self.speed, "speed")
+        not_negative(self.begin, "begin")
+        LineLoad((0.0, 0.0), checked_point(self.point), self.end)  # which checks the end
+
+    @property
+    def place(self) -> None:
+        """None, as the force travels."""
+
+    def along(self, beam: Beam) -> MovingForce:
+        """Return the force on a beam; one beyond its tip raises an ``InputError``."""
+        return replace(self, end=LineLoad((0.0, 0.0), self.point, self.end).places(beam)[1])
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """Return the time before the force, its way along the beam, and the time after it."""
+        way = math.inf if self.end is None else self.end - self.point
+
+        def at(t: cs.MX, parameters: cs.MX) -> cs.MX:
+            return cs.vertcat(*self.force, 0.0, self.point + self.speed * (t - self.begin))
+
+        none = [_nothing(end, LOAD_SIZE + 1) for end in (self.begin, math.inf)]
+        return none[0], Piece(self.begin + way / self.speed, at), none[1]
 
 
-@dataclass(frozen=True, eq=False)
-class PlacedLoad:
-    """A load at a point of a model: its generalized force, power and stiffness."""
-
-    model: Model
-    place: PointLoad  # point and frame of the load
-
-    def force(self, e: cs.MX, load: cs.MX) -> cs.MX:
-        """Return Q of loads (3, s) on the nodes, (4 n + 4, s), for coordinates e of s states."""
-        F, h = self._pair(e, load)
-        return self._shape.T @ F + self._slope.T @ h
-
-    def power(self, e: cs.MX, e_t: cs.MX, load: cs.MX) -> cs.MX:
-        """Return the power F.r_t + h.tau_t, (1, s)."""
-        F, h = self._pair(e, load)
-        return cs.sum1((self._shape @ e_t) * F) + cs.sum1((self._slope @ e_t) * h)
-
-    @cached_property
-    def stiffness(self) -> tuple[list[int], Callable[[cs.MX, cs.MX], cs.MX]]:
-        """Places in ``Model.entries`` of the entries of dQ/de that are not zero, and (e, loads) -> them, (k, s)."""
-        index, _ = self.model.place_at(self.place.place(self.model.beam))
-        own = self.model.groups[0].coordinates[index]
-        slope, shape = (part.full()[:, own] for part in (self._slope, self._shape))
-        weights = np.hstack([np.kron(slope.T, slope.T), np.kron(slope.T, shape.T)][: 1 + self.place.follower])
-        used = np.flatnonzero(weights.any(axis=1))
-        places = own.size**2 * index + used  # ``entries`` start with those of one element of the beam after another
-        W = cs.sparsify(cs.DM(weights[used]))
-        return places.tolist(), lambda e, load: W @ self._derivatives(e, load)
-
-    def _derivatives(self, e: cs.MX, load: cs.MX) -> cs.MX:
-        """Return dh/dtau and, of a follower, dF/dtau, column by column, one below the other, (4, s) each."""
-        tau = cs.SX.sym("tau", 2)
-        p = cs.SX.sym("p", LOAD_SIZE)
-        F, h = point_force(tau, p, follower=self.place.follower)
-        parts = [h, F][: 1 + self.place.follower]
-        outputs = [cs.densify(cs.vertcat(*(cs.vec(cs.jacobian(part, tau)) for part in parts)))]
-        return cs.Function("of_slope", [tau, p], outputs).map(e.shape[1])(self._slope @ e, load)
-
-    def _pair(self, e: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX]:
-        return point_force(self._slope @ e, load, follower=self.place.follower)
-
-    @cached_property
-    def _shape(self) -> cs.DM:
-        """S, sparse."""
-        return cs.sparsify(cs.DM(self.model.interpolation(self.place.place(self.model.beam))))
-
-    @cached_property
-    def _slope(self) -> cs.DM:
-        """S', sparse."""
-        return cs.sparsify(cs.DM(self.model.slope_interpolation(self.place.place(self.model.beam))))
-
-
-def equilibrium_under(model: Model, load: Array, place: PointLoad = TIP) -> Equilibrium:
-    """Return the static equilibrium under gravity and a load (3,)."""
-    force_x, force_y, moment = load.tolist()
-    if place == TIP:
-        return static_equilibrium(model, tip_force=(force_x, force_y), tip_moment=moment)
-    return static_equilibrium(model, loads=[PointLoad((force_x, force_y), moment, place.point, place.follower)])
-
-
-def _nothing(end: float) -> Piece:
+def _nothing(end: float, size: int = LOAD_SIZE) -> Piece:
     """Return a piece without load."""
-    return Piece(end, lambda t, parameters: cs.MX.zeros(LOAD_SIZE))
+    return Piece(end, lambda t, parameters: cs.MX.zeros(size))
 
 
 def _monotone(time: Array, values: Array) -> cs.Function:

@@ -6,8 +6,8 @@ shifts its frequency, by amounts that depend on tau L/A alone.  Three causes mov
     the base, by the larger of its travel and L times its rotation,
     the start, by a tenth of the larger of the distance from rest under gravity and the first load, and v/w_1, v the
         velocity relative to the clamp: a release sets all modes in motion, and fast modes soon lose their phase,
-    the load, by the static deflection under its largest change since the start, or, if it changes for a short time, by
-        that under w_1 times its impulse,
+    the load, by the static deflection under its largest change since the start (under all of it if it travels), or, if
+        it changes for a short time, by that under w_1 times its impulse,
 
 with w_1 = 1.8751^2 (E I/mu)^1/2/L^2 of the mean section.  If only one of them moves the beam, A is its travel.  If
 several do, A is the smallest travel, but at least a tenth of the largest, so that a fast small motion on top of a slow
@@ -27,10 +27,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ancf_casadi.dynamics.excitation import Excitation
-from ancf_casadi.dynamics.tip_load import TIP, equilibrium_under
+from ancf_casadi.dynamics.placed_load import TIP, equilibrium_under
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import EquilibriumError, InputError
-from ancf_casadi.mechanics.loads import PointLoad
+from ancf_casadi.mechanics.loads import LineLoad, PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
@@ -52,37 +52,44 @@ def default_tolerance(method: str, travel: float) -> float:
     return largest if travel < NEGLIGIBLE else min(max(wanted, smallest), largest)
 
 
-def expected_travel(model: Model, times: Array, excitations: Array, start: State, place: PointLoad = TIP) -> float:
-    """Return the expected travel of a motion, relative to the length of the beam, from the excitations (k, 15)."""
+def expected_travel(
+    model: Model,
+    times: Array,
+    excitations: Array,
+    start: State,
+    place: PointLoad | None = TIP,
+    further: Sequence[LineLoad] = (),
+) -> float:
+    """Return the expected travel of a motion, relative to the length of the beam, from the excitations (k, 16)."""
     length = model.beam.length
     position, slope, velocity = excitations[:, :2], excitations[:, 2:NODE], excitations[0, NODE : 2 * NODE]
     travel = np.linalg.norm(position - position[0], axis=1).max()
     turn = np.abs(np.unwrap(np.arctan2(slope[:, 1], slope[:, 0])) - math.atan2(slope[0, 1], slope[0, 0])).max()
-    rest, nodes = _rest(model, excitations[0], place), start.coordinates.reshape(-1, NODE)[:, :2]
+    rest, nodes = _rest(model, excitations[0], place, further), start.coordinates.reshape(-1, NODE)[:, :2]
     distance = np.linalg.norm(nodes - rest, axis=1).max()
     arms = nodes - position[0]
     spin = slope[0, 0] * velocity[3] - slope[0, 1] * velocity[2]
     rigid = velocity[:2] + spin * np.column_stack([-arms[:, 1], arms[:, 0]])
     swing = np.linalg.norm(start.velocities.reshape(-1, NODE)[:, :2] - rigid, axis=1).max() / _first_frequency(model)
     loads = excitations[:, 3 * NODE :]
-    loaded = deflection(model, times, loads - loads[0])
+    loaded = deflection(model, times, loads if place is None else loads - loads[0])
     causes = max(travel, length * turn) / length, PART_OF_START * max(distance, swing) / length, loaded
     smallest = min((cause for cause in causes if cause >= NEGLIGIBLE), default=0.0)
     return float(max(smallest, LEAST_OF_LARGEST * max(causes)) if smallest else max(causes))
 
 
-def _rest(model: Model, excitation: Array, place: PointLoad) -> Array:
-    """Return the node positions (k, 2) at rest under gravity and the load; straight if there is no equilibrium."""
+def _rest(model: Model, excitation: Array, place: PointLoad | None, further: Sequence[LineLoad]) -> Array:
+    """Return the node positions (k, 2) at rest under gravity and the loads; straight if there is no equilibrium."""
     turned = Model(model.beam.with_(axis=(float(excitation[2]), float(excitation[3]))), model.measures)
     try:
-        coordinates = equilibrium_under(turned, excitation[3 * NODE :], place).coordinates
+        coordinates = equilibrium_under(turned, excitation[3 * NODE :], place, further).coordinates
     except EquilibriumError:
         coordinates = turned.straight
     return np.asarray(coordinates.reshape(-1, NODE)[:, :2] + excitation[:2])
 
 
 def checked_excitation(model: Model, pieces: Sequence[Excitation]) -> tuple[Array, Array]:
-    """Return instants throughout a motion, (k,), s, and the excitation there, (k, 15), after a check of its size."""
+    """Return instants throughout a motion, (k,), s, and the excitation there, (k, 16), after a check of its size."""
     instants = [np.linspace(piece.begin, piece.end, 1001) for piece in pieces]
     values = [piece.function(own[None, :]).full().T for piece, own in zip(pieces, instants, strict=True)]
     times, excitations = np.concatenate(instants), np.vstack(values)

@@ -168,13 +168,13 @@ class Trajectory(Motion):
     clamp_force : array (k, 4)
         Generalized force of the base on the clamped node: force, N, and force conjugate to the slope, N m.
     tip_load : array (k, 3)
-        Force in the laboratory frame, N, and moment, N m, at the tip.
+        Force, N, and moment, N m, of the load.
     dissipated_energy : array (k,)
-        Energy lost to damping since the start, J.
+        Energy lost to damping since the start, J; in a flow that drives the beam, it is negative.
     base_work : array (k,)
         Work done by the base since the start, J.
     load_work : array (k,)
-        Work done by the load at the tip since the start, J.
+        Work done by the load since the start, J.
     steps : int
         Steps of the integrator.
     wall_seconds : float

@@ -37,6 +37,7 @@ from ancf_casadi.export.solved_functions import equilibrium_function, free_part,
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.inputs import check_instance, numbers, whole
+from ancf_casadi.vibration.equilibrium import static_equilibrium
 from ancf_casadi.vibration.modes import natural_modes
 
 ALL = ("q", "v", "a", "base", "p")
@@ -132,7 +133,8 @@ def beam_functions(
     equations = Equations(model, RayleighDamping() if damping is None else damping)
     markers = numbers(markers, "markers")
     points = [cs.DM(model.interpolation(s)) for s in markers]
-    first = natural_modes(model, count=whole(modes, "modes", 1, model.freedoms))
+    rest = static_equilibrium(model, loads=equations.law.loads(model.beam))
+    first = natural_modes(model, count=whole(modes, "modes", 1, model.freedoms), equilibrium=rest)
     parameters, size = parameter_signals(equations), model.freedoms
     sizes = {"q": size, "v": size, "a": size, "base": len(base_signals()), "p": len(parameters)}
     symbols = {name: cs.MX.sym(name, size) for name, size in sizes.items()}

@@ -7,7 +7,8 @@ here, and a value that did not converge is nan.
 Statics.  Unknowns and equations are scaled by S = diag(K)^-1/2, where K is the tangent stiffness at the equilibrium of
 the model.  The scaling keeps the large axial stiffness out of the condition number.
 
-    equilibrium     Q_e(e, p) - Q_g(p) = 0.  The unknown z is the scaled change from the equilibrium of the model.
+    equilibrium     Q_e(e, p) - Q_g(p) = 0, with the force of a flow, if there is one.  The unknown z is the scaled
+                    change from the equilibrium of the model.
                     Newton's method follows p_j = p_0 + (j/m)(p - p_0), j = 1..m, from each solution to the next.
     frequencies     K psi - mu B psi = 0, psi^T B psi = 1, with K = S K S and B = omega_k^2 S M S for mode k, Eq. (30).
                     Inverse iteration of all modes, orthogonalised in order, gives the start of Newton's method: it
@@ -84,7 +85,7 @@ def equilibrium_function(rest: Equilibrium, equations: Equations, start: Array) 
     z, p = cs.MX.sym("z", scale.size), cs.MX.sym("p", start.size)
     balance, e = equations.balance_for(p), model.whole(origin + shift * z, base)
     rows, columns = cs.DM(scale**2 / shift), cs.DM(shift)
-    residual = rows * model.of_free(balance.conservative(e))
+    residual = rows * model.of_free(balance.at_rest(e))
     stiffness = scaled_matrix(free_part(model, model.tangent_stiffness(e, balance.properties)), rows, columns)
     solve = newton("equilibrium_newton", [z, p], stiffness, residual)
     found = cs.MX.zeros(scale.size)

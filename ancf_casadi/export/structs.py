@@ -9,7 +9,7 @@
 
     law          other keys
     rayleigh     alpha (1/s), beta (s), stiffness
-    quadratic    eta1 (1/s), eta2 (1/m)
+    quadratic    eta1 (1/s), eta2 (1/m), flow (m/s)
     friction     eta0 (m/s^2), smoothing_speed (m/s)
     modal        ratios, frequencies (Hz), modes
     sum          laws, which act together
@@ -165,8 +165,9 @@ COEFFICIENT_LAWS: dict[type[Struct], type[DampingLaw]] = {  # whose fields are c
     _tagged("Rayleigh", "Rayleigh (proportional) damping, alpha M + beta K; alpha in 1/s, beta in s.",
             {"alpha": NotNegative, "beta": NotNegative, "stiffness": ProportionalStiffness}, {},
             law="rayleigh"): RayleighDamping,
-    _tagged("Quadratic", "Air drag, linear (eta1 in 1/s) and quadratic (eta2 in 1/m) in the velocity.",
-            {"eta1": NotNegative, "eta2": NotNegative}, {}, law="quadratic"): QuadraticDamping,
+    _tagged("Quadratic", "Air drag, linear (eta1, 1/s) and quadratic (eta2, 1/m) in the velocity; flow of air, m/s.",
+            {"eta1": NotNegative, "eta2": NotNegative, "flow": Pair}, {"flow": (0.0, 0.0)},
+            law="quadratic"): QuadraticDamping,
     _tagged("Friction", "Dry friction along the beam; eta0 in m/s^2, smoothing_speed in m/s.",
             {"eta0": NotNegative, "smoothing_speed": Positive}, {}, law="friction"): FrictionDamping,
 }  # fmt: skip

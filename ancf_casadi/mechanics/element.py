@@ -40,6 +40,7 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
+from ancf_casadi.mechanics.nodes import unit_velocities
 from ancf_casadi.mechanics.strain import StrainMeasures, axial_strains, bending_strains, gauss_pairs, shape_matrix
 from ancf_casadi.support.arrays import Array, Index
 
@@ -73,6 +74,11 @@ class Element:
     drag_force: cs.Function
     friction_force: cs.Function
     dashpot_force: cs.Function
+
+    @property
+    def unit_velocities(self) -> Array:
+        """Rates of the coordinates at a unit velocity along x and along y, (d, 2)."""
+        return unit_velocities(self.elastic_force.size1_in(0))
 
 
 @lru_cache(maxsize=8)

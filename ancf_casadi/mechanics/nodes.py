@@ -35,6 +35,11 @@ V = TypeVar("V")  # numbers or symbols
 NODE = 4  # coordinates of a node: position and slope
 
 
+def unit_velocities(size: int) -> Array:
+    """Return the rates of nodal coordinates at a unit velocity along x and along y, (size, 2)."""
+    return np.tile(np.eye(NODE, 2), (size // NODE, 1))
+
+
 @dataclass(frozen=True)
 class Nodes(Displayed):
     """The nodes of a beam; ``Model`` adds the forces."""
@@ -55,6 +60,11 @@ class Nodes(Displayed):
     def freedoms(self) -> int:
         """Number of free coordinates q."""
         return int(self.free_of.max()) + 1
+
+    @property
+    def unit_velocities(self) -> Array:
+        """Rates of the coordinates at a unit velocity along x and along y, (size, 2)."""
+        return unit_velocities(self.size)
 
     @cached_property
     def scale(self) -> Array:

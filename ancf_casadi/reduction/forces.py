@@ -16,7 +16,8 @@ Springs and dashpots join points of the beam to the base, which keeps the places
 forces have no resultant.
 
 A damping law combines the forces of ``ReducedMotion`` as it combines those of the full model (``damping.Forces``); they
-are the forces of the motion itself, whatever their arguments.  The strain-rate force is that of the beam and of the
+are the forces of the motion itself, whatever their arguments, but for the velocity of the base, which a flow changes.
+The strain-rate force is that of the beam and of the
 springs.  The tangent stiffness also includes the tension that balances gravity, the acceleration of the base and the
 springs, but not the tension due to the inertia of the beam itself.  The modal (generic) law, R B diag(d) B^T R^T e_t of
 Eq. (32), turns by the rotation phi of the base.
@@ -33,7 +34,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.dynamics.tip_load import point_force
+from ancf_casadi.dynamics.placed_load import point_force
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.element import SMOOTHING_SPEED
 from ancf_casadi.mechanics.model import Model
@@ -123,12 +124,15 @@ class ReducedMotion(ABC):
         modal += self._joined_force(self.projection.springs, *self._away(self.projection.springs))
         return cs.vertcat(modal, moment.T @ x_tt - mass * gravity[0, :], moment.T @ y_tt - mass * gravity[1, :])
 
-    def tip_force(self, load: Expression) -> Expression:
-        """Return the force of a load (force x and y, N, and moment, N m) at the tip, (m + 2,)."""
+    def load_force(self, load: Expression, position: Array, slope: Array) -> Expression:
+        """Return the force of a load (force x and y, N, and moment, N m) at a point, (m + 2,).
+
+        ``position`` and ``slope`` are the rows of the point, for one component of the coordinates.
+        """
         x, y = self.parts
-        position, slope = (cs.DM(row) for row in self.projection.shape[-2:])
-        F, h = point_force(cs.vertcat(slope.T @ x, slope.T @ y), load, follower=False)
-        modal = self.modal_force(*(position @ F[k, :] + slope @ h[k, :] for k in range(2)))
+        to_position, to_slope = (cs.DM(row @ self.projection.shape) for row in (position, slope))
+        F, h = point_force(cs.vertcat(to_slope.T @ x, to_slope.T @ y), load, follower=False)
+        modal = self.modal_force(*(to_position @ F[k, :] + to_slope @ h[k, :] for k in range(2)))
         return cs.vertcat(modal, load[:2, :])
 
     def damping(self, law: DampingLaw, parameters: Expression, model: Model) -> Expression:
@@ -155,11 +159,16 @@ class ReducedMotion(ABC):
             -cs.dot(self.gravity, parts.T @ moment + mass * u),
         )
 
+    @property
+    def unit_velocities(self) -> Array:
+        """Rates of (q, u) at a unit velocity along x and along y, (m + 2, 2)."""
+        return np.eye(self.q.shape[0] + 2)[:, -2:]
+
     def inertia_force(self, v: Expression, properties: Expression) -> Expression:
         """Return the force of M e_t."""
         x, y = self.part_rates
         moment, mass = cs.DM(self.projection.mass_moment), self.projection.total_mass
-        x_t, y_t = self.base[3, :], self.base[4, :]
+        x_t, y_t = v[-2, :], v[-1, :]
         modal = self.inertia(x, y) + self.modal_force(moment @ x_t, moment @ y_t)
         return cs.vertcat(modal, moment.T @ x + mass * x_t, moment.T @ y + mass * y_t)
 
@@ -167,7 +176,7 @@ class ReducedMotion(ABC):
         """Return the force of int S^T mu r_t dp, which excludes point masses and rotary inertias."""
         projection = self.projection
         shape, moved = projection.lumped_shape, projection.lumped_moved
-        x, y = self._velocities(shape, moved)
+        x, y = self._velocities(shape, moved, v)
         mass = columns_of(projection.lumped_mass, x)
         return self.inertia_force(v, properties) - self._of_points(shape, mass * x, mass * y, moved)
 
@@ -192,11 +201,11 @@ class ReducedMotion(ABC):
 
     def drag_force(self, v: Expression, properties: Expression) -> Expression:
         """Return the force of int S^T mu |v| v dp."""
-        return self._surface_force(lambda square: cs.sqrt(square + SMOOTHING_SPEED**2))
+        return self._surface_force(v, lambda square: cs.sqrt(square + SMOOTHING_SPEED**2))
 
     def friction_force(self, v: Expression, properties: Expression, smoothing_speed: float) -> Expression:
         """Return the force of int S^T mu v/(|v|^2 + v0^2)^(1/2) dp with the smoothing speed v0."""
-        return self._surface_force(lambda square: 1 / cs.sqrt(square + smoothing_speed**2))
+        return self._surface_force(v, lambda square: 1 / cs.sqrt(square + smoothing_speed**2))
 
     def _low_rank_damping(self, law: DampingLaw, parameters: Expression, model: Model) -> Expression:
         """Return the force of R B diag(d) B^T R^T e_t, where R rotates by phi, (m + 2,)."""
@@ -212,18 +221,18 @@ class ReducedMotion(ABC):
         modal = self.modal_force(*rotated(angle, slopes[0] @ force, slopes[1] @ force))
         return cs.vertcat(modal, *rotated(angle, clamp[0].T @ force, clamp[1].T @ force))
 
-    def _surface_force(self, factor: Callable[[Expression], Expression]) -> Expression:
+    def _surface_force(self, v: Expression, factor: Callable[[Expression], Expression]) -> Expression:
         """Return the force of int S^T mu f(|v|^2) v dp."""
         projection = self.projection
         moved = np.ones(len(projection.drag_mass))
-        x, y = self._velocities(projection.drag_shape, moved)
+        x, y = self._velocities(projection.drag_shape, moved, v)
         weight = columns_of(projection.drag_mass, x) * factor(x**2 + y**2)
         return self._of_points(projection.drag_shape, weight * x, weight * y, moved)
 
-    def _velocities(self, shape: Array, moved: Array) -> tuple[Expression, Expression]:
-        """Return the rates (d,) of the coordinates ``shape`` (d, k) times r, plus u for those moved (d,)."""
+    def _velocities(self, shape: Array, moved: Array, v: Expression) -> tuple[Expression, Expression]:
+        """Return the rates (d,) of the coordinates ``shape`` (d, k) times r, plus u_t of v for those moved (d,)."""
         x, y = (cs.DM(shape) @ part for part in self.part_rates)
-        return x + cs.DM(moved) @ self.base[3, :], y + cs.DM(moved) @ self.base[4, :]
+        return x + cs.DM(moved) @ v[-2, :], y + cs.DM(moved) @ v[-1, :]
 
     def _of_points(self, shape: Array, x: Expression, y: Expression, moved: Array) -> Expression:
         """Return the force of forces (x, y) on such coordinates."""

@@ -61,7 +61,7 @@ from ancf_casadi.support.inputs import check_instance, numbers, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import counted
 from ancf_casadi.vibration.assembly import Structure
-from ancf_casadi.vibration.equilibrium import Equilibrium, neighbour
+from ancf_casadi.vibration.equilibrium import Equilibrium, neighbour, static_equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
 MOST_DRAG_POINTS = 100
@@ -174,9 +174,9 @@ def reduce_model(
     model : Model
         The full model.
     modes : int or Modes
-        The modes kept.  An int m keeps the m lowest modes about the equilibrium under gravity.  ``Modes`` are kept
-        as they are, and their equilibrium is the state of rest.  Where supports hold the beam beyond its beginning, at
-        most 12.
+        The modes kept.  An int m keeps the m lowest modes about the equilibrium under gravity and a flow.  ``Modes``
+        are kept as they are, and their equilibrium is the state of rest.  Where supports hold the beam beyond its
+        beginning, at most 12.
     damping : DampingLaw, optional
         The damping law; undamped if not given.  ``RayleighDamping(stiffness="reference")`` is refused.
     markers : sequence of float
@@ -209,11 +209,12 @@ def reduce_model(
     """
     check_instance(model, "model", Model)
     check_instance(damping, "damping", DampingLaw, NoneType)
+    law = RayleighDamping() if damping is None else damping
     if not isinstance(modes, Modes):
-        modes = natural_modes(model, count=whole(modes, "modes", 1, model.freedoms))
+        rest = static_equilibrium(model, loads=law.loads(model.beam))
+        modes = natural_modes(model, count=whole(modes, "modes", 1, model.freedoms), equilibrium=rest)
     if modes.model != model:
         raise InputError("belong to another model", "modes")
-    law = RayleighDamping() if damping is None else damping
     if not modes.frequencies[0]:
         raise InputError("mode 1 is a motion without bending, which nothing holds; add a support or a spring", "modes")
     m, usual = modes.count, min(4 * modes.count + 4, MOST_DRAG_POINTS)
@@ -241,8 +242,9 @@ def reduced_motion(
 
 def rebuilt(first: ReducedModel, model: Model) -> ReducedModel:
     """Return the reduced model of a beam with other properties, of the size and at the points of a first one."""
-    rest, drag_points = neighbour(Structure.of(model), first.modes.equilibrium.exact), len(first.projection.drag_mass)
-    equilibrium = None if rest is None else Equilibrium(model, rest.coordinates, remainder=rest.remainder)
+    loads, drag_points = first.law.loads(model.beam), len(first.projection.drag_mass)
+    rest = neighbour(Structure.of(model, loads), first.modes.equilibrium.exact)
+    equilibrium = None if rest is None else Equilibrium(model, rest.coordinates, remainder=rest.remainder, loads=loads)
     modes = natural_modes(model, count=first.count, equilibrium=equilibrium)
     if not isinstance(first.projection, SlopeProjection):
         return _assembled(modes, first.law, condensed_projection(modes, drag_points), ())

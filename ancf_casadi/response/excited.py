@@ -18,8 +18,10 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.base_motion import BaseMotion
+from ancf_casadi.dynamics.placed_load import TIP
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.forces import BASE_SIZE
 from ancf_casadi.reduction.reduced import ReducedModel, reduce_model, reduced_motion
@@ -56,6 +58,7 @@ class Excited:
     body: Model | ReducedModel | None  # None for a system of the user
     law: DampingLaw | None = None  # of the beam
     mode: int = 1  # of the beam, from 1, to whose reference point amplitudes refer
+    place: PointLoad = TIP  # of the load
 
     @property
     def model(self) -> Model | None:
@@ -142,16 +145,19 @@ def excited(
         return Excited(body, force_drive(force, body.excitation), None)
     if force is not None:
         raise InputError("belongs to a SecondOrderSystem; a beam takes a HarmonicBase or a HarmonicLoad", "force")
+    drive = beam_drive(base, load) if mode is None else None
+    place = TIP if load is None else load.place or TIP
     if isinstance(body, ReducedModel):
         if damping is not None:
             body = reduce_model(body.model, modes=body.modes, damping=damping)
-        damping, system = body.law, reduced_system(body)
+        damping, system = body.law, reduced_system(body, place)
     else:
         assert isinstance(body, Model)
         damping = RayleighDamping() if damping is None else damping
-        system = full_system(body, damping)
-    if mode is None:
-        return Excited(system, beam_drive(base, load), body, damping)
+        system = full_system(body, damping, place)
+    if drive is not None:
+        return Excited(system, drive, body, damping, place=place)
+    assert mode is not None
     return Excited(system, no_drive(system.excitation), body, damping, mode)
 
 

@@ -45,7 +45,6 @@ from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.damped_modes import damping_at_rest
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.banded import BandedFactors
 from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, choice, is_sequence, number, unit_vector
@@ -263,7 +262,7 @@ def linear_frf(
     input_direction = response_direction if load_direction is None else unit_vector(load_direction, "load_direction")
     law = damping or RayleighDamping()
     given = {name: _points(model, own, name) for name, own in (("points", points), ("load_points", load_points))}
-    rest = equilibrium or static_equilibrium(model)
+    rest = equilibrium or static_equilibrium(model, loads=law.loads(model.beam))
     # resonances in the frequencies that are chosen if none are given
     modes = _bending(natural_modes(model, count=min(5, model.freedoms), equilibrium=rest))
     responding, loaded = (own or modes.reference_points[:1] for own in given.values())
@@ -272,7 +271,7 @@ def linear_frf(
 
     rows = _rows(model, responding, response_direction)
     if moved:
-        translation = np.tile([*input_direction, 0.0, 0.0], model.size // NODE)[:, None]
+        translation = model.unit_velocities @ np.array(input_direction)[:, None]
         values = _responses(rest, law, f, rows, np.zeros((rows.shape[1], 1)), translation)
         if kind == "transmissibility":
             values += np.dot(response_direction, input_direction)

@@ -62,7 +62,7 @@ def periodic_motion(
     base : HarmonicBase, optional
         Motion of the clamp.  A ``ramp`` has no effect on the steady state.
     load : HarmonicLoad, optional
-        Load at the tip, instead of a base motion.
+        Load at the tip or another point, instead of a base motion; it must not follow the beam.
     force : HarmonicForce, optional
         Excitation of a SecondOrderSystem.
     tolerance : float

@@ -185,7 +185,9 @@ class PeriodicMotion(Reported):
         e_t = body.whole(v, np.vstack([u[3:5], np.zeros_like(slope)])).T
         own = replace(self.balance, fourier=fourier(self.harmonic_count, count))
         motion, parameters = own.motion(self.coefficients, setting), own.parameters(setting)
-        force = base_force(body, law).map(count)(*motion, np.tile(parameters[:, None], count)).full()
+        force = (
+            base_force(body, law, self.excited.place).map(count)(*motion, np.tile(parameters[:, None], count)).full()
+        )
         lost, supplied = (_integral(power, instants) for power in own.sampled_powers(self.coefficients, setting))
         nothing, by_base = np.zeros(count + 1), self.excited.drive.moves_base
         return Trajectory(

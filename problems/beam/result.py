@@ -13,7 +13,7 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import SumOfLaws
-from ancf_casadi.dynamics.start import held_start, start_jacobians
+from ancf_casadi.dynamics.start import flowing, held_start, start_jacobians
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.estimation.block import Block
 from ancf_casadi.estimation.determination import certainty
@@ -228,7 +228,8 @@ class BeamFit(BlocksResult):
         found = self.estimates
         load = [found.get(load_name(name, record + 1), value) for name, value in loads(one)]
         model = self.configured(block.model)
-        return held_start(model, start_jacobians(model), np.array(load))[0]
+        law = flowing(self.law, model, one.start)
+        return held_start(model, start_jacobians(model, law=law), np.array(load), law=law)[0]
 
     def predict(self, record: Any) -> RecordPrediction:
         """Compute another record of the same beam with the estimates, without fitting, and compare.

@@ -45,7 +45,7 @@ DAMPING_KEYS = """\
   [[damping]]   law = "rayleigh": alpha (1/s), beta (s),
                 stiffness ("strain-rate", "tangent" or "reference")
                 law = "quadratic": eta1 (1/s), eta2 (1/m); or drag_coefficient,
-                air_density (kg/m^3)
+                air_density (kg/m^3); flow = [X, Y] of the air (m/s)
                 law = "friction": eta0 (m/s^2), smoothing_speed (m/s)
                 law = "modal": ratios, frequencies (Hz)
                 several tables add up

@@ -14,7 +14,7 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
-from ancf_casadi.dynamics.tip_load import HarmonicLoad, SampledLoad, TipLoad
+from ancf_casadi.dynamics.tip_load import HarmonicLoad, MovingForce, SampledLoad, TipLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
@@ -42,6 +42,7 @@ MOTION_KEYS = """\
                 file, with the columns force_x, force_y and moment, of which
                 one is enough; time, unit, time_unit,
                 sample_rate (1/s)
+                moving: force (N), speed (m/s), point (m), begin (s), end (m)
   [release]     the load that holds the beam until time 0: tip_force (N),
                 tip_moment (N m)
 """
@@ -94,13 +95,13 @@ def _base(file: StudyFile, table: Any, where: str) -> BaseMotion:
 
 
 def _load(file: StudyFile, table: Any, where: str) -> TipLoad:
-    """Return the force and the moment at the tip over time, of one of three kinds that the keys tell apart."""
+    """Return the force and the moment at the tip over time, of one of four kinds that the keys tell apart."""
     keys = set(table) if isinstance(table, dict) else set()
     if "file" in keys:
         time, parts = _columns(file, table, COMPONENTS, where)
         with located(where):
             return SampledLoad(time, np.column_stack([parts["force_x"], parts["force_y"]]), parts["moment"])
-    return made(table, SampledLoad if "time" in keys else HarmonicLoad, where)
+    return made(table, SampledLoad if "time" in keys else MovingForce if "speed" in keys else HarmonicLoad, where)
 
 
 def read_measured(file: StudyFile, given: Mapping[str, Any], where: str) -> Recording:

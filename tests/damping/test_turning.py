@@ -233,10 +233,11 @@ def test_energy_balances_and_every_law_takes_energy_while_the_clamp_turns(strip,
 
 
 def excitations_turned(angles):
-    """Excitations (k, 15) of a moving hanging beam with a load at its tip, turned by the given angles."""
+    """Excitations (k, 16) of a moving hanging beam with a load at its tip, turned by the given angles."""
     axis = np.array([0.0, -1.0])
     motions = np.random.default_rng(6).normal(size=(len(angles), 11))  # velocities, accelerations and loads
-    return np.array([[0.01, 0.02, *rotation(angle) @ axis, *part] for angle, part in zip(angles, motions, strict=True)])
+    turned = [rotation(angle) @ axis for angle in angles]
+    return np.array([[0.01, 0.02, *slope, *part, 0.0] for slope, part in zip(turned, motions, strict=True)])
 
 
 def test_the_linearised_step_is_that_of_the_residual_where_the_clamp_turns_within_the_step(modes):

@@ -2,13 +2,13 @@
 
 The parameters are theta of the law, b of the base motion, the properties P of the elements, the lumped properties m
 (mass at the tip, stiffness of the clamp), for a beam released from an unknown load, this load and its rate, s, and the
-shifts d of the clocks by which the motion was sampled.  A start at rest depends on P, m and s through the static
-equilibrium; unless it is an impact, the beam moves with its clamp as one rigid body (both in ``dynamics.start``), so
-that its velocities depend on b as well.  The derivatives are those of the Radau steps that were taken, with fixed
-lengths: exact for the computed motion, and as accurate as this motion.  They are chained through the linearised steps
-(``tangent``), forward for few parameters and in reverse for few results.  Samples are the quintic polynomials through
-the ends of the steps, and their time derivatives (``run``); the correction that ``simulate`` makes there for the axial
-forces is below the tolerance.
+shifts d of the clocks by which the motion was sampled.  A start at rest depends on P, m, s and, in a flow, on theta
+through the static equilibrium; unless it is an impact, the beam moves with its clamp as one rigid body (both in
+``dynamics.start``), so that its velocities depend on b as well.  The derivatives are those of the Radau steps that were
+taken, with fixed lengths: exact for the computed motion, and as accurate as this motion.  They are chained through the
+linearised steps (``tangent``), forward for few parameters and in reverse for few results.  Samples are the quintic
+polynomials through the ends of the steps, and their time derivatives (``run``); the correction that ``simulate`` makes
+there for the axial forces is below the tolerance.
 """
 
 from __future__ import annotations
@@ -21,11 +21,13 @@ import casadi as cs
 import numpy as np
 import scipy.sparse.linalg
 
+from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.derivatives.run import MotionRun, Passage, sampled, samples_of, stop_if_interrupted
 from ancf_casadi.dynamics.derivatives.tangent import Tangent, forward, reverse
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.excitation import EXCITATION, Excitation, excitation_pieces
+from ancf_casadi.dynamics.placed_load import LOAD_SIZE, TIP
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.stepper import RadauStep, Stepper
 from ancf_casadi.dynamics.segments import SAME_TIME
@@ -33,12 +35,13 @@ from ancf_casadi.dynamics.start import (
     START_LOAD_NAMES,
     Start,
     check_clamp,
+    flowing,
     held_start,
     initial_state,
     rigid_motion,
     start_jacobians,
 )
-from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TIP, TipLoad
+from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.loads import PointLoad
@@ -97,7 +100,7 @@ class SensitivityProblem:
 
     def solve(self, values: Array, most_steps: int | None = None) -> MotionRun:
         """Compute the motion for the values of theta, b, P, m, s and d, or raise an AncfError if there is none."""
-        _, b, properties, lumped, start_load, shifts = self.layout.split(values)
+        theta, b, properties, lumped, start_load, shifts = self.layout.split(values)
         model, parameters = self._model(properties, lumped), self.equations.parameters.copy()
         for name, part in self._parts(values).items():
             parameters[self.equations.layout[name]] = part
@@ -106,7 +109,7 @@ class SensitivityProblem:
         if times.max() > last + SAME_TIME * (last - first):
             raise SimulationError(f"a sample at {times.max():g} s is after the end of the motion", last)
         pieces = excitation_pieces(self.equations.model, self.base, self.load, first, last, b)
-        state, start_jacobian = self._first(model, pieces[0], start_load)
+        state, start_jacobian = self._first(model, pieces[0], start_load, theta)
         passages: list[Passage] = []
         left = self.most_steps if most_steps is None else most_steps
         for piece in pieces:
@@ -150,18 +153,25 @@ class SensitivityProblem:
 
     @cached_property
     def _start_jacobians(self) -> tuple[cs.Function, cs.Function]:
-        return start_jacobians(self.equations.model, self._held_at)
+        return start_jacobians(self.equations.model, self._held_at, self._flowing)
+
+    @property
+    def _flowing(self) -> DampingLaw:
+        """The law whose flow acts on the beam in its start."""
+        return flowing(self.equations.law, self.equations.model, self.start)
 
     @property
     def _held_at(self) -> PointLoad:
         """The place of the load that holds the beam until its release."""
-        return TIP if self.held or isinstance(self.start, Equilibrium) else self.equations.place
+        if self.held or isinstance(self.start, Equilibrium) or self.load is None:
+            return TIP
+        return self.load.place or PointLoad(point=self.load.point)
 
     @cached_property
     def _rigid_motion(self) -> cs.Function:
         return rigid_motion(self.equations.model)
 
-    def _first(self, model: Model, excitation: Excitation, load: Array) -> tuple[State, Array]:
+    def _first(self, model: Model, excitation: Excitation, load: Array, theta: Array) -> tuple[State, Array]:
         """Return the first state of a beam, and the Jacobian of q and v with respect to the values, (2 N, ...)."""
         free, layout = self.equations.free, self.layout
         jacobian, start = np.zeros((2 * free, layout.size)), self.start
@@ -174,11 +184,15 @@ class SensitivityProblem:
             if not self.held:
                 if isinstance(start, Equilibrium):
                     own_load = np.array([*start.tip_force, start.tip_moment])
-                load = np.concatenate([own_load, np.zeros(LOAD_SIZE)])
-            state, held = held_start(model, self._start_jacobians, load, self._held_at)
+                load = np.concatenate([own_load[:LOAD_SIZE], np.zeros(LOAD_SIZE)])
+            law = self._flowing
+            used = len(law.parameters)
+            law = law.with_parameters(theta[:used])
+            state, held = held_start(model, self._start_jacobians, load, self._held_at, law)
             sizes = model.properties.size, len(self.equations.model.lumped), len(START_LOAD_NAMES)
             given = slice(layout["properties"].start, layout["start"].stop)
-            jacobian[:, given] = held[:, np.repeat([True, self.lumped, self.held], sizes)]
+            jacobian[:, :used] = held[:, :used]
+            jacobian[:, given] = held[:, used:][:, np.repeat([True, self.lumped, self.held], sizes)]
         if start == "impact":
             return state, jacobian
         moved = self._rigid_motion(state.coordinates, velocity)

@@ -78,7 +78,7 @@ class Tangent:
         return min(2 * STAGES * NODE - 1, STAGES * self._free - 1)
 
     def low_rank(self, excitations: Array, h: float, modal_coefficients: Array) -> tuple[Array, Array]:
-        """Return U and V (3 N, 3 m) of the low-rank part U V^T of G, in the order of G, for excitations (3, 15), d."""
+        """Return U and V (3 N, 3 m) of the low-rank part U V^T of G, in the order of G, for excitations (3, 16), d."""
         if not modal_coefficients.size:
             return (np.zeros((len(self.order), 0)),) * 2
         B = np.tensordot(excitations[:, 2:NODE], self.form.equations.turned_projections, 1)
@@ -171,7 +171,7 @@ class Tangent:
         return cs.MX.sym("Z", self._free, STAGES), cs.MX.sym("h"), cs.MX.sym("u", self.layout.size)
 
     def _motion(self, z: cs.MX, h: cs.MX, u: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
-        """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (3, 3), at the stages."""
+        """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (4, 3), at the stages."""
         q, v, excitations, _ = cs.vertsplit(u, self.layout.offsets)
         return stage_motion(self.form.equations.model, z, q, v, h, cs.reshape(excitations, EXCITATION, STAGES))
 

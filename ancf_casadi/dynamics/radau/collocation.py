@@ -43,7 +43,6 @@ from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.radau.corotation import Corotation
 from ancf_casadi.dynamics.radau.elimination import Elimination, node_blocks, node_places
-from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
@@ -98,7 +97,7 @@ class Collocation:
 
     Free coordinates, velocities and accelerations are q, v and a (N,); Z (N, 3) are the increments at the stages.
     The columns of W = Z T^-T (N, 3) are the real part, and the real and the imaginary part of the complex one.
-    ``excitations`` (15, 3) are those at the stages.  ``turns`` lead to the stages from ``reference``, all coordinates
+    ``excitations`` (16, 3) are those at the stages.  ``turns`` lead to the stages from ``reference``, all coordinates
     (4 n + 4,) of the configuration in which the matrices were taken (``corotation``).
     """
 
@@ -207,7 +206,7 @@ class Collocation:
         return _function("sample", inputs, [corrected, e_t, model.of_base(forces)])
 
     def accelerations(self, q: Array, v: Array, excitation: Array, parameters: Array) -> Array:
-        """Return the accelerations a in a state (q, v) under an excitation (15,)."""
+        """Return the accelerations a in a state (q, v) under an excitation (16,)."""
         position, velocity, acceleration, load = np.split(excitation, [NODE, 2 * NODE, 3 * NODE])
         model = self.equations.model
         motion = [model.whole(*parts) for parts in ((q, position), (v, velocity), (0 * q, acceleration))]
@@ -283,7 +282,7 @@ class Collocation:
     def balance(self) -> cs.Function:
         """(e, e_t, e_tt, load, parameters) -> forces at all nodes, and powers as in ``Balance.forces``."""
         e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
-        load, parameters = cs.MX.sym("load", LOAD_SIZE), self._symbols.parameters
+        load, parameters = cs.MX.sym("load", NODE), self._symbols.parameters
         outputs = self.equations.balance(parameters).forces(e, e_t, e_tt, load)
         return cs.Function("balance", [e, e_t, e_tt, load, parameters], [*outputs])
 
@@ -297,7 +296,7 @@ def first_equal(form: Collocation) -> Collocation:
 def stage_motion(
     model: Model, z: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX, excitations: cs.MX
 ) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
-    """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (3, 3), at the stages, from Z and the data of the step."""
+    """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (4, 3), at the stages, from Z and the data of the step."""
     inverse = cs.DM(RADAU.inverse).T
     velocities = z @ inverse / h
     accelerations = (velocities - cs.repmat(v, 1, STAGES)) @ inverse / h

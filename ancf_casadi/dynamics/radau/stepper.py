@@ -83,7 +83,7 @@ class RadauStep:
     v: Array  # their velocities
     a: Array  # their accelerations
     increments: Array  # of the coordinates at the stages, (3, N)
-    excitations: Array  # at the stages, (3, 15)
+    excitations: Array  # at the stages, (3, 16)
 
 
 class Stepper:
@@ -226,7 +226,7 @@ def _sampler(
 
 
 def _at_stages(excitation: cs.Function) -> cs.Function:
-    """(t, h) -> the excitations at the stages of a step, (15, 3)."""
+    """(t, h) -> the excitations at the stages of a step, (16, 3)."""
     t, h = cs.MX.sym("t"), cs.MX.sym("h")
     columns = cs.horzcat(*(excitation(t + c * h) for c in RADAU.nodes.tolist()))
     return cs.Function("stage_excitations", [t, h], [columns])

@@ -20,9 +20,10 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw, Parameter
 from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.placed_load import LOAD_SIZE, TIP
 from ancf_casadi.dynamics.signals import Signal, parameter_signals
-from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.mechanics.attachments import Dashpot, Spring
+from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.reduction.forces import BASE_SIZE
@@ -45,35 +46,35 @@ STRAIGHT = 1e-9  # of the length of the beam, or of a direction
 
 
 @lru_cache(maxsize=KEPT)
-def full_system(model: Model, law: DampingLaw) -> SecondOrderSystem:
-    """Return the full beam under a damping law as a second-order system.
+def full_system(model: Model, law: DampingLaw, place: PointLoad = TIP) -> SecondOrderSystem:
+    """Return the full beam under a damping law, with a load at a place, as a second-order system.
 
     Its parameters are gravity, the properties of each element in turn, and the parameters of the law.
     """
-    rest = static_equilibrium(model).coordinates
+    rest = static_equilibrium(model, loads=law.loads(model.beam)).coordinates
     return SecondOrderSystem(
-        functions=partial(_full_functions, model, law),
-        entries=_one_sample(model, law)[0],
+        functions=partial(_full_functions, model, law, place),
+        entries=_one_sample(model, law, place)[0],
         parameters=parameters_of(parameter_signals(Equations(model, law)), law),
         excitation=BEAM_EXCITATION,
         rest=model.of_free(rest),
         scale=model.free_scale,
-        mirror=_mirror(model, rest),
+        mirror=_mirror(model, law, rest),
         corrections=Turning.of(model),
     )
 
 
-def _full_functions(model: Model, law: DampingLaw, samples: int) -> SampledFunctions:
-    return several(_one_sample(model, law)[1], samples)
+def _full_functions(model: Model, law: DampingLaw, place: PointLoad, samples: int) -> SampledFunctions:
+    return several(_one_sample(model, law, place)[1], samples)
 
 
 @lru_cache(maxsize=KEPT)
-def _one_sample(model: Model, law: DampingLaw) -> tuple[tuple[Index, Index], SampledFunctions]:
+def _one_sample(model: Model, law: DampingLaw, place: PointLoad) -> tuple[tuple[Index, Index], SampledFunctions]:
     """Return rows and columns of the entries of the matrices, and the Functions of one sample."""
-    equations = Equations(model, law, compiled)
+    equations = Equations(model, law, compiled, place)
     *_, u, p = symbols = _symbols(equations)
     forces, powers, (e, e_t, _) = _full_motion(equations, symbols)
-    plain, *_ = _full_motion(Equations(model, law), symbols)
+    plain, *_ = _full_motion(Equations(model, law, place=place), symbols)
     directions = [cs.MX.sym(name, BEAM_EXCITATION) for name in ("u_1", "u_2")]
     terms, load = equations.balance_for(p), u[BASE_SIZE:]
     K, D, M = (model.matrix(entries) for entries in terms.tangents(e, e_t, load))
@@ -116,16 +117,16 @@ def _full_motion(equations: Equations, symbols: Sequence[cs.MX]) -> tuple[cs.MX,
     return forces, [lost + cs.dot(e_t, low_rank), supplied + cs.dot(e_t[:2], model.of_base(forces)[:2])], nodes
 
 
-def base_force(model: Model, law: DampingLaw) -> cs.Function:
+def base_force(model: Model, law: DampingLaw, place: PointLoad) -> cs.Function:
     """Return the Function of q, v, a, u and p that gives the force of the base on the beam, (4,)."""
-    equations = Equations(model, law)
+    equations = Equations(model, law, place=place)
     symbols = _symbols(equations)
     return cs.Function("base_force", symbols, [model.of_base(_full_motion(equations, symbols)[0])])
 
 
 @lru_cache(maxsize=KEPT)
-def reduced_system(reduced: ReducedModel, *, tuned: bool = False) -> SecondOrderSystem:
-    """Return a reduced model as a second-order system; its parameters are gravity and those of the law.
+def reduced_system(reduced: ReducedModel, place: PointLoad = TIP, *, tuned: bool = False) -> SecondOrderSystem:
+    """Return a reduced model, with a load at a place, as a second-order system of gravity and the law as parameters.
 
     If it is tuned, they are those of the law, factors c on the natural frequencies w, and a factor E on the elastic
     modulus, with the forces diag((c_k^2 - 1) w_k^2) q + (E - 1) dU/dq.
@@ -139,18 +140,18 @@ def reduced_system(reduced: ReducedModel, *, tuned: bool = False) -> SecondOrder
         modulus = Parameter("elastic_modulus", 1.0, "1", "factor on the elastic modulus")
         parameters = (*parameters[GRAVITY_SIZE:], *factors, modulus)
     return SecondOrderSystem(
-        functions=partial(_reduced_functions, reduced, tuned),
+        functions=partial(_reduced_functions, reduced, place, tuned),
         entries=dense_entries(m),
         parameters=parameters,
         excitation=BEAM_EXCITATION,
         rest=np.zeros(m),
         scale=np.full(m, model.beam.length * np.sqrt(projection.total_mass)),
-        mirror=np.full(m, -1.0 if _is_symmetric(model, rest) else 1.0),
+        mirror=np.full(m, -1.0 if _is_symmetric(model, reduced.law, rest) else 1.0),
     )
 
 
 @lru_cache(maxsize=KEPT_FUNCTIONS)
-def _reduced_functions(reduced: ReducedModel, tuned: bool, samples: int) -> SampledFunctions:
+def _reduced_functions(reduced: ReducedModel, place: PointLoad, tuned: bool, samples: int) -> SampledFunctions:
     m, law, model, projection = reduced.count, reduced.law, reduced.model, reduced.projection
     q, v, a = coordinates = [cs.MX.sym(name, m, samples) for name in ("q", "v", "a")]
     laws = len(law.parameters)
@@ -159,39 +160,42 @@ def _reduced_functions(reduced: ReducedModel, tuned: bool, samples: int) -> Samp
     gravity, of_law, factors = cs.vertsplit(values, [0, GRAVITY_SIZE, GRAVITY_SIZE + laws, values.numel()])
     directions = [cs.MX.sym(name, BEAM_EXCITATION, samples) for name in ("u_1", "u_2")]
     motion = reduced_motion(projection, q, v, u[:BASE_SIZE, :], gravity)
-    damping, tip = motion.damping(law, of_law, model), motion.tip_force(u[BASE_SIZE:, :])
-    forces = motion.undamped_forces(a) + damping - tip
+    point = place.place(model.beam)
+    rows = [own[0, ::2] for own in (model.interpolation(point), model.slope_interpolation(point))]
+    damping, loaded = motion.damping(law, of_law, model), motion.load_force(u[BASE_SIZE:, :], *rows)
+    forces = motion.undamped_forces(a) + damping - loaded
     velocity, balance = cs.vertcat(v, u[3:5, :]), forces[:m, :]
     if tuned:
         balance += cs.diag((factors[:-1] ** 2 - 1) * reduced.modes.angular_frequencies**2) @ q
         balance += (factors[-1] - 1) * motion.elastic_force
-    supplied = cs.sum1(u[3:5, :] * forces[m:, :]) + cs.sum1(velocity * tip)
-    rows = [cs.DM.zeros(m, samples) for _ in range(m)]
-    for k, row in enumerate(rows):
-        row[k, :] = 1.0
-    matrices = [cs.vertcat(*(cs.jtimes(balance, own, row) for row in rows)) for own in coordinates]
+    supplied = cs.sum1(u[3:5, :] * forces[m:, :]) + cs.sum1(velocity * loaded)
+    units = [cs.DM.zeros(m, samples) for _ in range(m)]
+    for k, unit in enumerate(units):
+        unit[k, :] = 1.0
+    matrices = [cs.vertcat(*(cs.jtimes(balance, own, unit) for unit in units)) for own in coordinates]
     driven = [cs.jtimes(balance, u, direction) for direction in directions]
     powers = [cs.sum1(velocity * damping), supplied]
     return SampledFunctions.of([*coordinates, u, p, *directions], balance, [*matrices, *driven], powers)
 
 
-def _is_symmetric(model: Model, rest: Array) -> bool:
-    """Return whether the beam at rest, with gravity and all that holds it, is its own mirror image in the axis."""
+def _is_symmetric(model: Model, law: DampingLaw, rest: Array) -> bool:
+    """Return whether the beam at rest, with all that acts and holds it, is its own mirror image in the axis."""
     beam, (ax, ay), (x, y) = model.beam, model.beam.axis, rest.reshape(-1, 2).T
     gx, gy = np.array(beam.gravity) / (np.hypot(*beam.gravity) or 1.0)
     slides = np.array([one.sliding for one in beam.supports if one.sliding]).reshape(-1, 2).T
     pairs = [one.stiffness if isinstance(one, Spring) else one.coefficient
              for one in beam.attachments if isinstance(one, Spring | Dashpot)]  # fmt: skip
-    across = [*(ax * y - ay * x), ax * gy - ay * gx]
+    flow = [(ax * load.force[1] - ay * load.force[0]) / math.hypot(*load.force) for load in law.loads(beam)]
+    across = [*(ax * y - ay * x), ax * gy - ay * gx, *flow]
     oblique = (ax * slides[0] + ay * slides[1]) * (ax * slides[1] - ay * slides[0])
     mixed = [(own[0] - own[1]) / max(own) * ax * ay for own in pairs if any(own)]
     return bool(np.abs([*across, *oblique, *mixed]).max() <= STRAIGHT)
 
 
-def _mirror(model: Model, rest: Array) -> Array:
+def _mirror(model: Model, law: DampingLaw, rest: Array) -> Array:
     """Return the signs of free coordinates mirrored in the axis: -1 across it, if it is x or y; else ones."""
     ax, ay = np.abs(model.beam.axis)
-    if min(ax, ay) > STRAIGHT or not _is_symmetric(model, rest):
+    if min(ax, ay) > STRAIGHT or not _is_symmetric(model, law, rest):
         return np.ones(model.freedoms)
     signs = np.tile([1.0, -1.0] if ax > ay else [-1.0, 1.0], model.size // 2)
     return np.asarray(np.round(model.of_free(signs * model.moved(np.ones(model.freedoms)))))
@@ -234,7 +238,7 @@ class Turning:
             matrix=pairs @ model.moved(np.eye(model.freedoms)),
             constant=pairs @ model.whole_of_base @ np.array([0.0, 0.0, *beam.axis]),
             inverse=model.of_free(np.vstack([none, own])),
-            translation=model.of_free(np.tile(np.eye(NODE, 2), (model.size // NODE, 1))),
+            translation=model.of_free(model.unit_velocities),
         )
 
     def moved(self, q: Array, change: Array) -> Array:

@@ -18,7 +18,7 @@ with constant vectors u_0, u_1, u_2.  A motion of the clamp, A sin tau along a d
 its velocity in u_1 and its acceleration in u_2.  A force has only u_0.
 
 The excitation of a beam has 12 components: displacement (x, y) and rotation of the clamp, their velocities, their
-accelerations, and force (x, y) and moment at the tip.
+accelerations, and force (x, y) and moment of the load.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ import numpy as np
 
 from ancf_casadi.damping import Parameter
 from ancf_casadi.dynamics.base_motion import BaseMotion, HarmonicBase
-from ancf_casadi.dynamics.tip_load import TIP, HarmonicLoad, TipLoad
+from ancf_casadi.dynamics.tip_load import HarmonicLoad, TipLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import array, check_instance, instances, physical
@@ -95,7 +95,7 @@ class Drive:
     amplitude: float  # A; of a beam, m, N or N m
     omega: float  # rad/s
     unit: str = ""  # of the amplitude
-    direction: tuple[float, float] = (0.0, 0.0)  # of the base motion or the force at the tip; zero for a moment alone
+    direction: tuple[float, float] = (0.0, 0.0)  # of the base motion or the force; zero for a moment alone
 
     @property
     def moves_base(self) -> bool:
@@ -125,7 +125,7 @@ def no_drive(components: int) -> Drive:
 
 
 def beam_drive(base: BaseMotion | None, load: TipLoad | None) -> Drive:
-    """Return the excitation of a beam by its base or at its tip, at its full amplitude."""
+    """Return the excitation of a beam by its base or a load, at its full amplitude."""
     if (base is None) == (load is None):
         raise InputError("give either a HarmonicBase or a HarmonicLoad", "base" if base is not None else "load")
     parts = np.zeros((3, BEAM_EXCITATION))
@@ -139,8 +139,8 @@ def beam_drive(base: BaseMotion | None, load: TipLoad | None) -> Drive:
     check_instance(load, "load", HarmonicLoad)
     assert isinstance(load, HarmonicLoad)
     _check_endless(load.stop, "load")
-    if load.place != TIP:
-        raise InputError("acts elsewhere than at the tip, or follows the beam, which needs simulate or motion", "load")
+    if load.follower:
+        raise InputError("follows the beam, which needs simulate or motion", "load")
     force = math.hypot(*load.force)
     amplitude, unit = (force, "N") if force else (abs(load.moment), "N m")
     if not amplitude:

@@ -27,7 +27,7 @@ import numpy as np
 
 from ancf_casadi.dynamics.derivatives.reading import SampledMotion
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.tip_load import LOAD_SIZE
+from ancf_casadi.dynamics.placed_load import LOAD_SIZE
 from ancf_casadi.reduction import ReducedModel
 from ancf_casadi.response.harmonic_balance.balance import Fourier, HarmonicBalance, Setting, fourier
 from ancf_casadi.response.harmonic_balance.beams import reduced_system

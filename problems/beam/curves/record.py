@@ -35,6 +35,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.dynamics.base_motion import HarmonicBase
+from ancf_casadi.dynamics.placed_load import TIP
 from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
@@ -277,6 +278,8 @@ class ResponseRecord(Displayed):
             )
         else:
             beam_drive(self.base, self.load)  # refuses what cannot excite a steady vibration
+            if self.load is not None and self.load.place != TIP:
+                raise InputError("acts elsewhere than at the tip, which fits of response curves do not allow", "load")
         if flag(self.relative, "relative") and self.excitation_unit not in BASE_MOTIONS:
             raise InputError(
                 f"needs a motion of the base: excitation_unit one of {', '.join(BASE_MOTIONS)}", "relative"

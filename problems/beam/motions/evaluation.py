@@ -17,7 +17,8 @@ from ancf_casadi.dynamics.derivatives.differentiable import Runs
 from ancf_casadi.dynamics.derivatives.reading import SampledMotion, orders_of
 from ancf_casadi.dynamics.derivatives.sensitivity import SensitivityProblem
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TipLoad
+from ancf_casadi.dynamics.placed_load import LOAD_SIZE
+from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 from problems.beam.motions.record import Channel, MotionRecord
@@ -105,7 +106,7 @@ def _problem(block: MotionBlock, equations: Equations, record: MotionRecord) -> 
     return SensitivityProblem(
         equations=_loaded(equations, record),
         base=record.own_base,
-        load=record.load,
+        load=None if record.load is None else record.load.along(block.model.beam),
         start=record.start,
         times=times if record.has_unknown_times else times - record.release_bounds[0] + record.origin,
         tolerance=block.tolerance,
@@ -178,7 +179,7 @@ def _load_at(load: TipLoad | None, times: Array, shift: cs.MX) -> cs.MX:
     value = last.at(t, cs.MX(0, 1))
     for piece in reversed(others):
         value = cs.if_else(t <= piece.end, piece.at(t, cs.MX(0, 1)), value)
-    return cs.Function("load", [t], [cs.densify(value)]).map(times.size)(cs.DM(times).T + shift)
+    return cs.Function("load", [t], [cs.densify(value)[:LOAD_SIZE]]).map(times.size)(cs.DM(times).T + shift)
 
 
 def _seen(

@@ -8,6 +8,7 @@ from ancf_casadi import (
     HarmonicBase,
     HarmonicLoad,
     InputError,
+    MovingForce,
     Pin,
     PointLoad,
     Roller,
@@ -128,6 +129,9 @@ class TestLoad:
         assert load == HarmonicLoad((1e-3, 0.0), 2.0, stop=1.0)
 
     def test_values_in_the_table(self, file):
+        text = "[load]\nforce = [1e-3, 0.0]\nspeed = 2.0\n"
+        load = read_simulation(file(BEAM, SIMULATION, text)).settings["load"]
+        assert load == MovingForce((1e-3, 0.0), 2.0)
         text = "[load]\ntime = [0, 0.1]\nforce = [[1, 0], [1, 0]]\n"
         load = read_simulation(file(BEAM, SIMULATION, text)).settings["load"]
         assert isinstance(load, SampledLoad)

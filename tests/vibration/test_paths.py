@@ -300,8 +300,8 @@ def test_a_strip_buckled_by_a_support_vibrates_about_its_buckled_state(support, 
 @pytest.mark.slow
 def test_each_equilibrium_has_the_supports_of_its_factor():
     """A clamp that turns and one in a spring, both displaced, under gravity and a force."""
-    supports = (Clamp(displacement=(0.0, 0.1)), Clamp(1.0, 20.0, rotation=1.0, displacement=(-0.05, 0.0)))
-    model = column(12, supports=supports, gravity=(0.0, -5.0))
+    supports = (Clamp(displacement=(0.0, 0.1)), Clamp(1.0, 20.0, rotation=0.4, displacement=(-0.05, 0.0)))
+    model = column(4, supports=supports, gravity=(0.0, -5.0))
     path = equilibrium_path(model, loads=[PointLoad((0.0, 3.0), point=0.3)])
     assert path.factors[-1] == 1.0
     assert path.equilibria[-1].model == model
@@ -309,7 +309,7 @@ def test_each_equilibrium_has_the_supports_of_its_factor():
     (half,) = path.equilibria_at(0.5)
     assert half.model.beam.supports == (
         Clamp(displacement=(0.0, 0.05)),
-        Clamp(1.0, 20.0, rotation=0.5, displacement=(-0.025, 0.0)),
+        Clamp(1.0, 20.0, rotation=0.2, displacement=(-0.025, 0.0)),
     )
     assert half.position(0.0) == pytest.approx([0.0, 0.05], abs=1e-15)
     assert half.position(1.0) == pytest.approx([0.975, 0.0], abs=1e-15)

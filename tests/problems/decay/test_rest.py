@@ -79,11 +79,15 @@ def test_silicone_creeps(load, most):
 
 @pytest.mark.skipif(not SILICONE.is_dir(), reason="the measured records are not part of the repository")
 def test_laws_of_silicone_that_do_not_hold_over_the_record_are_not_chosen():
-    """A frequency quadratic in the amplitude, with the lower misfit, would have another sign after 0.3 s."""
+    """A frequency quadratic in the amplitude, with the lower misfit, would have another sign after 0.3 s.
+
+    The slow residuals carry the information of eight independent ones, too few to compare laws of the damping.
+    """
     time, tip = np.loadtxt(SILICONE / "beam_gravity_tip.csv", delimiter=",", skiprows=1).T
     fit = fit_decay(time, tip, law="auto", rest="creep")
     laws = {"law": fit.law, "frequency_law": fit.frequency_law, "rest": "creep"}
     later = fit_decay(time, tip, release_time=fit.release_time + 0.3, **laws)
-    assert fit.law == "quadratic"
+    assert fit.frequency_law == "constant"
+    assert any("the laws cannot be compared" in warning for warning in fit.warnings)
     for name in {"frequency", *fit.model.terms, "drift", "creep"}:
         assert abs(getattr(later, name) - getattr(fit, name)) < 2 * fit.standard_errors[name]

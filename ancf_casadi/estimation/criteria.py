@@ -11,12 +11,12 @@ x_k uniformly distributed over a width W_k, the integral of the likelihood by La
 
     P = exp(-D/2)/sum of exp(-D/2) over all models,        D = n ln(S/m) + ln det(I + W J'J W n/(2 pi S)).
 
-A term that the record hardly shows changes D by nothing, and one that it shows well costs more the wider its prior is.
+A term that the record hardly shows does not change D, and one that it shows well costs more the wider its prior is.
 Damping terms may have any share of the damping: W_k |J_k| = sum |J_j| |x_j| over the damping terms j, with the columns
 J_j of the Jacobian.  Another unknown has the width between its bounds or, without these, one that moves the curve by
 about its own size: W_k |J_k| is the largest of their |J_j| times scale.  I keeps the integral below the largest
-likelihood.  The choice is settled if the best model has a
-probability of at least 95 %.  Of equal models the first is preferred.
+likelihood.  The choice is settled if the best model has a probability of at least 95 %.  Of equal models the first is
+preferred.
 
 Coloured residuals carry less information on the laws, and criteria that count all m of them overstate the differences.
 n is the number of residuals with white noise that would determine the unknowns as well

@@ -100,11 +100,11 @@ class TestCompositeStrip:
 
     @pytest.mark.slow
     def test_small_deflections_alone_cannot_separate_stiffness_and_clamp(self, page):
-        """Up to 200 g both are nearly linear in the load."""
+        """Up to 200 g both are nearly linear in the load: a rigid clamp and 0.575 N m^2 fit best, soft ones as well."""
         fit = fitted(page.composite_record(most_g=200.0), ["bending_stiffness", "clamp_stiffness"])
         low, high = fit.intervals()["bending_stiffness"]
-        assert low < 0.5
-        assert high > page.LAMINATE
+        assert low < 0.5754 < page.LAMINATE < 0.9 < high
+        assert fit.intervals()["clamp_stiffness"][0] < 10.0 and math.isinf(fit.intervals()["clamp_stiffness"][1])
 
     def test_the_unknown_own_weight_moves_the_stiffness_by_its_interval_at_most(self, page, stiffness_alone):
         heavy = fitted(page.composite_record(0.07), ["bending_stiffness"])

@@ -165,7 +165,7 @@ class LawComparison(Displayed, Generic[F]):
         Laws with long names are numbered in the rows.
         """
         verdict = self.verdict
-        numbered = max(map(len, self.names)) > 32  # characters of a law in a table of 100 columns
+        numbered = max(map(len, self.names)) > 22  # characters of a law in a table of 100 columns
         labels = [str(k) if numbered else name for k, name in enumerate(self.names, start=1)]
         laws = zip(
             labels, self.fits, self.candidates, verdict.probabilities.tolist(), verdict.aicc, verdict.bic, strict=True

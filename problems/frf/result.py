@@ -152,6 +152,9 @@ class FrfFit(LeastSquaresResult):
             shape_std=tuple(tuple((own / size).tolist()) for own, size in zip(chosen, sizes, strict=True)),
         )
 
+    def _profiles(self, level: float) -> dict[str, Interval]:
+        return {}  # the covariance allows for noise that functions share, and the likelihood does not
+
     def profile(self, name: str, level: float = CONFIDENCE_LEVEL) -> Interval:
         """Return the interval of an estimate by profile likelihood, allowing for noise that functions share.
 

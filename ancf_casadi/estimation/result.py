@@ -210,7 +210,7 @@ class LeastSquaresResult(FitResult):
         """Return the interval of each estimated quantity by name for a confidence level.
 
         They are to first order, or by profile likelihood where the former are wrong by more than 5 % of their width
-        (``profiled``).  Fits of beams, for which this would take long, leave it to ``profile``.
+        (``profiled``).  Fits of beams, which would take long, and of response functions leave it to ``profile``.
 
         Raises
         ------

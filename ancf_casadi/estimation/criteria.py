@@ -26,8 +26,8 @@ general model.  Residuals that are not noise, but motion that no model explains,
 n does not show: if their power is concentrated in the spectrum by a factor c above 3 (``concentration``), n is at most
 m/c.
 
-How surely a record would tell two laws apart is known before it is measured (``expectation``).  The rival, fitted to
-the record of the true law without noise, leaves the residuals d.  With noise e, in standard deviations, a law leaves
+The probability that a record tells two laws apart is known before it is measured (``expectation``).  The rival, fitted
+to the record of the true law without noise, leaves the residuals d.  With noise e, in standard deviations, a law leaves
 
     S = min |d + e + J y|^2    over changes y of its unknowns within their bounds,
 

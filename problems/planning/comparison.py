@@ -1,4 +1,4 @@
-"""How surely planned experiments would tell damping laws apart, before anything is measured.
+"""Probabilities that planned experiments tell damping laws apart, before anything is measured.
 
 Each law in turn is taken as true.  ``plan`` computes the records that it would give, without noise, and the other laws
 are fitted to them.  What they miss, relative to the noise, decides how often ``compare_laws`` finds the true law
@@ -32,7 +32,7 @@ from problems.planning.result import TOGETHER
 
 @dataclass(frozen=True, eq=False)
 class PlannedComparison(Reported):
-    """How surely candidate records would tell damping laws apart.
+    """Probabilities that candidate records tell damping laws apart.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def plan_comparison(
     progress: bool = False,
     **settings: Any,
 ) -> PlannedComparison:
-    """Compute how surely records would tell damping laws apart by ``compare_laws``, before anything is measured.
+    """Compute the probability that ``compare_laws`` finds the true law from records, before anything is measured.
 
     Parameters
     ----------

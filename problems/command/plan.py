@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import argparse
 
-from problems.command.output import Output, add_plot, figure_writers, json_text, new_files, positive_count
+from problems.command.output import (
+    Output,
+    add_plot,
+    figure_writers,
+    json_text,
+    new_files,
+    positive_count,
+    result_output,
+)
 from problems.schema.plan import PLAN_HELP, read_plan
 
 
@@ -14,14 +22,25 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "file", metavar="STUDY.toml", help="a file with the tables [beam], [damping] and [[candidates]]"
     )
+    parser.add_argument(
+        "--laws",
+        action="store_true",
+        help="instead of errors, the probabilities that compare-laws will find the true one of the tables [[damping]] "
+        "and their sum, or of the laws of [fit]",
+    )
     parser.add_argument("--jobs", type=positive_count, default=1, metavar="N", help="number of processes (default: 1)")
-    add_plot(parser, "draw the errors of each candidate, against its duration and the place of its sensor")
+    add_plot(
+        parser,
+        "draw the errors of each candidate, against its duration and the place of its sensor, or the probabilities",
+    )
 
 
 def run(options: argparse.Namespace) -> Output:
     """Run the command."""
     task = read_plan(options.file)
     (plot,) = new_files([options.file], options.plot)
+    if options.laws:
+        return result_output(options, task.compared(jobs=options.jobs, progress=True), plot)
     found = task.planned(jobs=options.jobs, progress=True)
     choice, files = task.chosen(found), figure_writers(plot, found.figure)
     if options.json:

@@ -15,6 +15,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import check_keys, is_sequence, located, shown
 from problems.beam.curves.record import ResponseRecord
+from problems.planning.comparison import PlannedComparison, plan_comparison
 from problems.planning.experiments import plan
 from problems.planning.record import PlannedRecord
 from problems.planning.result import Plan
@@ -28,6 +29,7 @@ from problems.schema.records import (
     channels_of,
     configuration,
     excitation_of,
+    read_laws,
     table_sensor,
 )
 from problems.schema.table import Positive, StudyFile, read, told
@@ -60,7 +62,7 @@ PLAN_KEYS = (
                 amplitude_std, phase_std, level_std, sensor, point, ...
                 each may have length, axis, tip_mass, clamp_stiffness,
                 supports, attachments
-  [fit]         unknowns, fixed, priors: as for the command fit
+  [fit]         unknowns, fixed, priors, laws: as for the command fit
 """
 )
 PLAN_TABLES = {"beam", "damping", "base", "load", "release", "candidates", "fit", "plan"}
@@ -77,6 +79,7 @@ class PlanTask:
 
     model: Model
     damping: DampingLaw | None
+    laws: tuple[DampingLaw, ...]  # to tell apart
     candidates: Mapping[str, PlannedRecord]
     settings: Mapping[str, Any]  # other arguments of ``plan``
     table: PlanTable
@@ -86,6 +89,13 @@ class PlanTask:
         """Return the plan."""
         with located(self.file.where("fit")):
             return plan(self.model, self.candidates, self.damping, jobs=jobs, progress=progress, **self.settings)
+
+    def compared(self, *, jobs: int = 1, progress: bool = False) -> PlannedComparison:
+        """Return the probabilities that the candidates tell the laws apart."""
+        with located(self.file.where("fit")):
+            return plan_comparison(
+                self.model, self.candidates, self.laws, jobs=jobs, progress=progress, **self.settings
+            )
 
     def chosen(self, found: Plan) -> dict[str, Any]:
         """Return goal and budget, the best list with its standard errors, and the best shares, for JSON."""
@@ -112,7 +122,7 @@ def read_plan(given: str | StudyFile) -> PlanTask:
     check_keys(fit, set(), {*FIT, "laws"}, file.where("fit"))
     settings = {key: fit[key] for key in PLAN_SETTINGS & fit.keys()}
     table = read(file.tables.get("plan", {}), PlanTable, file.where("plan"))
-    return PlanTask(source.model, source.damping, candidates, settings, table, file)
+    return PlanTask(source.model, source.damping, read_laws(file, source), candidates, settings, table, file)
 
 
 def _candidate(file: StudyFile, given: Any, model: Model, where: str) -> PlannedRecord:

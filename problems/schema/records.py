@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from inspect import signature
@@ -20,6 +20,7 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.export.model_document import Document
 from ancf_casadi.mechanics.beam_table import PART_KINDS, with_parts
 from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
@@ -80,8 +81,8 @@ RECORD_KEYS = """\
                 HIGH]}, priors = {NAME = [MEAN, STD]} (or [MEDIAN,
                 RELATIVE STD, "log-normal"]), robust (true or false),
                 tolerance;
-                laws = [[1], [1, 2]]: for compare-laws, the tables [[damping]]
-                of each law (default: each alone, and all together)
+                laws = [[1], [1, 2]]: for compare-laws and plan --laws, the
+                tables [[damping]] of each law (default: each alone, and all together)
 """
 MODE_CURVES_HELP = """\
 Tables of CURVES.toml, in SI units:
@@ -131,9 +132,7 @@ def read_measurements(given: str | StudyFile) -> Measurements:
         raise InputError("the table is missing; its parameters are the unknowns", file.where("damping"))
     if not any(file.several(name) for name in NUMBERS):
         file.needed("records", f"it names the file to fit; or add {', '.join(f'[[{name}]]' for name in NUMBERS)}")
-    terms = [term_of(table, source.model, file.where("damping")) for table in file.several("damping")]
-    with located(where):
-        laws = _laws(fit.get("laws"), terms, law)
+    laws = read_laws(file, source)
     records, predictions = (
         [_record(file, table, source.model, file.where(name)) for table in file.several(name)]
         for name in ("records", "predictions")
@@ -244,14 +243,17 @@ def excitation_of(file: StudyFile, given: Mapping[str, Any], where: str) -> dict
     return found
 
 
-def _laws(given: Any, terms: Sequence[DampingLaw], law: DampingLaw | None) -> tuple[DampingLaw, ...]:
-    """Return the sums of the terms with the given numbers, from 1; if not given, each term, and their sum."""
+def read_laws(file: StudyFile, source: Document) -> tuple[DampingLaw, ...]:
+    """Return the laws to compare: the sums of terms that [fit] numbers from 1, or each term, and the law with all."""
+    law, given = source.damping, file.tables.get("fit", {}).get("laws")
+    terms = [term_of(table, source.model, file.where("damping")) for table in file.several("damping")]
     if given is None:
         return tuple(one for one in ((*terms, law) if len(terms) > 1 else (law,)) if one is not None)
-    if not is_sequence(given) or not given or not all(is_sequence(numbers) and numbers for numbers in given):
-        raise InputError(f"must be a list of lists of numbers, such as [[1], [1, 2]], got {shown(given)}", "laws")
-    laws = [total([terms[whole(number, "laws", 1, len(terms)) - 1] for number in numbers]) for numbers in given]
-    return tuple(law for law in laws if law is not None)
+    with located(file.where("fit")):
+        if not is_sequence(given) or not given or not all(is_sequence(numbers) and numbers for numbers in given):
+            raise InputError(f"must be a list of lists of numbers, such as [[1], [1, 2]], got {shown(given)}", "laws")
+        laws = [total([terms[whole(number, "laws", 1, len(terms)) - 1] for number in numbers]) for numbers in given]
+    return tuple(one for one in laws if one is not None)
 
 
 def channels_of(given: Mapping[str, Any], keys: set[str], where: str) -> list[tuple[dict[str, Any], str]]:

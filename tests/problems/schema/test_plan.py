@@ -4,8 +4,9 @@ import json
 
 import pytest
 
-from ancf_casadi import InputError
-from problems import plan, run_study
+from ancf_casadi import InputError, QuadraticDamping, RayleighDamping
+from ancf_casadi.estimation.criteria import Expectation
+from problems import PlannedComparison, plan, run_study
 from problems.cli import main
 from problems.schema.plan import read_plan
 from tests.problems.conftest import BEAM
@@ -115,3 +116,33 @@ def test_the_command_prints_the_errors_and_the_best_list(study, capsys, tmp_path
 def test_what_is_wrong_in_the_tables_is_said(study, tables, message):
     with pytest.raises(InputError, match=message):
         read_plan(study(*tables))
+
+
+DRAG = """
+[[damping]]
+law = "quadratic"
+eta2 = 1.0
+"""
+
+
+def test_the_command_compares_the_laws_of_the_file(tmp_path, capsys, monkeypatch):
+    asked = {}
+
+    def found(model, candidates, laws, **settings):
+        asked.update(settings, candidates=list(candidates), laws=[type(law) for law in laws])
+        return PlannedComparison(("first", "second"), {("candidate 1", 0, 1): Expectation(difference=3.0, right=0.8)})
+
+    monkeypatch.setattr("problems.schema.plan.plan_comparison", found)
+    path = tmp_path / "study.toml"
+    path.write_text("\n".join((BEAM, MOTION, DRAG, "[fit]\nlaws = [[2], [1]]\nunknowns = ['density']")))
+    assert main(["plan", str(path), "--laws", "--json", "--jobs", "2"]) == 0
+    assert json.loads(capsys.readouterr().out)["right"] == {"candidate 1": 0.8}
+    assert asked == {
+        "candidates": ["candidate 1"], "laws": [QuadraticDamping, RayleighDamping], "unknowns": ["density"],
+        "jobs": 2, "progress": True,
+    }  # fmt: skip
+
+
+def test_one_law_is_no_comparison(study, capsys):
+    assert main(["plan", study(MOTION), "--laws"]) == 2
+    assert "needs two laws at least" in capsys.readouterr().err

@@ -214,12 +214,13 @@ def to_json(value: Any) -> str:
 
 
 def wrapped(text: str) -> str:
-    """Return a report with its long lines folded at spaces; the rest of a line is indented by two more columns."""
+    """Return a report with its long lines folded at spaces, but for rows of tables; the rest is indented by two more."""
     lines: list[str] = []
     for line in text.split("\n"):
         indent = " " * (len(line) - len(line.lstrip()) + 2)
         fold = textwrap.TextWrapper(REPORT_WIDTH, "", indent, break_long_words=False, break_on_hyphens=False).wrap
-        lines += [line] if len(line) <= REPORT_WIDTH else fold(line)
+        row = "  " in line.strip()  # columns are two spaces apart
+        lines += [line] if row or len(line) <= REPORT_WIDTH else fold(line)
     return "\n".join(lines)
 
 

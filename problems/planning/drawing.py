@@ -62,7 +62,8 @@ def comparison_plan_figure(results: Mapping[str, PlannedComparison]) -> Figure:
     for k, (pair, right) in enumerate(lines.items()):
         places = np.array(list(right)) + 0.6 * ((k + 0.5) / len(lines) - 0.5)
         colour, _, marker = SERIES[k % len(SERIES)]
-        axes.plot(list(right.values()), places, marker, color=colour, label=pair, clip_on=False)
+        face = colour if k < len(SERIES) else "none"
+        axes.plot(list(right.values()), places, marker, color=colour, mfc=face, label=pair, clip_on=False)
     axes.axvline(95.0, color=MEASURED, lw=0.8, ls=":")
     axes.set(xlabel="probability of the right choice, %", xlim=(0.0, 100.0), ylim=(len(names) - 0.5, -0.5))
     axes.set_yticks(range(len(names)), names)

@@ -17,7 +17,7 @@ import pytest
 
 from ancf_casadi import InputError
 from ancf_casadi.support.files import check_file, check_folder, write_file, write_files
-from ancf_casadi.support.tables import Displayed, Table, counted, spread, to_json
+from ancf_casadi.support.tables import Displayed, Table, counted, spread, to_json, wrapped
 
 TABLE = Table(
     "one",
@@ -38,6 +38,12 @@ class TestTable:
         assert lines[6].split() == ["third", "7"]
         assert lines[7].split() == ["nothing"]
         assert lines[9:] == ["  a note", "  another"]
+
+    def test_a_report_is_folded_but_for_rows(self):
+        rows = Table("one", "A table", ("name", "value"), [("x" * 60 + " " + "y" * 60, 1.5)], ("word " * 30,)).text()
+        lines = wrapped(rows).splitlines()
+        assert lines[:5] == rows.splitlines()[:5] and len(lines[4]) > 120
+        assert [line.split() for line in lines[5:]] == [["word"] * 19, ["word"] * 11]
 
     def test_csv_keeps_all_digits(self):
         rows = list(csv.reader(io.StringIO(TABLE.csv())))

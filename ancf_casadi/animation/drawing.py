@@ -26,7 +26,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import MEASURED, literal_text
 from ancf_casadi.support.progress import step
 
-PANELS = (640.0, 440.0)  # pixels for the panels together
+ALL_PANELS = (640.0, 440.0)  # pixels for the panels together
 LEAST_PANEL = 130.0  # pixels of a side, for its title
 MOST_COLUMNS = 960  # pixels of a picture over a background
 
@@ -112,7 +112,10 @@ def _panels(figure: Figure, film: Film) -> list[Axes]:
     low, high = np.nanmin(seen, axis=0), np.nanmax(seen, axis=0)
     middle, size = (low + high) / 2, (high - low) + 0.2 * float((high - low).max())  # with room for symbols
     count = len(film.panels)
-    scales = [min(PANELS[0] / (k * size[0]), PANELS[1] / (math.ceil(count / k) * size[1])) for k in range(1, count + 1)]
+    scales = [
+        min(ALL_PANELS[0] / (k * size[0]), ALL_PANELS[1] / (math.ceil(count / k) * size[1]))
+        for k in range(1, count + 1)
+    ]
     columns = int(np.argmax(scales)) + 1
     rows, panel = math.ceil(count / columns), np.maximum(max(scales) * size, LEAST_PANEL)
     above = max(16 * (1 + title.count("\n")) if title else 0 for title, _ in film.panels)

@@ -22,8 +22,8 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES
 
 SUFFIXES = (".gif", ".mp4", ".html")
-CLEAR = 255  # colour that stands for the one below
-PAGE = """<!DOCTYPE html>
+TRANSPARENT = 255  # colour that stands for the one below
+PLAYER = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>Motion of a beam</title></head><body>
 <figure id="motion" style="margin: 0; width: {width}px; max-width: 100%">
 <img alt="Motion of a beam" style="width: 100%; background-size: 100% 100%">
@@ -83,10 +83,10 @@ def _in_few_colours(pictures: Iterator[Image.Image], background: Image.Image | N
     colours = np.unique(np.round(255 * shades).astype(np.uint8).reshape(-1, 3), axis=0)
     own = b""
     if background is not None:
-        some = background.quantize(CLEAR - len(colours))
+        some = background.quantize(TRANSPARENT - len(colours))
         own = bytes(some.getpalette() or [])
     palette = Image.new("P", (1, 1))
-    palette.putpalette((colours.tobytes() + own).ljust(3 * (CLEAR + 1), b"\xff"))  # PNG files need all
+    palette.putpalette((colours.tobytes() + own).ljust(3 * (TRANSPARENT + 1), b"\xff"))  # PNG files need all
     for one in pictures:
         yield one.quantize(palette=palette, dither=Image.Dither.NONE)
 
@@ -97,11 +97,11 @@ def _page(first: Image.Image, others: Iterator[Image.Image], delay: float) -> by
     texts: list[str] = []
     for one in itertools.chain([first], others):
         if texts and kind == "PNG":
-            one.paste(CLEAR, mask=Image.fromarray(np.asarray(one) == np.asarray(first)))
+            one.paste(TRANSPARENT, mask=Image.fromarray(np.asarray(one) == np.asarray(first)))
         out = io.BytesIO()
-        one.save(out, kind, **({"transparency": CLEAR} if kind == "PNG" else {}))
+        one.save(out, kind, **({"transparency": TRANSPARENT} if kind == "PNG" else {}))
         texts.append(base64.b64encode(out.getvalue()).decode())
-    return PAGE.format(
+    return PLAYER.format(
         width=first.width, last=len(texts) - 1, delay=round(1e3 * delay), kind=f"image/{kind.lower()}",
         pictures=",".join(f'"{text}"' for text in texts),
     ).encode()  # fmt: skip

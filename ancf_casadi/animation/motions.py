@@ -34,7 +34,7 @@ from ancf_casadi.vibration.modes import Modes
 
 MOST_PICTURES = 3000  # all of a GIF file are in memory, 0.3 MB each
 FEWEST_PER_PERIOD = 12
-SHORTEST = 2.0  # s that pictures last at least, if slower is not given
+LEAST_DURATION = 2.0  # s that pictures last at least, if slower is not given
 CYCLE = 2.0  # s that a period of a mode lasts
 TRAIL = 1.0  # s of pictures over which a trace lasts
 MOST_MODES = 6  # panels of modes, if no modes are given
@@ -142,7 +142,7 @@ def _delay(frame_rate: float) -> float:
 
 def _slower(runs: Iterable[Motion], length: float, delay: float) -> float:
     """Return how many times slower motions are shown, by default, for a time of some length (s)."""
-    needed = SHORTEST / length
+    needed = LEAST_DURATION / length
     for run in runs:
         swing = run.relative_coordinates.reshape(len(run.time), -1, NODE)[:, :, :2]
         size = math.sqrt(((swing - swing.mean(axis=0)) ** 2).sum())

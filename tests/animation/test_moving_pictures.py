@@ -213,7 +213,9 @@ def test_computed_motion_lies_on_the_pictures_of_a_video(run, model, tmp_path):
     run.animate(tmp_path / "video.gif", slower=1.0, points=(), background=footage)
     pictures, seconds = frames(tmp_path / "video.gif")
     assert pictures.shape[1:] == (300, 400, 3) and np.abs(pictures[0, 150, 20] - 180).max() <= 6
-    assert len(pictures) == len(time) and sum(seconds) == pytest.approx(0.56 + 0.04)  # GIF files join pictures that are alike
+    assert len(pictures) == len(time) and sum(seconds) == pytest.approx(
+        0.56 + 0.04
+    )  # GIF files join pictures that are alike
     for k, instant in enumerate(time):
         tip = footage.pixels([np.interp(instant, run.time, one) for one in run.tip.T])
         before = footage.pixels([np.interp(instant, run.time, one) for one in run.position(0.48).T])

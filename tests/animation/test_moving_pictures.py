@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from ancf_casadi import (
+    Clamp,
     Footage,
     HarmonicBase,
     InputError,
@@ -104,9 +105,9 @@ def test_the_tip_is_where_it_was_computed(run, tmp_path):
 
 
 def test_a_file_has_the_pictures_and_the_duration_that_slow_motion_needs(run, tmp_path):
-    run.animate(tmp_path / "swing.gif", slower=4.0, begin=0.1, end=0.5)
+    run.animate(tmp_path / "swing.gif", slower=4.0, begin=0.2, end=0.3)
     pictures, seconds = frames(tmp_path / "swing.gif")
-    assert len(pictures) == 41 and seconds == pytest.approx([0.04] * 41)
+    assert len(pictures) == 11 and seconds == pytest.approx([0.04] * 11)
     run.animate(tmp_path / "swing.gif", slower=1.0, frame_rate=10.0)
     assert frames(tmp_path / "swing.gif")[1] == pytest.approx([0.1] * 7)
 
@@ -157,28 +158,31 @@ def test_markers_are_shown_where_and_while_they_were_measured(run, film):
 
 
 def test_supports_move_and_turn_with_the_base(paper_beam, film):
-    """But a roller keeps its direction."""
-    beam = paper_beam(2).with_(axis=(1.0, 0.0), supports=(Pin(0.0), Roller(0.5)))
-    fixed = moving(Model(beam), np.array([Model(beam).straight] * 3), 25.0)
-    turned = fixed.coordinates.copy().reshape(3, -1, 4)
+    """But a roller keeps its direction; a clamp also has its own rotation."""
+    supports = (Pin(0.0), Roller(0.25), Clamp(0.5, rotation=0.2))
+    beam = paper_beam(2).with_(axis=(1.0, 0.0), supports=supports)
+    nodes = np.tile(Model(beam).straight, (3, 1)).reshape(3, -1, 4)
     angle = np.array([0.0, 0.3, 0.6])
-    turned[:, 0] = np.column_stack([0.1 * angle, 0 * angle, np.cos(angle), np.sin(angle)])
-    turned[:, 1, 0] += 0.1 * angle
-    motions.moving_pictures({"": moving(Model(beam), turned.reshape(3, -1), 25.0)}, "x.gif", slower=1.0)
+    nodes[:, 0] = np.column_stack([0.1 * angle, 0 * angle, np.cos(angle), np.sin(angle)])
+    nodes[:, 1, 0] += 0.1 * angle
+    motions.moving_pictures({"": moving(Model(beam), nodes.reshape(3, -1), 25.0)}, "x.gif", slower=1.0)
     moves = []
     figure = drawing._draw(film[0], moves)
-    pin, roller = (line for line in figure.axes[0].lines if line.get_linestyle() == "None" and line.get_zorder() == 3)
+    pin, roller, clamp = (
+        line for line in figure.axes[0].lines if line.get_linestyle() == "None" and line.get_zorder() == 3
+    )
     for k in (0, 2):
         for _, move in moves:
             move(k)
         assert pin.get_xdata() == pytest.approx([100 * angle[k]])
-        directions = [one._marker.get_user_transform().transform_affine((1.0, 0.0)) for one in (pin, roller)]
-        assert [np.arctan2(y, x) for x, y in directions] == pytest.approx([angle[k], 0.0])
-    assert roller.get_xdata() == pytest.approx([500.0])
+        directions = [one._marker.get_user_transform().transform_affine((1.0, 0.0)) for one in (pin, roller, clamp)]
+        turned = [np.arctan2(y, x) for x, y in directions]
+        assert turned == pytest.approx([angle[k], 0.0, np.pi / 2 + angle[k] + 0.2])
+    assert roller.get_xdata() == pytest.approx([250.0])
 
 
 def test_a_periodic_motion_is_repeated_without_a_jump(model, film, tmp_path):
-    """The picture after the last is the first; the number of pictures is whole, so that 5 times slower becomes 5.02."""
+    """The picture after the last is the first, and the whole number of pictures is part of what is said of the slow motion."""
     reduced = reduce_model(model, modes=1)
     found = periodic_motion(reduced, base=HarmonicBase(20e-3, 1.5))
     found.animate(tmp_path / "steady.gif")

@@ -33,7 +33,7 @@ from ancf_casadi.support.progress import counter
 from ancf_casadi.vibration.modes import Modes
 
 MOST_PICTURES = 3000  # all of a GIF file are in memory, 0.3 MB each
-FEWEST_PER_PERIOD = 12
+FEWEST_PER_PERIOD = 12  # test_a_period_has_twelve_pictures_by_default
 LEAST_DURATION = 2.0  # s that pictures last at least, if slower is not given
 CYCLE = 2.0  # s that a period of a mode lasts
 TRAIL = 1.0  # s of pictures over which a trace lasts

@@ -140,7 +140,8 @@ def test_a_beam_is_shown_while_its_run_lasts_and_its_tip_leaves_a_trace(run, mod
     assert beams["a"].positions[:, -1] == pytest.approx(run.tip[20:121:4], abs=1e-9)
     assert np.isfinite(beams["b"].positions[:6]).all() and np.isnan(beams["b"].positions[6:]).all()
     (trail,) = beams["a"].trails
-    assert trail[-1, 0] == pytest.approx(run.tip[-1]) and trail[-1, -1] == pytest.approx(run.tip[20])  # since begin
+    assert trail[10, 0] == pytest.approx(run.tip[60]) and trail[10, -1] == pytest.approx(run.tip[20])  # since begin
+    assert trail[-1, -51] == pytest.approx(run.tip[70])  # 0.25 s before
     motions.moving_pictures({"a": run, "b": short}, "x.gif", slower=2.0, beside=True)
     assert [title for title, _ in film[1].panels] == ["a", "b"]
 
@@ -182,7 +183,7 @@ def test_supports_move_and_turn_with_the_base(paper_beam, film):
 
 
 def test_a_periodic_motion_is_repeated_without_a_jump(model, film, tmp_path):
-    """The picture after the last is the first, and the whole number of pictures is part of what is said of the slow motion."""
+    """The picture after the last is the first; the text allows for their whole number."""
     reduced = reduce_model(model, modes=1)
     found = periodic_motion(reduced, base=HarmonicBase(20e-3, 1.5))
     found.animate(tmp_path / "steady.gif")
@@ -262,8 +263,13 @@ def test_ffmpeg_gets_all_pictures(run, tmp_path, ffmpeg):
     assert len(raw) == 16 * 3 * width * height and width % 2 == height % 2 == 0
 
 
-@pytest.mark.parametrize(("script", "message"), [("echo no codec >&2; exit 1", "ffmpeg failed: no codec"),
-                                                 ("", "ffmpeg failed: no message")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("script", "message"),
+    [
+        ('for last; do :; done; echo part > "$last"; echo no codec >&2; exit 1', "ffmpeg failed: no codec"),
+        ("", "ffmpeg failed: no message"),
+    ],
+)
 def test_a_failure_of_ffmpeg_is_one_line_and_leaves_no_file(run, tmp_path, ffmpeg, script, message):
     ffmpeg(script)
     with pytest.raises(InputError, match=message):

@@ -68,7 +68,7 @@ class Film:
 def pictures(film: Film) -> Iterator[Image.Image]:
     """Yield the pictures of a film, of even width and height."""
     moves: Moves = []
-    figure = literal_text(partial(_draw, film, moves))()
+    figure = _draw(film, moves)
     figure.set_size_inches(*(0.02 * np.round(50.0 * figure.get_size_inches())))
     canvas: Any = FigureCanvasAgg(figure)
     moving = sorted(dict.fromkeys(artist for artist, _ in moves), key=lambda one: one.get_zorder())
@@ -87,6 +87,7 @@ def pictures(film: Film) -> Iterator[Image.Image]:
         yield Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
 
 
+@literal_text
 def _draw(film: Film, moves: Moves) -> Figure:
     """Return the figure of the first picture, and add what moves."""
     figure = Figure(dpi=100)
@@ -132,7 +133,7 @@ def _panels(figure: Figure, film: Film) -> list[Axes]:
         for name, own, extent in zip("xy", middle, size, strict=True):
             axes.set(**{f"{name}lim": (own - extent / 2, own + extent / 2)})
         axes.set_title(title, fontsize="medium")
-        corner = _free_corner((seen - low) / size + 0.5 * (1.0 - (high - low) / size), 26.0 / panel)
+        corner = _free_corner((seen - middle) / size + 0.5, 26.0 / panel)
         draw_gravity(axes, next(iter(beams.values())).model, corner)
     for axes in grid[count:]:
         axes.set_visible(False)

@@ -63,7 +63,7 @@ class Footage(Displayed):
     def __post_init__(self) -> None:
         """Validate."""
         time = array(self.time, "time")
-        if time.ndim != 1 or not time.size or (np.diff(time) <= 0.0).any():
+        if time.ndim != 1 or not time.size or (time[1:] <= time[:-1]).any():
             raise InputError("must be numbers that increase", "time")
         if not hasattr(self.images, "__getitem__") or len(self.images) != time.size:
             raise InputError(f"must be a sequence of {time.size} pictures, one for each time", "images")

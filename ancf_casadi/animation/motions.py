@@ -28,7 +28,17 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.plot import DRAWN_SHARE, drawn_shape
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import array, check_instance, flag, number, numbers, physical, positive, whole
+from ancf_casadi.support.inputs import (
+    array,
+    check_instance,
+    flag,
+    instances,
+    number,
+    numbers,
+    physical,
+    positive,
+    whole,
+)
 from ancf_casadi.support.progress import counter
 from ancf_casadi.vibration.modes import Modes
 
@@ -111,11 +121,8 @@ def moving_modes(
     """Return the content of a file, whose path tells its format, with mode shapes by label (``Modes.animate``)."""
     suffix, delay = check_animation(path), _delay(frame_rate)
     least = min(one.count for one in results.values())
-    if modes is None:
-        modes = range(1, min(least, MOST_MODES) + 1)
-    shown = [whole(k, "modes", 1, least) - 1 for k in modes]
-    if not shown:
-        raise InputError("is empty; give at least one mode", "modes")
+    chosen = range(1, min(least, MOST_MODES) + 1) if modes is None else instances(modes, "modes", object)
+    shown = [whole(k, "modes", 1, least) - 1 for k in chosen]
     count = round(CYCLE / delay)
     swing = np.sin(2 * np.pi * np.arange(count) / count)
     panels = []
@@ -176,6 +183,6 @@ def _seen(markers: Any, times: Array) -> Array:
     positions = positions[:, None] if positions.ndim == 2 else positions
     if time.ndim != 1 or time.size < 2 or positions.shape[:1] + positions.shape[2:] != (time.size, 2):
         raise InputError(f"have shapes {time.shape}, {positions.shape} instead of (k,), (k, m, 2)", "markers")
-    if (np.diff(time) <= 0.0).any():
+    if (time[1:] <= time[:-1]).any():
         raise InputError("must have times that increase", "markers")
     return _at(times, time, positions)

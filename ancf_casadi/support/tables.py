@@ -172,7 +172,7 @@ class Reported(Displayed, ABC):
         own = [self, *others]
         numbers = [str(k) for k in range(1, len(own) + 1)] if others else [""]
         names = instances(labels, "labels", str, least=0) or numbers
-        if len(set(names)) != len(own):
+        if not len(set(names)) == len(names) == len(own):
             raise InputError(f"must be {len(own)} different names", "labels")
         module, name = drawing.rsplit(".", 1)
         return getattr(import_module(module), name)(dict(zip(names, own, strict=True)), **options)

@@ -262,6 +262,8 @@ def test_results_of_different_kinds_are_not_drawn_together(samples):
         run.figure(samples["Modes"])
     with pytest.raises(InputError, match=r"^labels: must be 2 different names$"):
         run.figure(run, labels=("same", "same"))
+    with pytest.raises(InputError, match=r"^labels: must be 1 different names$"):
+        run.figure(labels=("same", "same"))
     with pytest.raises(InputError, match=r"^labels: must be a sequence of str"):
         run.figure(run, labels="ab")
     free = ancf_casadi.amplitude_response(system, (0.02, 0.05), force=samples["HarmonicForce"])

@@ -119,7 +119,7 @@ def _panels(figure: Figure, film: Film) -> list[Axes]:
     ]
     columns = int(np.argmax(scales)) + 1
     rows, panel = math.ceil(count / columns), np.maximum(max(scales) * size, LEAST_PANEL)
-    above = max(16 * (1 + title.count("\n")) if title else 0 for title, _ in film.panels)
+    above = max(8 + 16 * (1 + title.count("\n")) if title else 0 for title, _ in film.panels)
     width, height = columns * (panel[0] + 20.0) + 70.0, rows * (panel[1] + 20.0 + above) + 80.0
     figure.set_size_inches(max(width, 300.0) / 100, max(height, 300.0) / 100)
     figure.set_layout_engine("constrained")

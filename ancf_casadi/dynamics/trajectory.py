@@ -142,7 +142,7 @@ class Motion(Reported):
         path : str or Path
             File that ends in .gif, .mp4 (which needs ffmpeg) or .html (one page with a player, for notebooks too).
         *others : Motion
-            Motions to draw over this one.
+            Motions to draw over this one, each while it lasts.
         labels : sequence of str
             As in ``figure``.
         slower : float

@@ -32,6 +32,7 @@ from ancf_casadi.vibration.paths import EquilibriumPath
 
 DATE_FIELDS = {".png": "Software", ".svg": "Date", ".pdf": "CreationDate"}  # metadata that would change from run to run
 DOTS_PER_INCH = 130  # dots per inch
+DRAWN_SHARE = 0.15  # largest displacement in a drawn mode, relative to the length of the beam
 PLOT_COLUMNS = 600  # of a record that is drawn by its extremes
 
 
@@ -143,7 +144,7 @@ def motion_figure(runs: Mapping[str, Motion]) -> Figure:
     over_time, in_plane = figure.subfigures(1, 2, squeeze=False, width_ratios=(8, 5)).ravel()
     panels = over_time.subplots(2, 1, sharex=True)
     over_time.suptitle("displacement of the tip relative to the clamp", fontsize="medium")
-    for (label, run), (colour, dash) in zip(runs.items(), _lines(runs), strict=False):
+    for (label, run), (colour, dash) in zip(runs.items(), line_styles(runs), strict=False):
         for axes, motion in zip(panels, (run.tip - run.coordinates[:, :2]).T, strict=True):
             axes.plot(run.time, 1e3 * (motion - motion[0]), lw=0.7, color=colour, ls=dash, label=label or None)
     for axes, direction in zip(panels, ("horizontal", "vertical"), strict=True):
@@ -157,14 +158,14 @@ def motion_figure(runs: Mapping[str, Motion]) -> Figure:
     return figure
 
 
-def _lines(results: Mapping[str, object]) -> list[tuple[str, Any]]:
+def line_styles(results: Mapping[str, object]) -> list[tuple[str, Any]]:
     """Return colour and dashes of each result: those of a computed curve if there is only one."""
     return [(COMPUTED, "-")] if len(results) == 1 else [line[:2] for line in SERIES * len(results)]
 
 
 def _draw_shapes(axes: Axes, runs: Mapping[str, Motion]) -> None:
     """Draw beams at equally spaced instants: the first dashed, the last bold, those between thin."""
-    for (label, run), (colour, dash) in zip(runs.items(), _lines(runs), strict=False):
+    for (label, run), (colour, dash) in zip(runs.items(), line_styles(runs), strict=False):
         last, alone = len(run.time) - 1, len(runs) == 1
         rows = np.unique(np.linspace(0, last, 12 if alone else 2).astype(int)).tolist()
         styles: dict[int, dict[str, Any]] = {row: {"lw": 0.6, "alpha": 0.5} for row in rows}
@@ -174,7 +175,7 @@ def _draw_shapes(axes: Axes, runs: Mapping[str, Motion]) -> None:
             axes.plot(*_shape(run.model, run.coordinates[row]), color=MEASURED if alone and row == 0 else colour,
                       label=f"{name}at {run.time[row]:.4g} s" if row in (0, last) else None, **styles[row])  # fmt: skip
         draw_set_up(axes, run.model, run.coordinates[-1])
-    _draw_plane(axes)
+    draw_plane(axes)
     axes.set_title(f"shape of the beam at {len(rows)} instants", fontsize="medium")
     axes.figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=3 if alone else 2)
 
@@ -185,7 +186,7 @@ def _shape(model: Model, coordinates: Array) -> Array:
     return 1e3 * np.array([model.interpolation(s) @ coordinates for s in points]).T
 
 
-def _draw_plane(axes: Axes) -> None:
+def draw_plane(axes: Axes) -> None:
     """Draw the axes of positions."""
     axes.set(xlabel="horizontal position x, mm", ylabel="vertical position y, mm")
     axes.set_aspect("equal", adjustable="datalim")  # fills the panel, whether the beam stands or lies
@@ -197,13 +198,13 @@ def equilibrium_figure(equilibria: Mapping[str, Equilibrium]) -> Figure:
     """Draw the beam at rest and without load, by label, with supports, attachments and forces."""
     figure = Figure(figsize=(6.4, 5.6), layout="constrained")
     axes = figure.subplots()
-    for (label, rest), (colour, dash) in zip(equilibria.items(), _lines(equilibria), strict=False):
+    for (label, rest), (colour, dash) in zip(equilibria.items(), line_styles(equilibria), strict=False):
         axes.plot(*_shape(rest.model, rest.model.straight), color=MEASURED, ls=":", lw=0.8)
         axes.plot(*_shape(rest.model, rest.coordinates), color=colour, ls=dash, lw=2.0, label=label or "at rest")
         draw_set_up(axes, rest.model, rest.coordinates)
         draw_loads(axes, rest.model, rest.coordinates, rest.all_loads)
     axes.lines[0].set_label("without load")
-    _draw_plane(axes)
+    draw_plane(axes)
     figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=4)
     return figure
 
@@ -216,7 +217,7 @@ def path_figure(paths: Mapping[str, EquilibriumPath], point: float | None = None
     start = first.equilibria[0].position(point)
     places = {label: 1e3 * (path.positions(point) - start) for label, path in paths.items()}
     component = int(np.ptp(np.vstack([*places.values()]), axis=0).argmax())
-    for (label, path), (colour, _) in zip(paths.items(), _lines(paths), strict=False):
+    for (label, path), (colour, _) in zip(paths.items(), line_styles(paths), strict=False):
         x = places[label][:, component]
         axes.plot(x, path.factors, "--", color=colour, lw=1.0)
         for k in np.flatnonzero(path.stable[:-1] | path.stable[1:]):
@@ -238,7 +239,7 @@ def damped_modes_figure(results: Mapping[str, DampedModes]) -> Figure:
     figure = Figure(figsize=(5.6, 4.6), layout="constrained")
     axes = figure.subplots()
     for (label, modes), (colour, _), marker in zip(
-        results.items(), _lines(results), "osD^v" * len(results), strict=False
+        results.items(), line_styles(results), "osD^v" * len(results), strict=False
     ):
         axes.plot(modes.eigenvalues.real, modes.eigenvalues.imag, marker, color=colour, label=label or None)
     axes.axvline(0.0, ls=":", lw=1.0, color=MEASURED)
@@ -277,20 +278,24 @@ def modes_figure(results: Mapping[str, Modes]) -> Figure:
 
 def _draw_mode(axes: Axes, k: int, results: Mapping[str, Modes]) -> None:
     """Draw mode k, from 0, of each result that has it."""
-    for (label, modes), (colour, dash) in zip(results.items(), _lines(results), strict=False):
+    for (label, modes), (colour, dash) in zip(results.items(), line_styles(results), strict=False):
         if k >= modes.count:
             continue
-        size = np.linalg.norm(_shape(modes.model, modes.shapes[:, k]), axis=0).max()
-        # largest displacement in a drawn mode, relative to the length of the beam
-        rest, swing = modes.equilibrium.coordinates, 1e3 * 0.15 * modes.model.beam.length / size
+        rest, shape = modes.equilibrium.coordinates, drawn_shape(modes, k)
         axes.plot(*_shape(modes.model, rest), ls=":", lw=0.8, color=MEASURED)
         draw_set_up(axes, modes.model, rest)
         for side, width in ((1.0, 1.5), (-1.0, 0.5)):
-            axes.plot(*_shape(modes.model, rest + side * swing * modes.shapes[:, k]), lw=width, color=colour, ls=dash,
+            axes.plot(*_shape(modes.model, rest + side * shape), lw=width, color=colour, ls=dash,
                       label=label if label and side > 0.0 else None)  # fmt: skip
     values = ", ".join(f"{modes.frequencies[k]:.4g}" for modes in results.values() if k < modes.count)
     axes.set_title(f"mode {k + 1}: {values} Hz", fontsize=9)
     axes.set(aspect="equal")
+
+
+def drawn_shape(modes: Modes, k: int) -> Array:
+    """Return the shape of mode k, from 0, in nodal coordinates (4 n + 4,), of the size in which it is drawn."""
+    size = np.linalg.norm(_shape(modes.model, modes.shapes[:, k]), axis=0).max()
+    return np.asarray(1e3 * DRAWN_SHARE * modes.model.beam.length / size * modes.shapes[:, k])
 
 
 @literal_text

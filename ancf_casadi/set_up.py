@@ -15,6 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from matplotlib.markers import MarkerStyle
 from matplotlib.path import Path
 from matplotlib.transforms import Affine2D
@@ -27,20 +28,34 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import MEASURED
 
 Stroke = Sequence[tuple[float, float]]
+Symbol = tuple[Support | Attachment, Line2D, MarkerStyle]
 
 HATCH: list[Stroke] = [[(x, 0.0), (x - 0.35, -0.45)] for x in (-0.7, -0.15, 0.4, 0.95)]
 
 
-def draw_set_up(axes: Axes, model: Model, coordinates: Array) -> None:
-    """Draw supports and attachments of a beam with the given coordinates, in axes of mm."""
+def draw_set_up(axes: Axes, model: Model, coordinates: Array) -> list[Symbol]:
+    """Draw supports and attachments of a beam with the given coordinates, in axes of mm, and return the symbols."""
     parts: list[Support | Attachment] = [*model.beam.supports, *model.beam.attachments]
+    symbols = []
     for one in parts:
         x, y = 1e3 * (model.interpolation(one.point) @ coordinates)
         slope = model.slope_interpolation(one.point) @ coordinates
         path, direction, size = _symbol(one, math.atan2(slope[1], slope[0]))
         style = MarkerStyle(path, transform=Affine2D().rotate(direction))
         full = MEASURED if isinstance(one, PointMass) else "none"
-        axes.plot(x, y, marker=style, ms=size, mec=MEASURED, mfc=full, mew=1.0, ls="none", zorder=3, label="_nolegend_")
+        (line,) = axes.plot(x, y, marker=style, ms=size, mec=MEASURED, mfc=full, mew=1.0, ls="none", zorder=3,
+                            label="_nolegend_")  # fmt: skip
+        symbols.append((one, line, style))
+    return symbols
+
+
+def draw_gravity(axes: Axes, model: Model, corner: tuple[float, float]) -> None:
+    """Draw an arrow in the direction of gravity, if there is any, at a place from (0, 0) to (1, 1) in the axes."""
+    x, y = model.beam.gravity
+    if x or y:
+        style = MarkerStyle(_path(ARROW), transform=Affine2D().rotate(math.atan2(y, x)))
+        axes.plot(*corner, marker=style, ms=24.0, mec=MEASURED, mfc="none", ls="none", transform=axes.transAxes)
+        axes.annotate("g", corner, (7, 0), "axes fraction", "offset points", color=MEASURED, va="center")
 
 
 def draw_loads(axes: Axes, model: Model, coordinates: Array, loads: Sequence[Load]) -> None:
@@ -93,6 +108,7 @@ def _circle(x: float, y: float, radius: float) -> Stroke:
     return [(x + radius * math.cos(t), y + radius * math.sin(t)) for t in np.linspace(0.0, 2 * math.pi, 17).tolist()]
 
 
+ARROW: list[Stroke] = [[(-1.0, 0.0), (1.0, 0.0)], [(0.5, 0.3), (1.0, 0.0), (0.5, -0.3)]]
 TRIANGLE: list[Stroke] = [[(0.0, 0.0), (0.8, -1.0), (-0.8, -1.0), (0.0, 0.0)]]
 WHEELS: list[Stroke] = [_circle(-0.45, -1.25, 0.25), _circle(0.45, -1.25, 0.25)]
 GROUND: list[Stroke] = [[(-0.5, -2.0), (0.5, -2.0)], *([(x, -2.0), (x - 0.2, -2.25)] for x in (-0.3, 0.1, 0.5))]

@@ -201,6 +201,10 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
             "quantity": "displacement", "point": 0.3, "direction": (1.0, 0.0), "frame": "inertial", "gravity": False,
             "distance": None,
         }),
+        "Footage": (a.Footage, {
+            "time": (0.0, 0.1), "images": np.zeros((2, 8, 8), np.uint8), "scale": 1e-3, "origin": (4.0, 0.0),
+            "rotation": 0.1,
+        }),
         "State": (a.State, {"coordinates": rest.coordinates, "velocities": 0 * rest.coordinates, "time": 0.0}),
         "StrainMeasures": (a.StrainMeasures, {
             "axial": "engineering", "curvature": "material", "axial_points": 2, "bending_points": 2,

@@ -14,6 +14,7 @@ from ancf_casadi import (
     Beam,
     Clamp,
     Dashpot,
+    Footage,
     FrictionDamping,
     Guide,
     HarmonicBase,
@@ -144,7 +145,7 @@ def made(folder):
         law, QuadraticDamping(eta2=0.1), FrictionDamping(eta0=1e-4), ModalDamping(modes, (0.01, 0.003, 0.003)),
         ancf_casadi.FixedBase(), base, SweepBase(5e-3, (1.0, 2.0), stop=9.0), SampledBase(TIME, drift), force,
         HarmonicLoad(force=(1e-3, 0.0), frequency=2.0), SampledLoad(TIME, drift), MovingForce((0.0, 1e-3), 1.0),
-        rest, modes, run, run.state(-1),
+        rest, modes, run, run.state(-1), Footage((0.0, 0.1), np.zeros((2, 8, 8), np.uint8), 1e-3, (4.0, 0.0)),
         reduced, simulate_reduced(reduced, base=base, duration=0.1, sample_rate=100.0), system,
         periodic_motion(system, force=force), backbone(system, amplitude=0.1, points=2),
         frequency_response(system, (0.1, 0.12), force=force), linear_frf(model, law, [1.0, 2.0, 3.0]),
@@ -261,6 +262,8 @@ def test_results_of_different_kinds_are_not_drawn_together(samples):
         run.figure(samples["Modes"])
     with pytest.raises(InputError, match=r"^labels: must be 2 different names$"):
         run.figure(run, labels=("same", "same"))
+    with pytest.raises(InputError, match=r"^labels: must be 1 different names$"):
+        run.figure(labels=("same", "same"))
     with pytest.raises(InputError, match=r"^labels: must be a sequence of str"):
         run.figure(run, labels="ab")
     free = ancf_casadi.amplitude_response(system, (0.02, 0.05), force=samples["HarmonicForce"])

@@ -40,6 +40,7 @@ SLOW = (  # pages that take more than about a second
     "how_to/choosing_a_law.md",
     "how_to/frequency_response_functions.md",
     "how_to/many_runs.md",
+    "how_to/moving_pictures.md",
     "how_to/one_mode.md",
     "how_to/own_optimiser.md",
     "how_to/paths.md",

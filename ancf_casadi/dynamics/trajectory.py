@@ -14,18 +14,24 @@ motion.
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import casadi as cs
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ancf_casadi.mechanics.model import Model, axial_strains_near, curvature_at
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import array, number, whole
 from ancf_casadi.support.tables import Displayed, Reported, Table, counted
+
+MOVING = "ancf_casadi.animation.motions.moving_pictures"  # function that draws motions by their labels
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +120,59 @@ class Motion(Reported):
     def position(self, point: float) -> Array:
         """Return the position of a point at an arc length (m), (k, 2), m; one off the beam raises an ``InputError``."""
         return np.asarray(self.coordinates @ self.model.interpolation(point).T)
+
+    def animate(
+        self,
+        path: str | Path,
+        *others: Motion,
+        labels: Sequence[str] = (),
+        slower: float | None = None,
+        frame_rate: float = 25.0,
+        begin: float | None = None,
+        end: float | None = None,
+        beside: bool = False,
+        points: Sequence[float] | None = None,
+        markers: tuple[ArrayLike, ArrayLike] | None = None,
+        background: Any = None,
+    ) -> None:
+        """Write moving pictures of the motion, true to scale, with supports, gravity, and traces of the last second.
+
+        Parameters
+        ----------
+        path : str or Path
+            File that ends in .gif, .mp4 (which needs ffmpeg) or .html (one page with a player, for notebooks too).
+        *others : Motion
+            Motions to draw over this one, each while it lasts.
+        labels : sequence of str
+            As in ``figure``.
+        slower : float
+            How many times slower the motion is shown; less than 1 is faster.  If not given, a period of its vibration
+            has at least 12 pictures.  It stands above the pictures.
+        frame_rate : float
+            Pictures per second, 1 to 50, rounded to a whole number of hundredths of a second for each.
+        begin, end : float
+            First and last instant, s.
+        beside : bool
+            Whether to draw the motions beside each other instead.
+        points : sequence of float
+            Arc lengths of the points that leave traces, m; the tip if not given.
+        markers : (array_like (k,), array_like (k, m, 2))
+            Times, s, and measured positions of m points, m, as in ``MarkerRecord``; nan where one is missing.  Between
+            two samples they are interpolated.
+        background : Footage
+            Pictures of a video to draw on.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written in this format, an argument cannot be used, or there would be more than 3000
+            pictures.  No file is written then.
+        """
+        content = self._made(
+            MOVING, others, labels, path=check_file(path), slower=slower, frame_rate=frame_rate, begin=begin, end=end,
+            beside=beside, points=points, markers=markers, background=background,
+        )  # fmt: skip
+        write_file(Path(path), content)
 
     def table(self) -> Table:
         """Return the position of the tip at the start and at the end, and its travel relative to the clamp."""

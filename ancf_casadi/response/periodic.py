@@ -7,12 +7,13 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.trajectory import IntegratorUse, Trajectory
+from ancf_casadi.dynamics.trajectory import MOVING, IntegratorUse, Trajectory
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.reduction.forces import BASE_SIZE
 from ancf_casadi.reduction.reduced import ReducedModel
@@ -22,7 +23,8 @@ from ancf_casadi.response.floquet import is_stable
 from ancf_casadi.response.harmonic_balance.balance import Errors, HarmonicBalance, Setting, fourier
 from ancf_casadi.response.harmonic_balance.beams import base_force
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import whole
+from ancf_casadi.support.files import check_file, write_file
+from ancf_casadi.support.inputs import instances, whole
 from ancf_casadi.support.tables import Reported, Table, counted
 
 FINE = 256  # samples of a period for peaks and harmonics of a point
@@ -204,6 +206,32 @@ class PeriodicMotion(Reported):
             wall_seconds=time.perf_counter() - began,
             integrators=(IntegratorUse(0.0, "harmonic balance", self.errors.largest),),
         )
+
+    def animate(
+        self,
+        path: str | Path,
+        *others: PeriodicMotion,
+        labels: Sequence[str] = (),
+        slower: float | None = None,
+        frame_rate: float = 25.0,
+        beside: bool = False,
+        points: Sequence[float] | None = None,
+    ) -> None:
+        """Write moving pictures of one period, for a player that repeats them, with the whole path of the points.
+
+        ``Trajectory.animate`` explains the arguments; ``slower`` changes a little, so that a period has a whole number
+        of pictures.
+
+        Raises
+        ------
+        InputError
+            As in ``Trajectory.animate``; or if a motion is not that of a beam.
+        """
+        every = (self, *instances(others, "others", PeriodicMotion, least=0))
+        runs = [one.trajectory(max(FINE, 4 * one.harmonic_count)) for one in every]
+        options = {"slower": slower, "frame_rate": frame_rate, "beside": beside, "points": points}
+        content = runs[0]._made(MOVING, runs[1:], labels, path=check_file(path), periodic=True, **options)
+        write_file(Path(path), content)
 
     def table(self) -> Table:
         """Return amplitude and phase of the tip, or of the first coordinate of another system, and the stability."""

@@ -160,19 +160,22 @@ class Reported(Displayed, ABC):
         return self.table()._repr_html_() + "".join(f"<p>note: {escape(note)}</p>" for note in self._warnings)
 
     def _drawn(self, others: Sequence[Any], labels: Sequence[str], **options: Any) -> Figure:
-        """Return the figure of the drawing function for results by label; matplotlib is imported here."""
-        drawing = (others and self._comparing) or self._drawing
+        """Return the figure of results by label."""
+        found: Figure = self._made((others and self._comparing) or self._drawing, others, labels, **options)
+        return found
+
+    def _made(self, drawing: str, others: Sequence[Any], labels: Sequence[str], **options: Any) -> Any:
+        """Return what a function, ``module.name``, makes of results by label; matplotlib is imported here."""
         strange = [one for one in others if getattr(one, "_drawing", None) != self._drawing]
         if strange:
             raise InputError(f"a {type(self).__name__} cannot be drawn with a {type(strange[0]).__name__}", "figure")
         own = [self, *others]
         numbers = [str(k) for k in range(1, len(own) + 1)] if others else [""]
         names = instances(labels, "labels", str, least=0) or numbers
-        if len(set(names)) != len(own):
+        if not len(set(names)) == len(names) == len(own):
             raise InputError(f"must be {len(own)} different names", "labels")
         module, name = drawing.rsplit(".", 1)
-        found: Figure = getattr(import_module(module), name)(dict(zip(names, own, strict=True)), **options)
-        return found
+        return getattr(import_module(module), name)(dict(zip(names, own, strict=True)), **options)
 
 
 def counted(count: int, noun: str) -> str:

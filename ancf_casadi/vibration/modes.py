@@ -15,8 +15,10 @@ Allemang 2003, "The modal assurance criterion: twenty years of use and abuse" (M
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from types import NoneType
 from typing import Any
 
@@ -27,6 +29,7 @@ from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import array, check_instance, numbers, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Reported, Table, counted, spread
@@ -133,6 +136,35 @@ class Modes(Reported):
         """Return the displacement (x, y) of each mode at arc lengths (k,), m, as (m, k, 2); that of the tip is 1."""
         rows = np.stack([self.model.interpolation(s) @ self.shapes for s in numbers(points, "points")])
         return np.asarray(np.moveaxis(rows, 2, 0) / self.tip_amplitudes()[:, None, None])
+
+    def animate(
+        self,
+        path: str | Path,
+        *others: Modes,
+        labels: Sequence[str] = (),
+        modes: Sequence[int] | None = None,
+        frame_rate: float = 25.0,
+    ) -> None:
+        """Write moving pictures of mode shapes beside each other, exaggerated: a period of each in two seconds.
+
+        Parameters
+        ----------
+        path, frame_rate
+            As in ``Trajectory.animate``.
+        *others : Modes
+            Modes to draw over these, also of another beam.
+        labels : sequence of str
+            As in ``figure``.
+        modes : sequence of int
+            Numbers of the modes, from 1; the first six, or as many as there are, if not given.
+
+        Raises
+        ------
+        InputError
+            As in ``Trajectory.animate``; or if there is no such mode.
+        """
+        options = {"path": check_file(path), "modes": modes, "frame_rate": frame_rate}
+        write_file(Path(path), self._made("ancf_casadi.animation.motions.moving_modes", others, labels, **options))
 
     def table(self) -> Table:
         """Return the natural frequencies."""

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.dynamics.trajectory import Trajectory
-from ancf_casadi.support.inputs import located
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.inputs import located, physical
 from ancf_casadi.support.tables import Table
-from problems.command.output import Output, add_plot, figure_writers, file_writers, json_text, new_files
+from problems.command.output import Output, add_plot, figure_writers, file_writers, finite, json_text, new_files
 from problems.schema.motion import SIMULATION_HELP, read_simulation
 
 
@@ -26,15 +28,30 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", type=Path, metavar="FILE.csv", help="write positions of tip, base and markers")
     add_plot(parser, "draw the tip over time, and shapes of the beam")
+    parser.add_argument(
+        "--animate", type=Path, metavar="FILE", help="write moving pictures as .gif, .mp4 (needs ffmpeg) or .html"
+    )
+    parser.add_argument(
+        "--slower", type=finite, metavar="N", help="show them N times slower than the motion was (default: as needed)"
+    )
 
 
 def run(options: argparse.Namespace) -> Output:
     """Run the command."""
     study = read_simulation(options.file)
-    out, plot = new_files([options.file], options.out, options.plot)
+    out, plot, moving = new_files([options.file], options.out, options.plot, options.animate)
+    if moving is not None:
+        from ancf_casadi.animation.encoding import check_animation  # matplotlib is slow to import
+
+        check_animation(moving)
+    elif options.slower is not None:
+        raise InputError("needs --animate FILE", "--slower")
+    slower = None if options.slower is None else physical(options.slower, "--slower")
     with located(f"{options.file}: [simulation]"):
         run = simulate(study.model, damping=study.damping, base=study.base, progress=True, **study.settings)
     files = [*file_writers(out, lambda: _motion(run, study.markers).csv()), *figure_writers(plot, run.figure)]
+    if moving is not None:
+        files.append(partial(run.animate, moving, slower=slower))
     if not options.json:
         return Output(run.report(), files)
     data = run.to_dict()

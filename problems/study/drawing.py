@@ -46,6 +46,7 @@ class Drawing:
     caption: str
     svg: str
     png: bytes
+    moving: bytes = b""  # GIF file below it, if any
 
 
 @contextlib.contextmanager

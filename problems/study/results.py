@@ -12,6 +12,7 @@ Two runs of one study with one seed differ only in ``timing`` and in keys that e
 
 from __future__ import annotations
 
+import base64
 import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -152,7 +153,7 @@ def page(study: Study, shown: Sequence[Shown], steps: Sequence[PartTime], **abou
     from jinja2 import Environment, StrictUndefined  # slow to import
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"paragraphs": _paragraphs, "anchor": file_name, "unbroken": _unbroken}
+    environment.filters |= {"paragraphs": _paragraphs, "anchor": file_name, "unbroken": _unbroken, "base64": _base64}
     environment.globals |= {"svg": inline_svg, "numeric": _numeric, "zip": zip}
     source = files("problems.study").joinpath("page.html.jinja").read_text(encoding="utf-8")
     values: dict[str, Any] = {
@@ -171,6 +172,10 @@ def _paragraphs(text: str) -> Markup:
 def _unbroken(text: str) -> str:
     """Return text that breaks before ± only: a number keeps its unit, and a label its number."""
     return text.replace(" ", NO_BREAK).replace(f"{NO_BREAK}±", " ±")
+
+
+def _base64(content: bytes) -> str:
+    return base64.b64encode(content).decode()
 
 
 def _numeric(table: DataTable) -> list[bool]:

@@ -46,7 +46,7 @@ KINDS: tuple[type[Part], ...] = (  # that users' files name, in the order of the
     BeamProperties, ModesOfBeam, Decays, Rayleigh, Match, SimulationPart, ResponsePart, MotionFit, Comparison,
     Transients, PlanPart,
 )  # fmt: skip
-NUMBERED = re.compile(r"(table|figure)_a?\d+\.(csv|svg|png)")  # names of files of tables and figures
+NUMBERED = re.compile(r"(table|figure)_a?\d+\.(csv|svg|png|gif)")  # names of files of tables and figures
 PAGE, NUMBERS_FILE, SCHEMA_FILE = "report.html", "results.json", "results.schema.json"
 
 
@@ -213,6 +213,8 @@ def _write(folder: Path, study: Study, shown: tuple[Shown, ...], numbers: Mappin
             contents[folder / "figures" / f"{file_name(label)}.svg"] = figure.svg
             if figure.png:
                 contents[folder / "figures" / f"{file_name(label)}.png"] = figure.png
+            if figure.moving:
+                contents[folder / "figures" / f"{file_name(label)}.gif"] = figure.moving
     contents[folder / SCHEMA_FILE] = to_json(schema(study, numbers))
     contents[folder / NUMBERS_FILE] = to_json(numbers)
     contents[folder / PAGE] = document

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Self, final
 
 import numpy as np
+from msgspec import Meta
 
 from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.exceptions import InputError
@@ -69,8 +70,14 @@ class SimulationPart(FilePart):
     seconds = 10.0
     wanted = frozenset({"beam", "damping", "base", "load", "release", "simulation", "markers"})
 
+    animate: Annotated[bool, Meta(description="with a moving picture")] = False
+
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
+        """Return the computation."""
+        return (Task(self.compute, (self.given, self.animate), self.seconds),)
+
     @staticmethod
-    def compute(file: StudyFile) -> Finding:
+    def compute(file: StudyFile, animate: bool = False) -> Finding:
         """Simulate the motion of a study file: range and energies, and the figure of the motion."""
         task = read_simulation(file)
         run = simulate(task.model, damping=task.damping, base=task.base, **task.settings)
@@ -90,7 +97,12 @@ class SimulationPart(FilePart):
         heads = ("quantity", "unit", "value")
         columns = tuple(Column(head, cells) for head, cells in zip(heads, zip(*rows, strict=True), strict=True))
         caption = "Motion of the tip relative to the clamp, and shapes of the beam."
-        return Finding(data, (DataTable("Simulated motion", columns),), (drawn(caption, run.figure),))
+        figure = drawn(caption, run.figure)
+        if animate:
+            from ancf_casadi.animation.motions import moving_pictures  # matplotlib is slow to import
+
+            figure = replace(figure, moving=moving_pictures({"": run}, "motion.gif"))
+        return Finding(data, (DataTable("Simulated motion", columns),), (figure,))
 
     def check(self, file: StudyFile, where: str) -> None:
         """Check the simulation."""

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from ancf_casadi import (
     Beam,
@@ -245,7 +246,8 @@ class TestSimulate:
 
     def test_motion_as_csv(self, files, capsys):
         """All digits; the base stays where it first rests after 0.2 s, at three quarters of a period."""
-        assert main(["simulate", "study.toml", "--out", "new/motion.csv", "--plot", "new/motion.png"]) == 0
+        pictures = ["--plot", "new/motion.png", "--animate", "new/motion.gif", "--slower", "2"]
+        assert main(["simulate", "study.toml", "--out", "new/motion.csv", *pictures]) == 0
         assert "samples" in capsys.readouterr().out
         header, *rows = (files / "new" / "motion.csv").read_text().splitlines()
         assert header == "time_s,tip_x_m,tip_y_m,base_x_m,base_y_m"
@@ -255,6 +257,8 @@ class TestSimulate:
         assert motion[:, 3] == pytest.approx(2e-3 * np.sin(2 * np.pi * 1.876 * time), abs=1e-12)
         assert motion[:, 4] == pytest.approx(np.zeros(201), abs=1e-12)
         assert (files / "new" / "motion.png").read_bytes().startswith(PNG)
+        with Image.open(files / "new" / "motion.gif") as moving:
+            assert moving.n_frames == 21  # 0.4 s in steps of 0.02 s
 
 
 def test_reproduce_is_the_study_of_the_paper(files, capsys, monkeypatch):
@@ -708,6 +712,8 @@ class TestUnusableInput:
             (["fit-decay", "decay.csv", "--curve", "."], ".: is a folder"),
             (["fit-decay", "decay.csv", "--plot", "beam.toml/fit.png"], "beam.toml: is not a folder"),
             (["simulate", "beam.toml"], "beam.toml: [simulation]: the table is missing"),
+            (["simulate", "study.toml", "--animate", "a.avi"], "a.avi: must end in .gif, .mp4 or .html"),
+            (["simulate", "study.toml", "--slower", "2"], "--slower: needs --animate FILE"),
             (["simulate", "study.toml", "--out", "."], ".: is a folder"),
             (["simulate", "study.toml", "--out", "beam.toml/motion.csv"], "beam.toml: is not a folder"),
             (["reproduce", "--quick", "--out", "beam.toml"], "beam.toml: is not a folder"),

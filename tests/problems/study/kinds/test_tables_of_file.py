@@ -1,5 +1,7 @@
 """Parts that show what other commands compute: the beam, its modes, a motion, and laws compared on measured motion."""
 
+import base64
+
 import numpy as np
 import pytest
 
@@ -52,7 +54,7 @@ def test_properties_that_vary_are_means_and_say_so(study_file, tmp_path):
 @pytest.mark.slow
 def test_a_motion_is_computed_again_if_a_file_changes(study_file, tmp_path):
     """The clamp moves twice as far: the tip does too, and damping takes four times the energy."""
-    found, path = [], study_file(BEAM, MOTION)
+    found, path = [], study_file(BEAM, MOTION, '[[parts]]\nkind = "simulation"\nanimate = true\n')
     for amplitude in (1e-4, 2e-4, 2e-4):
         clamp(tmp_path / "clamp.csv", amplitude)
         report = run_study(path, tmp_path / "results")
@@ -64,6 +66,8 @@ def test_a_motion_is_computed_again_if_a_file_changes(study_file, tmp_path):
     assert two["balance_error_j"] < 1e-3 * two["dissipated_energy_j"]
     assert three == two
     assert (kept, again) == (0, 2)
+    moving = (tmp_path / "results" / "figures" / "figure_01.gif").read_bytes()
+    assert moving.startswith(b"GIF89a") and base64.b64encode(moving).decode() in report.page.read_text()
 
 
 def test_a_comparison_needs_two_laws(study_file, tmp_path):

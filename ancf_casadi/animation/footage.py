@@ -1,0 +1,89 @@
+"""Pictures of a video, and where they show a point.
+
+A camera shows a point r of the beam, turned by the rotation R of the picture, at
+
+    column + (R r)_x / scale,        row - (R r)_y / scale.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import array, number, physical, vector
+from ancf_casadi.support.tables import Displayed, counted, spread
+
+
+@dataclass(frozen=True, eq=False)
+class Footage(Displayed):
+    """Pictures of a video, over which computed motion is drawn.
+
+    Parameters
+    ----------
+    time : array_like (k,)
+        Time of each picture on the clock of the motion, s, increasing.
+    images : sequence (k,) of array
+        Pictures of bytes: (rows, columns), grey, or (rows, columns, 3), red, green and blue.
+    scale : float
+        Length of a pixel, m.
+    origin : (float, float)
+        Column and row of the origin of the laboratory frame, the clamp at rest.
+    rotation : float
+        Rotation of the picture, counterclockwise, rad.
+
+    Raises
+    ------
+    InputError
+        If the times do not increase or are not as many as the pictures, a picture has another form, or a number cannot
+        be used.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Footage
+    >>> images = np.full((25, 480, 640), 200, dtype=np.uint8)
+    >>> footage = Footage(np.arange(25) / 25, images, scale=1e-3, origin=(320.0, 20.0))
+    >>> footage.pixels((0.05, -0.4))
+    array([370., 420.])
+    """
+
+    time: ArrayLike
+    images: Sequence[Any]
+    scale: float
+    origin: tuple[float, float]
+    rotation: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        time = array(self.time, "time")
+        if time.ndim != 1 or not time.size or (time[1:] <= time[:-1]).any():
+            raise InputError("must be numbers that increase", "time")
+        if not hasattr(self.images, "__getitem__") or len(self.images) != time.size:
+            raise InputError(f"must be a sequence of {time.size} pictures, one for each time", "images")
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "scale", physical(self.scale, "scale"))
+        object.__setattr__(self, "origin", vector(self.origin, "origin"))
+        object.__setattr__(self, "rotation", number(self.rotation, "rotation"))
+        self.image(0)
+
+    def image(self, index: int) -> Array:
+        """Return a picture by its number, from 0."""
+        found = np.asarray(self.images[index])
+        if found.dtype != np.uint8 or found.ndim not in (2, 3) or found.shape[2:] not in ((), (3,)) or not found.size:
+            raise InputError(f"picture {index} is no array of bytes, (rows, columns) or (rows, columns, 3)", "images")
+        return found
+
+    def pixels(self, positions: ArrayLike) -> Array:
+        """Return column and row of positions in the laboratory frame, (..., 2), m, likewise (..., 2)."""
+        c, s = math.cos(self.rotation) / self.scale, math.sin(self.rotation) / self.scale
+        return np.asarray(self.origin + array(positions, "positions", finite=False) @ np.array([[c, -s], [-s, -c]]))
+
+    def _summary(self) -> str:
+        return f"{counted(len(self.images), 'picture')}, {spread(np.asarray(self.time), 's')}, {self.scale:.4g} m/pixel"

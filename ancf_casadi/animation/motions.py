@@ -1,0 +1,188 @@
+"""Motions and mode shapes as moving pictures.
+
+Picture k shows the instant
+
+    begin + k / (slower frame_rate),
+
+linearly interpolated between the samples.  If ``slower`` is not given, it is the least of 1, 2, 5, 10, ... for which
+the pictures last 2 s or more, and a period has 12 or more of them.  This period is 2 pi times the rms of the positions,
+less their means, over that of their rates.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from PIL import Image
+
+from ancf_casadi.animation.drawing import Drawn, Film, pictures
+from ancf_casadi.animation.encoding import check_animation, encoded
+from ancf_casadi.animation.footage import Footage
+from ancf_casadi.dynamics.trajectory import Motion
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.plot import DRAWN_SHARE, drawn_shape
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import (
+    array,
+    check_instance,
+    flag,
+    instances,
+    number,
+    numbers,
+    physical,
+    positive,
+    whole,
+)
+from ancf_casadi.support.progress import counter
+from ancf_casadi.vibration.modes import Modes
+
+MOST_PICTURES = 3000  # all of a GIF file are in memory, 0.3 MB each
+FEWEST_PER_PERIOD = 12  # test_a_period_has_twelve_pictures_by_default
+LEAST_DURATION = 2.0  # s that pictures last at least, if slower is not given
+CYCLE = 2.0  # s that a period of a mode lasts
+TRAIL = 1.0  # s of pictures over which a trace lasts
+MOST_MODES = 6  # panels of modes, if no modes are given
+
+
+def moving_pictures(
+    runs: Mapping[str, Motion],
+    path: str | Path,
+    *,
+    slower: float | None = None,
+    frame_rate: float = 25.0,
+    begin: float | None = None,
+    end: float | None = None,
+    beside: bool = False,
+    points: Sequence[float] | None = None,
+    markers: tuple[ArrayLike, ArrayLike] | None = None,
+    background: Footage | None = None,
+    periodic: bool = False,
+) -> bytes:
+    """Return the content of a file, whose path tells its format, with motions by label (``Motion.animate``).
+
+    Motions that are ``periodic`` are shown for one period of the first.
+    """
+    suffix, delay = check_animation(path), _delay(frame_rate)
+    if not all(len(run.time) > 1 for run in runs.values()):
+        raise InputError("the motion has too few samples", "animate")
+    if flag(beside, "beside") and background is not None:
+        raise InputError("cannot be beside each other over a background", "beside")
+    first, last = min(float(run.time[0]) for run in runs.values()), max(float(run.time[-1]) for run in runs.values())
+    if background is not None:
+        check_instance(background, "background", Footage)
+        covered = array(background.time, "background")
+        first, last = max(first, float(covered[0])), min(last, float(covered[-1]))
+    begin = first if begin is None else max(first, number(begin, "begin"))
+    end = last if end is None else min(last, number(end, "end"))
+    if begin >= end:
+        raise InputError(f"must be before the end, within {first:g} to {last:g} s", "begin")
+    slower = _slower(runs.values(), end - begin, delay) if slower is None else physical(slower, "slower")
+    count = (end - begin) * slower / delay + (0.5 if periodic else 1.0 + 1e-9)  # the first picture ends a period
+    if not 2.0 <= count < MOST_PICTURES + 1:
+        raise InputError(f"{slower:g} makes {count:.3g} pictures, not 2 to {MOST_PICTURES}; give another, or begin "
+                         "and end of a part", "slower")  # fmt: skip
+    count = int(count)
+    slower = count * delay / (end - begin) if periodic else slower
+    times: Array = np.asarray(begin + np.arange(count) * delay / slower)
+    frames = [] if background is None else [int(np.abs(covered - time).argmin()) for time in times]
+    times = times if background is None else covered[frames]
+    before = times[:, None] - np.linspace(0.0, TRAIL / slower, 4 * round(TRAIL / delay) + 1)
+
+    def drawn(run: Motion) -> Drawn:
+        places = [run.model.beam.length] if points is None else numbers(points, "points")
+        paths = [run.position(place) for place in places]
+        if periodic:
+            own = run.time[0] + np.mod(times - run.time[0], np.ptp(run.time))
+            trails = [np.broadcast_to(one, (count, *one.shape)) for one in paths]
+            return Drawn(run.model, _at(own, run.time, run.coordinates), trails)
+        trails = [_at(np.maximum(before, begin), run.time, one) for one in paths]
+        return Drawn(run.model, _at(times, run.time, run.coordinates), trails)
+
+    beams = {label: drawn(run) for label, run in runs.items()}
+    panels = [(label, {label: one}) for label, one in beams.items()] if beside else [("", beams)]
+    digits = max(0, math.ceil(-math.log10(delay / slower)))
+    width = len(f"{times[-1]:.{digits}f}")  # in figure spaces, so that the text keeps its place
+    clock = [f"{time:.{digits}f}".rjust(width, "\u2007") + f" s, {_tempo(slower)}" for time in times]
+    film = Film(panels, clock, _seen(markers, times), background, frames)
+    some = None if background is None else Image.fromarray(background.image(frames[-1])).convert("RGB")
+    with counter("animation"):
+        return encoded(pictures(film), suffix, delay, some)
+
+
+def moving_modes(
+    results: Mapping[str, Modes], path: str | Path, *, modes: Sequence[int] | None = None, frame_rate: float = 25.0
+) -> bytes:
+    """Return the content of a file, whose path tells its format, with mode shapes by label (``Modes.animate``)."""
+    suffix, delay = check_animation(path), _delay(frame_rate)
+    least = min(one.count for one in results.values())
+    chosen = range(1, min(least, MOST_MODES) + 1) if modes is None else instances(modes, "modes", object)
+    shown = [whole(k, "modes", 1, least) - 1 for k in chosen]
+    count = round(CYCLE / delay)
+    swing = np.sin(2 * np.pi * np.arange(count) / count)
+    panels = []
+    for k in shown:
+        beams = {}
+        for label, one in results.items():
+            moved = one.equilibrium.coordinates + swing[:, None] * drawn_shape(one, k)
+            tip = moved @ one.model.interpolation(one.reference_points[k]).T
+            beams[label] = Drawn(one.model, moved, [np.broadcast_to(tip, (count, *tip.shape))])
+        values = [float(one.frequencies[k]) for one in results.values()]
+        tempo = f"\n{_tempo(count * delay * values[0])}" if len(values) == 1 and values[0] > 1e-3 else ""
+        panels.append((f"mode {k + 1}: {', '.join(f'{value:.4g}' for value in values)} Hz{tempo}", beams))
+    clock = [f"exaggerated to {100 * DRAWN_SHARE:g} % of the length"] * count
+    with counter("animation"):
+        return encoded(pictures(Film(panels, clock)), suffix, delay)
+
+
+def _delay(frame_rate: float) -> float:
+    """Return the time between pictures, s, in whole hundredths, as in GIF files."""
+    if not 1.0 <= positive(frame_rate, "frame_rate") <= 50.0:
+        raise InputError(f"must be from 1 to 50 pictures per second, got {frame_rate:g}", "frame_rate")
+    return round(100 / frame_rate) / 100
+
+
+def _slower(runs: Iterable[Motion], length: float, delay: float) -> float:
+    """Return how many times slower motions are shown, by default, for a time of some length (s)."""
+    needed = LEAST_DURATION / length
+    for run in runs:
+        swing = run.relative_coordinates.reshape(len(run.time), -1, NODE)[:, :, :2]
+        size = math.sqrt(((swing - swing.mean(axis=0)) ** 2).sum())
+        rate = math.sqrt((np.gradient(swing, run.time, axis=0) ** 2).sum())
+        needed = max(needed, FEWEST_PER_PERIOD * delay * rate / (2 * math.pi * size) if size else 0.0)
+    power = 10.0 ** math.floor(math.log10(max(needed, 1.0)))
+    return float(next(m * power for m in (1, 2, 5, 10) if m * power >= (1 - 1e-9) * needed))
+
+
+def _tempo(slower: float) -> str:
+    if abs(slower - 1.0) < 5e-3:
+        return "in real time"
+    return f"{slower:.3g} times slower" if slower > 1.0 else f"{1 / slower:.3g} times faster"
+
+
+def _at(times: Array, given: Array, values: Array) -> Array:
+    """Return values, (k, ...), interpolated linearly at times, and nan before the first and after the last."""
+    k = np.clip(np.searchsorted(given, times, side="right"), 1, len(given) - 1)
+    share = (times - given[k - 1]) / (given[k] - given[k - 1])
+    share = np.where(np.abs(share - 0.5) <= 0.5 + 1e-6, share, np.nan)[(...,) + (None,) * (values.ndim - 1)]
+    return np.asarray((1.0 - share) * values[k - 1] + share * values[k])
+
+
+def _seen(markers: Any, times: Array) -> Array:
+    """Return the positions of measured markers at the instants of the pictures."""
+    if markers is None:
+        return np.empty((len(times), 0, 2))
+    if not isinstance(markers, tuple | list) or len(markers) != 2:
+        raise InputError("must be a pair, times (k,) and positions (k, m, 2)", "markers")
+    time, positions = array(markers[0], "markers"), array(markers[1], "markers", finite=False)
+    positions = positions[:, None] if positions.ndim == 2 else positions
+    if time.ndim != 1 or time.size < 2 or positions.shape[:1] + positions.shape[2:] != (time.size, 2):
+        raise InputError(f"have shapes {time.shape}, {positions.shape} instead of (k,), (k, m, 2)", "markers")
+    if (time[1:] <= time[:-1]).any():
+        raise InputError("must have times that increase", "markers")
+    return _at(times, time, positions)

@@ -217,7 +217,7 @@ def to_json(value: Any) -> str:
 
 
 def wrapped(text: str) -> str:
-    """Return a report with long lines, but for rows of tables, folded at spaces; what follows is indented by two more."""
+    """Return a report with long lines, but for rows of tables, folded at spaces and indented by two more columns."""
     lines: list[str] = []
     for line in text.split("\n"):
         indent = " " * (len(line) - len(line.lstrip()) + 2)

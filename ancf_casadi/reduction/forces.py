@@ -105,10 +105,11 @@ class ReducedMotion(ABC):
         return cs.repmat(self.gravity, 1, acceleration.size2()) - acceleration
 
     def nodal(self, x: Expression, y: Expression, base: Expression) -> Expression:
-        """Return u + P (x, y) at all nodes, (size,): e from the parts and u, or e_t from their rates."""
+        """Return u + P (x, y) at all nodes, (size, N): e from the parts and u, or e_t or e_tt from their rates."""
         shape = cs.DM(self.projection.shape)
         position = cs.repmat(cs.DM([1.0, 0.0]), shape.size1() // 2, 1)
-        return cs.vec(cs.horzcat(shape @ x + position * base[0], shape @ y + position * base[1]).T)
+        rows = (cs.vec(shape @ part + position @ base[k, :]).T for k, part in enumerate((x, y)))
+        return cs.reshape(cs.vertcat(*rows), 2 * shape.size1(), base.size2())
 
     def inertia(self, x: Expression, y: Expression) -> Expression:
         """Return the modal forces of P^T M P (x, y), where (x, y) is a rate or acceleration of the parts, (m,)."""

@@ -37,6 +37,7 @@ from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.signals import (
     MotionFunctions,
+    Signal,
     base_signals,
     modal_signals,
     output_signals,
@@ -104,7 +105,26 @@ class ReducedFunctions(MotionFunctions):
 
 
 @dataclass(frozen=True, eq=False)
-class ReducedModel(ReducedFunctions):
+class Reduction:
+    """Modes, damping law and constants of a reduced model, without its Functions."""
+
+    modes: Modes
+    law: DampingLaw
+    projection: Projection
+
+    @property
+    def model(self) -> Model:
+        """The full model."""
+        return self.modes.model
+
+    @property
+    def count(self) -> int:
+        """Number of modes m."""
+        return self.modes.count
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedModel(ReducedFunctions, Reduction):
     """A beam in a few modes, with these modes and its damping law; ``reduce_model`` returns it.
 
     Parameters
@@ -129,20 +149,6 @@ class ReducedModel(ReducedFunctions):
     >>> reduced.rhs.name_in()
     ['q', 'v', 'base', 'p']
     """
-
-    modes: Modes
-    law: DampingLaw
-    projection: Projection
-
-    @property
-    def model(self) -> Model:
-        """The full model."""
-        return self.modes.model
-
-    @property
-    def count(self) -> int:
-        """Number of modes m."""
-        return self.modes.count
 
     @property
     def values(self) -> Array:
@@ -222,12 +228,12 @@ def reduce_model(
     if not begins_open(model):
         if slope_points is not None:
             raise InputError("have no meaning where supports hold the beam beyond its beginning", "slope_points")
-        return _assembled(modes, law, condensed_projection(modes, drag_points), numbers(markers, "markers"))
+        return _assembled(Reduction(modes, law, condensed_projection(modes, drag_points)), numbers(markers, "markers"))
     nodal = nodal_slopes(modes)
     most = len(nodal.angles)
     slope_points = min(2 * m + 2, most) if slope_points is None else whole(slope_points, "slope_points", m + 1, most)
     projection = project_model(modes, nodal, select_points(nodal, slope_points), drag_points)
-    return _assembled(modes, law, projection, numbers(markers, "markers"))
+    return _assembled(Reduction(modes, law, projection), numbers(markers, "markers"))
 
 
 def reduced_motion(
@@ -240,23 +246,29 @@ def reduced_motion(
     return BendingMotion(projection, q, v, base, gravity)
 
 
-def rebuilt(first: ReducedModel, model: Model) -> ReducedModel:
-    """Return the reduced model of a beam with other properties, of the size and at the points of a first one."""
+def rebuilt(first: Reduction, model: Model) -> Reduction:
+    """Return the reduction of a beam with other properties, of the size and at the points of a first one."""
     loads, drag_points = first.law.loads(model.beam), len(first.projection.drag_mass)
     rest = neighbour(Structure.of(model, loads), first.modes.equilibrium.exact)
     equilibrium = None if rest is None else Equilibrium(model, rest.coordinates, remainder=rest.remainder, loads=loads)
     modes = natural_modes(model, count=first.count, equilibrium=equilibrium)
     if not isinstance(first.projection, SlopeProjection):
-        return _assembled(modes, first.law, condensed_projection(modes, drag_points), ())
+        return Reduction(modes, first.law, condensed_projection(modes, drag_points))
     nodal, rows = nodal_slopes(modes), first.projection.slopes.rows
     selected = select_points(nodal, len(rows), rows)
-    return _assembled(modes, first.law, project_model(modes, nodal, selected, drag_points), ())
+    return Reduction(modes, first.law, project_model(modes, nodal, selected, drag_points))
 
 
-def _assembled(modes: Modes, law: DampingLaw, projection: Projection, markers: Sequence[float]) -> ReducedModel:
+def reduced_parameters(reduced: Reduction) -> tuple[Signal, ...]:
+    """Return gravity and the parameters of the damping law."""
+    signals = parameter_signals(Equations(reduced.model, reduced.law))
+    return *signals[:2], *signals[2 + reduced.model.properties.size :]  # without the properties of the elements
+
+
+def _assembled(reduced: Reduction, markers: Sequence[float]) -> ReducedModel:
     """Return the reduced model with its Functions."""
-    signals = parameter_signals(Equations(modes.model, law))
-    parameters = *signals[:2], *signals[2 + modes.model.properties.size :]  # without the properties of the elements
+    modes, law, projection = reduced.modes, reduced.law, reduced.projection
+    parameters = reduced_parameters(reduced)
     functions = _functions(modes, law, projection, len(parameters), markers)
     return ReducedModel(
         modes=modes,

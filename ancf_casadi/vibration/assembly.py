@@ -221,7 +221,9 @@ def _beam_parts(model: Model) -> tuple[EqualElements, ...]:
     places, names, parts = np.arange(model.properties.size).reshape(model.properties.shape), [*model.lumped], []
     for group in model.groups:
         constants = group.constants.T
-        shared = tuple(constants[0].tolist()) if (constants == constants[0]).all() else ()
+        # those of an element that is alone, a spring or mass, may change with the displacement of a support
+        alike = group.count > 1 and (constants == constants[0]).all()
+        shared = tuple(constants[0].tolist()) if alike else ()
         own_constants = constants[:, len(shared) :]
         sizes = own_constants.shape[1], len(group.lumped)
         balance = element_balance(group.element, shared, *sizes, model.beam.gravity)

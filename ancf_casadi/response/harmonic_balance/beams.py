@@ -26,8 +26,8 @@ from ancf_casadi.mechanics.attachments import Dashpot, Spring
 from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
-from ancf_casadi.reduction.forces import BASE_SIZE
-from ancf_casadi.reduction.reduced import ReducedModel, reduced_motion
+from ancf_casadi.reduction.forces import BASE_SIZE, Expression
+from ancf_casadi.reduction.reduced import Reduction, reduced_motion, reduced_parameters
 from ancf_casadi.response.harmonic_balance.system import (
     BEAM_EXCITATION,
     KEPT_FUNCTIONS,
@@ -125,14 +125,14 @@ def base_force(model: Model, law: DampingLaw, place: PointLoad) -> cs.Function:
 
 
 @lru_cache(maxsize=KEPT)
-def reduced_system(reduced: ReducedModel, place: PointLoad = TIP, *, tuned: bool = False) -> SecondOrderSystem:
+def reduced_system(reduced: Reduction, place: PointLoad = TIP, *, tuned: bool = False) -> SecondOrderSystem:
     """Return a reduced model, with a load at a place, as a second-order system of gravity and the law as parameters.
 
     If it is tuned, they are those of the law, factors c on the natural frequencies w, and a factor E on the elastic
     modulus, with the forces diag((c_k^2 - 1) w_k^2) q + (E - 1) dU/dq.
     """
     m, model, projection = reduced.count, reduced.model, reduced.projection
-    rest, parameters = reduced.modes.equilibrium.coordinates, parameters_of(reduced.parameters, reduced.law)
+    rest, parameters = reduced.modes.equilibrium.coordinates, parameters_of(reduced_parameters(reduced), reduced.law)
     if tuned:
         factors = [
             Parameter(f"frequency_{k}", 1.0, "1", f"factor on the frequency of mode {k}") for k in range(1, m + 1)
@@ -151,23 +151,13 @@ def reduced_system(reduced: ReducedModel, place: PointLoad = TIP, *, tuned: bool
 
 
 @lru_cache(maxsize=KEPT_FUNCTIONS)
-def _reduced_functions(reduced: ReducedModel, place: PointLoad, tuned: bool, samples: int) -> SampledFunctions:
-    m, law, model, projection = reduced.count, reduced.law, reduced.model, reduced.projection
-    q, v, a = coordinates = [cs.MX.sym(name, m, samples) for name in ("q", "v", "a")]
-    laws = len(law.parameters)
+def _reduced_functions(reduced: Reduction, place: PointLoad, tuned: bool, samples: int) -> SampledFunctions:
+    m, laws = reduced.count, len(reduced.law.parameters)
+    _, v, _ = coordinates = [cs.MX.sym(name, m, samples) for name in ("q", "v", "a")]
     u, p = cs.MX.sym("u", BEAM_EXCITATION, samples), cs.MX.sym("p", laws + (m + 1 if tuned else GRAVITY_SIZE))
-    values = cs.vertcat(cs.DM(reduced.values[:GRAVITY_SIZE]), p) if tuned else p
-    gravity, of_law, factors = cs.vertsplit(values, [0, GRAVITY_SIZE, GRAVITY_SIZE + laws, values.numel()])
     directions = [cs.MX.sym(name, BEAM_EXCITATION, samples) for name in ("u_1", "u_2")]
-    motion = reduced_motion(projection, q, v, u[:BASE_SIZE, :], gravity)
-    point = place.place(model.beam)
-    rows = [own[0, ::2] for own in (model.interpolation(point), model.slope_interpolation(point))]
-    damping, loaded = motion.damping(law, of_law, model), motion.load_force(u[BASE_SIZE:, :], *rows)
-    forces = motion.undamped_forces(a) + damping - loaded
-    velocity, balance = cs.vertcat(v, u[3:5, :]), forces[:m, :]
-    if tuned:
-        balance += cs.diag((factors[:-1] ** 2 - 1) * reduced.modes.angular_frequencies**2) @ q
-        balance += (factors[-1] - 1) * motion.elastic_force
+    balance, forces, damping, loaded = reduced_forces(reduced, place, tuned, *coordinates, u, p)
+    velocity = cs.vertcat(v, u[3:5, :])
     supplied = cs.sum1(u[3:5, :] * forces[m:, :]) + cs.sum1(velocity * loaded)
     units = [cs.DM.zeros(m, samples) for _ in range(m)]
     for k, unit in enumerate(units):
@@ -176,6 +166,29 @@ def _reduced_functions(reduced: ReducedModel, place: PointLoad, tuned: bool, sam
     driven = [cs.jtimes(balance, u, direction) for direction in directions]
     powers = [cs.sum1(velocity * damping), supplied]
     return SampledFunctions.of([*coordinates, u, p, *directions], balance, [*matrices, *driven], powers)
+
+
+def reduced_forces(
+    reduced: Reduction, place: PointLoad, tuned: bool, *motion: Expression
+) -> tuple[Expression, Expression, Expression, Expression]:
+    """Return R (m, N), and all forces, those of damping and those of the load, (m + 2, N), of q, v, a, u and p.
+
+    These are numbers or symbols; numbers need no Functions, which take longer to make than to evaluate a few times.
+    """
+    m, law, model = reduced.count, reduced.law, reduced.model
+    q, v, a, u, p = motion
+    values, laws = cs.vertcat(cs.DM(model.beam.gravity), p) if tuned else p, len(law.parameters)
+    gravity, of_law, factors = cs.vertsplit(values, [0, GRAVITY_SIZE, GRAVITY_SIZE + laws, values.numel()])
+    own = reduced_motion(reduced.projection, q, v, u[:BASE_SIZE, :], gravity)
+    point = place.place(model.beam)
+    rows = [row[0, ::2] for row in (model.interpolation(point), model.slope_interpolation(point))]
+    damping, loaded = own.damping(law, of_law, model), own.load_force(u[BASE_SIZE:, :], *rows)
+    forces = own.undamped_forces(a) + damping - loaded
+    balance = forces[:m, :]
+    if tuned:
+        balance += cs.diag((factors[:-1] ** 2 - 1) * reduced.modes.angular_frequencies**2) @ q
+        balance += (factors[-1] - 1) * own.elastic_force
+    return balance, forces, damping, loaded
 
 
 def _is_symmetric(model: Model, law: DampingLaw, rest: Array) -> bool:

@@ -15,9 +15,11 @@ import numpy as np
 
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.lumped import lumped_kind
+from ancf_casadi.reduction.reduced import Reduction
 from ancf_casadi.support.arrays import Array
-from problems.beam.curves.driven import Driven
+from problems.beam.curves.driven import Driven, analysed
 from problems.beam.curves.points import CurvePoints, Measured, NoMotionError, PointMotion, closest, motion_from_rest
+from problems.beam.curves.record import ResponseRecord
 from problems.beam.curves.residuals import CurveResiduals
 from problems.beam.properties import SIGNED
 
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
     from problems.beam.curves.block import CurveBlock
 
 DIFFERENCE = 1e-4  # relative change of a property for its derivative
+
+Neighbours = tuple[int, float, list[Reduction]]  # place of an unknown, distance of two beams, and these
 
 
 class BeamResponses(CurveResiduals):
@@ -62,30 +66,31 @@ class BeamResponses(CurveResiduals):
         s, neighbours = self.block.shared(values), []
         for name in self.block.of_model:
             step = DIFFERENCE * (self.block.first if lumped_kind(name) in SIGNED else values)[name]
-            ends = [self.block.driven({**values, name: values[name] + side * step}) for side in (1, -1)]
+            ends = [self.block.reduction({**values, name: values[name] + side * step}) for side in (1, -1)]
             neighbours.append((self.block.names.index(name), 2 * step, ends))
         found = []
-        for k, (number, record) in enumerate(self.block.numbered):
-            own = [(place, width, [end[k] for end in ends]) for place, width, ends in neighbours]
-            changes = np.array([self._change(motion, s, own) for motion in self._last[k]])
+        for motions, (number, record) in zip(self._last, self.block.numbered, strict=True):
+            changes = self._changes(motions, record, s, neighbours)
             if factor := self.block.excitation(number):
                 changes[:, 2, self.block.names.index(factor)] -= record.a
             found.append(changes)
         return found
 
-    def _change(self, motion: PointMotion, s: Array, neighbours: Sequence[tuple[int, float, list[Driven]]]) -> Array:
-        """Return the derivatives of amplitude, phase and level of a motion at the same amplitude, (3, n)."""
-        z, balance, setting = motion.point.z, motion.point.family.balance, motion.point.setting
-        directions = self.block.shared_directions
-        forces = balance.by_parameters(motion.point.coefficients, setting, directions)
-        polar = motion.reading[2] @ directions
+    def _changes(
+        self, motions: Sequence[PointMotion], record: ResponseRecord, s: Array, neighbours: Sequence[Neighbours]
+    ) -> Array:
+        """Return the derivatives of amplitude, phase and level of m motions at the same amplitude, (m, 3, n)."""
+        directions, balance = self.block.shared_directions, motions[0].point.family.balance
+        given = [(own.point.coefficients, own.point.setting) for own in motions]
+        forces = np.array([balance.by_parameters(*own, directions) for own in given])
+        polar = np.array([own.reading[2] @ directions for own in motions])
+        samples = [np.hstack(parts) for parts in zip(*(balance.motion(*own) for own in given), strict=True)]
         for place, width, ends in neighbours:
-            curves = [end.curve(setting.omega, s) for end in ends]
-            above, below = (curve.residual(z) for curve in curves)
-            forces[:, place] = (above - below) / width
-            above, below = (end.read(curve, z)[0] for end, curve in zip(ends, curves, strict=True))
-            polar[:, place] = (above - below) / width
-        return motion.sensitivities(forces, polar)
+            (F_above, above), (F_below, below) = (analysed(end, record, balance.fourier, samples, s) for end in ends)
+            forces[:, :, place] = (F_above - F_below)[:, balance.allowed] / width
+            polar[:, 0, place] = (abs(above) - abs(below)) / width
+            polar[:, 1, place] = np.angle(above * below.conj()) / width
+        return np.array([own.sensitivities(*pair) for own, *pair in zip(motions, forces, polar, strict=True)])
 
     def _driven(self, values: Mapping[str, float]) -> list[Driven]:
         """Return the driven beams; they are built anew only if properties change."""

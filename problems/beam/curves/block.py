@@ -21,7 +21,7 @@ from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.lumped import lumped_kind
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction import ReducedModel, reduce_model
-from ancf_casadi.reduction.reduced import rebuilt
+from ancf_casadi.reduction.reduced import Reduction, rebuilt
 from ancf_casadi.response.harmonic_balance.system import beam_drive
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import known
@@ -135,10 +135,7 @@ class CurveBlock(ResponseBlock):
 
     def driven(self, values: Mapping[str, float]) -> list[Driven]:
         """Return the driven beam of each record, for values of the unknowns by name."""
-        factors = [values.get(name, one) / one if name in self.of_model else 1.0 for name, one in self.first.items()]
-        model = self._owners.changed(self.model, np.array(factors))
-        first = _reduced(self.model, self.modes, self.law)
-        reduced = first if model is self.model else rebuilt(first, model)
+        reduced = self.reduction(values)
         kinds: dict[Any, Driven] = {}  # records that differ in size alone share their Functions
         found = []
         for record in self.records:
@@ -146,6 +143,13 @@ class CurveBlock(ResponseBlock):
             kinds[kind] = kinds.get(kind) or driven(reduced, record, self.harmonics)
             found.append(replace(kinds[kind], drive=beam_drive(record.base, record.load)))
         return found
+
+    def reduction(self, values: Mapping[str, float]) -> Reduction:
+        """Return the reduction of the beam for values of the unknowns by name."""
+        factors = [values.get(name, one) / one if name in self.of_model else 1.0 for name, one in self.first.items()]
+        model = self._owners.changed(self.model, np.array(factors))
+        first = _reduced(self.model, self.modes, self.law)
+        return first if model is self.model else rebuilt(first, model)
 
     @cached_property
     def _owners(self) -> Owners:

@@ -20,6 +20,7 @@ the N samples tau_j of a motion has the fundamental
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import casadi as cs
@@ -27,14 +28,15 @@ import numpy as np
 
 from ancf_casadi.dynamics.derivatives.reading import SampledMotion
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.placed_load import LOAD_SIZE
-from ancf_casadi.reduction import ReducedModel
+from ancf_casadi.dynamics.placed_load import TIP
+from ancf_casadi.reduction.forces import BASE_SIZE, Expression
+from ancf_casadi.reduction.reduced import Reduction, reduced_motion
 from ancf_casadi.response.harmonic_balance.balance import Fourier, HarmonicBalance, Setting, fourier
-from ancf_casadi.response.harmonic_balance.beams import reduced_system
+from ancf_casadi.response.harmonic_balance.beams import reduced_forces, reduced_system
 from ancf_casadi.response.harmonic_balance.family import Family
-from ancf_casadi.response.harmonic_balance.system import Drive, SecondOrderSystem, beam_drive
+from ancf_casadi.response.harmonic_balance.system import BEAM_EXCITATION, Drive, SecondOrderSystem, beam_drive
 from ancf_casadi.response.onset import linear_response
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.compilation import evaluated
 from problems.beam.curves.record import ResponseRecord
 
@@ -62,7 +64,7 @@ class Driven:
         return polar.ravel(), by_z, by_s
 
 
-def driven(reduced: ReducedModel, record: ResponseRecord, harmonics: int) -> Driven:
+def driven(reduced: Reduction, record: ResponseRecord, harmonics: int) -> Driven:
     """Return a reduced beam under the excitation of a record, with its sensor, for a number of harmonics."""
     drive = beam_drive(record.base, record.load)
     # enough samples for the products of a few harmonics, and for the kink of |v| v
@@ -83,7 +85,19 @@ def small_response(driven: Driven, record: ResponseRecord, frequency: float, s: 
     return ResponseRecord(values, np.array(found), sensor=record.sensor, base=record.base, load=record.load)
 
 
-def _reading(reduced: ReducedModel, record: ResponseRecord, drive: Drive, series: Fourier) -> cs.Function:
+def analysed(
+    reduced: Reduction, record: ResponseRecord, series: Fourier, motions: Sequence[Array], s: Array
+) -> tuple[Array, ComplexArray]:
+    """Return F (m, 2 H + 1, n) and Y exp(i phi) (m,) of a reduced beam for samples of q, v, a and u of m motions."""
+    q, v, a, u, p = (cs.DM(part) for part in (*motions, s))
+    balance = reduced_forces(reduced, TIP, True, q, v, a, u, p)[0]
+    h = _readings(reduced, record, q, v, a, u, p[: len(reduced.law.parameters)])
+    R, read = (cs.evalf(cs.MX(part)).full().reshape(part.size1(), -1, series.samples) for part in (balance, h))
+    sine, cosine = np.einsum("as,ms->am", series.analysis[[2, 1]], read[0])
+    return np.einsum("as,nms->man", series.analysis, R), sine + 1j * cosine
+
+
+def _reading(reduced: Reduction, record: ResponseRecord, drive: Drive, series: Fourier) -> cs.Function:
     """Return the fundamental of the reading with its Jacobians, as in ``Driven``."""
     n, laws = reduced.count, len(reduced.law.parameters)
     z, omega, s = cs.MX.sym("z", n * series.size + 1), cs.MX.sym("omega"), cs.MX.sym("s", laws + n + 1)
@@ -91,22 +105,27 @@ def _reading(reduced: ReducedModel, record: ResponseRecord, drive: Drive, series
     q, v, a = (cs.mtimes(C, cs.DM(part.T)) for part in (series.basis, series.slope, series.curvature))
     u = drive.expression(series.phases, omega, z[-1])
     law = cs.repmat(s[:laws], 1, series.samples)
-    h = _sensor(reduced, record).map(series.samples)(
-        q, omega * v, omega**2 * a, u[:-LOAD_SIZE, :], u[-LOAD_SIZE:, :], law
-    )
+    h = _sensor(reduced, record).map(series.samples)(q, omega * v, omega**2 * a, u, law)
     sine, cosine = cs.vertsplit(cs.mtimes(cs.DM(series.analysis[[2, 1]]), h.T))
     polar = cs.vertcat(cs.hypot(sine, cosine), cs.atan2(cosine, sine))
     jacobians = [cs.densify(cs.jacobian(polar, by)) for by in (z, s)]
     return cs.Function("reading", [z, omega, s], [polar, *jacobians], ["z", "omega", "s"], ["polar", "by_z", "by_s"])
 
 
-def _sensor(reduced: ReducedModel, record: ResponseRecord) -> cs.Function:
-    """Return the reading of the sensor as a Function (q, v, a, base, load, parameters of the law)."""
-    n, equations = reduced.count, Equations(reduced.model, reduced.law)
-    q, v, a = (cs.MX.sym(name, n) for name in "qva")
-    base, load, law = cs.MX.sym("base", 9), cs.MX.sym("load", LOAD_SIZE), cs.MX.sym("law", len(reduced.law.parameters))
-    e, e_t = reduced.coordinates(q, v, base)
-    rates = (q, v), (v, a), (base, cs.vertcat(base[3:], cs.MX.zeros(3)))
-    e_tt = sum((cs.jtimes(e_t, x, x_t) for x, x_t in rates), cs.MX.zeros(e.numel()))
-    y = SampledMotion.of(equations, e, e_t, e_tt, load, equations.given(law=law)).read(record.sensor)
-    return cs.Function("sensor", [q, v, a, base, load, law], [y]).expand()
+def _sensor(reduced: Reduction, record: ResponseRecord) -> cs.Function:
+    """Return the reading of the sensor as a Function (q, v, a, u, parameters of the law)."""
+    sizes = dict.fromkeys("qva", reduced.count) | {"u": BEAM_EXCITATION, "law": len(reduced.law.parameters)}
+    symbols = [cs.MX.sym(name, size) for name, size in sizes.items()]
+    return cs.Function("sensor", symbols, [_readings(reduced, record, *symbols)]).expand()
+
+
+def _readings(
+    reduced: Reduction, record: ResponseRecord, q: Expression, v: Expression, a: Expression, u: Expression,
+    law: Expression,
+) -> Expression:  # fmt: skip
+    """Return the readings of the sensor, (1, N), for samples that are numbers or symbols."""
+    equations, gravity = Equations(reduced.model, reduced.law), cs.DM(reduced.model.beam.gravity)
+    motion = reduced_motion(reduced.projection, q, v, u[:BASE_SIZE, :], gravity)
+    parts = motion.parts, motion.part_rates, motion.part_accelerations(a)
+    e, e_t, e_tt = (motion.nodal(*part, u[3 * k : 3 * k + 2, :]) for k, part in enumerate(parts))
+    return SampledMotion.of(equations, e, e_t, e_tt, u[BASE_SIZE:, :], equations.given(law=law)).read(record.sensor)

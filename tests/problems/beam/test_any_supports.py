@@ -169,18 +169,18 @@ def test_a_modulus_from_the_motion_under_a_blow_beside_the_tip():
 
 @pytest.mark.slow
 def test_a_first_value_of_a_spring_by_which_the_decay_slips_two_cycles_does_no_harm():
-    """The decay has 5.9 Hz, the first beam 6.4 Hz; from there alone, the fit ends at 24.6 N/m."""
+    """The decay has 5.9 Hz, the first beam 6.7 Hz; from there alone, the fit ends at 30.7 N/m."""
 
     def sprung(stiffness):
         return strip(gravity=(0.0, 0.0), attachments=(Spring(0.5, (0.0, stiffness)),), elements=2)
 
-    truth, first, law = sprung(20.0), sprung(26.0), RayleighDamping(alpha=1.0)
+    truth, first, law = sprung(20.0), sprung(30.0), RayleighDamping(alpha=1.0, beta=4e-4)  # no tones of the mesh last
     starts = [static_equilibrium(one, tip_force=(0.0, 0.02)) for one in (truth, first)]
     run = simulate(truth, damping=law, start=starts[0], duration=2.7, sample_rate=35.0, tolerance=1e-7)
     values = run.tip[:, 1] + 5e-5 * np.random.default_rng(0).standard_normal(run.time.size)
     sensor = Sensor("position", direction=(0.0, 1.0))
     record = MotionRecord([Measurement(run.time, values, sensor=sensor)], start=starts[1])
-    fit = fit_beam(first, record, law, unknowns=["spring_y"], fixed=["alpha"])
+    fit = fit_beam(first, record, law, unknowns=["spring_y"], fixed=["alpha", "beta"])
     assert abs(fit.estimates["spring_y"] - 20.0) < 3.0 * fit.standard_errors["spring_y"] < 0.5
 
 

@@ -71,10 +71,12 @@ BASE_UNITS = {
     "Pa": {"kg": 1, "m": -1, "s": -2},
     "J": {"kg": 1, "m": 2, "s": -2},
 }
-FMU_TOLERANCE = "1e-8"  # recommended to importers: CasADi declares nominal values of 1, for which 1e-5 is too coarse
-MODAL_TOLERANCE = "1e-10"  # for modal coordinates, which are far smaller than 1
-STEP_TOLERANCE = "2e-8"  # of a step of co-simulation, per length
 FmuKind = Literal["model-exchange", "co-simulation"]
+FMU_TOLERANCES: dict[FmuKind, tuple[str, str]] = {  # of the full and the reduced model
+    # relative to CasADi's nominal values of 1, for which 1e-5 is too coarse; modal coordinates are far smaller than 1
+    "model-exchange": ("1e-8", "1e-10"),
+    "co-simulation": ("2e-8", "2e-9"),  # benchmarks/co_simulation.py
+}
 BUILD = f"""<?xml version="1.0" encoding="UTF-8"?>
 <fmiBuildDescription fmiVersion="3.0">
   <BuildConfiguration modelIdentifier="{MODEL}">
@@ -142,8 +144,12 @@ def write_fmu(
         tqdm(total=2, disable=not progress, bar_format=BUILD_BAR, desc="C") as bar,
     ):
         folder = Path(temporary)
-        root, content = (_exchanged if kind == "model-exchange" else _stepping)(functions, folder, headers)
-        description = described(root, target.stem, functions, document)
+        tolerance = FMU_TOLERANCES[kind][isinstance(functions, ReducedFunctions)]
+        if kind == "model-exchange":
+            root, content = _exchanged(functions, folder)
+        else:
+            root, content = _stepping(functions, folder, headers, tolerance)
+        description = described(root, target.stem, functions, document, tolerance)
         _advance(bar, "compiler")
         system, suffix = PLATFORMS.get(platform.system(), ("linux", "so"))
         library = folder / f"{MODEL}.{suffix}"
@@ -170,7 +176,7 @@ def _fmi_headers() -> Path:
     return folder
 
 
-def _exchanged(functions: MotionFunctions, folder: Path, _: Path) -> tuple[ET.Element, dict[str, bytes]]:
+def _exchanged(functions: MotionFunctions, folder: Path) -> tuple[ET.Element, dict[str, bytes]]:
     """Write CasADi's FMU for model exchange to a folder; return its description, and its files by archived name."""
     with contextlib.chdir(folder):
         files = _dae_builder(functions).export_fmu({"with_serialization": False, "no_warning": True})
@@ -178,9 +184,11 @@ def _exchanged(functions: MotionFunctions, folder: Path, _: Path) -> tuple[ET.El
     return ET.parse(folder / "modelDescription.xml").getroot(), content
 
 
-def _stepping(functions: MotionFunctions, folder: Path, headers: Path) -> tuple[ET.Element, dict[str, bytes]]:
+def _stepping(
+    functions: MotionFunctions, folder: Path, headers: Path, tolerance: str
+) -> tuple[ET.Element, dict[str, bytes]]:
     """Write the source for co-simulation to a folder, and return the same as ``_exchanged``."""
-    source, token = co_simulation_source(functions, STEP_TOLERANCE, headers)
+    source, token = co_simulation_source(functions, tolerance, headers)
     content = {f"sources/{MODEL}.c": source.encode(), "sources/buildDescription.xml": BUILD.encode()}
     (folder / f"{MODEL}.c").write_bytes(content[f"sources/{MODEL}.c"])
     return co_simulation_description(functions, MODEL, token), content
@@ -238,7 +246,9 @@ def _zipped(content: dict[str, bytes]) -> bytes:
     return archive.getvalue()
 
 
-def described(root: ET.Element, title: str, functions: MotionFunctions, document: Document | None) -> bytes:
+def described(
+    root: ET.Element, title: str, functions: MotionFunctions, document: Document | None, tolerance: str
+) -> bytes:
     """Return a model description, completed for a model with a title and, if given, its document."""
     provenance = document.provenance if document else Provenance.of_this()
     root.attrib |= {
@@ -255,8 +265,6 @@ def described(root: ET.Element, title: str, functions: MotionFunctions, document
     (variables,) = root.iter("ModelVariables")
     _complete_variables(variables, functions)
     root.insert(1, _unit_definitions(variables))
-    tolerance = MODAL_TOLERANCE if isinstance(functions, ReducedFunctions) else FMU_TOLERANCE
-    tolerance = tolerance if root.find("CoSimulation") is None else STEP_TOLERANCE
     root.insert([*root].index(variables), ET.Element("DefaultExperiment", startTime="0", tolerance=tolerance))
     ET.indent(root)
     content: bytes = ET.tostring(root, encoding="utf-8", xml_declaration=True)

@@ -93,7 +93,7 @@ class MotionFunctions(Displayed):
     energies : Function
         (q, v, base, p) -> T kinetic, U strain, V gravitational, J.
     clamp_force : Function
-        (q, v, a, base, p) -> F, the force of clamp and supports on a beam without load (2,), N.
+        (q, v, a, base, p) -> F, the force of clamp, supports and springs on a beam without load (2,), N.
 
     Examples
     --------
@@ -213,5 +213,5 @@ def output_signals(markers: Sequence[float] = ()) -> tuple[Signal, ...]:
         Signal("kinetic_energy", "J", "kinetic energy"),
         Signal("strain_energy", "J", "strain energy"),
         Signal("gravity_energy", "J", "potential energy of gravity, 0 at the origin"),
-        *(Signal(f"clamp_force_{c}", "N", f"force of clamp and supports on the beam, {c}") for c in "xy"),
+        *(Signal(f"clamp_force_{c}", "N", f"force of clamp, supports and springs on the beam, {c}") for c in "xy"),
     )

@@ -47,7 +47,7 @@ NOTES = {
     "tip": "r: x and y, m",
     "markers": "r: x and y of each point, m",
     "energies": "T kinetic, U strain, V of gravity, J",
-    "clamp_force": "F: x and y, of clamp and supports on the beam, N",
+    "clamp_force": "F: x and y, of clamp, supports and springs on the beam, N",
     "equilibrium": "q_out or q: free coordinates at rest, m and 1",
     "frequencies": "f: lowest natural frequencies, Hz",
     "step": f"state after the time h, s; base: at {GAMMA!r} h and at h; order 2, stiffly stable",

@@ -38,7 +38,7 @@ typedef struct {
   fmi3LogMessageCallback log;
   fmi3Boolean logging;
   State state;
-  double begin, seconds; /* of the motion, and processor time of its steps */
+  double motion, seconds; /* duration of all steps, and their processor time */
   long long accepted, rejected;
   const double* arg[WORK_ARG];
   double* res[WORK_RES];
@@ -71,7 +71,7 @@ static void start(Instance* own) {
   own->state.tolerance = TOLERANCE;
   own->state.outdated = 1;
   memcpy(own->state.value + P, at_start, sizeof at_start);
-  own->begin = own->seconds = 0.0;
+  own->motion = own->seconds = 0.0;
   own->accepted = own->rejected = 0;
 }
 
@@ -153,7 +153,7 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean has_to
   if (has_tolerance && !(tolerance > 0.0 && tolerance < 1.0))
     return say(own, fmi3Error, "the tolerance must be between 0 and 1, got %g", tolerance);
   if (has_tolerance) own->state.tolerance = tolerance;
-  own->begin = own->state.value[0] = begin;
+  own->state.value[0] = begin;
   return enter(own, INSTANTIATED, INITIALIZING);
 }
 
@@ -161,9 +161,8 @@ fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) { return enter(inst
 
 fmi3Status fmi3Terminate(fmi3Instance instance) {
   Instance* own = instance;
-  const double length = own->state.value[0] - own->begin;
-  say(own, fmi3OK, "%g s of motion in %.3g s, %.3g times real time; steps: %lld, repeated: %lld", length, own->seconds,
-      length / fmax(own->seconds, 1e-6), own->accepted, own->rejected);
+  say(own, fmi3OK, "%g s of motion in %.3g s, %.3g times real time; steps: %lld, repeated: %lld", own->motion,
+      own->seconds, own->motion / fmax(own->seconds, 1e-6), own->accepted, own->rejected);
   own->state.phase = ENDED;
   return fmi3OK;
 }
@@ -234,6 +233,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 point, fmi3Float64 step
         "that no beam can bear, or choose shorter communication steps; the state is that at %.9g s",
         next.value[0], next.h, now);
   }
+  own->motion += step;
   next.outdated = 1;
   own->state = next;
   *reached = next.value[0];

@@ -63,7 +63,7 @@ GAMMA = 1 - 1 / math.sqrt(2)
 
 
 @dataclass(frozen=True)
-class Tableau:
+class DiagonalTableau:
     """Rows of A up to the diagonal, which is constant but for a stage at the start; weights of the error estimate."""
 
     rows: tuple[tuple[float, ...], ...]
@@ -75,8 +75,8 @@ class Tableau:
         return tuple(math.fsum(row) for row in self.rows)
 
 
-ALEXANDER = Tableau(((GAMMA,), (1 - GAMMA, GAMMA)))
-KENNEDY_CARPENTER = Tableau(
+ALEXANDER = DiagonalTableau(((GAMMA,), (1 - GAMMA, GAMMA)))
+KENNEDY_CARPENTER = DiagonalTableau(
     (
         (0.0,),
         (1 / 4, 1 / 4),
@@ -190,7 +190,7 @@ def step_function(
     jacobians: cs.Function,
     diagonals: tuple[cs.DM, cs.DM],
     length: float,
-    tableau: Tableau = ALEXANDER,
+    tableau: DiagonalTableau = ALEXANDER,
     rhs: cs.Function | None = None,
 ) -> cs.Function:
     """Return (q, v, base, p, h) -> q_next, v_next, from (q, v, a, base, p) -> r and its dr_dq, dr_dv and dr_da.

@@ -13,10 +13,13 @@ from fmpy.validation import validate_fmu
 
 from ancf_casadi import (
     BaseMotion,
+    Clamp,
     ModalDamping,
     Model,
+    Pin,
     QuadraticDamping,
     RayleighDamping,
+    Spring,
     TipLoad,
     natural_modes,
     reduce_model,
@@ -24,7 +27,7 @@ from ancf_casadi import (
     simulate_reduced,
 )
 from ancf_casadi.dynamics.base_motion import Piece
-from ancf_casadi.export import beam_functions, fmu, write_fmu
+from ancf_casadi.export import beam_functions, fmu, values, write_fmu
 from ancf_casadi.export.solved_functions import KENNEDY_CARPENTER
 
 STEP = 0.02  # of communication, s
@@ -343,3 +346,16 @@ def test_the_tableau_has_order_4_and_its_error_estimate_order_3():
     assert np.allclose([b @ tree for tree in trees], [1, 1 / 2, 1 / 3, 1 / 6, 1 / 4, 1 / 8, 1 / 12, 1 / 24], rtol=1e-13)
     errors = [np.dot(KENNEDY_CARPENTER.error, tree) for tree in trees]
     assert np.allclose(errors[:4], 0, atol=1e-15) and abs(errors[4]) > 1e-3
+
+
+@pytest.mark.parametrize("supports", [(Clamp(),), (Clamp(), Pin(0.5)), (Pin(0.0), Spring(0.3, (0.0, 5.0)))])
+def test_clamp_supports_and_springs_carry_the_weight(paper_beam, supports):
+    """At rest, the force on the full and the reduced beam is the weight."""
+    beam = paper_beam(4, axis=(1.0, 0.0), thickness=2e-3)
+    springs = [own for own in supports if isinstance(own, Spring)]
+    model = Model(beam.with_(supports=[own for own in supports if own not in springs], attachments=springs))
+    weight = 0.5 * 5e-3 * 2e-3 * 8000.0 * 9.81
+    for functions in (beam_functions(model, modes=1), reduce_model(model, modes=1)):
+        rest, zero, p = values(functions.states), np.zeros(functions.free), values(functions.parameters)
+        force = functions.clamp_force(rest[: functions.free], zero, zero, np.zeros(9), p).full().ravel()
+        assert force == pytest.approx([0.0, weight], abs=1e-6 * weight)

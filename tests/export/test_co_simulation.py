@@ -84,7 +84,7 @@ class Unit:
         self.references = {variable.name: variable.valueReference for variable in about.modelVariables}
         self.slave = FMU3Slave(
             guid=about.instantiationToken,
-            unzipDirectory=fmpy.extract(path, folder),
+            unzipDirectory=folder,
             modelIdentifier=about.coSimulation.modelIdentifier,
             instanceName="beam",
         )
@@ -158,11 +158,13 @@ def reduced_path(reduced, write):
 
 @pytest.fixture
 def unit(tmp_path):
-    """Return a function that makes instances, which end with the test."""
-    made = []
+    """Return a function that makes instances of one library, which end with the test."""
+    made, folder = [], str(tmp_path / "extracted")
 
     def make(path, **settings):
-        made.append(Unit(path, str(tmp_path / str(len(made))), **settings))
+        if not made:
+            fmpy.extract(path, folder)
+        made.append(Unit(path, folder, **settings))
         return made[-1]
 
     yield make

@@ -439,6 +439,9 @@ class TestExport:
         assert main(["export", "small.toml", "--format", "fmu", "--out", "small.fmu", "--reduced", "1"]) == 0
         with zipfile.ZipFile("small.fmu") as archive:
             assert "modes kept: 1" in archive.read("modelDescription.xml").decode()
+        assert main(["export", "small.toml", "--format", "co-simulation", "--out", "own.fmu", "--reduced", "1"]) == 0
+        with zipfile.ZipFile("own.fmu") as archive:
+            assert "<CoSimulation" in archive.read("modelDescription.xml").decode()
 
     @pytest.mark.parametrize(
         ("arguments", "what"),

@@ -24,6 +24,7 @@
 enum { P = 1, X = P + PARAMETERS, U = X + STATES, Y = U + INPUTS, VALUES = Y + OUTPUTS };
 
 #define SMALLEST_STEP 1e-9 /* of the communication step */
+#define MOST_STEPS 20000   /* in a communication step; test_co_simulation.py */
 
 typedef enum { INSTANTIATED, INITIALIZING, STEPPING, ENDED } Phase;
 
@@ -77,7 +78,7 @@ static void start(Instance* own) {
 
 /* Integrate to a time; return 0 if no step converges, and the time reached in value[0]. */
 static int integrate(Instance* own, State* s, double end) {
-  int repeated = 0;
+  int repeated = 0, count = 0;
   const double smallest = SMALLEST_STEP * (end - s->value[0]);
   double next[STATES], error;
   if (s->h == 0.0) s->h = end - s->value[0];
@@ -96,6 +97,7 @@ static int integrate(Instance* own, State* s, double end) {
     converged = !advance(own->arg, own->res, own->iw, own->w, 0) && isfinite(error) && all_finite(next, STATES);
     error /= s->tolerance;
     factor = converged ? fmin(repeated ? 1.0 : 5.0, fmax(0.2, 0.9 * pow(error + 1e-12, -0.2))) : 0.2;
+    if (++count > MOST_STEPS) return 0;
     if (!converged || error > 1.0) {
       ++own->rejected;
       repeated = 1;
@@ -229,7 +231,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 point, fmi3Float64 step
   own->seconds += (double)(clock() - began) / CLOCKS_PER_SEC;
   if (!done) {
     own->state.phase = ENDED;
-    return say(own, fmi3Error, "at %.9g s no step converges, even one of %.1e s; check inputs and parameters for values "
+    return say(own, fmi3Error, "at %.9g s no step converges, or too short ones of %.1e s; check inputs and parameters for values "
         "that no beam can bear, or choose shorter communication steps; the state is that at %.9g s",
         next.value[0], next.h, now);
   }

@@ -313,6 +313,18 @@ def test_a_step_that_does_not_converge_is_an_error_and_keeps_the_state(path, uni
 
 
 @slow
+def test_steps_that_become_too_short_are_an_error_and_are_not_kept(reduced_path, unit):
+    beam = unit(reduced_path)
+    beam.step()
+    before = beam.get([*OUTPUTS, "time"])
+    with pytest.raises(FMICallException):
+        beam.step((0.0, 0.0, 1e14))
+    assert 0.02 < float(beam.said[-1][1].split()[1]) < 0.04
+    beam.set({"base_angle_acceleration": 0.0})
+    assert np.array_equal(beam.get([*OUTPUTS, "time"]), before)
+
+
+@slow
 def test_wrong_calls_are_refused_with_one_line(reduced_path, unit):
     beam = unit(reduced_path)
     beam.step()

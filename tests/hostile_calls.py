@@ -273,7 +273,9 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "write_document": (export.write_document, {
             "path": folder / "b.json", "document": export.Document(model, law),
         }),
-        "write_fmu": (export.write_fmu, {"functions": functions, "path": folder / "a.fmu", "document": None}),
+        "write_fmu": (export.write_fmu, {
+            "functions": functions, "path": folder / "a.fmu", "kind": "co-simulation", "document": None,
+        }),
         "Camera": (p.Camera, {"scale": (0.9, 1.1), "rotation": (-0.1, 0.1), "origin": ((0.0, 1.0), (0.0, 1.0))}),
         "Channel": (p.Channel, {"measurement": record, "std": 1e-5, "offset": (-1.0, 1.0), "zero": (0.0, 1.0)}),
         "FrequencyRecord": (p.FrequencyRecord, {

@@ -69,7 +69,8 @@ class ElementFunctions:
         damping = self._damping
         k = self.element.tangent_stiffness(e, p) + cs.jacobian(damping, e)
         outputs = [k, cs.jacobian(damping, e_t), self.element.mass(p)]
-        return self._function("tangents", [e, e_t, p, c], outputs, is_diff_in=[False] * 4)
+        fixed = {} if self.make is as_it_is else {"is_diff_in": [False] * 4}
+        return self._function("tangents", [e, e_t, p, c], outputs, **fixed)
 
     @cached_property
     def resistance(self) -> cs.Function:

@@ -81,7 +81,7 @@ class MotionFunctions(Displayed):
     base : tuple of Signal
         The entries of base.
     outputs : tuple of Signal
-        The entries of (tip, markers, energies).
+        The entries of (tip, markers, energies, clamp_force).
     rhs : Function
         (q, v, base, p) -> a, the accelerations of q.
     step : Function
@@ -92,6 +92,8 @@ class MotionFunctions(Displayed):
         (q, base) -> r, the positions of the markers (2, k), m.
     energies : Function
         (q, v, base, p) -> T kinetic, U strain, V gravitational, J.
+    clamp_force : Function
+        (q, v, a, base, p) -> F, the force of clamp, supports and springs on a beam without load (2,), N.
 
     Examples
     --------
@@ -102,7 +104,7 @@ class MotionFunctions(Displayed):
     ...                     density=8000.0, elastic_modulus=210e9, elements=4)
     >>> reduced = reduce_model(Model(beam), modes=2)
     >>> reduced.free, list(reduced.named)
-    (2, ['rhs', 'step', 'tip', 'markers', 'energies', 'mass', 'coordinates'])
+    (2, ['rhs', 'step', 'tip', 'markers', 'energies', 'clamp_force', 'mass', 'coordinates'])
     >>> reduced.rhs.name_in()
     ['q', 'v', 'base', 'p']
     """
@@ -116,6 +118,7 @@ class MotionFunctions(Displayed):
     tip: cs.Function
     markers: cs.Function
     energies: cs.Function
+    clamp_force: cs.Function
 
     @property
     def named(self) -> dict[str, cs.Function]:
@@ -202,7 +205,7 @@ def base_signals() -> tuple[Signal, ...]:
 
 
 def output_signals(markers: Sequence[float] = ()) -> tuple[Signal, ...]:
-    """Return the outputs of the Functions ``tip``, ``markers`` and ``energies``, in this order."""
+    """Return the outputs of ``tip``, ``markers``, ``energies`` and ``clamp_force``, in this order."""
     points = [("tip", "the tip")]
     points += [(f"marker_{k}", f"the point at arc length {float(s):g} m") for k, s in enumerate(markers, start=1)]
     return (
@@ -210,4 +213,5 @@ def output_signals(markers: Sequence[float] = ()) -> tuple[Signal, ...]:
         Signal("kinetic_energy", "J", "kinetic energy"),
         Signal("strain_energy", "J", "strain energy"),
         Signal("gravity_energy", "J", "potential energy of gravity, 0 at the origin"),
+        *(Signal(f"clamp_force_{c}", "N", f"force of clamp, supports and springs on the beam, {c}") for c in "xy"),
     )

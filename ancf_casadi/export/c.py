@@ -47,6 +47,7 @@ NOTES = {
     "tip": "r: x and y, m",
     "markers": "r: x and y of each point, m",
     "energies": "T kinetic, U strain, V of gravity, J",
+    "clamp_force": "F: x and y, of clamp, supports and springs on the beam, N",
     "equilibrium": "q_out or q: free coordinates at rest, m and 1",
     "frequencies": "f: lowest natural frequencies, Hz",
     "step": f"state after the time h, s; base: at {GAMMA!r} h and at h; order 2, stiffly stable",
@@ -64,7 +65,7 @@ C_KEYWORDS = {"arg", "res", "iw", "w", "NAN", "INFINITY"} | set(
     "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while".split()
 )
 
-NOTES |= {f"reduced_{name}": NOTES[name] for name in ("tip", "markers", "energies")}
+NOTES |= {f"reduced_{name}": NOTES[name] for name in ("tip", "markers", "energies", "clamp_force")}
 PROGRAM_STEP, PROGRAM_SAMPLES = 5e-3, 400  # seconds between two lines of output, and number of lines after the first
 DEFLECTION = 0.1  # largest one before the release, to first order, per distance from the origin to the tip
 
@@ -116,7 +117,9 @@ def header(name: str, functions: MotionFunctions, every: Mapping[str, cs.Functio
         "",
         _comment("Motion of the base, base: index, name, unit, value, meaning", functions.base),
         "",
-        _comment("Outputs of tip, markers and energies: index, name, unit, value, meaning", functions.outputs),
+        _comment(
+            "Outputs of tip, markers, energies and clamp_force: index, name, unit, value, meaning", functions.outputs
+        ),
         "",
     ]
     for called, function in every.items():

@@ -1,20 +1,24 @@
-"""The beam as a functional mock-up unit (FMU): FMI 3.0, model exchange, for simulation and control.
+"""The beam as a functional mock-up unit (FMU): FMI 3.0, for simulation and control.
+
+An FMU for model exchange holds the equation of motion, and the importer integrates:
 
     states       q, v of the Functions, and the motion (u, u_t) of the base
     inputs       the accelerations u_tt of the base: x, y and rotation
     parameters   p of the Functions: gravity, properties of the elements (full model only), parameters of the law
-    outputs      tip, markers, energies
+    outputs      tip, markers, energies, force of the clamp
 
 with q_t = v, v_t = rhs(q, v, (u, u_t, u_tt), p).  The FMU of a reduced model is not stiff.
+
+An FMU for co-simulation has steps of its own (``co_simulation``); a force at the tip is a further input.
 
 The base is driven by its accelerations, and its position and velocity are states.  They stay consistent however an
 importer interpolates or holds its inputs; a prescribed position would excite axial waves at each kink.  The states
 start in the static equilibrium of the exported beam.  If a parameter is changed, the importer must set other start
 values; otherwise the beam swings to its new equilibrium.
 
-CasADi's DaeBuilder writes the equations and their derivatives as C, and the FMI wrapper.  Its description of the model
-is completed: by all digits of the start values, the definitions of the units, the tolerance, and what the model is.
-The FMU may hold a document of the beam, as ``resources/beam.json``.
+For model exchange, CasADi's DaeBuilder writes the equations and their derivatives as C, and the FMI wrapper.  The
+description of the model is completed: by all digits of the start values, the definitions of the units, the tolerance,
+and what the model is.  The FMU may hold a document of the beam, as ``resources/beam.json``.
 
 References
 ----------
@@ -35,7 +39,7 @@ import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 from types import NoneType
-from typing import NoReturn
+from typing import Literal, NoReturn, get_args
 
 import casadi as cs
 from tqdm import tqdm
@@ -44,12 +48,13 @@ from ancf_casadi.damping import RayleighDamping, SumOfLaws
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.signals import MotionFunctions, Signal, parameter_signals
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.export.co_simulation import BASE_COORDINATES, co_simulation_description, co_simulation_source
 from ancf_casadi.export.identification import Provenance
 from ancf_casadi.export.model_document import Document
 from ancf_casadi.reduction.reduced import ReducedFunctions
 from ancf_casadi.support.compilation import LIBRARY, c_compiler, compiler_failure
 from ancf_casadi.support.files import check_file, write_file
-from ancf_casadi.support.inputs import check_instance
+from ancf_casadi.support.inputs import check_instance, choice
 from ancf_casadi.support.tables import to_json
 from ancf_casadi.version import __version__
 
@@ -57,7 +62,6 @@ MODEL = "beam"  # of the model in C
 FMU_FLAGS = ("-O3", *LIBRARY)
 PLATFORMS = {"Linux": ("linux", "so"), "Darwin": ("darwin", "dylib"), "Windows": ("windows", "dll")}
 BUILD_BAR = "{desc} {bar}| [{elapsed}]"
-BASE_COORDINATES = 3  # coordinates of the base: x, y and rotation
 BASE_UNITS = {
     "kg": {"kg": 1},
     "m": {"m": 1},
@@ -67,12 +71,28 @@ BASE_UNITS = {
     "Pa": {"kg": 1, "m": -1, "s": -2},
     "J": {"kg": 1, "m": 2, "s": -2},
 }
-FMU_TOLERANCE = "1e-8"  # recommended to importers: CasADi declares nominal values of 1, for which 1e-5 is too coarse
-MODAL_TOLERANCE = "1e-10"  # for modal coordinates, which are far smaller than 1
+FmuKind = Literal["model-exchange", "co-simulation"]
+FMU_TOLERANCES: dict[FmuKind, tuple[str, str]] = {  # of the full and the reduced model
+    # relative to CasADi's nominal values of 1, for which 1e-5 is too coarse; modal coordinates are far smaller than 1
+    "model-exchange": ("1e-8", "1e-10"),
+    "co-simulation": ("2e-8", "2e-9"),  # benchmarks/co_simulation.py
+}
+BUILD = f"""<?xml version="1.0" encoding="UTF-8"?>
+<fmiBuildDescription fmiVersion="3.0">
+  <BuildConfiguration modelIdentifier="{MODEL}">
+    <SourceFileSet language="C99"><SourceFile name="{MODEL}.c"/></SourceFileSet>
+  </BuildConfiguration>
+</fmiBuildDescription>
+"""
 
 
 def write_fmu(
-    functions: MotionFunctions, path: str | Path, *, document: Document | None = None, progress: bool = False
+    functions: MotionFunctions,
+    path: str | Path,
+    *,
+    kind: FmuKind = "model-exchange",
+    document: Document | None = None,
+    progress: bool = False,
 ) -> None:
     """Write the Functions as an FMU, with a binary for this machine and the sources for others.
 
@@ -84,6 +104,8 @@ def write_fmu(
         The model, full or reduced.
     path : path
         The file, ``....fmu``.
+    kind : str
+        "model-exchange", whose importer integrates, or "co-simulation", with steps of its own.
     document : Document, optional
         The beam, its damping law and its identifications, which the FMU then describes and holds.
     progress : bool
@@ -108,6 +130,7 @@ def write_fmu(
     """
     check_instance(functions, "functions", MotionFunctions)
     check_instance(document, "document", Document, NoneType)
+    choice(kind, get_args(FmuKind), "kind")
     target = check_file(path)
     if document is not None:
         law = RayleighDamping() if document.damping is None else document.damping
@@ -121,16 +144,18 @@ def write_fmu(
         tqdm(total=2, disable=not progress, bar_format=BUILD_BAR, desc="C") as bar,
     ):
         folder = Path(temporary)
-        with contextlib.chdir(folder):
-            files = _dae_builder(functions).export_fmu({"with_serialization": False, "no_warning": True})
-        description = described(folder / "modelDescription.xml", target.stem, functions, document)
+        tolerance = FMU_TOLERANCES[kind][isinstance(functions, ReducedFunctions)]
+        if kind == "model-exchange":
+            root, content = _exchanged(functions, folder)
+        else:
+            root, content = _stepping(functions, folder, headers, tolerance)
+        description = described(root, target.stem, functions, document, tolerance)
         _advance(bar, "compiler")
         system, suffix = PLATFORMS.get(platform.system(), ("linux", "so"))
         library = folder / f"{MODEL}.{suffix}"
-        _compile(compiler, [folder / f"{MODEL}.c", folder / f"{MODEL}_wrap.c"], library, headers)
+        _compile(compiler, sorted(folder.glob("*.c")), library, headers)
         _advance(bar, "done")
         machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
-        content = {archived.removeprefix("./"): (folder / name).read_bytes() for name, archived in files.items()}
         content |= {
             "modelDescription.xml": description,
             f"binaries/{machine}-{system}/{library.name}": library.read_bytes(),
@@ -149,6 +174,24 @@ def _fmi_headers() -> Path:
     if not (folder / "fmi3Functions.h").is_file():
         raise InputError(f"has no FMI 3.0 headers: {folder} lacks fmi3Functions.h; install another version", "fmpy")
     return folder
+
+
+def _exchanged(functions: MotionFunctions, folder: Path) -> tuple[ET.Element, dict[str, bytes]]:
+    """Write CasADi's FMU for model exchange to a folder; return its description, and its files by archived name."""
+    with contextlib.chdir(folder):
+        files = _dae_builder(functions).export_fmu({"with_serialization": False, "no_warning": True})
+    content = {archived.removeprefix("./"): (folder / name).read_bytes() for name, archived in files.items()}
+    return ET.parse(folder / "modelDescription.xml").getroot(), content
+
+
+def _stepping(
+    functions: MotionFunctions, folder: Path, headers: Path, tolerance: str
+) -> tuple[ET.Element, dict[str, bytes]]:
+    """Write the source for co-simulation to a folder, and return the same as ``_exchanged``."""
+    source, token = co_simulation_source(functions, tolerance, headers)
+    content = {f"sources/{MODEL}.c": source.encode(), "sources/buildDescription.xml": BUILD.encode()}
+    (folder / f"{MODEL}.c").write_bytes(content[f"sources/{MODEL}.c"])
+    return co_simulation_description(functions, MODEL, token), content
 
 
 def _dae_builder(functions: MotionFunctions) -> cs.DaeBuilder:
@@ -173,7 +216,8 @@ def _dae_builder(functions: MotionFunctions) -> cs.DaeBuilder:
     for state, derivative in zip([*states, *base_states], cs.vertsplit(derivatives), strict=True):
         dae.eq(dae.der(state), derivative)
     points = [functions.tip(q, base), cs.vec(functions.markers(q, base))]
-    values = cs.vertcat(*points, *functions.energies(q, v, base, p))
+    force = functions.clamp_force(q, v, derivatives[functions.free : 2 * functions.free], base, p)
+    values = cs.vertcat(*points, *functions.energies(q, v, base, p), force)
     for output, value in zip(outputs, cs.vertsplit(values), strict=True):
         dae.eq(output, value)
     return dae
@@ -202,10 +246,10 @@ def _zipped(content: dict[str, bytes]) -> bytes:
     return archive.getvalue()
 
 
-def described(path: Path, title: str, functions: MotionFunctions, document: Document | None) -> bytes:
-    """Return CasADi's model description in a file, completed for a model with a title and, if given, its document."""
-    tree = ET.parse(path)
-    root = tree.getroot()
+def described(
+    root: ET.Element, title: str, functions: MotionFunctions, document: Document | None, tolerance: str
+) -> bytes:
+    """Return a model description, completed for a model with a title and, if given, its document."""
     provenance = document.provenance if document else Provenance.of_this()
     root.attrib |= {
         "modelName": _xml_text(title),
@@ -221,9 +265,8 @@ def described(path: Path, title: str, functions: MotionFunctions, document: Docu
     (variables,) = root.iter("ModelVariables")
     _complete_variables(variables, functions)
     root.insert(1, _unit_definitions(variables))
-    tolerance = MODAL_TOLERANCE if isinstance(functions, ReducedFunctions) else FMU_TOLERANCE
-    root.insert(2, ET.Element("DefaultExperiment", startTime="0", tolerance=tolerance))
-    ET.indent(tree)
+    root.insert([*root].index(variables), ET.Element("DefaultExperiment", startTime="0", tolerance=tolerance))
+    ET.indent(root)
     content: bytes = ET.tostring(root, encoding="utf-8", xml_declaration=True)
     return content
 
@@ -239,7 +282,7 @@ def _complete_variables(variables: ET.Element, functions: MotionFunctions) -> No
         name = variable.attrib["name"]
         if name.startswith("__assign__"):  # CasADi's names for right-hand sides
             variables.remove(variable)
-        if "start" in variable.attrib:
+        if name in signals and "start" in variable.attrib:
             variable.set("start", repr(signals[name].value))
         if name in derivative_units:
             variable.set("unit", derivative_units[name])

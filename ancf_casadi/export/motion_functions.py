@@ -16,7 +16,7 @@ Functions and differentiable.  ``solved_functions`` has ``equilibrium``, ``frequ
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import NoneType
 
@@ -25,6 +25,7 @@ import casadi as cs
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.equations import Balance, Equations
 from ancf_casadi.dynamics.excitation import clamped_node
+from ancf_casadi.dynamics.placed_load import LOAD_SIZE
 from ancf_casadi.dynamics.signals import (
     MotionFunctions,
     base_signals,
@@ -51,7 +52,7 @@ class BeamFunctions(MotionFunctions):
 
     Parameters
     ----------
-    parameters, states, base, outputs, rhs, tip, markers, energies
+    parameters, states, base, outputs, rhs, tip, markers, energies, clamp_force
         See ``MotionFunctions``; a is in m/s^2 and 1/s^2.
     residual : Function
         (q, v, a, base, p) -> r, N and N m.
@@ -69,7 +70,7 @@ class BeamFunctions(MotionFunctions):
         p -> f, the lowest natural frequencies about the equilibrium, Hz; nan if they are not certain, as those of a
         beam that can move rigidly.
     step : Function
-        (q, v, base, p, h) -> q_next, v_next after a step h (s); base (9, 2) at the instants ``STAGES`` of the step.
+        (q, v, base, p, h) -> q_next, v_next after a step h (s); base (9, 2) at the instants ``SDIRK_STAGES`` of it.
 
     Examples
     --------
@@ -142,12 +143,13 @@ def beam_functions(
     e, e_t, e_tt = (model.whole(symbols[key], part) for key, part in zip(("q", "v", "a"), node, strict=True))
     mass = free_part(model, model.mass(balance.properties))
     stiffness = free_part(model, model.tangent_stiffness(e, balance.properties))
-    damping_force = model.of_free(balance.damping(e, e_t))
-    resisting = damping_force + model.of_free(balance.conservative(e))
-    force = model.of_free(balance.inertia(e_tt)) + resisting
+    damped, conservative, inertia = balance.damping(e, e_t), balance.conservative(e), balance.inertia(e_tt)
+    damping_force = model.of_free(damped)
+    resisting = damping_force + model.of_free(conservative)
+    force = model.of_free(inertia) + resisting
     # at zero acceleration of the free coordinates
     without = model.of_free(balance.inertia(model.whole(cs.MX(size, 1), node[2]))) + resisting
-    jacobians = {**_state_jacobians(balance, e, e_t, symbols, stiffness), "dr_da": mass}
+    jacobians = {**_state_jacobians(balance, e, e_t), "dr_da": mass}
     of_inputs = {f"dr_d{name}": _jacobian(force, symbols[name]) for name in ("base", "p")}
 
     def function(name: str, inputs: Sequence[str], **results: cs.MX) -> cs.Function:
@@ -176,9 +178,15 @@ def beam_functions(
             U=model.strain_energy(e, balance.properties),
             V=-cs.dot(e, model.gravity_force(balance.properties, balance.gravity)),
         ),
+        clamp_force=function("clamp_force", ALL, F=model.of_base(inertia + damped + conservative)[:2]),
         equilibrium=equilibrium,
         frequencies=frequencies_function(first, equations, equilibrium),
-        step=step_function(residual, function("step_jacobians", ALL, **jacobians), first),
+        step=step_function(
+            residual,
+            function("step_jacobians", ALL, **jacobians),
+            (cs.diag(free_part(model, model.mass(model.properties))), cs.DM(first.equilibrium.stiffness.diagonal())),
+            model.beam.length,
+        ),
     )
 
 
@@ -192,17 +200,14 @@ def _base_node(model: Model, base: cs.MX) -> list[cs.MX]:
     return found
 
 
-def _state_jacobians(
-    balance: Balance, e: cs.MX, e_t: cs.MX, symbols: Mapping[str, cs.MX], stiffness: cs.MX
-) -> dict[str, cs.MX]:
+def _state_jacobians(balance: Balance, e: cs.MX, e_t: cs.MX) -> dict[str, cs.MX]:
     """Return the Jacobians dr_dq and dr_dv; the low-rank damping does not depend on q."""
-    of_free = balance.equations.model.of_free
-    local = of_free(balance.local_damping(e, e_t))
-    dr_dv = _jacobian(local, symbols["v"])
+    model = balance.equations.model
+    dr_dq, dr_dv, _ = (model.free_matrix(entries) for entries in balance.tangents(e, e_t, cs.MX(LOAD_SIZE, 1)))
     if balance.projection.numel():
-        turned = of_free(balance.turned_projection(e))
+        turned = model.of_free(balance.turned_projection(e))
         dr_dv += turned @ cs.diag(balance.modal_coefficients) @ turned.T
-    return {"dr_dq": stiffness + _jacobian(local, symbols["q"]), "dr_dv": dr_dv}
+    return {"dr_dq": dr_dq, "dr_dv": dr_dv}
 
 
 def _jacobian(expression: cs.MX, symbol: cs.MX) -> cs.MX:

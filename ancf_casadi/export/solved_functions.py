@@ -19,25 +19,31 @@ The modes are those with the eigenvalues nearest to zero.  Far beyond buckling, 
 zero than the modes asked for and are then not seen; ``natural_modes`` refuses such a beam.
 
 Step, for C and for programs without an integrator.  The method of Alexander is singly diagonally implicit, of order 2,
-L-stable (motion too fast for the step decays) and stiffly accurate.  With g = 1 - 1/2^(1/2), two stages at the times
-g h and h solve, one after the other,
+L-stable (motion too fast for the step decays) and stiffly accurate.  Its stages solve, one after the other,
 
     r(q_i, v_i, a_i) = 0,    v_i = v^ + g h a_i,    q_i = q^ + g h v_i,
-    q^ = q, v^ = v  (i = 1),        q^ = q + (1 - g) h v_1, v^ = v + (1 - g) h a_1  (i = 2).
+    q^ = q + h sum_{j<i} A_ij v_j,    v^ = v + h sum_{j<i} A_ij a_j,
 
-The second stage is the end of the step.  The unknown is the scaled change x in q_i = q^ + g h v^ + c x; the scale c and
-that of the equations follow from diag(M/(g h)^2 + K) of the model.
+with two stages, g = A_ii = 1 - 1/2^(1/2) and A_21 = 1 - g.  The last stage is the end of the step.  The unknown is the
+scaled change x in q_i = q^ + g h v^ + c x; the scale c and that of the equations follow from diag(M/(g h)^2 + K) of the
+model.  The method of Kennedy and Carpenter, ARK4(3)6L[2]SA, has the same properties and order 4.  Its first stage is
+the start of the step, and its stages have order 2: the axial force, which almost is a constraint, spoils the order of a
+method without.  With weights d it estimates the error of a step, h sum_j d_j v_j and h sum_j d_j a_j.
 
 References
 ----------
 "Comparison of external damping models in a large deformation problem", Section 4.3.
 B. N. Parlett, The Symmetric Eigenvalue Problem, SIAM 1998, section 4 (inverse iteration).
 R. Alexander, Diagonally implicit Runge-Kutta methods for stiff O.D.E.'s, SIAM Journal on Numerical Analysis 14 (1977).
+C. A. Kennedy and M. H. Carpenter, Additive Runge-Kutta schemes for convection-diffusion-reaction equations, Applied
+Numerical Mathematics 44 (2003), the implicit part of ARK4(3)6L[2]SA.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as cs
@@ -54,7 +60,34 @@ NEWTON_OPTIONS = {"error_on_fail": False, "max_iter": 12, "abstol": 0.0, "abstol
 LOAD_STEPS = 8  # m, from the parameters of the model to p
 CERTAIN = 1e-9  # largest change in a further Newton step (relative to length and slope), and largest residual of a mode
 GAMMA = 1 - 1 / math.sqrt(2)
-SDIRK_STAGES = (GAMMA, 1.0)  # instants of a step at which the base motion is needed, in steps
+
+
+@dataclass(frozen=True)
+class DiagonalTableau:
+    """Rows of A up to the diagonal, which is constant but for a stage at the start; weights of the error estimate."""
+
+    rows: tuple[tuple[float, ...], ...]
+    error: tuple[float, ...] = ()
+
+    @property
+    def instants(self) -> tuple[float, ...]:
+        """Instants of the stages, at which the base motion is needed, in steps."""
+        return tuple(math.fsum(row) for row in self.rows)
+
+
+ALEXANDER = DiagonalTableau(((GAMMA,), (1 - GAMMA, GAMMA)))
+KENNEDY_CARPENTER = DiagonalTableau(
+    (
+        (0.0,),
+        (1 / 4, 1 / 4),
+        (8611 / 62500, -1743 / 31250, 1 / 4),
+        (5012029 / 34652500, -654441 / 2922500, 174375 / 388108, 1 / 4),
+        (15267082809 / 155376265600, -71443401 / 120774400, 730878875 / 902184768, 2285395 / 8070912, 1 / 4),
+        (82889 / 524892, 0.0, 15625 / 83664, 69875 / 102672, -2260 / 8211, 1 / 4),
+    ),
+    (31666707 / 9881966720, 0.0, -256875 / 105007616, -2768025 / 128864768, 169839 / 3864644, -5247 / 225920),
+)
+SDIRK_STAGES = ALEXANDER.instants
 
 
 def newton(name: str, inputs: list[cs.MX], jacobian: cs.MX, equations: cs.MX) -> cs.Function:
@@ -152,16 +185,26 @@ def _eigenpair(K: cs.Sparsity, M: cs.Sparsity) -> cs.Function:
     return newton("eigenpair", [pair, stiffness, mass], jacobian, equations)
 
 
-def step_function(residual: cs.Function, jacobians: cs.Function, modes: Modes) -> cs.Function:
-    """Return (q, v, base, p, h) -> q_next, v_next, from (q, v, a, base, p) -> r and its dr_dq, dr_dv and dr_da."""
-    model = modes.model
-    mass = free_part(model, model.mass(model.properties))
+def step_function(
+    residual: cs.Function,
+    jacobians: cs.Function,
+    diagonals: tuple[cs.DM, cs.DM],
+    length: float,
+    tableau: DiagonalTableau = ALEXANDER,
+    rhs: cs.Function | None = None,
+) -> cs.Function:
+    """Return (q, v, base, p, h) -> q_next, v_next, from (q, v, a, base, p) -> r and its dr_dq, dr_dv and dr_da.
+
+    A scale follows from the ``diagonals`` of M and K and the ``length`` of the beam.  Further outputs are the estimated
+    errors of q_next and v_next, if the tableau has weights of an error estimate.  A stage at the start needs ``rhs``.
+    """
     names = ("q", "v", "base", "p")
     q, v, base, p = (cs.MX.sym(name, residual.size1_in(name)) for name in names)
-    h, x, motion = cs.MX.sym("h"), cs.MX.sym("x", q.numel()), cs.MX.sym("base", base.numel(), len(SDIRK_STAGES))
-    s = 1 / (GAMMA * h)
-    scale = 1 / cs.sqrt(cs.diag(mass) * s**2 + cs.DM(modes.equilibrium.stiffness.diagonal()))
-    shift = model.beam.length * scale / cs.mmax(scale)
+    h, x, gamma = cs.MX.sym("h"), cs.MX.sym("x", q.numel()), tableau.rows[-1][-1]
+    motion = cs.MX.sym("base", base.numel(), len(tableau.rows))
+    s = 1 / (gamma * h)
+    scale = 1 / cs.sqrt(diagonals[0] * s**2 + diagonals[1])
+    shift = length * scale / cs.mmax(scale)
     rows = scale**2 / shift
 
     state = (q + v / s + shift * x, v + s * shift * x, s**2 * shift * x)
@@ -174,6 +217,21 @@ def step_function(residual: cs.Function, jacobians: cs.Function, modes: Modes) -
     sure = certain(cs.norm_inf(left) < 1e-8)  # largest residual of the scaled equations
     stage = cs.Function("stage", known, [end * sure for end in ends])
 
-    _, v1, a1 = stage(q, v, motion[:, 0], p, h)
-    q_next, v_next, _ = stage(q + (1 - GAMMA) * h * v1, v + (1 - GAMMA) * h * a1, motion[:, 1], p, h)
-    return cs.Function("step", [q, v, motion, p, h], [q_next, v_next], [*names, "h"], ["q_next", "v_next"])
+    outputs: list[cs.MX] = []  # q and v at the last stage
+    rates: list[tuple[cs.MX, cs.MX]] = []  # v and a at all stages
+
+    def change(weights: Sequence[float]) -> list[cs.MX]:
+        """Return h times a weighted sum of the rates of q and v."""
+        return [sum((w * h * rate[j] for w, rate in zip(weights, rates, strict=True)), cs.MX(0)) for j in range(2)]
+
+    for k, (*before, last) in enumerate(tableau.rows):
+        if rhs is not None and not last:
+            rates = [(v, rhs(q, v, motion[:, k], p))]
+            continue
+        moved = change(before)
+        *outputs, a_k = stage(q + moved[0], v + moved[1], motion[:, k], p, h)
+        rates.append((outputs[1], a_k))
+    if tableau.error:
+        outputs += change(tableau.error)
+    labels = ["q_next", "v_next", "q_error", "v_error"][: len(outputs)]
+    return cs.Function("step", [q, v, motion, p, h], outputs, [*names, "h"], labels)

@@ -24,7 +24,7 @@ from ancf_casadi.support.files import check_file, check_ours, opened, write_file
 from ancf_casadi.support.inputs import check_instance
 
 TITLE = "ancf-casadi functions"
-FUNCTIONS_FORMAT = f"{TITLE} 2"
+FUNCTIONS_FORMAT = f"{TITLE} 3"
 BEGINNING = f'{{"format": "{TITLE}'
 MODELS: dict[str, type[BeamFunctions | ReducedFunctions]] = {"full": BeamFunctions, "reduced": ReducedFunctions}
 SIGNAL_TABLES = ("parameters", "states", "base", "outputs")

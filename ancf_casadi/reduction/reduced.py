@@ -79,7 +79,7 @@ class ReducedFunctions(MotionFunctions):
 
     Parameters
     ----------
-    parameters, states, base, outputs, rhs, tip, markers, energies
+    parameters, states, base, outputs, rhs, tip, markers, energies, clamp_force
         As in ``MotionFunctions``; a is q_tt, m kg^1/2/s^2.
     step : Function
         (q, v, base, p, h) -> q_next, v_next after h seconds, with base (9, 3) at the start, middle and end of the step.
@@ -135,7 +135,7 @@ class ReducedModel(ReducedFunctions, Reduction):
         The damping law.
     projection : Projection
         Constants of the equation of motion.
-    parameters, states, base, outputs, rhs, step, mass, energies, tip, markers, coordinates
+    parameters, states, base, outputs, rhs, step, mass, energies, clamp_force, tip, markers, coordinates
         As in ``ReducedFunctions``.
 
     Examples
@@ -278,7 +278,7 @@ def _assembled(reduced: Reduction, markers: Sequence[float]) -> ReducedModel:
         states=modal_signals(modes.frequencies.tolist()),
         base=base_signals(),
         outputs=output_signals(markers),
-        step=_step(functions["rhs"], modes),
+        step=lawson_step(functions["rhs"], modes.angular_frequencies),
         **functions,
     )
 
@@ -288,15 +288,17 @@ def _functions(
 ) -> dict[str, cs.Function]:
     """Return the Functions of the reduced model except the time step, by name."""
     model, m = modes.model, modes.count
-    sizes = {"q": m, "v": m, "base": BASE_SIZE, "p": parameters}
+    sizes = {"q": m, "v": m, "a": m, "base": BASE_SIZE, "p": parameters}
     inputs = {name: cs.SX.sym(name, size) for name, size in sizes.items()}
-    q, v, base, p = inputs.values()
+    q, v, acceleration, base, p = inputs.values()
     motion = reduced_motion(projection, q, v, base, p[:2])
     e = motion.nodal(*motion.parts, base[:2])
     e_t = motion.nodal(*motion.part_rates, base[3:5])
     M = reduced_motion(projection, q, v, cs.SX.zeros(BASE_SIZE), p[:2]).mass  # the same at any position of the base
     T, U, V = motion.energies
-    forces = (motion.undamped_forces(cs.SX.zeros(m)) + motion.damping(law, p[2:], model))[:m]
+    damping = motion.damping(law, p[2:], model)
+    forces = (motion.undamped_forces(cs.SX.zeros(m)) + damping)[:m]
+    resultant = (motion.undamped_forces(acceleration) + damping)[m:]
     positions = cs.horzcat(cs.SX(2, 0), *(cs.DM(model.interpolation(s)) @ e for s in markers))
 
     D, LT, permutation = cs.ldl(motion.mass)
@@ -310,16 +312,17 @@ def _functions(
         "rhs": function("rhs", ("q", "v", "base", "p"), a=a),
         "mass": function("mass", ("q",), M=M),
         "energies": function("energies", ("q", "v", "base", "p"), T=T, U=U, V=V),
+        "clamp_force": function("clamp_force", ("q", "v", "a", "base", "p"), F=resultant),
         "tip": function("tip", ("q", "base"), r=e[-4:-2]),
         "markers": function("markers", ("q", "base"), r=positions),
         "coordinates": function("coordinates", ("q", "v", "base"), e=e, e_t=e_t),
     }
 
 
-def _step(rhs: cs.Function, modes: Modes) -> cs.Function:
+def lawson_step(rhs: cs.Function, angular_frequencies: Array) -> cs.Function:
     """Return Lawson's method as a Function (q, v, base, p, h) -> q_next, v_next."""
     q, v, p = (cs.MX.sym(name, rhs.numel_in(name)) for name in ("q", "v", "p"))
-    base, h, omega = cs.MX.sym("base", BASE_SIZE, BASE_INSTANTS), cs.MX.sym("h"), cs.DM(modes.angular_frequencies)
+    base, h, omega = cs.MX.sym("base", BASE_SIZE, BASE_INSTANTS), cs.MX.sym("h"), cs.DM(angular_frequencies)
     cosine, sine = cs.cos(omega * h / 2), cs.sin(omega * h / 2)
 
     def flow(x: cs.MX) -> cs.MX:
@@ -328,7 +331,7 @@ def _step(rhs: cs.Function, modes: Modes) -> cs.Function:
 
     def remainder(x: cs.MX, stage: int) -> cs.MX:
         """Return N(x)."""
-        return cs.horzcat(cs.MX.zeros(modes.count), rhs(x[:, 0], x[:, 1], base[:, stage], p) + omega**2 * x[:, 0])
+        return cs.horzcat(cs.MX.zeros(q.numel()), rhs(x[:, 0], x[:, 1], base[:, stage], p) + omega**2 * x[:, 0])
 
     x = cs.horzcat(q, v)
     k1 = remainder(x, 0)

@@ -1,6 +1,6 @@
 """``ancf-casadi export``: a beam and its damping for other programs.
 
-JSON and the FMU keep the identifications behind the beam; C and CasADi Functions hold the equation of motion only.
+JSON and the FMUs keep the identifications behind the beam; C and CasADi Functions hold the equation of motion only.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from ancf_casadi.export import (
     write_document,
     write_fmu,
 )
+from ancf_casadi.export.fmu import FmuKind
 from ancf_casadi.support.files import check_folder, read_json
 from ancf_casadi.support.inputs import located
 from problems.command.output import Output, comma_numbers, json_text, new_files, positive_count
@@ -34,6 +35,7 @@ FORMATS = {
     "casadi": "casadi: a file of Functions",
     "c": "c: a folder with C99 files",
     "fmu": "fmu: FMI 3.0, model exchange",
+    "co-simulation": "co-simulation: FMI 3.0, an FMU with steps of its own",
 }
 
 
@@ -56,7 +58,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="RESULT.json",
-        help="output of fit-decay --json or match --json to include in json or fmu; may be repeated",
+        help="output of fit-decay --json or match --json to include in json or an FMU; may be repeated",
     )
     parser.add_argument(
         "--data",
@@ -89,8 +91,8 @@ def _export(source: Document, options: argparse.Namespace) -> Sequence[Path]:
     """Write a beam and its damping, and return the files."""
     form, out, markers, modes = options.format, options.out, options.markers, options.reduced
     identifications = _identifications(options.identification, options.data)
-    if identifications and form not in ("json", "fmu"):
-        raise InputError(f"cannot be kept in {form}; choose json or fmu", "--identification")
+    if identifications and form in ("c", "casadi"):
+        raise InputError(f"cannot be kept in {form}; choose json, fmu or co-simulation", "--identification")
     if markers and form == "json":
         raise InputError("a JSON document has no outputs; choose another format", "--markers")
     if modes is not None and form == "json":
@@ -111,10 +113,11 @@ def _export(source: Document, options: argparse.Namespace) -> Sequence[Path]:
             functions = reduce_model(document.model, damping=document.damping, markers=markers, modes=modes)
     if form == "c":
         return write_c(functions, out)
-    if form == "fmu":
-        write_fmu(functions, out, document=document, progress=True)
-    else:
+    if form == "casadi":
         save_functions(functions, out)
+    else:
+        kind: FmuKind = "co-simulation" if form == "co-simulation" else "model-exchange"
+        write_fmu(functions, out, kind=kind, document=document, progress=True)
     return (out,)
 
 

@@ -66,7 +66,7 @@ def test_the_signals_name_each_entry_once(functions):
         (functions.parameters, functions.rhs.size1_in("p")),
         (functions.states, 2 * functions.rhs.size1_in("q")),
         (functions.base, functions.rhs.size1_in("base")),
-        (functions.outputs, 2 + functions.markers.numel_out(0) + 3),
+        (functions.outputs, 2 + functions.markers.numel_out(0) + 3 + 2),
     ):
         assert len({signal.name for signal in table}) == len(table) == size
         assert all(signal.name.isidentifier() and signal.unit and signal.description for signal in table)

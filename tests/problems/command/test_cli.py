@@ -439,6 +439,9 @@ class TestExport:
         assert main(["export", "small.toml", "--format", "fmu", "--out", "small.fmu", "--reduced", "1"]) == 0
         with zipfile.ZipFile("small.fmu") as archive:
             assert "modes kept: 1" in archive.read("modelDescription.xml").decode()
+        assert main(["export", "small.toml", "--format", "co-simulation", "--out", "own.fmu", "--reduced", "1"]) == 0
+        with zipfile.ZipFile("own.fmu") as archive:
+            assert "<CoSimulation" in archive.read("modelDescription.xml").decode()
 
     @pytest.mark.parametrize(
         ("arguments", "what"),
@@ -477,7 +480,7 @@ class TestExport:
             (["beam.toml", "--format", "c", "--out", "x", "--markers", "1"], "--markers: point: the point must be on"),
             (
                 ["beam.toml", "--format", "c", "--out", "x", "--identification", "good.json"],
-                "--identification: cannot be kept in c; choose json or fmu",
+                "--identification: cannot be kept in c; choose json, fmu or co-simulation",
             ),
             (["beam.toml", "--format", "json", "--out", "x", "--data", "decay.csv"], "--data: there are 1 for 0"),
             (

@@ -65,7 +65,7 @@ HOSTILE = {
 NOT_CALLED = frozenset(
     "Attachment BaseMotion DampingLaw Support TipLoad __version__"  # abstract
     " Backbone Equilibrium LinearFrf Modes PeriodicMotion ReducedModel ReducedTrajectory ResponseCurve Trajectory"
-    " DampingCurve LawCurve BeamFunctions MotionFunctions ReducedFunctions DecayFit DecayFits DecayModes"
+    " DampingCurve LawCurve BeamFunctions MotionFunctions ReducedFunctions ExportedBeam DecayFit DecayFits DecayModes"
     " CriticalLoad CriticalPoint DampedModes EquilibriumPath FrequencyMatch FrfFit ModeFit"
     " IsolatedMode LawComparison LogDensity MonteCarlo Plan PlannedComparison RayleighFit RecordPrediction SavedFit"
     " StudyReport BeamFit".split()  # results, which the package makes
@@ -272,6 +272,10 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "write_c": (export.write_c, {"functions": reduced, "folder": folder / "c", "name": "beam", "also": ()}),
         "write_document": (export.write_document, {
             "path": folder / "b.json", "document": export.Document(model, law),
+        }),
+        "write_mujoco": (export.write_mujoco, {
+            "model": model, "path": folder / "a.xml", "damping": law, "segments": 6, "tolerance": 0.1,
+            "amplitude": 0.01,
         }),
         "write_fmu": (export.write_fmu, {"functions": functions, "path": folder / "a.fmu", "document": None}),
         "Camera": (p.Camera, {"scale": (0.9, 1.1), "rotation": (-0.1, 0.1), "origin": ((0.0, 1.0), (0.0, 1.0))}),

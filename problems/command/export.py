@@ -1,6 +1,7 @@
 """``ancf-casadi export``: a beam and its damping for other programs.
 
-JSON and the FMU keep the identifications behind the beam; C and CasADi Functions hold the equation of motion only.
+JSON and the FMU keep the identifications behind the beam; C and CasADi Functions hold the equation of motion only; the
+files for simulators hold the beam in the terms of these programs, and the command prints how well they fit.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.export import (
     BeamFunctions,
     Document,
+    ExportedBeam,
     Identification,
     Provenance,
     beam_functions,
@@ -23,10 +25,11 @@ from ancf_casadi.export import (
     write_c,
     write_document,
     write_fmu,
+    write_mujoco,
 )
 from ancf_casadi.support.files import check_folder, read_json
 from ancf_casadi.support.inputs import located
-from problems.command.output import Output, comma_numbers, json_text, new_files, positive_count
+from problems.command.output import Output, comma_numbers, finite, json_text, new_files, positive_count
 from problems.schema.beam import DAMPED_HELP, read_damped
 
 FORMATS = {
@@ -34,7 +37,9 @@ FORMATS = {
     "casadi": "casadi: a file of Functions",
     "c": "c: a folder with C99 files",
     "fmu": "fmu: FMI 3.0, model exchange",
+    "mujoco": "mujoco: a model file (MJCF)",
 }
+SIMULATORS = {"mujoco": write_mujoco}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -51,6 +56,18 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="arc lengths (m) of points whose positions are outputs",
     )
     parser.add_argument("--reduced", type=positive_count, metavar="N", help="write the reduced model with N modes")
+    parser.add_argument(
+        "--segments", type=positive_count, metavar="N", help="of a beam for a simulator; else the fewest"
+    )
+    parser.add_argument(
+        "--tolerance", type=finite, metavar="X", help="relative error of its first three frequencies, 0.01 if not given"
+    )
+    parser.add_argument(
+        "--amplitude",
+        type=finite,
+        metavar="M",
+        help="tip amplitude (m) at which laws that depend on it are represented",
+    )
     parser.add_argument(
         "--identification",
         action="append",
@@ -79,10 +96,28 @@ def run(options: argparse.Namespace) -> Output:
     with located("--markers"):
         for marker in options.markers:
             source.model.element_at(marker)
-    files = [{"path": str(path), "bytes": path.stat().st_size} for path in _export(source, options)]
+    beam = _simulator(source, options)
+    paths = _export(source, options) if beam is None else [options.out]
+    files = [{"path": str(path), "bytes": path.stat().st_size} for path in paths]
     if options.json:
-        return Output(json_text({"format": options.format, "files": files, "seconds": time.perf_counter() - began}))
-    return Output("\n".join(f"{file['path']}  {file['bytes']} bytes" for file in files))
+        data = {"format": options.format, "files": files, "seconds": time.perf_counter() - began}
+        return Output(json_text(data if beam is None else data | {"beam": beam.to_dict()}))
+    lines = [f"{file['path']}  {file['bytes']} bytes" for file in files]
+    return Output("\n".join(lines if beam is None else [*lines, "", beam.report()]))
+
+
+def _simulator(source: Document, options: argparse.Namespace) -> ExportedBeam | None:
+    """Write a beam for a simulator, and return its account; None for another format, which has no such options."""
+    given = {name: getattr(options, name) for name in ("segments", "tolerance", "amplitude")}
+    given = {name: value for name, value in given.items() if value is not None}
+    if options.format not in SIMULATORS:
+        for name in given:
+            raise InputError(f"does not apply to {options.format}; choose {', '.join(SIMULATORS)}", f"--{name}")
+        return None
+    others = ("markers", "reduced", "identification", "data")
+    if strange := next((name for name in others if getattr(options, name)), None):
+        raise InputError(f"cannot be kept for {options.format}; choose another format", f"--{strange}")
+    return SIMULATORS[options.format](source.model, options.out, damping=source.damping, **given)
 
 
 def _export(source: Document, options: argparse.Namespace) -> Sequence[Path]:

@@ -1,0 +1,149 @@
+"""The fewest segments and the longest time step that keep frequencies and damping within a tolerance.
+
+Of the tolerance of the first three frequencies, the segments may use a part, and the step the rest.  The step changes
+the damping ratio of mode 1 by at most ``OF_RATIO`` tolerances, and must be stable with a margin, because a bent beam is
+stiffer than a beam at rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import NoneType
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from ancf_casadi.damping import DampingLaw, RayleighDamping
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.export.simulators.dampers import COMPARED, same_speed
+from ancf_casadi.export.simulators.result import ExportedBeam
+from ancf_casadi.export.simulators.segments import held_at_beginning
+from ancf_casadi.export.simulators.small_motion import poles
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.files import check_file, check_ours
+from ancf_casadi.support.inputs import check_instance, positive, whole
+from ancf_casadi.version import __version__
+from ancf_casadi.vibration.modes import Modes, natural_modes
+
+STEPS = tuple(digit * 10.0**power for power in range(-3, -9, -1) for digit in (5.0, 2.0, 1.0))  # s
+SHARE = 0.7  # of the tolerance that the segments may use
+OF_RATIO = 2.0
+MARGIN = 1.25
+LEAST, MOST = 4, 64  # segments that are tried
+RELEASE = 0.02  # tip amplitude without another, per length
+UNDAMPED = 1e-3  # damping ratio to which the tolerance refers without damping
+
+
+@dataclass(frozen=True)
+class Writing:
+    """A beam to be written: its modes, the damping ratios that are to be met, and the tolerance."""
+
+    modes: Modes
+    damping: DampingLaw | None
+    amplitude: float
+    ratios: Array
+    tolerance: float
+    segments: int | None
+
+    @property
+    def model(self) -> Model:
+        """The model of the beam."""
+        return self.modes.model
+
+
+class InProgram(Protocol):
+    """A beam of some number of segments in another program."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the program cannot represent."""
+
+    @property
+    def frequencies(self) -> Array:
+        """First natural frequencies, Hz, continuous in time."""
+
+    @property
+    def ratio(self) -> float:
+        """Damping ratio of mode 1, continuous in time."""
+
+    def matrix(self, mode: int, step: float) -> Array:
+        """Return the matrix of one step, with the damping of a mode at its amplitude."""
+
+
+C = TypeVar("C", bound=InProgram)
+
+
+def prepared(
+    model: Model,
+    path: str | Path,
+    mark: str,
+    damping: DampingLaw | None,
+    segments: int | None,
+    tolerance: float,
+    amplitude: float | None,
+) -> tuple[Writing, Path]:
+    """Return the checked arguments of a writer, and the file to write, which is new or begins with a mark."""
+    check_instance(model, "model", Model)
+    check_instance(damping, "damping", DampingLaw, NoneType)
+    beam = model.beam
+    held_at_beginning(beam)
+    target = check_file(path)
+    check_ours(target, mark)
+    count = None if segments is None else whole(segments, "segments", LEAST, MOST)
+    size = RELEASE * beam.length if amplitude is None else positive(amplitude, "amplitude")
+    tolerance = positive(tolerance, "tolerance")
+    modes = natural_modes(model, count=COMPARED)
+    ratios = (damping or RayleighDamping()).damping_ratios(modes, same_speed(modes, size))
+    return Writing(modes, damping, size, ratios, tolerance, count), target
+
+
+def settled(given: Writing, form: str, make: Callable[[int], C]) -> tuple[C, ExportedBeam]:
+    """Return the beam with the settings that meet the tolerance, and its account."""
+    allowed, count = SHARE * given.tolerance, given.segments or LEAST
+    while True:
+        beam = make(count)
+        error = float(np.abs(beam.frequencies / given.modes.frequencies - 1.0).max())
+        if error <= allowed or given.segments:
+            break
+        if count == MOST:
+            raise InputError(
+                f"{MOST} segments only reach {error:.2g} in the first frequencies; allow for more", "tolerance"
+            )
+        # the error falls with the square of the number; 0.8 keeps the estimate below the fewest that suffice
+        count = min(MOST, max(count + 1, int(0.8 * count * math.sqrt(error / allowed))))
+    for step in STEPS:
+        reached = _reached(given, beam, step)
+        if reached is not None:
+            break
+    else:
+        raise InputError(f"no step down to {STEPS[-1]:g} s keeps the frequencies; allow for more", "tolerance")
+    found = ExportedBeam(
+        form, count, step, given.amplitude, given.modes.frequencies, reached[0], given.ratios, reached[1], beam.warnings
+    )
+    return beam, found
+
+
+def header(found: ExportedBeam, mapping: Sequence[str]) -> str:
+    """Return the beginning of the file: its origin, the mapping of the beam, the account, and the warnings."""
+    account = [line for line in found.table().text().splitlines() if line.strip("-")]
+    first = f" {__version__}: a beam for {found.format}.  SI units."
+    return "\n".join([first, "", *mapping, "", *account, *(f"Not represented: {one}." for one in found.warnings)])
+
+
+def _reached(given: Writing, beam: InProgram, step: float) -> tuple[Array, Array] | None:
+    """Return frequencies and damping ratios with a step; None if it is unstable, or changes them too much."""
+    if not poles(beam.matrix(0, MARGIN * step), MARGIN * step, COMPARED)[2]:
+        return None
+    found = [poles(beam.matrix(k, step), step, COMPARED)[:2] for k in range(COMPARED)]
+    if any(len(own) < COMPARED for own, _ in found):
+        return None
+    frequencies, ratios = np.array([[own[k] for own in pair] for k, pair in enumerate(found)]).T
+    change = np.abs(frequencies / beam.frequencies - 1.0).max()
+    if change > (1.0 - SHARE) * given.tolerance:
+        return None
+    allowed = OF_RATIO * given.tolerance * max(beam.ratio, UNDAMPED)
+    return None if abs(ratios[0] - beam.ratio) > allowed else (frequencies, ratios)

@@ -277,6 +277,13 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
             "model": model, "path": folder / "a.xml", "damping": law, "segments": 6, "tolerance": 0.1,
             "amplitude": 0.01,
         }),
+        "write_pyelastica": (export.write_pyelastica, {
+            "model": model, "path": folder / "a.py", "damping": law, "segments": 6, "tolerance": 0.1,
+            "amplitude": 0.01,
+        }),
+        "write_exudyn": (export.write_exudyn, {
+            "model": model, "path": folder / "b.py", "damping": law, "tolerance": 0.1, "amplitude": 0.01,
+        }),
         "write_fmu": (export.write_fmu, {"functions": functions, "path": folder / "a.fmu", "document": None}),
         "Camera": (p.Camera, {"scale": (0.9, 1.1), "rotation": (-0.1, 0.1), "origin": ((0.0, 1.0), (0.0, 1.0))}),
         "Channel": (p.Channel, {"measurement": record, "std": 1e-5, "offset": (-1.0, 1.0), "zero": (0.0, 1.0)}),

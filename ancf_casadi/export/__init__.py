@@ -15,7 +15,9 @@ from ancf_casadi.export.fmu import write_fmu
 from ancf_casadi.export.identification import Identification, Provenance
 from ancf_casadi.export.model_document import Document, read_document, write_document
 from ancf_casadi.export.motion_functions import BeamFunctions, beam_functions
+from ancf_casadi.export.simulators.exudyn import write_exudyn
 from ancf_casadi.export.simulators.mujoco import write_mujoco
+from ancf_casadi.export.simulators.pyelastica import write_pyelastica
 from ancf_casadi.export.simulators.result import ExportedBeam
 from ancf_casadi.export.storage import load_functions, save_functions
 from ancf_casadi.export.structs import DataFile, schema
@@ -39,6 +41,8 @@ __all__ = [
     "values",
     "write_c",
     "write_document",
+    "write_exudyn",
     "write_fmu",
     "write_mujoco",
+    "write_pyelastica",
 ]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,8 +24,10 @@ from ancf_casadi.export import (
     save_functions,
     write_c,
     write_document,
+    write_exudyn,
     write_fmu,
     write_mujoco,
+    write_pyelastica,
 )
 from ancf_casadi.support.files import check_folder, read_json
 from ancf_casadi.support.inputs import located
@@ -38,8 +40,14 @@ FORMATS = {
     "c": "c: a folder with C99 files",
     "fmu": "fmu: FMI 3.0, model exchange",
     "mujoco": "mujoco: a model file (MJCF)",
+    "pyelastica": "pyelastica: a script with a Cosserat rod",
+    "exudyn": "exudyn: a script with the same elements",
 }
-SIMULATORS = {"mujoco": write_mujoco}
+SIMULATORS: dict[str, Callable[..., ExportedBeam]] = {
+    "mujoco": write_mujoco,
+    "pyelastica": write_pyelastica,
+    "exudyn": write_exudyn,
+}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -114,6 +122,8 @@ def _simulator(source: Document, options: argparse.Namespace) -> ExportedBeam | 
         for name in given:
             raise InputError(f"does not apply to {options.format}; choose {', '.join(SIMULATORS)}", f"--{name}")
         return None
+    if "segments" in given and options.format == "exudyn":
+        raise InputError("does not apply to exudyn, which has the elements of the beam", "--segments")
     others = ("markers", "reduced", "identification", "data")
     if strange := next((name for name in others if getattr(options, name)), None):
         raise InputError(f"cannot be kept for {options.format}; choose another format", f"--{strange}")

@@ -2,6 +2,7 @@
 
 import json
 import math
+import runpy
 
 import numpy as np
 import pytest
@@ -19,11 +20,11 @@ from ancf_casadi import (
     natural_modes,
     static_equilibrium,
 )
-from ancf_casadi.export import write_mujoco
+from ancf_casadi.export import write_exudyn, write_mujoco, write_pyelastica
 from ancf_casadi.export.simulators.dampers import dampers
 from ancf_casadi.export.simulators.segments import segmented
 from ancf_casadi.export.simulators.small_motion import implicit_in_velocity, poles
-from problems import fit_decay
+from problems import fit_decay, fit_modes
 from problems.cli import main
 
 RAYLEIGH = RayleighDamping(alpha=0.15, beta=1e-4)
@@ -115,7 +116,7 @@ def test_the_command_writes_a_beam_for_a_simulator_and_says_how_well_it_fits(tmp
     )
     call = ["export", "beam.toml", "--format", "mujoco", "--out", "beam.xml"]
     assert main([*call, "--segments", "14"]) == 0
-    assert "14 segments, steps of 0.0002 s" in capsys.readouterr().out
+    assert "14 segments, steps of 0.0003 s" in capsys.readouterr().out
     assert main([*call, "--tolerance", "0.03", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["beam"]
     assert found["reached_frequencies_hz"] == pytest.approx(found["frequencies_hz"], rel=0.03)
@@ -160,3 +161,67 @@ def test_mujoco_decays_like_the_beam(paper_beam, tmp_path, case):
         assert fit.estimates["eta1"] == pytest.approx(0.1, rel=0.03)
     else:
         assert fit.damping_ratio == pytest.approx(found.damping_ratios[0], rel=0.03)
+
+
+def along(motion, rest):
+    """Return the component of a motion of the tip in its own direction."""
+    motion = motion - rest
+    return motion @ np.linalg.svd(motion, full_matrices=False)[2][0]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("case", ["hanging", "bent"])
+def test_pyelastica_decays_like_the_beam(paper_beam, tmp_path, case):
+    """With few elements, whose errors the account states, and which take few steps."""
+    pytest.importorskip("elastica")
+    changes, law = {
+        "hanging": ({"tip_mass": 2e-3}, RAYLEIGH),
+        "bent": ({"axis": (1.0, 0.0), "natural_curvature": 2.0}, RAYLEIGH + QuadraticDamping(eta1=0.1)),
+    }[case]
+    found = write_pyelastica(Model(paper_beam(**changes)), tmp_path / "beam.py", damping=law, segments=12)
+    there = runpy.run_path(str(tmp_path / "beam.py"))
+    released = (found.amplitude, found.amplitude / 4, found.amplitude / 8)
+    time, *motion = there["run"](5 / found.frequencies[0], released, every=20).T
+    fits = fit_modes(time, along(np.array(motion).T, there["REST"][-1, :2]), modes=3).fits
+    assert [fit.frequency for fit in fits] == pytest.approx(found.reached_frequencies, rel=2e-3)
+    assert fits[0].damping_ratio == pytest.approx(found.reached_damping_ratios[0], rel=5e-3)
+    assert found.reached_frequencies[:2] == pytest.approx(found.frequencies[:2], rel=0.05)
+    assert found.reached_damping_ratios[0] == pytest.approx(found.damping_ratios[0], rel=0.01)
+
+
+def test_the_advised_rod_meets_the_tolerances(paper_beam, tmp_path):
+    found = write_pyelastica(Model(paper_beam()), tmp_path / "beam.py", damping=RAYLEIGH)
+    assert found.reached_frequencies == pytest.approx(found.frequencies, rel=0.01)
+    assert found.reached_damping_ratios[0] == pytest.approx(found.damping_ratios[0], rel=0.03)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("case", ["bent", "drag", "modal"])
+def test_exudyn_decays_like_the_beam(paper_beam, tmp_path, case):
+    pytest.importorskip("exudyn")
+    changes, law = {
+        "bent": ({"axis": (1.0, 0.0), "natural_curvature": 2.0, "tip_mass": 2e-3}, RAYLEIGH),
+        "drag": ({}, QuadraticDamping(eta1=0.1, eta2=0.2)),
+        "modal": ({}, None),
+    }[case]
+    model = Model(paper_beam(6, **changes))
+    modes = natural_modes(model, count=3)
+    law = law or ModalDamping(modes, (0.01, 0.0028, 0.0028))
+    found = write_exudyn(model, tmp_path / "beam.py", damping=law)
+    there = runpy.run_path(str(tmp_path / "beam.py"))
+    values = there["build"](0.0)[0].ComputeODE2Eigenvalues()[0]
+    assert np.sqrt(np.sort(np.abs(values))[:3]) / (2 * math.pi) == pytest.approx(found.frequencies, rel=2e-3)
+    time, *motion = there["run"](4 / found.frequencies[0], every=10).T
+    x = along(np.array(motion).T, static_equilibrium(model).tip)
+    fit = fit_decay(time, x, law="quadratic" if case == "drag" else "linear")
+    assert fit.frequency == pytest.approx(found.frequencies[0], rel=1e-3)
+    if case == "drag":
+        middle = 0.95 * found.amplitude
+        ratio = fit.estimates["eta1"] / (4 * math.pi * fit.frequency) + 4 * fit.estimates["eta2"] * middle / (
+            3 * math.pi
+        )
+        assert ratio == pytest.approx(law.damping_ratios(modes, [middle, 0.0, 0.0])[0], rel=0.01)
+    else:
+        assert fit.damping_ratio == pytest.approx(found.damping_ratios[0], rel=2e-3)

@@ -51,8 +51,8 @@ def dampers(law: DampingLaw | None, modes: Modes, amplitude: float, *, drag: boo
         else:
             alpha, beta = _equivalent(term, modes, same_speed(modes, amplitude))
             warning = (
-                f"{type(term).__name__} becomes alpha = {alpha:.4g} 1/s and beta = {beta:.4g} s, which meet the damping "
-                f"ratio of mode 1 at a tip amplitude of {amplitude:.4g} m alone"
+                f"{type(term).__name__} becomes alpha = {alpha:.4g} 1/s and beta = {beta:.4g} s, which meet the "
+                f"damping ratio of mode 1 at a tip amplitude of {amplitude:.4g} m alone"
             )
             found = replace(
                 found, alpha=found.alpha + alpha, beta=found.beta + beta, warnings=(*found.warnings, warning)

@@ -29,7 +29,7 @@ from ancf_casadi.support.inputs import check_instance, positive, whole
 from ancf_casadi.version import __version__
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
-STEPS = tuple(digit * 10.0**power for power in range(-3, -9, -1) for digit in (5.0, 2.0, 1.0))  # s
+STEPS = tuple(digit * 10.0**power for power in range(-3, -9, -1) for digit in (5.0, 3.0, 2.0, 1.5, 1.0))  # s
 SHARE = 0.7  # of the tolerance that the segments may use
 OF_RATIO = 2.0
 MARGIN = 1.25

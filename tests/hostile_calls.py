@@ -281,6 +281,10 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
             "model": model, "path": folder / "a.py", "damping": law, "segments": 6, "tolerance": 0.1,
             "amplitude": 0.01,
         }),
+        "write_newton": (export.write_newton, {
+            "model": model, "path": folder / "c.py", "damping": law, "segments": 6, "tolerance": 0.1,
+            "amplitude": 0.01,
+        }),
         "write_exudyn": (export.write_exudyn, {
             "model": model, "path": folder / "b.py", "damping": law, "tolerance": 0.1, "amplitude": 0.01,
         }),

@@ -17,6 +17,7 @@ from ancf_casadi.export.model_document import Document, read_document, write_doc
 from ancf_casadi.export.motion_functions import BeamFunctions, beam_functions
 from ancf_casadi.export.simulators.exudyn import write_exudyn
 from ancf_casadi.export.simulators.mujoco import write_mujoco
+from ancf_casadi.export.simulators.newton import write_newton
 from ancf_casadi.export.simulators.pyelastica import write_pyelastica
 from ancf_casadi.export.simulators.result import ExportedBeam
 from ancf_casadi.export.storage import load_functions, save_functions
@@ -44,5 +45,6 @@ __all__ = [
     "write_exudyn",
     "write_fmu",
     "write_mujoco",
+    "write_newton",
     "write_pyelastica",
 ]

@@ -27,6 +27,7 @@ from ancf_casadi.export import (
     write_exudyn,
     write_fmu,
     write_mujoco,
+    write_newton,
     write_pyelastica,
 )
 from ancf_casadi.support.files import check_folder, read_json
@@ -42,11 +43,13 @@ FORMATS = {
     "mujoco": "mujoco: a model file (MJCF)",
     "pyelastica": "pyelastica: a script with a Cosserat rod",
     "exudyn": "exudyn: a script with the same elements",
+    "newton": "newton: a script with links and hinges",
 }
 SIMULATORS: dict[str, Callable[..., ExportedBeam]] = {
     "mujoco": write_mujoco,
     "pyelastica": write_pyelastica,
     "exudyn": write_exudyn,
+    "newton": write_newton,
 }
 
 

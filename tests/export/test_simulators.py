@@ -20,7 +20,7 @@ from ancf_casadi import (
     natural_modes,
     static_equilibrium,
 )
-from ancf_casadi.export import write_exudyn, write_mujoco, write_pyelastica
+from ancf_casadi.export import write_exudyn, write_mujoco, write_newton, write_pyelastica
 from ancf_casadi.export.simulators.dampers import dampers
 from ancf_casadi.export.simulators.segments import segmented
 from ancf_casadi.export.simulators.small_motion import implicit_in_velocity, poles
@@ -194,6 +194,23 @@ def test_the_advised_rod_meets_the_tolerances(paper_beam, tmp_path):
     found = write_pyelastica(Model(paper_beam()), tmp_path / "beam.py", damping=RAYLEIGH)
     assert found.reached_frequencies == pytest.approx(found.frequencies, rel=0.01)
     assert found.reached_damping_ratios[0] == pytest.approx(found.damping_ratios[0], rel=0.03)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")
+def test_newton_decays_like_the_beam(paper_beam, tmp_path):
+    pytest.importorskip("newton")
+    model = Model(paper_beam(axis=(1.0, 0.0), natural_curvature=2.0, tip_mass=2e-3))
+    law = RAYLEIGH + QuadraticDamping(eta1=0.1)
+    found = write_newton(model, tmp_path / "beam.py", damping=law, segments=7)
+    there = runpy.run_path(str(tmp_path / "beam.py"))
+    rest = there["run"](0.0, (0.0, 0.0, 0.0))[0, 1:]
+    assert rest == pytest.approx(static_equilibrium(model).tip, abs=5e-4)
+    time, *motion = there["run"](5 / found.frequencies[0], (0.01, 0.003, 0.001), every=10).T
+    fits = fit_modes(time, along(np.array(motion).T, rest), modes=3).fits
+    assert [fit.frequency for fit in fits] == pytest.approx(found.reached_frequencies, rel=1e-3)
+    assert found.reached_frequencies == pytest.approx(found.frequencies, rel=0.05)
+    assert fits[0].damping_ratio == pytest.approx(found.damping_ratios[0], rel=0.03)
 
 
 @pytest.mark.slow

@@ -1,12 +1,11 @@
 """Run the beams that are written for other simulators, and compare their first modes with ours.
 
-    python benchmarks/simulators.py [--programs mujoco,pyelastica,exudyn,newton] [--case NAME]
+    python -m benchmarks.simulators [--programs mujoco,pyelastica,exudyn,newton] [--case NAME]
 
 requires the programs, for instance by ``pip install -e '.[simulators]'`` and ``pip install newton``; those that are not
-installed are left out.  Each program runs the written file at the advised segments and step, from a release in the first
-three modes where the file has them, else in mode 1.  Frequency and damping ratio of mode 1 are those of ``fit_decay``;
-the frequencies of modes 2 and 3 are those of ``fit_modes`` (PyElastica, Newton), of the linearised step (MuJoCo) or of
-the linearised model (Exudyn).
+installed are left out.  Each program runs the written file with its segments and step.  Frequency and damping ratio of
+mode 1 are those of ``fit_decay`` after a release in mode 1; the frequencies of modes 2 and 3 are those of ``fit_modes``
+after a release in three modes (PyElastica, Newton), of one step (MuJoCo), or of the linear model (Exudyn).
 """
 
 from __future__ import annotations
@@ -97,9 +96,8 @@ def main() -> None:
     parser.add_argument("--case", choices=tuple(cases()), help="all if not given")
     options = parser.parse_args()
     warnings.simplefilter("ignore")
-    print(
-        "| case | program | segments | step, ms | f1 | f2 | f3 | damping ratio 1 | CPU s |\n|---|---|---|---|---|---|---|---|---|"
-    )
+    heads = ("case", "program", "segments", "step, ms", "f1", "f2", "f3", "ratio 1", "CPU s")
+    print(f"| {' | '.join(heads)} |\n{'|---' * len(heads)}|")
     for name, (model, law, decay) in cases().items():
         for program in options.programs.split(","):
             module, end, write, run = PROGRAMS[program]

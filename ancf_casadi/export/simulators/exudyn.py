@@ -32,7 +32,7 @@ from ancf_casadi.damping import DRAG_CONSTANT, DampingLaw, ModalDamping, Quadrat
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.simulators.dampers import Dampers, dampers, same_speed
 from ancf_casadi.export.simulators.result import ExportedBeam
-from ancf_casadi.export.simulators.settings import Writing, header, prepared, settled
+from ancf_casadi.export.simulators.settings import Writing, header, listed, prepared, settled
 from ancf_casadi.mechanics.attachments import PointMass
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
@@ -191,7 +191,6 @@ def _script(same: SameElements, found: ExportedBeam) -> str:
         "MODAL": np.hstack(projections)[start:],
         "RATES": np.concatenate([np.zeros(0), *rates]),
     }
-    arrays = "\n".join(f"{name} = np.array({value.round(16).tolist()})" for name, value in numbers.items())
     return f'''{EXUDYN_MARK}{header(found, EXUDYN_MAPPING)}
 """
 
@@ -206,7 +205,7 @@ DRAG = {DRAG_CONSTANT * law.eta2!r}  # per mass, 1/m
 MASSES = {masses!r}  # node, mass, rotary inertia, pull
 # per element: length (m), mass per length, E I, E A, natural curvature, and the pull per mass (m/s^2) that deflects the
 # beam in mode 1; per node: x, y and slopes without load and at rest; modal damping MODAL diag(RATES) MODAL^T
-{arrays}
+{listed(numbers)}
 RADIUS = {SPECTRAL_RADIUS!r}  # of generalised alpha
 
 

@@ -17,53 +17,24 @@ MuJoCo documentation, Computation: numerical integration, fluid forces; XML refe
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from ancf_casadi.damping import DRAG_CONSTANT, DampingLaw
-from ancf_casadi.export.simulators.dampers import COMPARED, Dampers, dampers, same_speed
 from ancf_casadi.export.simulators.result import ExportedBeam
-from ancf_casadi.export.simulators.segments import SegmentedBeam, segmented
-from ancf_casadi.export.simulators.settings import Writing, header, prepared, settled
-from ancf_casadi.export.simulators.small_motion import Discrete, implicit_in_velocity
+from ancf_casadi.export.simulators.settings import Segmented, header, written
+from ancf_casadi.export.simulators.small_motion import implicit_in_velocity
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.files import write_file
 
 MJCF_MARK = "<!-- Written by ancf-casadi"
 POINT = 1e-12  # kg m^2; inertia of a point mass, which MuJoCo takes for no inertia below 1e-15
 
 
-@dataclass(frozen=True)
-class HingedChain:
+class HingedChain(Segmented):
     """The chain in MuJoCo."""
-
-    given: Writing
-    beam: SegmentedBeam
-    law: Dampers
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What MuJoCo cannot represent."""
-        return self.law.warnings
-
-    @cached_property
-    def discrete(self) -> Discrete:
-        """Small motion of the chain."""
-        return self.beam.discrete()
-
-    @cached_property
-    def modes(self) -> tuple[Array, Array]:
-        """Angular frequencies and shapes."""
-        return self.discrete.modes(COMPARED)
-
-    @property
-    def frequencies(self) -> Array:
-        """First natural frequencies, Hz."""
-        return self.modes[0] / (2 * math.pi)
 
     @cached_property
     def bodies(self) -> tuple[Array, Array]:
@@ -97,16 +68,11 @@ class HingedChain:
     @cached_property
     def density(self) -> float:
         """Density for the drag of the law, kg/m^3."""
-        speeds = self._speeds(0)
+        speeds = self.speeds(0)
         size = np.repeat(np.hypot(speeds[:, 0], speeds[:, 1]), 3).reshape(-1, 3) * [1.0, 1.0, 0.0]
         line = self.discrete.inertias * self._along_beam
         drag = self.discrete.damping(DRAG_CONSTANT * self.law.eta2 * line * size.ravel())
         return self.discrete.ratio(drag, 0) / self.discrete.ratio(self._damping(0.0, 1.0, 0.0, 0), 0)
-
-    @property
-    def ratio(self) -> float:
-        """Damping ratio of mode 1."""
-        return self.discrete.ratio(self.damping(0), 0)
 
     def damping(self, mode: int) -> Array:
         """Return the damping matrix, with drag as for the amplitude of a mode."""
@@ -124,20 +90,13 @@ class HingedChain:
             flags += [1.0] * 3 + [0.0] * 3 * sum(one.segment == k for one in self.beam.carried)
         return np.array(flags)
 
-    def _speeds(self, mode: int) -> Array:
-        """Return 8/(3 pi) of the speeds (p, 3) in a mode, which drag multiplies as linear damping of equal energy."""
-        omega, shapes = self.modes
-        amplitude = same_speed(self.given.modes, self.given.amplitude)[mode]
-        speeds = omega[mode] * amplitude * self.discrete.jacobian @ shapes[:, mode]
-        return np.asarray(8 / (3 * math.pi) * np.abs(speeds).reshape(-1, 3))
-
     def _damping(self, viscosity: float, density: float, beta: float, mode: int) -> Array:
         along, wide, thick = self.sides.T
         radius = self.sides.mean(axis=1)
         viscous = viscosity * math.pi * np.column_stack([6 * radius, 6 * radius, 8 * radius**3])
         turned = wide * (along**4 + thick**4) / 2
         areas = np.column_stack([2 * wide * thick, 2 * along * wide, turned])
-        places = viscous + density * areas * self._speeds(mode)
+        places = viscous + density * areas * self.speeds(mode)
         return self.discrete.damping(places.ravel(), beta * self.beam.stiffness)
 
 
@@ -188,11 +147,7 @@ def write_mujoco(
     >>> found.segments, found.step
     (13, 0.0005)
     """
-    given, target = prepared(model, path, MJCF_MARK, damping, segments, tolerance, amplitude)
-    law = dampers(damping, given.modes, given.amplitude)
-    chain, found = settled(given, "mujoco", lambda count: HingedChain(given, segmented(model.beam, count), law))
-    write_file(target, _mjcf(chain, found))
-    return found
+    return written(HingedChain, "mujoco", MJCF_MARK, _mjcf, model, path, damping, segments, tolerance, amplitude)
 
 
 MJCF_MAPPING = (

@@ -7,8 +7,9 @@
 
     v' = v - h M^-1 (K q + D v),    q' = q + h v'.
 
-Newton's rod joints need its solver VBD, whose implicit steps add the damping of beta = h; hinges do without.  Newton
-computes in single precision, to which steps far shorter than those written lose their increments.
+Newton's rod joints need its solver VBD, which is implicit and iterative: twelve of them in steps of 1 ms with 10
+iterations swing too slowly by more than 10 %, and lose as much as a damping ratio of omega h/2.  Hinges do neither.
+Newton computes in single precision.
 
 References
 ----------
@@ -17,74 +18,55 @@ Newton documentation: solvers, joints, conventions.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from ancf_casadi.damping import DRAG_CONSTANT, DampingLaw
-from ancf_casadi.export.simulators.dampers import COMPARED, Dampers, dampers, same_speed
 from ancf_casadi.export.simulators.result import ExportedBeam
-from ancf_casadi.export.simulators.segments import SegmentedBeam, segmented
-from ancf_casadi.export.simulators.settings import Writing, header, prepared, settled
+from ancf_casadi.export.simulators.segments import SegmentedBeam
+from ancf_casadi.export.simulators.settings import Segmented, header, listed, written
 from ancf_casadi.export.simulators.small_motion import Discrete
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.files import write_file
 
 NEWTON_MARK = '"""Written by ancf-casadi'
 
 
-@dataclass(frozen=True)
-class LinkedBeam:
-    """The links in Newton: segments, and the mass along the beam of each without what it carries."""
+class LinkedBeam(Segmented):
+    """The links in Newton."""
 
-    given: Writing
-    beam: SegmentedBeam
-    line: Array
-    law: Dampers
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the program cannot represent."""
-        return self.law.warnings
+    @cached_property
+    def links(self) -> SegmentedBeam:
+        """The segments, each with the point masses that it carries."""
+        beam = self.beam
+        masses, centres, inertias = (own.copy() for own in (beam.masses, beam.centres, beam.inertias))
+        for one in beam.carried:
+            k = one.segment
+            total, away = masses[k] + one.mass, one.distance - centres[k]
+            inertias[k] += one.rotary_inertia + masses[k] * one.mass / total * away**2
+            centres[k] += one.mass / total * away
+            masses[k] = total
+        return replace(beam, masses=masses, centres=centres, inertias=inertias, carried=())
 
     @cached_property
     def discrete(self) -> Discrete:
-        """Small motion of the links."""
-        return self.beam.discrete()
-
-    @cached_property
-    def modes(self) -> tuple[Array, Array]:
-        """Angular frequencies and shapes."""
-        return self.discrete.modes(COMPARED)
-
-    @property
-    def frequencies(self) -> Array:
-        """First natural frequencies, Hz."""
-        return self.modes[0] / (2 * math.pi)
-
-    @property
-    def ratio(self) -> float:
-        """Damping ratio of mode 1."""
-        return self.discrete.ratio(self.damping(0), 0)
+        """Small motion about rest."""
+        return self.links.discrete()
 
     @property
     def air(self) -> tuple[Array, Array, Array]:
         """Force per velocity, force per velocity squared, and moment per rate of turn, of each link."""
         law = self.law
-        rates = law.alpha * self.beam.masses + law.eta1 * self.line
-        return rates, DRAG_CONSTANT * law.eta2 * self.line, (law.alpha + law.eta1) * self.beam.inertias
+        rates = law.alpha * self.links.masses + law.eta1 * self.beam.masses
+        return rates, DRAG_CONSTANT * law.eta2 * self.beam.masses, (law.alpha + law.eta1) * self.links.inertias
 
     def damping(self, mode: int) -> Array:
         """Return the damping matrix, with drag as for the amplitude of a mode."""
-        omega, shapes = self.modes
-        amplitude = same_speed(self.given.modes, self.given.amplitude)[mode]
-        moved = (self.discrete.jacobian @ shapes[:, mode]).reshape(-1, 3)[:, :2]
         rates, drag, turns = self.air
-        size = rates + drag * 8 / (3 * math.pi) * omega[mode] * amplitude * np.linalg.norm(moved, axis=1)
+        size = rates + drag * np.linalg.norm(self.speeds(mode)[:, :2], axis=1)
         return self.discrete.damping(np.column_stack([size, size, turns]).ravel(), self.law.beta * self.beam.stiffness)
 
     def matrix(self, mode: int, step: float) -> Array:
@@ -92,20 +74,6 @@ class LinkedBeam:
         n, inverse = len(self.discrete.rest), np.linalg.inv(self.discrete.mass)
         rates = np.hstack([-step * inverse @ self.discrete.stiffness, np.eye(n) - step * inverse @ self.damping(mode)])
         return np.vstack([np.eye(n, 2 * n) + step * rates, rates])
-
-
-def linked(given: Writing, count: int, law: Dampers) -> LinkedBeam:
-    """Return a beam as links, each with the point masses that it carries."""
-    beam = segmented(given.model.beam, count)
-    masses, centres, inertias = (own.copy() for own in (beam.masses, beam.centres, beam.inertias))
-    for one in beam.carried:
-        k = one.segment
-        total, away = masses[k] + one.mass, one.distance - centres[k]
-        inertias[k] += one.rotary_inertia + masses[k] * one.mass / total * away**2
-        centres[k] += one.mass / total * away
-        masses[k] = total
-    joined = replace(beam, masses=masses, centres=centres, inertias=inertias, carried=())
-    return LinkedBeam(given, joined, beam.masses, law)
 
 
 def write_newton(
@@ -143,11 +111,8 @@ def write_newton(
     >>> found.segments
     13
     """
-    given, target = prepared(model, path, NEWTON_MARK, damping, segments, tolerance, amplitude)
-    law = dampers(damping, given.modes, given.amplitude)
-    links, found = settled(given, "newton", lambda count: linked(given, count, law))
-    write_file(target, _script(links, found))
-    return found
+    options = model, path, damping, segments, tolerance, amplitude
+    return written(LinkedBeam, "newton", NEWTON_MARK, _script, *options)
 
 
 NEWTON_MAPPING = (
@@ -159,7 +124,7 @@ NEWTON_MAPPING = (
 
 def _script(links: LinkedBeam, found: ExportedBeam) -> str:
     """Return the script."""
-    beam, law, (rates, drag, turns) = links.beam, links.law, links.air
+    beam, law, (rates, drag, turns) = links.links, links.law, links.air
     rest, shapes = links.discrete.rest, links.modes[1]
     poses = [np.diff(angles, prepend=beam.axis) for angles in (rest, *(rest + shapes.T))]
     numbers = {
@@ -176,7 +141,6 @@ def _script(links: LinkedBeam, found: ExportedBeam) -> str:
         "DRAG": drag,
         "TURNS": turns,
     }
-    arrays = "\n".join(f"{name} = np.array({value.round(16).tolist()})" for name, value in numbers.items())
     return f'''{NEWTON_MARK}{header(found, NEWTON_MAPPING)}
 """
 
@@ -193,7 +157,7 @@ BETA = {law.beta!r}  # s
 AMPLITUDE = {found.amplitude!r}  # of the tip in mode 1 at the release, m
 # per link; angles of the hinges at rest (REST) and their changes in the first modes per m at the tip (MODES); forces of
 # the air per velocity (RATES), per its square (DRAG), and moments per rate of turn (TURNS)
-{arrays}
+{listed(numbers)}
 
 
 @wp.kernel

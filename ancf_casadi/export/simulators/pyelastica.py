@@ -19,8 +19,6 @@ Society Open Science 5 (2018).
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -28,32 +26,19 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DRAG_CONSTANT, DampingLaw
-from ancf_casadi.export.simulators.dampers import COMPARED, Dampers, dampers, same_speed
 from ancf_casadi.export.simulators.result import ExportedBeam
-from ancf_casadi.export.simulators.segments import SegmentedBeam, segmented
-from ancf_casadi.export.simulators.settings import Writing, header, prepared, settled
+from ancf_casadi.export.simulators.settings import Segmented, header, listed, written
 from ancf_casadi.export.simulators.small_motion import Discrete, Energy
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.files import write_file
 
 PYELASTICA_MARK = '"""Written by ancf-casadi'
 SHEAR = 12.0  # shear stiffness per E I/l^2
 STRETCH = 60.0  # stretching changes the bending of PyElastica's elements; more than this would shorten the step
 
 
-@dataclass(frozen=True)
-class CosseratBeam:
+class CosseratBeam(Segmented):
     """The rod in PyElastica."""
-
-    given: Writing
-    beam: SegmentedBeam
-    law: Dampers
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the program cannot represent."""
-        return self.law.warnings
 
     @cached_property
     def masses(self) -> tuple[Array, Array, Array]:
@@ -103,27 +88,10 @@ class CosseratBeam:
         places = np.cumsum(np.column_stack([np.cos(rest), np.sin(rest)]) * beam.length, axis=0) + beam.origin
         return energy.about(np.column_stack([places, rest]).ravel())
 
-    @cached_property
-    def modes(self) -> tuple[Array, Array]:
-        """Angular frequencies and shapes."""
-        return self.discrete.modes(COMPARED)
-
-    @property
-    def frequencies(self) -> Array:
-        """First natural frequencies, Hz."""
-        return self.modes[0] / (2 * math.pi)
-
-    @property
-    def ratio(self) -> float:
-        """Damping ratio of mode 1."""
-        return self.discrete.ratio(self.damping(0), 0)
-
     def damping(self, mode: int) -> Array:
         """Return the damping matrix, with drag as for the amplitude of a mode."""
-        omega, shapes = self.modes
-        amplitude = same_speed(self.given.modes, self.given.amplitude)[mode]
-        speeds = omega[mode] * amplitude * (self.discrete.jacobian @ shapes[:, mode]).reshape(-1, 3)[:, :2]
-        rate = self.law.eta1 + DRAG_CONSTANT * self.law.eta2 * 8 / (3 * math.pi) * np.linalg.norm(speeds, axis=1)
+        drag = DRAG_CONSTANT * self.law.eta2 * np.linalg.norm(self.speeds(mode)[:, :2], axis=1)
+        rate = self.law.eta1 + drag
         air = rate * self.masses[1]
         places = self.law.alpha * self.discrete.inertias + np.column_stack([air, air, 0.0 * air]).ravel()
         return self.discrete.damping(places, self.law.beta * self.beam.stiffness)
@@ -173,11 +141,8 @@ def write_pyelastica(
     >>> found.segments, found.step
     (38, 2e-05)
     """
-    given, target = prepared(model, path, PYELASTICA_MARK, damping, segments, tolerance, amplitude)
-    law = dampers(damping, given.modes, given.amplitude)
-    rod, found = settled(given, "pyelastica", lambda count: CosseratBeam(given, segmented(model.beam, count), law))
-    write_file(target, _script(rod, found))
-    return found
+    options = model, path, damping, segments, tolerance, amplitude
+    return written(CosseratBeam, "pyelastica", PYELASTICA_MARK, _script, *options)
 
 
 PYELASTICA_MAPPING = (
@@ -202,7 +167,6 @@ def _script(rod: CosseratBeam, found: ExportedBeam) -> str:
         "JOINTS": beam.stiffness,
         "NATURAL": beam.natural,
     }
-    arrays = "\n".join(f"{name} = np.array({value.round(16).tolist()})" for name, value in numbers.items())
     return f'''{PYELASTICA_MARK}{header(found, PYELASTICA_MAPPING)}
 """
 
@@ -218,7 +182,7 @@ SHEAR, STRETCH = {rod.stiffness[0]!r}, {rod.stiffness[1]!r}  # stiffness, N
 ALPHA, BETA = {law.alpha!r}, {law.beta!r}  # 1/s, s
 AMPLITUDE = {found.amplitude!r}  # of the tip in mode 1 at the release, m
 # REST: x, y of each node from the second on, and angle of the element before it; MODES: of angles, per m at the tip
-{arrays}
+{listed(numbers)}
 
 
 class ClampSpring(ea.NoForces):

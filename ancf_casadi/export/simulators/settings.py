@@ -8,23 +8,25 @@ stiffer than a beam at rest.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import NoneType
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.simulators.dampers import COMPARED, same_speed
+from ancf_casadi.export.simulators.dampers import COMPARED, Dampers, dampers, same_speed
 from ancf_casadi.export.simulators.result import ExportedBeam
-from ancf_casadi.export.simulators.segments import held_at_beginning
-from ancf_casadi.export.simulators.small_motion import poles
+from ancf_casadi.export.simulators.segments import SegmentedBeam, held_at_beginning, segmented
+from ancf_casadi.export.simulators.small_motion import Discrete, poles
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.files import check_file, check_ours
+from ancf_casadi.support.files import check_file, check_ours, write_file
 from ancf_casadi.support.inputs import check_instance, positive, whole
 from ancf_casadi.version import __version__
 from ancf_casadi.vibration.modes import Modes, natural_modes
@@ -77,6 +79,58 @@ class InProgram(Protocol):
 C = TypeVar("C", bound=InProgram)
 
 
+@dataclass(frozen=True)
+class Segmented(ABC):
+    """A beam of segments in another program, whose damping and steps the program defines."""
+
+    given: Writing
+    beam: SegmentedBeam
+    law: Dampers
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the program cannot represent."""
+        return self.law.warnings
+
+    @cached_property
+    def discrete(self) -> Discrete:
+        """Small motion about rest."""
+        return self.beam.discrete()
+
+    @cached_property
+    def modes(self) -> tuple[Array, Array]:
+        """Angular frequencies and shapes."""
+        return self.discrete.modes(COMPARED)
+
+    @property
+    def frequencies(self) -> Array:
+        """First natural frequencies, Hz, continuous in time."""
+        return self.modes[0] / (2 * math.pi)
+
+    @property
+    def ratio(self) -> float:
+        """Damping ratio of mode 1, continuous in time."""
+        return self.discrete.ratio(self.damping(0), 0)
+
+    def speeds(self, mode: int) -> Array:
+        """Return 8/(3 pi) of the speeds of the places (p, 3) in a mode: drag times these is damping of equal energy."""
+        omega, shapes = self.modes
+        amplitude = same_speed(self.given.modes, self.given.amplitude)[mode]
+        moved = omega[mode] * amplitude * self.discrete.jacobian @ shapes[:, mode]
+        return np.asarray(8 / (3 * math.pi) * np.abs(moved).reshape(-1, 3))
+
+    @abstractmethod
+    def damping(self, mode: int) -> Array:
+        """Return the damping matrix, with drag as for the amplitude of a mode."""
+
+    @abstractmethod
+    def matrix(self, mode: int, step: float) -> Array:
+        """Return the matrix of one step, with the damping of a mode at its amplitude."""
+
+
+S = TypeVar("S", bound=Segmented)
+
+
 def prepared(
     model: Model,
     path: str | Path,
@@ -101,6 +155,21 @@ def prepared(
     return Writing(modes, damping, size, ratios, tolerance, count), target
 
 
+def written(kind: type[S], form: str, mark: str, text: Callable[[S, ExportedBeam], str], *options: Any) -> ExportedBeam:
+    """Write a beam of segments, and return its account; ``options`` are those of ``prepared`` without the mark."""
+    model, path, *others = options
+    given, target = prepared(model, path, mark, *others)
+    law = dampers(given.damping, given.modes, given.amplitude)
+    beam, found = settled(given, form, lambda count: kind(given, segmented(model.beam, count), law))
+    write_file(target, text(beam, found))
+    return found
+
+
+def listed(numbers: Mapping[str, Array]) -> str:
+    """Return arrays as lines of a script."""
+    return "\n".join(f"{name} = np.array({value.round(16).tolist()})" for name, value in numbers.items())
+
+
 def settled(given: Writing, form: str, make: Callable[[int], C]) -> tuple[C, ExportedBeam]:
     """Return the beam with the settings that meet the tolerance, and its account."""
     allowed, count = SHARE * given.tolerance, given.segments or LEAST
@@ -113,8 +182,8 @@ def settled(given: Writing, form: str, make: Callable[[int], C]) -> tuple[C, Exp
             raise InputError(
                 f"{MOST} segments only reach {error:.2g} in the first frequencies; allow for more", "tolerance"
             )
-        # the error falls with the square of the number; 0.8 keeps the estimate below the fewest that suffice
-        count = min(MOST, max(count + 1, int(0.8 * count * math.sqrt(error / allowed))))
+        # the error falls with at most the third power of the number; 0.9 keeps the next below the fewest that suffice
+        count = min(MOST, max(count + 1, int(0.9 * count * (error / allowed) ** (1 / 3))))
     for step in STEPS:
         reached = _reached(given, beam, step)
         if reached is not None:

@@ -101,7 +101,9 @@ def test_what_cannot_be_written_is_refused_in_one_line(paper_beam, tmp_path):
             write_mujoco(Model(paper_beam(4, **changes)), path)
     with pytest.raises(InputError, match="a flow of air"):
         write_mujoco(Model(paper_beam(4)), path, damping=QuadraticDamping(eta1=0.1, flow=(1.0, 0.0)))
-    with pytest.raises(InputError, match="tolerance"):
+    with pytest.raises(InputError, match=r"mode 3 has the damping ratio 1.*; those below 1"):
+        write_mujoco(Model(paper_beam(4)), path, damping=RayleighDamping(beta=1.5e-2))
+    with pytest.raises(InputError, match=r"tolerance: 64 segments only reach .* more elements"):
         write_mujoco(Model(paper_beam(4)), path, tolerance=1e-9)
     path.write_text("mine")
     with pytest.raises(InputError, match="already exists"):

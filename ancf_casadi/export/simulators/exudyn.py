@@ -132,7 +132,7 @@ def write_exudyn(
     ...                     density=8000.0, elastic_modulus=210e9, elements=8)
     >>> found = write_exudyn(Model(beam), "beam_exudyn.py", damping=RayleighDamping(alpha=0.2, beta=1e-4))
     >>> found.segments, found.step
-    (8, 0.001)
+    (8, 0.0005)
     """
     given, target = prepared(model, path, EXUDYN_MARK, damping, None, tolerance, amplitude)
     beam = model.beam

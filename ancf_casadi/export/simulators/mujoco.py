@@ -145,7 +145,7 @@ def write_mujoco(
     ...                     density=8000.0, elastic_modulus=210e9, elements=8)
     >>> found = write_mujoco(Model(beam), "beam.xml", damping=RayleighDamping(alpha=0.2, beta=1e-4))
     >>> found.segments, found.step
-    (13, 0.0005)
+    (12, 0.0005)
     """
     return written(HingedChain, "mujoco", MJCF_MARK, _mjcf, model, path, damping, segments, tolerance, amplitude)
 

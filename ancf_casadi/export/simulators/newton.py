@@ -109,7 +109,7 @@ def write_newton(
     ...                     density=8000.0, elastic_modulus=210e9, elements=8)
     >>> found = write_newton(Model(beam), "beam_newton.py", damping=RayleighDamping(alpha=0.2, beta=1e-4))
     >>> found.segments
-    13
+    12
     """
     options = model, path, damping, segments, tolerance, amplitude
     return written(LinkedBeam, "newton", NEWTON_MARK, _script, *options)

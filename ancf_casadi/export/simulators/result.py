@@ -41,13 +41,13 @@ class ExportedBeam(Displayed):
     >>> found = write_mujoco(Model(beam), "beam.xml", damping=RayleighDamping(alpha=0.2, beta=1e-4))
     >>> print(found.report())
     Beam for mujoco
-    -------------------------------------------------------------------------------
-    mode     f_Hz  f_mujoco_Hz     error_%  damping_ratio  ratio_mujoco     error_%
-    -------------------------------------------------------------------------------
-       1  1.87613       1.8762  0.0035...      0.00894...    0.0089412...  -0.010...
-       2  10.5792      10.5615  -0.167...      0.00470...     0.004687...  -0.283...
-       3  29.2757      29.1181  -0.538...      0.00960...     0.009543...  -0.675...
-      13 segments, steps of 0.0005 s, tip amplitude 0.01 m in mode 1
+    -------------------------------------------------------------------------
+    mode     f_Hz  f_mujoco_Hz  error_%  damping_ratio  ratio_mujoco  error_%
+    -------------------------------------------------------------------------
+       1  1.87613      1.87617    0.002     0.00894211    0.00894131   -0.009
+       2  10.5792      10.5566   -0.214     0.00470057    0.00468452   -0.341
+       3  29.2757      29.0791   -0.671     0.00960837    0.00952985   -0.817
+      12 segments, steps of 0.0005 s, tip amplitude 0.01 m in mode 1
     """
 
     format: str
@@ -67,7 +67,8 @@ class ExportedBeam(Displayed):
         for k, (f, reached, zeta, met) in enumerate(
             zip(*(own.tolist() for own in self._compared), strict=True), start=1
         ):
-            rows.append((k, f, reached, 100 * (reached / f - 1), zeta, met, 100 * (met / zeta - 1) if zeta else None))
+            errors = (round(100 * (now / own - 1), 3) if own else None for own, now in ((f, reached), (zeta, met)))
+            rows.append((k, f, reached, next(errors), zeta, met, next(errors)))
         note = f"{self.segments} segments, steps of {self.step:g} s, tip amplitude {self.amplitude:.4g} m in mode 1"
         return Table(f"beam_{self.format}", f"Beam for {self.format}", columns, rows, (note,))
 

@@ -31,7 +31,7 @@ from ancf_casadi.support.inputs import check_instance, positive, whole
 from ancf_casadi.version import __version__
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
-STEPS = tuple(digit * 10.0**power for power in range(-3, -9, -1) for digit in (5.0, 3.0, 2.0, 1.5, 1.0))  # s
+STEPS = tuple(float(f"{digit}e{power}") for power in range(-3, -9, -1) for digit in (5, 3, 2, 1.5, 1))  # s
 SHARE = 0.7  # of the tolerance that the segments may use
 OF_RATIO = 2.0
 MARGIN = 1.25
@@ -152,6 +152,11 @@ def prepared(
     tolerance = positive(tolerance, "tolerance")
     modes = natural_modes(model, count=COMPARED)
     ratios = (damping or RayleighDamping()).damping_ratios(modes, same_speed(modes, size))
+    if ratios.max() >= 1.0:
+        message = (
+            f"mode {1 + int(ratios.argmax())} has the damping ratio {ratios.max():.3g}; those below 1 can be written"
+        )
+        raise InputError(message, "damping")
     return Writing(modes, damping, size, ratios, tolerance, count), target
 
 
@@ -179,9 +184,10 @@ def settled(given: Writing, form: str, make: Callable[[int], C]) -> tuple[C, Exp
         if error <= allowed or given.segments:
             break
         if count == MOST:
-            raise InputError(
-                f"{MOST} segments only reach {error:.2g} in the first frequencies; allow for more", "tolerance"
+            message = (
+                f"{MOST} segments only reach {error:.2g} in the first frequencies; allow for more, or give the beam"
             )
+            raise InputError(f"{message} more elements", "tolerance")
         # the error falls with at most the third power of the number; 0.9 keeps the next below the fewest that suffice
         count = min(MOST, max(count + 1, int(0.9 * count * (error / allowed) ** (1 / 3))))
     for step in STEPS:

@@ -184,10 +184,11 @@ def settled(given: Writing, form: str, make: Callable[[int], C]) -> tuple[C, Exp
         if error <= allowed or given.segments:
             break
         if count == MOST:
-            message = (
-                f"{MOST} segments only reach {error:.2g} in the first frequencies; allow for more, or give the beam"
+            raise InputError(
+                f"{MOST} segments only reach {error:.2g} in the first frequencies; give the beam more elements, or "
+                "allow for more",
+                "tolerance",
             )
-            raise InputError(f"{message} more elements", "tolerance")
         # the error falls with at most the third power of the number; 0.9 keeps the next below the fewest that suffice
         count = min(MOST, max(count + 1, int(0.9 * count * (error / allowed) ** (1 / 3))))
     for step in STEPS:

@@ -105,6 +105,9 @@ def test_what_cannot_be_written_is_refused_in_one_line(paper_beam, tmp_path):
         write_mujoco(Model(paper_beam(4)), path, damping=RayleighDamping(beta=1.5e-2))
     with pytest.raises(InputError, match=r"tolerance: 64 segments only reach .* allow for more"):
         write_mujoco(Model(paper_beam(4)), path, tolerance=1e-9)
+    small = {"length": 2e-3, "width": 1e-4, "thickness": 5e-6, "density": 2e3, "elastic_modulus": 2e11}
+    with pytest.raises(InputError, match="model: is so small"):
+        write_mujoco(Model(paper_beam(10, **small)), path)
     path.write_text("mine")
     with pytest.raises(InputError, match="already exists"):
         write_mujoco(Model(paper_beam(4)), path)

@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from ancf_casadi.damping import DRAG_CONSTANT, DampingLaw
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.simulators.result import ExportedBeam
 from ancf_casadi.export.simulators.settings import Segmented, header, written
 from ancf_casadi.export.simulators.small_motion import implicit_in_velocity
@@ -30,7 +31,8 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 
 MJCF_MARK = "<!-- Written by ancf-casadi"
-POINT = 1e-12  # kg m^2; inertia of a point mass, which MuJoCo takes for no inertia below 1e-15
+POINT = 1e-12  # kg m^2; inertia of a point mass
+LEAST_INERTIA = 1e-15  # kg or kg m^2, that MuJoCo takes
 
 
 class HingedChain(Segmented):
@@ -162,6 +164,8 @@ def _mjcf(chain: HingedChain, found: ExportedBeam) -> str:
     """Return the model file."""
     beam, (x, y) = chain.beam, chain.beam.origin
     masses, inertias = chain.bodies
+    if min(masses.min(), inertias.min()) < LEAST_INERTIA:
+        raise InputError("is so small that its segments have less mass or inertia than mujoco takes, 1e-15", "model")
     lines, ends, place = [], [], 0
     for k in range(beam.count):
         turn = beam.unloaded[0] if k == 0 else beam.natural[k]

@@ -171,8 +171,9 @@ def written(kind: type[S], form: str, mark: str, text: Callable[[S, ExportedBeam
 
 
 def listed(numbers: Mapping[str, Array]) -> str:
-    """Return arrays as lines of a script."""
-    return "\n".join(f"{name} = np.array({value.round(16).tolist()})" for name, value in numbers.items())
+    """Return arrays as lines of a script, numbers to twelve digits."""
+    rounded = {name: np.vectorize(lambda x: float(f"{x:.12g}"), otypes=[float])(own) for name, own in numbers.items()}
+    return "\n".join(f"{name} = np.array({own.tolist()})" for name, own in rounded.items())
 
 
 def settled(given: Writing, form: str, make: Callable[[int], C]) -> tuple[C, ExportedBeam]:

@@ -65,7 +65,7 @@ HOSTILE = {
 NOT_CALLED = frozenset(
     "Attachment BaseMotion DampingLaw Support TipLoad __version__"  # abstract
     " Backbone Equilibrium LinearFrf Modes PeriodicMotion ReducedModel ReducedTrajectory ResponseCurve Trajectory"
-    " DampingCurve LawCurve BeamFunctions MotionFunctions ReducedFunctions DecayFit DecayFits DecayModes"
+    " DampingCurve LawCurve BeamFunctions MotionFunctions ReducedFunctions ExportedBeam DecayFit DecayFits DecayModes"
     " CriticalLoad CriticalPoint DampedModes EquilibriumPath FrequencyMatch FrfFit ModeFit"
     " IsolatedMode LawComparison LogDensity MonteCarlo Plan PlannedComparison RayleighFit RecordPrediction SavedFit"
     " StudyReport BeamFit".split()  # results, which the package makes
@@ -275,6 +275,21 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         }),
         "write_fmu": (export.write_fmu, {
             "functions": functions, "path": folder / "a.fmu", "kind": "co-simulation", "document": None,
+        }),
+        "write_mujoco": (export.write_mujoco, {
+            "model": model, "path": folder / "a.xml", "damping": law, "segments": 6, "tolerance": 0.1,
+            "amplitude": 0.01,
+        }),
+        "write_pyelastica": (export.write_pyelastica, {
+            "model": model, "path": folder / "a.py", "damping": law, "segments": 6, "tolerance": 0.1,
+            "amplitude": 0.01,
+        }),
+        "write_newton": (export.write_newton, {
+            "model": model, "path": folder / "c.py", "damping": law, "segments": 6, "tolerance": 0.1,
+            "amplitude": 0.01,
+        }),
+        "write_exudyn": (export.write_exudyn, {
+            "model": model, "path": folder / "b.py", "damping": law, "tolerance": 0.1, "amplitude": 0.01,
         }),
         "Camera": (p.Camera, {"scale": (0.9, 1.1), "rotation": (-0.1, 0.1), "origin": ((0.0, 1.0), (0.0, 1.0))}),
         "Channel": (p.Channel, {"measurement": record, "std": 1e-5, "offset": (-1.0, 1.0), "zero": (0.0, 1.0)}),

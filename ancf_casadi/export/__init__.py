@@ -5,7 +5,8 @@ and accelerations; ``solved_functions`` one time step, equilibrium and natural f
 these Functions, or those of the reduced model, as C code with a header and a test program, ``fmu`` as an FMU, and
 ``storage`` to a CasADi file.  ``model_document`` writes and reads the durable form, a JSON document with the
 beam, its damping law, its identifications and its provenance (``identification``): ``structs`` states its layout and
-ranges, from which the schema follows.  No other folder of the package imports this one.
+ranges, from which the schema follows.  ``simulators`` writes the beam for programs that simulate many bodies.  No other
+folder of the package imports this one.
 """
 
 from ancf_casadi.dynamics.signals import MotionFunctions, Signal, values
@@ -14,6 +15,11 @@ from ancf_casadi.export.fmu import write_fmu
 from ancf_casadi.export.identification import Identification, Provenance
 from ancf_casadi.export.model_document import Document, read_document, write_document
 from ancf_casadi.export.motion_functions import BeamFunctions, beam_functions
+from ancf_casadi.export.simulators.exudyn import write_exudyn
+from ancf_casadi.export.simulators.mujoco import write_mujoco
+from ancf_casadi.export.simulators.newton import write_newton
+from ancf_casadi.export.simulators.pyelastica import write_pyelastica
+from ancf_casadi.export.simulators.result import ExportedBeam
 from ancf_casadi.export.storage import load_functions, save_functions
 from ancf_casadi.export.structs import DataFile, schema
 from ancf_casadi.reduction.reduced import ReducedFunctions
@@ -22,6 +28,7 @@ __all__ = [
     "BeamFunctions",
     "DataFile",
     "Document",
+    "ExportedBeam",
     "Identification",
     "MotionFunctions",
     "Provenance",
@@ -35,5 +42,9 @@ __all__ = [
     "values",
     "write_c",
     "write_document",
+    "write_exudyn",
     "write_fmu",
+    "write_mujoco",
+    "write_newton",
+    "write_pyelastica",
 ]

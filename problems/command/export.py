@@ -1,13 +1,14 @@
 """``ancf-casadi export``: a beam and its damping for other programs.
 
-JSON and the FMUs keep the identifications behind the beam; C and CasADi Functions hold the equation of motion only.
+JSON and the FMUs keep the identifications behind the beam; C and CasADi Functions hold the equation of motion only; the
+files for simulators hold the beam in the terms of these programs, and the command prints how well they fit.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,18 +17,23 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.export import (
     BeamFunctions,
     Document,
+    ExportedBeam,
     Identification,
     Provenance,
     beam_functions,
     save_functions,
     write_c,
     write_document,
+    write_exudyn,
     write_fmu,
+    write_mujoco,
+    write_newton,
+    write_pyelastica,
 )
 from ancf_casadi.export.fmu import FmuKind
 from ancf_casadi.support.files import check_folder, read_json
 from ancf_casadi.support.inputs import located
-from problems.command.output import Output, comma_numbers, json_text, new_files, positive_count
+from problems.command.output import Output, comma_numbers, finite, json_text, new_files, positive_count
 from problems.schema.beam import DAMPED_HELP, read_damped
 
 FORMATS = {
@@ -36,6 +42,16 @@ FORMATS = {
     "c": "c: a folder with C99 files",
     "fmu": "fmu: FMI 3.0, model exchange",
     "co-simulation": "co-simulation: FMI 3.0, an FMU with steps of its own",
+    "mujoco": "mujoco: a model file (MJCF)",
+    "pyelastica": "pyelastica: a script with a Cosserat rod",
+    "exudyn": "exudyn: a script with the same elements",
+    "newton": "newton: a script with links and hinges",
+}
+SIMULATORS: dict[str, Callable[..., ExportedBeam]] = {
+    "mujoco": write_mujoco,
+    "pyelastica": write_pyelastica,
+    "exudyn": write_exudyn,
+    "newton": write_newton,
 }
 
 
@@ -53,6 +69,18 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="arc lengths (m) of points whose positions are outputs",
     )
     parser.add_argument("--reduced", type=positive_count, metavar="N", help="write the reduced model with N modes")
+    parser.add_argument(
+        "--segments", type=positive_count, metavar="N", help="of a beam for a simulator; else the fewest"
+    )
+    parser.add_argument(
+        "--tolerance", type=finite, metavar="X", help="relative error of its first three frequencies, 0.01 if not given"
+    )
+    parser.add_argument(
+        "--amplitude",
+        type=finite,
+        metavar="M",
+        help="tip amplitude (m) at which laws that depend on it are represented",
+    )
     parser.add_argument(
         "--identification",
         action="append",
@@ -81,10 +109,30 @@ def run(options: argparse.Namespace) -> Output:
     with located("--markers"):
         for marker in options.markers:
             source.model.element_at(marker)
-    files = [{"path": str(path), "bytes": path.stat().st_size} for path in _export(source, options)]
+    beam = _simulator(source, options)
+    paths = _export(source, options) if beam is None else [options.out]
+    files = [{"path": str(path), "bytes": path.stat().st_size} for path in paths]
     if options.json:
-        return Output(json_text({"format": options.format, "files": files, "seconds": time.perf_counter() - began}))
-    return Output("\n".join(f"{file['path']}  {file['bytes']} bytes" for file in files))
+        data = {"format": options.format, "files": files, "seconds": time.perf_counter() - began}
+        return Output(json_text(data if beam is None else data | {"beam": beam.to_dict()}))
+    lines = [f"{file['path']}  {file['bytes']} bytes" for file in files]
+    return Output("\n".join(lines if beam is None else [*lines, "", beam.report()]))
+
+
+def _simulator(source: Document, options: argparse.Namespace) -> ExportedBeam | None:
+    """Write a beam for a simulator, and return its account; None for another format, which has no such options."""
+    given = {name: getattr(options, name) for name in ("segments", "tolerance", "amplitude")}
+    given = {name: value for name, value in given.items() if value is not None}
+    if options.format not in SIMULATORS:
+        for name in given:
+            raise InputError(f"does not apply to {options.format}; choose {', '.join(SIMULATORS)}", f"--{name}")
+        return None
+    if "segments" in given and options.format == "exudyn":
+        raise InputError("does not apply to exudyn, which has the elements of the beam", "--segments")
+    others = ("markers", "reduced", "identification", "data")
+    if strange := next((name for name in others if getattr(options, name)), None):
+        raise InputError(f"cannot be kept for {options.format}; choose another format", f"--{strange}")
+    return SIMULATORS[options.format](source.model, options.out, damping=source.damping, **given)
 
 
 def _export(source: Document, options: argparse.Namespace) -> Sequence[Path]:

@@ -1,0 +1,241 @@
+"""Beams in other simulators: the segments against closed forms, and the files against runs of the programs."""
+
+import json
+import math
+import runpy
+
+import numpy as np
+import pytest
+
+from ancf_casadi import (
+    Clamp,
+    InputError,
+    ModalDamping,
+    Model,
+    Pin,
+    PointMass,
+    QuadraticDamping,
+    RayleighDamping,
+    Spring,
+    natural_modes,
+    static_equilibrium,
+)
+from ancf_casadi.export import write_exudyn, write_mujoco, write_newton, write_pyelastica
+from ancf_casadi.export.simulators.dampers import dampers
+from ancf_casadi.export.simulators.segments import segmented
+from ancf_casadi.export.simulators.small_motion import implicit_in_velocity, poles
+from problems import fit_decay, fit_modes
+from problems.cli import main
+
+RAYLEIGH = RayleighDamping(alpha=0.15, beta=1e-4)
+
+
+def test_segments_keep_mass_and_inertia(paper_beam):
+    """A beam of varying thickness and a mass on it: mass, first and second moment about the clamp."""
+    thickness = np.linspace(0.7e-3, 0.4e-3, 7).tolist()
+    beam = paper_beam(7, thickness=thickness, attachments=[PointMass(0.31, 3e-3, 1e-7)])
+    found = segmented(beam, 11)
+    ends, nodes = np.arange(11) * found.length, beam.node_points
+    density = 8000.0 * 5e-3 * np.array(thickness)
+    for power in range(3):
+        exact = density @ np.diff(nodes ** (power + 1)) / (power + 1)
+        places = ends + found.centres
+        own = found.masses @ places**power + (found.inertias.sum() if power == 2 else 0.0)
+        assert own == pytest.approx(exact, rel=1e-12)
+    (mass,) = found.carried
+    assert mass.segment * found.length + mass.distance == pytest.approx(0.31)
+
+
+def test_the_frequencies_of_segments_converge_to_those_of_a_cantilever(paper_beam, bending_stiffness):
+    beam = paper_beam(gravity=(0.0, 0.0))
+    unit = math.sqrt(bending_stiffness(beam) / (beam.mass / 0.5)) / 0.5**2
+    exact = np.array([1.8751040687, 4.6940911330, 7.8547574382]) ** 2 * unit
+    errors = [np.abs(segmented(beam, n).discrete().modes(3)[0] / exact - 1.0).max() for n in (12, 24)]
+    assert errors[0] < 7e-3  # 1.8e-2 with half a segment behind the clamp
+    assert errors[1] < errors[0] / 3.5
+
+
+@pytest.mark.parametrize("changes", [
+    {"axis": (1.0, 0.0), "natural_curvature": 2.0, "tip_mass": 2e-3},
+    {"axis": (1.0, 0.0), "clamp_stiffness": 0.2},
+    {"axis": (1.0, 0.3), "supports": (Clamp(displacement=(0.01, 0.02), rotation=0.4),)},
+    {"supports": (Pin(0.0),)},
+])  # fmt: skip
+def test_segments_rest_and_vibrate_like_the_beam(paper_beam, changes):
+    model = Model(paper_beam(**changes))
+    beam = segmented(model.beam, 40)
+    small = beam.discrete()
+    angles = small.rest
+    tip = np.array(beam.origin) + beam.length * np.array([np.cos(angles).sum(), np.sin(angles).sum()])
+    assert tip == pytest.approx(static_equilibrium(model).tip, abs=2e-4 * 0.5)
+    assert small.modes(3)[0] / (2 * math.pi) == pytest.approx(natural_modes(model, count=3).frequencies, rel=1e-3)
+
+
+def test_poles_of_a_step_are_those_of_the_closed_form():
+    """One mass: z^2 (1 + h d) - z (2 + h d - h^2 k) + 1 = 0."""
+    d, k, h = 0.3, 400.0, 1e-3
+    f, ratio, stable = poles(implicit_in_velocity(*(np.array([[x]]) for x in (1.0, d, k)), h), h, 1)
+    z = np.roots([1 + h * d, -(2 + h * d - h * h * k), 1])[0]
+    s = np.log(z) / h
+    assert stable and f[0] == pytest.approx(abs(s) / (2 * math.pi)) and ratio[0] == pytest.approx(-s.real / abs(s))
+    assert ratio[0] == pytest.approx(d / 2 / math.sqrt(k), rel=1e-3)
+    assert not poles(implicit_in_velocity(*(np.array([[x]]) for x in (1.0, d, k)), 0.11), 0.11, 1)[2]
+
+
+def test_modal_damping_becomes_rates_that_meet_mode_1(hanging):
+    modes = natural_modes(hanging, count=3)
+    found = dampers(ModalDamping(modes, (0.01, 0.0028, 0.0028)), modes, 0.01)
+    ratios = RayleighDamping(found.alpha, found.beta).damping_ratios(modes, [0.0] * 3)
+    assert ratios[0] == pytest.approx(0.01, rel=1e-9)
+    assert ratios[1:] == pytest.approx([0.0028, 0.0028], rel=0.12)
+    assert "ModalDamping becomes alpha" in found.warnings[0]
+
+
+def test_what_cannot_be_written_is_refused_in_one_line(paper_beam, tmp_path):
+    path = tmp_path / "beam.xml"
+    for changes, words in (
+        ({"supports": (Clamp(0.0), Clamp(0.5))}, "supports: must be one clamp or pin at the beginning"),
+        ({"attachments": (Spring(0.3, (0.0, 1.0)),)}, "a Spring cannot be written"),
+    ):
+        with pytest.raises(InputError, match=words):
+            write_mujoco(Model(paper_beam(4, **changes)), path)
+    with pytest.raises(InputError, match="a flow of air"):
+        write_mujoco(Model(paper_beam(4)), path, damping=QuadraticDamping(eta1=0.1, flow=(1.0, 0.0)))
+    with pytest.raises(InputError, match=r"mode 3 has the damping ratio 1.*; those below 1"):
+        write_mujoco(Model(paper_beam(4)), path, damping=RayleighDamping(beta=1.5e-2))
+    with pytest.raises(InputError, match=r"tolerance: 64 segments only reach .* allow for more"):
+        write_mujoco(Model(paper_beam(4)), path, tolerance=1e-9)
+    small = {"length": 2e-3, "width": 1e-4, "thickness": 5e-6, "density": 2e3, "elastic_modulus": 2e11}
+    with pytest.raises(InputError, match="model: is so small"):
+        write_mujoco(Model(paper_beam(10, **small)), path)
+    path.write_text("mine")
+    with pytest.raises(InputError, match="already exists"):
+        write_mujoco(Model(paper_beam(4)), path)
+
+
+def test_the_command_writes_a_beam_for_a_simulator_and_says_how_well_it_fits(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "beam.toml").write_text(
+        "[beam]\nlength = 0.5\nwidth = 5e-3\nthickness = 0.5e-3\ndensity = 8000.0\nelastic_modulus = 210e9\n"
+        'elements = 4\n\n[[damping]]\nlaw = "rayleigh"\nalpha = 0.2\n'
+    )
+    call = ["export", "beam.toml", "--format", "mujoco", "--out", "beam.xml"]
+    assert main([*call, "--segments", "14"]) == 0
+    assert "14 segments, steps of 0.0003 s" in capsys.readouterr().out
+    assert main([*call, "--tolerance", "0.03", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["beam"]
+    assert found["reached_frequencies_hz"] == pytest.approx(found["frequencies_hz"], rel=0.03)
+    assert main([*call, "--markers", "0.2"]) == 2
+    assert main(["export", "beam.toml", "--format", "json", "--out", "beam.json", "--segments", "9"]) == 2
+
+
+@pytest.mark.parametrize("case", ["hanging", "bent", "drag"])
+def test_mujoco_decays_like_the_beam(paper_beam, tmp_path, case):
+    """Steps of the program: their poles, and the decay that ``fit_decay`` finds."""
+    mujoco = pytest.importorskip("mujoco")
+    changes, law, decay = {
+        "hanging": ({}, RAYLEIGH, "linear"),
+        "bent": ({"axis": (1.0, 0.0), "natural_curvature": 2.0, "tip_mass": 2e-3}, RAYLEIGH, "linear"),
+        "drag": ({}, QuadraticDamping(eta1=0.1, eta2=0.2), "quadratic"),
+    }[case]
+    model = Model(paper_beam(**changes))
+    found = write_mujoco(model, tmp_path / "beam.xml", damping=law)
+    there = mujoco.MjModel.from_xml_path(str(tmp_path / "beam.xml"))
+    data = mujoco.MjData(there)
+    mujoco.mj_resetDataKeyframe(there, data, 0)
+    mujoco.mj_forward(there, data)
+    rest, size = data.sensor("tip").data.copy(), 2 * there.nv
+    assert rest[[0, 2]] == pytest.approx(static_equilibrium(model).tip, abs=5e-4)
+    step = np.zeros((size, size))
+    mujoco.mjd_transitionFD(there, data, 1e-6, True, step, None, None, None)
+    frequencies, ratios, _ = poles(step, found.step, 3)
+    assert frequencies == pytest.approx(found.frequencies, rel=0.01)
+    assert frequencies == pytest.approx(found.reached_frequencies, rel=1e-4)
+    if case != "drag":  # without drag at rest
+        assert ratios == pytest.approx(found.reached_damping_ratios, rel=1e-3)
+    mujoco.mj_resetDataKeyframe(there, data, 1)
+    samples = []
+    for _ in range(round(12 / found.frequencies[0] / found.step)):
+        mujoco.mj_step(there, data)
+        samples.append(data.sensor("tip").data - rest)
+    x = (np.array(samples) @ np.linalg.svd(samples[::20], full_matrices=False)[2][0])[::20]
+    fit = fit_decay(20 * found.step * np.arange(len(x)), x, law=decay)
+    assert fit.frequency == pytest.approx(found.frequencies[0], rel=0.01)
+    if case == "drag":
+        assert fit.estimates["eta2"] == pytest.approx(0.2, rel=0.03)
+        assert fit.estimates["eta1"] == pytest.approx(0.1, rel=0.03)
+    else:
+        assert fit.damping_ratio == pytest.approx(found.damping_ratios[0], rel=0.03)
+
+
+def along(motion, rest):
+    """Return the component of a motion of the tip in its own direction."""
+    motion = motion - rest
+    return motion @ np.linalg.svd(motion, full_matrices=False)[2][0]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")
+def test_pyelastica_decays_like_the_beam(paper_beam, tmp_path):
+    """With few elements, whose errors the account states, and which take few steps."""
+    pytest.importorskip("elastica")
+    model = Model(paper_beam(axis=(1.0, 0.0), natural_curvature=2.0, tip_mass=2e-3))
+    law = RayleighDamping(alpha=0.02, beta=4e-4) + QuadraticDamping(eta1=0.02)
+    found = write_pyelastica(model, tmp_path / "beam.py", damping=law, segments=12)
+    there = runpy.run_path(str(tmp_path / "beam.py"))
+    released = (1e-3, 3e-4, 1e-4)
+    time, *motion = there["run"](5 / found.frequencies[0], released, every=20).T
+    fits = fit_modes(time, along(np.array(motion).T, there["REST"][-1, :2]), modes=3).fits
+    assert [fit.frequency for fit in fits] == pytest.approx(found.reached_frequencies, rel=2e-3)
+    assert fits[0].damping_ratio == pytest.approx(found.reached_damping_ratios[0], rel=5e-3)
+    assert found.reached_frequencies[:2] == pytest.approx(found.frequencies[:2], rel=0.05)
+    assert found.reached_damping_ratios[0] == pytest.approx(found.damping_ratios[0], rel=0.01)
+
+
+def test_the_advised_rod_meets_the_tolerances(paper_beam, tmp_path):
+    found = write_pyelastica(Model(paper_beam()), tmp_path / "beam.py", damping=RAYLEIGH)
+    assert found.reached_frequencies == pytest.approx(found.frequencies, rel=0.01)
+    assert found.reached_damping_ratios[0] == pytest.approx(found.damping_ratios[0], rel=0.03)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")
+def test_newton_decays_like_the_beam(paper_beam, tmp_path):
+    pytest.importorskip("newton")
+    model = Model(paper_beam(axis=(1.0, 0.0), natural_curvature=2.0, tip_mass=2e-3))
+    law = RayleighDamping(alpha=0.02, beta=4e-4) + QuadraticDamping(eta1=0.02)
+    found = write_newton(model, tmp_path / "beam.py", damping=law, segments=7)
+    there = runpy.run_path(str(tmp_path / "beam.py"))
+    rest = there["run"](0.0, (0.0, 0.0, 0.0))[0, 1:]
+    assert rest == pytest.approx(static_equilibrium(model).tip, abs=2e-3)  # with 7 segments
+    time, *motion = there["run"](5 / found.frequencies[0], (2e-3, 6e-4, 2e-4), every=10).T
+    fits = fit_modes(time, along(np.array(motion).T, rest), modes=3).fits
+    assert [fit.frequency for fit in fits] == pytest.approx(found.reached_frequencies, rel=1e-3)
+    assert found.reached_frequencies == pytest.approx(found.frequencies, rel=0.05)
+    assert fits[0].damping_ratio == pytest.approx(found.reached_damping_ratios[0], rel=5e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("case", ["bent", "modal and drag"])
+def test_exudyn_decays_like_the_beam(paper_beam, tmp_path, case):
+    pytest.importorskip("exudyn")
+    bent = case == "bent"
+    changes = {"axis": (1.0, 0.0), "natural_curvature": 2.0, "tip_mass": 2e-3} if bent else {}
+    model = Model(paper_beam(6, **changes))
+    modes = natural_modes(model, count=3)
+    law = RAYLEIGH if bent else ModalDamping(modes, (0.005, 0.0028, 0.0028)) + QuadraticDamping(eta2=0.2)
+    found = write_exudyn(model, tmp_path / "beam.py", damping=law)
+    there = runpy.run_path(str(tmp_path / "beam.py"))
+    values = there["build"](0.0)[0].ComputeODE2Eigenvalues()[0]
+    assert np.sqrt(np.sort(np.abs(values))[:3]) / (2 * math.pi) == pytest.approx(found.frequencies, rel=2e-3)
+    time, *motion = there["run"](4 / found.frequencies[0], every=10).T
+    x = along(np.array(motion).T, static_equilibrium(model).tip)
+    fit = fit_decay(time, x, law="linear" if bent else "quadratic")
+    assert fit.frequency == pytest.approx(found.frequencies[0], rel=1e-3)
+    if bent:
+        assert fit.damping_ratio == pytest.approx(found.damping_ratios[0], rel=2e-3)
+    else:
+        middle, eta1, eta2 = 0.95 * found.amplitude, fit.estimates["eta1"], fit.estimates["eta2"]
+        ratio = eta1 / (4 * math.pi * fit.frequency) + 4 * eta2 * middle / (3 * math.pi)
+        assert ratio == pytest.approx(law.damping_ratios(modes, [middle, 0.0, 0.0])[0], rel=0.01)

@@ -23,10 +23,20 @@ from ancf_casadi.records.video.tracking import tracked
 from ancf_casadi.records.video.view import View
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import check_file, write_file
-from ancf_casadi.support.inputs import array, flag, located, not_negative, numbers, physical, whole
+from ancf_casadi.support.inputs import (
+    array,
+    flag,
+    located,
+    not_negative,
+    numbers,
+    physical,
+    positive_or_infinite,
+    whole,
+)
 from ancf_casadi.support.progress import counter
 
-FEWEST_FRAMES = 10
+SMOOTHING = 0.7  # px; edges that are sharper than a pixel are interpolated with errors that follow the motion
+FEWEST_PICTURES = 10
 LOST_SHARE = 0.1  # of the frames, at the end without any marker, from which the video is said to be cut
 STILL = 10.0  # range of a track, relative to its std, below which it is still
 EVEN = 6e-4  # s, by which times in a file are rounded
@@ -122,12 +132,12 @@ def track_video(
     view = View.given(ruler=ruler, clamp=clamp, vertical=vertical, lens=lens)
     size = None if radius is None else whole(radius, "radius", 3, 200)
     rate = None if sample_rate is None else physical(sample_rate, "sample_rate")
-    part = not_negative(begin, "begin"), end if end == math.inf else physical(end, "end")
+    part = not_negative(begin, "begin"), positive_or_infinite(end, "end")
     picture = None if preview is None else check_file(preview)
     flag(progress, "progress")
     times: list[float] = []
     with decoded(path) as video, located(str(path)), counter("track") if progress else nullcontext():
-        pictures = _pictures(video, rate, part, times)
+        pictures = (cv2.GaussianBlur(one, (0, 0), SMOOTHING) for one in _pictures(video, rate, part, times))
         try:
             first = next(pictures, None)
             if first is None:
@@ -187,8 +197,8 @@ def _checked(times: Array, points: Array, std: Array) -> tuple[str, ...]:
     """Return notes on gaps; refuse tracks that end before the video, or do not move."""
     seen = np.isfinite(points[..., 0])
     count = len(points)
-    if count < FEWEST_FRAMES:
-        raise InputError(f"has {count} frames; needs at least {FEWEST_FRAMES}")
+    if count < FEWEST_PICTURES:
+        raise InputError(f"has {count} frames; needs at least {FEWEST_PICTURES}")
     last = int(np.flatnonzero(seen.any(axis=1))[-1])
     if count - 1 - last >= LOST_SHARE * count:
         raise InputError(

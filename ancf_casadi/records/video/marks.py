@@ -30,8 +30,7 @@ from ancf_casadi.records.video.frames import Picture
 from ancf_casadi.support.arrays import Array, Mask
 
 LEAST_CORRELATION = 0.9  # of a mark that is seen: below it, it is covered in part
-MEDIAN = 0.455  # of the square of a normal variable, relative to its variance
-LEAST_TURN = 0.05  # change of a template by turning, relative to moving, above which its angle is estimated
+LEAST_LEVER = 1.2  # px; change of a template by turning, relative to moving, above which its angle is estimated
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +75,7 @@ def mark_at(picture: Picture, point: Array, radius: int) -> Mark | None:
     across = np.stack([moved[:, 1], -moved[:, 0]], axis=1)
     q = np.linalg.lstsq(across, turned, rcond=None)[0]
     rest = turned - across @ q
-    noise = float(np.median(np.gradient(picture.astype(float), axis=1) ** 2)) / MEDIAN
-    turning = rest @ rest - noise * (rows[disc] ** 2 + columns[disc] ** 2).sum()
-    turns = bool(turning > LEAST_TURN * radius**2 / 4 * ((moved**2).sum() - 2 * noise * len(moved)))
+    turns = bool(rest @ rest > LEAST_LEVER**2 * (moved**2).sum())
     derivatives = np.column_stack([moved, light, turned] if turns else [moved, light])
     try:
         inverse = np.linalg.solve(derivatives.T @ derivatives, derivatives.T)[:2]

@@ -23,10 +23,20 @@ def render():
 def strip(render, tmp_path):
     """Write a video of a strip that bends as an arc, by default in a small picture; return path and true places."""
 
-    def make(frames, *, name="strip.avi", codec="MJPG", rate=RATE, marks=(18, 32, 46, 60), small=True, **changes):
+    def make(
+        frames,
+        *,
+        name="strip.avi",
+        codec="MJPG",
+        rate=RATE,
+        marks=(18, 32, 46, 60),
+        small=True,
+        largest=1.05,
+        **changes,
+    ):
         time = np.arange(frames) / rate
         length, clamp = (200.0, (160.0, 12.0)) if small else (380.0, (320.0, 40.0))
-        shapes = render.bending_strip(time, 2.0, 1.05, length, clamp)
+        shapes = render.bending_strip(time, 2.0, largest, length, clamp)
         size = (320, 240) if small else (640, 480)
         path = tmp_path / name
         pictures = render.frames(time, shapes, list(marks), size=size, **changes)

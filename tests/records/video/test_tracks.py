@@ -5,6 +5,7 @@ import pytest
 
 from ancf_casadi import InputError, track_video
 from ancf_casadi.records.video.tracking import _scatter
+from problems import fit_decay
 
 WHITE = 205.0  # grey level of the strip: a bar of it hides dark marks, and nothing else
 
@@ -34,6 +35,20 @@ def test_marks_are_tracked_within_a_twentieth_of_a_pixel(strip, found, render, m
     assert np.nanmax(np.abs(error)) < 0.5  # of a mark that is covered in part
     ratio = np.sqrt(np.nanmean(std**2, axis=0) / np.nanmean(error**2, axis=(0, 2)))
     assert 0.5 < ratio.min() and 0.8 < np.median(ratio) < 2.5
+
+
+@pytest.mark.slow
+def test_the_fit_of_a_track_finds_frequency_and_damping_ratio(strip, found):
+    """Those of the fit of the exact motion, which is an arc, and therefore not exactly a decay."""
+    path, true = strip(240, rate=60.0, largest=0.2, marks=(30, 60))
+    recording = track_video(path)
+    places, _ = found(recording)
+    fit, exact = (fit_decay(recording.time, one[:, 1, 0]) for one in (places, true))
+    for name, tolerance, stated in (("frequency", 1e-4, 2.0), ("damping_ratio", 0.02, 0.01)):
+        assert exact.estimates[name] == pytest.approx(stated, rel=1e-2)
+        assert fit.estimates[name] == pytest.approx(exact.estimates[name], rel=tolerance)
+        low, high = fit.intervals()[name]
+        assert low <= exact.estimates[name] <= high
 
 
 def test_the_scatter_of_a_track_is_that_of_its_noise():

@@ -39,7 +39,7 @@ def test_distortion_of_the_lens_is_taken_out():
 
 
 def test_slow_motion_is_told_and_its_true_rate_is_taken(strip):
-    path, true = strip(20, rate=30.0)
+    path, true = strip(20, rate=30.0, exposure=0.02)
     recording = track_video(path, markers=true[0])
     np.testing.assert_allclose(recording.time, np.arange(20) / 30.0)
     assert "if it plays in slow motion, give the rate of the recording" in recording.notes[0]

@@ -45,7 +45,7 @@ def marks_in(
         mark = mark_at(picture, point, own)
         if mark is None:
             raise InputError(
-                f"marker {number} at ({point[0]:g}, {point[1]:g}): there is nothing to see within {own} px, "
+                f"marker {number} at ({point[0]:g}, {point[1]:g}): there is no dot, corner or texture within {own} px, "
                 "or the picture ends there"
             )
         marks.append(mark)

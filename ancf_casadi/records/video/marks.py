@@ -30,6 +30,7 @@ from ancf_casadi.records.video.frames import Picture
 from ancf_casadi.support.arrays import Array, Mask
 
 LEAST_CORRELATION = 0.9  # of a mark that is seen: below it, it is covered in part
+LEAST_SLOPES = 0.02  # squared slopes of a template in their weakest direction, relative to the strongest
 LEAST_LEVER = 1.2  # px; change of a template by turning, relative to moving, above which its angle is estimated
 
 
@@ -60,7 +61,7 @@ class Pose:
 
 
 def mark_at(picture: Picture, point: Array, radius: int) -> Mark | None:
-    """Return the mark about a point; None where the picture is uniform or ends."""
+    """Return the mark about a point; None where the picture is uniform, shows one straight edge, or ends."""
     place = np.rint(point)
     x, y = place.astype(int)
     if not (radius <= x < picture.shape[1] - radius and radius <= y < picture.shape[0] - radius):
@@ -70,6 +71,9 @@ def mark_at(picture: Picture, point: Array, radius: int) -> Mark | None:
     disc = np.hypot(rows, columns) <= radius + 0.5
     down, right = np.gradient(template.astype(float))
     moved = np.stack([right[disc], down[disc]], axis=1)
+    along, across_edges = np.linalg.eigvalsh(moved.T @ moved)
+    if along <= LEAST_SLOPES * across_edges:
+        return None
     turned = (columns * down - rows * right)[disc]
     light = np.stack([np.ones(len(turned)), template[disc]], axis=1)
     across = np.stack([moved[:, 1], -moved[:, 0]], axis=1)

@@ -19,9 +19,9 @@ def test_marks_are_tracked_within_a_twentieth_of_a_pixel(strip, found, render, m
     """60 degrees to either side, noise, blur by a quarter of a frame, light that fades, bars over each mark."""
     monkeypatch.setattr(render, "BLIND", WHITE)
     marks = (10, 20, 30, 40, 50, 60)
-    covered = [(m, 20 + 25 * m, 32 + 25 * m + 20 * (m == 2)) for m in range(6)]
+    covered = [(m, 10 + 18 * m, 22 + 18 * m + 18 * (m == 2)) for m in range(6)]
     path, true = strip(
-        200, name=name, codec=codec, marks=marks, small=False, pattern=pattern, drift=-0.2, covered=covered
+        120, name=name, codec=codec, marks=marks, small=False, pattern=pattern, drift=-0.2, covered=covered
     )
     places, std = found(track_video(path, markers=true[0]))
     error = places - true

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import InputError, read_recording, track_video
+from ancf_casadi.records.video.recorded import _time
 from ancf_casadi.records.video.view import View
 from problems.cli import main
 
@@ -46,6 +47,17 @@ def test_slow_motion_is_told_and_its_true_rate_is_taken(strip):
     fast = track_video(path, markers=true[2], sample_rate=240.0, begin=2 / 240, end=15.1 / 240)
     np.testing.assert_allclose(fast.time, np.arange(2, 16) / 240)
     assert not fast.notes
+
+
+def test_times_of_the_file_are_taken_where_frames_are_missing_but_not_where_they_are_rounded():
+    even = np.arange(100) / 240.0
+    times, note = _time(np.round(even, 3), 240.0)
+    np.testing.assert_allclose(times, even)
+    assert note.startswith("times from the frame rate of the file, 240 1/s")
+    missing = np.delete(even, 50)
+    times, note = _time(missing, 240.0)
+    np.testing.assert_array_equal(times, missing)
+    assert "not even" in note
 
 
 def test_the_command_writes_a_file_that_inspect_and_fits_read(strip, tmp_path, capsys, monkeypatch):
@@ -137,7 +149,11 @@ def test_damaged_bytes_anywhere_end_in_a_track_or_in_one_line(strip):
     ("arguments", "message"),
     [
         ({"markers": [1.0, 2.0]}, "^markers: must have the shape"),
-        ({"markers": [[100.0, 20.0]], "radius": 5}, "marker 1 at .100, 20.: there is nothing to see within 5 px"),
+        (
+            {"markers": [[60.0, 200.0]], "radius": 5},
+            "marker 1 at .60, 200.: there is no dot, corner or texture within 5",
+        ),
+        ({"markers": [[159.4, 81.9]], "radius": 5}, "there is no dot, corner or texture"),  # an edge of the strip
         ({"markers": [[2.0, 2.0]]}, "or the picture ends there"),
         ({"region": (5, 5, 1, 9)}, "^region: must be left, top, right and bottom"),
         ({"ruler": (0, 0, 1, 1)}, "^ruler: must be 5 numbers, got 4"),

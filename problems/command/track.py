@@ -21,65 +21,42 @@ look at --preview first, and at 'inspect FILE.csv' then
 """
 
 
+PLACES = {  # options that take numbers separated by commas
+    "region": ("X1,Y1,X2,Y2", "left, top, right and bottom of where markers are sought"),
+    "ruler": ("X1,Y1,X2,Y2,LENGTH", "two points at a known distance (m); without it, positions are in pixels"),
+    "clamp": ("X,Y", "place of the origin (default: the first pixel)"),
+    "vertical": ("X1,Y1,X2,Y2", "two points on a vertical line (default: a column)"),
+    "lens": ("FX,FY,CX,CY,K1,K2,P1,P2", "camera matrix and distortion, as in OpenCV"),
+}
+ONE_NUMBER = {  # options that take one number
+    "radius": (positive_count, "PX", "radius of what belongs to a marker (default: of its dot, or 10)"),
+    "sample-rate": (finite, "HZ", "frames per second of the recording, if the video plays in slow motion"),
+    "begin": (finite, "S", "leave out what is before this time (s)"),
+    "end": (finite, "S", "leave out what is after this time (s)"),
+}
+
+
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.epilog = ADVICE
+    parser.set_defaults(begin=0.0, end=math.inf)
     parser.add_argument("file", metavar="VIDEO", help="video of a beam with dots, checker patches or other texture")
     parser.add_argument("--out", type=Path, metavar="FILE.csv", help="write the positions and their std over time")
     parser.add_argument("--preview", type=Path, metavar="FILE.png", help="draw the first frame with numbered markers")
-    group = parser.add_argument_group("markers")
-    group.add_argument(
-        "--marker", type=comma_numbers, action="append", metavar="X,Y",
-        help="place of a marker in the first frame; may be repeated (default: all dots, or else some corners)",
-    )  # fmt: skip
-    group.add_argument(
-        "--region",
-        type=comma_numbers,
-        metavar="X1,Y1,X2,Y2",
-        help="left, top, right and bottom of where they are sought",
-    )
-    group.add_argument(
-        "--radius",
-        type=positive_count,
-        metavar="PX",
-        help="radius of what belongs to a marker (default: of its dot, or 10)",
-    )
-    group = parser.add_argument_group("scale and time")
-    group.add_argument(
-        "--ruler", type=comma_numbers, metavar="X1,Y1,X2,Y2,LENGTH",
-        help="two points at a known distance (m); without it, positions are in pixels",
-    )  # fmt: skip
-    group.add_argument(
-        "--clamp", type=comma_numbers, metavar="X,Y", help="place of the origin (default: the first pixel)"
-    )
-    group.add_argument(
-        "--vertical",
-        type=comma_numbers,
-        metavar="X1,Y1,X2,Y2",
-        help="two points on a vertical line (default: a column)",
-    )
-    group.add_argument(
-        "--lens",
-        type=comma_numbers,
-        metavar="FX,FY,CX,CY,K1,K2,P1,P2",
-        help="camera matrix and distortion, as in OpenCV",
-    )
-    group.add_argument(
-        "--sample-rate", type=finite, metavar="HZ",
-        help="frames per second of the recording, if the video plays in slow motion",
-    )  # fmt: skip
-    group.add_argument("--begin", type=finite, default=0.0, metavar="S", help="leave out what is before this time (s)")
-    group.add_argument(
-        "--end", type=finite, default=math.inf, metavar="S", help="leave out what is after this time (s)"
-    )
+    about = "place of a marker in the first frame; may be repeated (default: all dots, or else some corners)"
+    parser.add_argument("--marker", type=comma_numbers, action="append", metavar="X,Y", help=about)
+    for name, (metavar, text) in PLACES.items():
+        parser.add_argument(f"--{name}", type=comma_numbers, metavar=metavar, help=text)
+    for name, (kind, metavar, text) in ONE_NUMBER.items():
+        parser.add_argument(f"--{name}", type=kind, metavar=metavar, help=text)
 
 
 def run(options: argparse.Namespace) -> Output:
     """Run the command."""
     out, preview = new_files([options.file], options.out, options.preview)
-    given = ("region", "radius", "ruler", "clamp", "vertical", "lens", "sample_rate", "begin", "end")
+    names = [name.replace("-", "_") for name in (*PLACES, *ONE_NUMBER)]
     recording = track_video(
-        options.file, markers=options.marker, preview=preview, **{name: getattr(options, name) for name in given}
+        options.file, markers=options.marker, preview=preview, **{name: getattr(options, name) for name in names}
     )
     files = file_writers(out, lambda: _motion(recording).csv())
     return Output(

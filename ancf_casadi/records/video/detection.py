@@ -29,8 +29,9 @@ def marks_in(
     """Return the marks at points, or those in a region, numbered from the clamp, or from the top."""
     dots = _dots(cv2, picture)
     if points is None:
-        inside = _inside(dots, region, picture)
-        points = dots[inside, :2] if inside.any() else _corners(cv2, picture, region, radius or USUAL_RADIUS)
+        area = region or (0.0, 0.0, *picture.shape[::-1])
+        inside = ((dots[:, :2] >= area[:2]) & (dots[:, :2] <= area[2:])).all(axis=1)
+        points = dots[inside, :2] if inside.any() else _corners(cv2, picture, area, radius or USUAL_RADIUS)
         start = np.array(clamp or (picture.shape[1] / 2, 0.0))
         points = points[np.argsort(np.hypot(*(points - start).T))]
         if not len(points):
@@ -65,15 +66,9 @@ def _dots(cv2: Any, picture: Picture) -> Array:
     return np.array(found).reshape(-1, 3)
 
 
-def _inside(dots: Array, region: tuple[float, ...] | None, picture: Picture) -> Any:
-    left, top, right, bottom = region or (0.0, 0.0, picture.shape[1], picture.shape[0])
-    x, y = dots[:, 0], dots[:, 1]
-    return (x >= left) & (x <= right) & (y >= top) & (y <= bottom)
-
-
-def _corners(cv2: Any, picture: Picture, region: tuple[float, ...] | None, radius: int) -> Array:
+def _corners(cv2: Any, picture: Picture, area: tuple[float, ...], radius: int) -> Array:
     """Return corners apart from one another and from the edges, the strongest first."""
-    left, top, right, bottom = region or (0.0, 0.0, picture.shape[1], picture.shape[0])
+    left, top, right, bottom = area
     mask = np.zeros_like(picture)
     edge = 2 * radius
     mask[max(round(top), edge) : max(round(bottom), 0), max(round(left), edge) : max(round(right), 0)] = 255

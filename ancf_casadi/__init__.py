@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from ancf_casadi.records.measurement import Measurement
     from ancf_casadi.records.recording import Recording, read_recording
     from ancf_casadi.records.sensor import Sensor
+    from ancf_casadi.records.video.recorded import track_video
     from ancf_casadi.reduction import ReducedModel, ReducedTrajectory, reduce_model, simulate_reduced
     from ancf_casadi.response.backbone import Backbone, backbone
     from ancf_casadi.response.curve import ResponseCurve
@@ -139,4 +140,5 @@ __all__ = [
     "simulate",
     "simulate_reduced",
     "static_equilibrium",
+    "track_video",
 ]

@@ -25,6 +25,7 @@ from problems.command.output import shortened
 
 COMMANDS = {  # each in a module of its name in problems.command or its folder fits; reproduce is in that of study
     "inspect": "show the channels of a file of measurements, and what a fit would use",
+    "track": "track markers through a video, and write their positions as a file of measurements",
     "init": "write a commented TOML file that runs as it is, to start from",
     "fit-decay": "estimate frequency and damping of one mode from measured decays",
     "fit-modes": "estimate frequency and damping of several modes from one measured decay",

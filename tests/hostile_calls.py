@@ -1,5 +1,6 @@
 """Calls of all public functions with valid arguments, of which one or two are replaced by hostile values."""
 
+import importlib.util
 import random
 import signal
 import time
@@ -37,6 +38,19 @@ def drawn_samples():
     values = np.random.default_rng(0).standard_normal((2, 2, 50))
     columns = {name: SimpleNamespace(values=own, attrs={}) for name, own in zip("ab", values, strict=True)}
     return SimpleNamespace(posterior=SimpleNamespace(data_vars=columns))
+
+
+def moving_dot(path):
+    """Write a video of a dot, or a text where there is no OpenCV, and return its path."""
+    if not importlib.util.find_spec("cv2"):
+        path.write_text("no video")
+        return path
+    cv2 = importlib.import_module("cv2")
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 30.0, (96, 64), isColor=False)
+    for k in range(12):
+        writer.write(cv2.circle(np.full((64, 96), 200, np.uint8), (30 + k, 30), 5, 30, -1))
+    writer.release()
+    return path
 
 
 class Other:
@@ -193,6 +207,12 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "PointLoad": (a.PointLoad, {"force": (0.0, 1.0), "moment": 0.1, "point": 0.3}),
         "QuadraticDamping": (a.QuadraticDamping, {"eta1": 0.1, "eta2": 0.2, "flow": (1.0, 0.0)}),
         "RayleighDamping": (a.RayleighDamping, {"alpha": 0.1, "beta": 1e-4, "stiffness": "strain-rate"}),
+        "track_video": (a.track_video, {
+            "path": moving_dot(folder / "a.avi"), "markers": [[30.0, 30.0]], "region": (0, 0, 90, 60), "radius": 8,
+            "ruler": (0, 0, 90, 0, 0.1), "clamp": (10, 10), "vertical": (0, 0, 0, 9), "sample_rate": 240.0,
+            "lens": (90.0, 90.0, 48.0, 32.0, 0.1, 0.0, 0.0, 0.0), "begin": 0.0, "end": 1.0,
+            "preview": folder / "a.png", "progress": False,
+        }),
         "Recording": (a.Recording, {"path": "a.csv", "channels": recording.channels, "notes": ()}),
         "Recording.channel": (recording.channel, {"column": 2}),
         "SecondOrderSystem": (SecondOrderSystem.of, oscillator),

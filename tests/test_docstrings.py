@@ -38,6 +38,8 @@ def beginner(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
 def test_a_public_name_has_examples_that_print_what_they_say(public):
     if public is ancf_casadi.export.write_fmu and not (c_compiler() and importlib.util.find_spec("fmpy")):
         pytest.skip("an FMU needs a C compiler and fmpy")
+    if public is ancf_casadi.track_video and not importlib.util.find_spec("cv2"):
+        pytest.skip("videos need opencv-python-headless")
     check_examples(public)
 
 

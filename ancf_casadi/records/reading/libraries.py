@@ -28,20 +28,20 @@ from ancf_casadi.support.arrays import Array
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}  # threads reserve memory
 
 
-def library(module: str, format_name: str) -> Any:
-    """Return the module that reads a format; refuse the file if it is not installed."""
-    check_installed(module, format_name)
+def library(module: str, format_name: str, package: str = "") -> Any:
+    """Return the module that reads a format; refuse the file if it is not installed, perhaps by another name."""
+    check_installed(module, format_name, package)
     return importlib.import_module(module)
 
 
-def check_installed(module: str, format_name: str) -> None:
+def check_installed(module: str, format_name: str, package: str = "") -> None:
     """Check that the module that reads a format is installed."""
     try:
         found = importlib.util.find_spec(module)
     except ValueError:  # a module that was switched off
         found = None
     if found is None:
-        raise InputError(f"is not installed, but {format_name} files need it; pip install {module}", module)
+        raise InputError(f"is not installed, but {format_name} files need it; pip install {package or module}", module)
 
 
 @contextmanager

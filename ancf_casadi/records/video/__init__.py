@@ -1,0 +1,1 @@
+"""Videos: decoding, marks in pictures, their tracks, and the scale of the picture."""

@@ -1,0 +1,80 @@
+"""From places in a picture to positions: lens, vertical, scale and origin."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import numbers, positive
+
+
+@dataclass(frozen=True)
+class View:
+    """View of a camera: positions are x to the right and y up from the origin, in m with a ruler, else in px."""
+
+    ruler: tuple[float, ...] | None = None  # columns and rows of two points, px, and their distance, m
+    clamp: tuple[float, ...] | None = None  # column and row of the origin, px
+    vertical: tuple[float, ...] | None = None  # columns and rows of two points on a vertical line, px
+    lens: tuple[float, ...] | None = None  # focal lengths and centre, px, and coefficients of distortion, as in OpenCV
+
+    @classmethod
+    def given(cls, **values: Sequence[float] | None) -> View:
+        """Return a view from what the user gave."""
+        sizes = {"ruler": (5,), "clamp": (2,), "vertical": (4,), "lens": (8, 9)}
+        found: dict[str, tuple[float, ...]] = {}
+        for name, value in values.items():
+            if value is None:
+                continue
+            found[name] = numbers(value, name)
+            if len(found[name]) not in sizes[name]:
+                raise InputError(f"must be {sizes[name][0]} numbers, got {len(found[name])}", name)
+            if name in ("ruler", "vertical") and found[name][:2] == found[name][2:4]:
+                raise InputError("its two points must differ", name)
+        if "ruler" in found:
+            positive(found["ruler"][4], "ruler")
+        if "lens" in found:
+            for focal in found["lens"][:2]:
+                positive(focal, "lens")
+        return cls(**found)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the positions."""
+        return "m" if self.ruler else "px"
+
+    def positions(self, cv2: Any, points: Array) -> tuple[Array, Array]:
+        """Return the positions (..., 2) of points, and the length of a pixel."""
+        seen = self._straight(cv2, points)
+        ends = (
+            self._straight(cv2, np.reshape(self.ruler[:4], (2, 2)))
+            if self.ruler
+            else np.array([[0.0, 0.0], [1.0, 0.0]])
+        )
+        scale = (self.ruler[4] if self.ruler else 1.0) / np.hypot(*(ends[1] - ends[0]))
+        if self.clamp:
+            seen = seen - self._straight(cv2, np.array([self.clamp]))[0]
+        down = np.array([0.0, 1.0])
+        if self.vertical:
+            line = self._straight(cv2, np.reshape(self.vertical, (2, 2)))
+            down = (line[1] - line[0]) / np.hypot(*(line[1] - line[0]))
+            down *= np.sign(down[1]) or 1.0  # rows count downwards
+        right = np.array([down[1], -down[0]])
+        return scale * np.stack([seen @ right, -seen @ down], axis=-1), scale
+
+    def _straight(self, cv2: Any, points: Array) -> Array:
+        """Return where a camera without distortion would see points."""
+        if self.lens is None:
+            return points
+        fx, fy, cx, cy, *distortion = self.lens
+        camera = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        flat = points.reshape(-1, 1, 2)
+        known = np.isfinite(flat).all(axis=(1, 2))
+        found = np.full_like(flat, np.nan)
+        if known.any():
+            found[known] = cv2.undistortImagePoints(flat[known], camera, np.array(distortion))
+        return found.reshape(points.shape)

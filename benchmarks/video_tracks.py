@@ -1,0 +1,184 @@
+"""Errors and costs of tracks in rendered videos, and of what is fitted to them.
+
+    .venv/bin/python benchmarks/video_tracks.py               # also Lucas-Kanade: OpenCV, and pyidi if installed
+    .venv/bin/python benchmarks/video_tracks.py --chain 10    # to frequency, damping ratio and modulus, 10 seeds
+
+A strip with six marks turns its end by 60 degrees to either side at 2 Hz: 640 x 480 pixels, 240 frames per second,
+noise of 2 grey levels, exposure of a quarter of a frame, light that fades by a fifth, and each mark hidden for 5 % of
+the frames or never.  H.264 (constant rate factor 18) needs the package av.  Errors count where the mark is seen and the
+method says so.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import resource
+import sys
+import tempfile
+import time
+from itertools import product
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ancf_casadi import Beam, Model, RayleighDamping, simulate, static_equilibrium, track_video
+from problems import MarkerRecord, fit_beam, fit_decay
+
+sys.path[0] = str(
+    Path(__file__).parents[1] / "examples"
+)  # in place of this folder, whose coverage.py is not that of pyidi
+from render_strip import bending_strip, frames, write_video  # noqa: E402
+
+RATE = 240.0
+MARKS = [10, 20, 30, 40, 50, 60]
+
+
+def processor_time():
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime
+
+
+def write_h264(path, pictures):
+    import av
+
+    with av.open(str(path), "w") as file:
+        stream = file.add_stream("libx264", rate=int(RATE))
+        stream.pix_fmt, stream.options = "yuv420p", {"crf": "18"}
+        stream.height, stream.width = pictures[0].shape
+        for picture in pictures:
+            frame = av.VideoFrame.from_ndarray(picture, format="gray").reformat(format="yuv420p")
+            file.mux(stream.encode(frame))
+        file.mux(stream.encode())
+
+
+def read(path):
+    video = cv2.VideoCapture(str(path))
+    while (found := video.read())[0]:
+        yield cv2.cvtColor(found[1], cv2.COLOR_BGR2GRAY)
+
+
+def ours(path, first):
+    recording = track_video(path, markers=first)
+    values = np.stack([channel.values for channel in recording.channels], axis=1).reshape(len(recording.time), -1, 3)
+    return values[..., :2] * [1, -1], values[..., 2]
+
+
+def lucas_kanade(path, first):
+    """Pyramidal, from frame to frame, with a check backwards."""
+    pictures = read(path)
+    before, found = next(pictures), [first.astype(np.float32)]
+    for picture in pictures:
+        settings = {"winSize": (21, 21), "maxLevel": 3}
+        points, _, _ = cv2.calcOpticalFlowPyrLK(before, picture, found[-1], None, **settings)
+        back, _, _ = cv2.calcOpticalFlowPyrLK(picture, before, points, None, **settings)
+        points[np.hypot(*(back - found[-1]).T) > 0.5] = np.nan
+        found.append(points)
+        before = picture
+    return np.array(found), None
+
+
+def pyidi_lucas_kanade(path, first):
+    """Against the first picture, translation alone."""
+    import pyidi
+
+    pictures = np.array(list(read(path)))
+    with tempfile.TemporaryDirectory() as folder:
+        video = pyidi.VideoReader(pictures, root=folder, fps=RATE)
+        method = pyidi.LucasKanade(video)
+        method.configure(roi_size=(19, 19), verbose=0, show_pbar=False)
+        method.set_points(np.rint(first[:, ::-1]))
+        moved = method.get_displacements(autosave=False)
+    return (first[:, None] + moved[..., ::-1]).transpose(1, 0, 2), None
+
+
+def compare(count):
+    instants = np.arange(count) / RATE
+    shapes = bending_strip(instants, 2.0, 1.05, 380.0, (320.0, 40.0))
+    true = shapes[:, MARKS]
+    rng = np.random.default_rng(0)
+    covered = [(m, b, b + 10) for m in range(6) for b in (40 + np.arange(0, count - 60, 200) + rng.integers(0, 150))]
+    seen = np.ones(true.shape[:2], dtype=bool)
+    for mark, begin, end in covered:
+        seen[begin - 1 : end + 1, mark] = False
+    methods = [ours, lucas_kanade, *([pyidi_lucas_kanade] if importlib.util.find_spec("pyidi") else [])]
+    codecs = [("MJPG", "avi"), ("mp4v", "mp4"), *([("H.264", "mp4")] if importlib.util.find_spec("av") else [])]
+    print("marks     codec  covered  method              rms px  largest px  lost  std/rms  CPU s")
+    with tempfile.TemporaryDirectory() as folder:
+        for pattern, hidden in product(("dots", "checkers", "texture"), (False, True)):
+            bars = covered if hidden else []
+            pictures = list(frames(instants, shapes, MARKS, pattern=pattern, drift=-0.2, covered=bars))
+            for codec, suffix in codecs:
+                path = Path(folder) / f"strip.{suffix}"
+                write_h264(path, pictures) if codec == "H.264" else write_video(path, pictures, RATE, codec)
+                for method in methods:
+                    began = processor_time()
+                    places, std = method(path, true[0])
+                    cost = processor_time() - began
+                    error = np.where(seen[..., None] | (not hidden), places - true, np.nan)
+                    rms = np.sqrt(np.nanmean(error**2))
+                    ratio = "" if std is None else f"{np.sqrt(np.nanmean(std[seen] ** 2)) / rms:.2f}"
+                    lost = np.isnan(places[..., 0])[seen].sum()
+                    print(
+                        f"{pattern:9s} {codec:6s} {'yes' if hidden else 'no':8s} {method.__name__:18s} {rms:7.3f} "
+                        f"{np.nanmax(abs(error)):11.2f} {lost:5d} {ratio:>8s} {cost:6.1f}",
+                        flush=True,
+                    )
+
+
+def steel(elastic_modulus=210e9):
+    """The strip of the paper, hanging."""
+    return Model(
+        Beam.uniform(
+            length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=elastic_modulus, elements=8
+        )
+    )
+
+
+def chain(seeds, count):
+    """Fit a small decay, after mode 2 has died away, and a large motion, to tracks of a filmed steel strip."""
+    model, law = steel(), RayleighDamping(alpha=0.15, beta=1e-3)
+    true = {"elastic_modulus": 210e9}
+    points, places = np.linspace(0.0, 0.5, 41), [16, 24, 32, 40]
+    clamp, scale = np.array([320.0, 40.0]), 1.25e-3
+    for force in (8e-3, 0.03):
+        start = static_equilibrium(model, tip_force=(force, 0.0))
+        run = simulate(model, damping=law, start=start, duration=(count - 1) / RATE, sample_rate=RATE, tolerance=1e-8)
+        shapes = clamp + np.stack([run.position(s) for s in points], axis=1) * [1, -1] / scale
+        late = run.time > 1.0  # s; mode 2 has died away
+        exact = fit_decay(run.time[late], run.tip[late, 0])
+        if force < 0.01:
+            true |= {name: exact.estimates[name] for name in ("frequency", "damping_ratio")}
+        print(f"motion of the tip by {np.ptp(shapes[:, -1, 0]):.0f} px")
+        for seed in range(seeds):
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder) / "strip.avi"
+                write_video(path, frames(run.time, shapes, places, seed=seed), RATE)
+                ruler = (320.0, 40.0, 320.0, 440.0, 400 * scale)
+                recording = track_video(path, markers=shapes[0, places], ruler=ruler, clamp=clamp)
+            values = np.stack([one.values for one in recording.channels], axis=1).reshape(count, -1, 3)
+            if force < 0.01:
+                fit = fit_decay(recording.time[late], values[late, -1, 0])
+            else:
+                record = MarkerRecord(recording.time, values[..., :2], points=points[places], start=start)
+                fit = fit_beam(
+                    steel(190e9), record, RayleighDamping(alpha=0.1, beta=5e-4), unknowns=["elastic_modulus"]
+                )
+            for name, interval in fit.intervals().items():
+                if name in true:
+                    inside = interval[0] <= true[name] <= interval[1]
+                    relative = fit.estimates[name] / true[name] - 1
+                    print(f"{seed:3d} {name:15s} relative error {relative:9.2e}, {'within' if inside else 'OUTSIDE'}")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--frames", type=int, default=1000)
+    parser.add_argument("--chain", type=int, metavar="SEEDS")
+    options = parser.parse_args()
+    chain(options.chain, options.frames) if options.chain else compare(options.frames)
+
+
+if __name__ == "__main__":
+    main()

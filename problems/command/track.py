@@ -1,0 +1,105 @@
+"""``ancf-casadi track``: the positions of markers in a video, as a file for ``inspect`` and the fits."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ancf_casadi.records.recording import Recording
+from ancf_casadi.records.video.recorded import track_video
+from ancf_casadi.support.arrays import root_mean_square
+from ancf_casadi.support.tables import Table
+from problems.command.output import Output, comma_numbers, file_writers, finite, json_text, new_files, positive_count
+
+ADVICE = """\
+places in the picture are columns and rows in pixels, from the first pixel at 0,0;
+look at --preview first, and at 'inspect FILE.csv' then
+"""
+
+
+PLACES = {  # options that take numbers separated by commas
+    "region": ("X1,Y1,X2,Y2", "left, top, right and bottom of where markers are sought"),
+    "ruler": ("X1,Y1,X2,Y2,LENGTH", "two points at a known distance (m); without it, positions are in pixels"),
+    "clamp": ("X,Y", "place of the origin (default: the first pixel)"),
+    "vertical": ("X1,Y1,X2,Y2", "two points on a vertical line (default: a column)"),
+    "lens": ("FX,FY,CX,CY,K1,K2,P1,P2", "camera matrix and distortion, as in OpenCV"),
+}
+ONE_NUMBER = {  # options that take one number
+    "radius": (positive_count, "PX", "radius of what belongs to a marker (default: of its dot, or 10)"),
+    "sample-rate": (finite, "HZ", "frames per second of the recording, if the video plays in slow motion"),
+    "begin": (finite, "S", "leave out what is before this time (s)"),
+    "end": (finite, "S", "leave out what is after this time (s)"),
+}
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.epilog = ADVICE
+    parser.set_defaults(begin=0.0, end=math.inf)
+    parser.add_argument("file", metavar="VIDEO", help="video of a beam with dots, checker patches or other texture")
+    parser.add_argument("--out", type=Path, metavar="FILE.csv", help="write the positions and their std over time")
+    parser.add_argument("--preview", type=Path, metavar="FILE.png", help="draw the first frame with numbered markers")
+    about = "place of a marker in the first frame; may be repeated (default: all dots, or else some corners)"
+    parser.add_argument("--marker", type=comma_numbers, action="append", metavar="X,Y", help=about)
+    for name, (metavar, text) in PLACES.items():
+        parser.add_argument(f"--{name}", type=comma_numbers, metavar=metavar, help=text)
+    for name, (kind, metavar, text) in ONE_NUMBER.items():
+        parser.add_argument(f"--{name}", type=kind, metavar=metavar, help=text)
+
+
+def run(options: argparse.Namespace) -> Output:
+    """Run the command."""
+    out, preview = new_files([options.file], options.out, options.preview)
+    names = [name.replace("-", "_") for name in (*PLACES, *ONE_NUMBER)]
+    recording = track_video(
+        options.file, markers=options.marker, preview=preview, **{name: getattr(options, name) for name in names}
+    )
+    files = file_writers(out, lambda: _motion(recording).csv())
+    return Output(
+        _text(options, recording), files, f"\nNext: ancf-casadi inspect {out}" if out and not options.json else ""
+    )
+
+
+def _text(options: argparse.Namespace, recording: Recording) -> str:
+    if not options.json:
+        return _table(recording).text()
+    values = {"time_s": recording.time, **{channel.name: channel.values for channel in recording.channels}}
+    return json_text({"file": options.file, **values, "notes": recording.notes})
+
+
+def _motion(recording: Recording) -> Table:
+    columns = ("time_s", *(channel.name for channel in recording.channels))
+    values = np.column_stack([recording.time, *(channel.values for channel in recording.channels)])
+    rows: list[list[Any]] = [[None if math.isnan(cell) else cell for cell in row] for row in values.tolist()]
+    return Table("markers", "Positions of markers", columns, rows)
+
+
+def _table(recording: Recording) -> Table:
+    """Return one row per marker."""
+    rows = []
+    for k in range(0, len(recording.channels), 3):
+        x, y, std = (channel.values for channel in recording.channels[k : k + 3])
+        seen = np.isfinite(x)
+        rows.append(
+            (
+                k // 3 + 1,
+                x[seen][0],
+                y[seen][0],
+                np.ptp(x[seen]),
+                np.ptp(y[seen]),
+                root_mean_square(std),
+                int(seen.sum()),
+            )
+        )
+    unit = recording.channels[0].symbol
+    heads = (
+        "marker",
+        *(f"{name}, {unit}" for name in ("first x", "first y", "range of x", "range of y", "std")),
+        "frames",
+    )
+    title = f"{recording.name}: {len(recording.time)} frames, {recording.time[0]:g} to {recording.time[-1]:.6g} s"
+    return Table("markers", title, heads, rows, recording.notes)

@@ -12,7 +12,7 @@ The blocks of a page run in their order, in one namespace and one folder, in whi
 - ``bash``, ``c``, ``json``, ``matlab`` and ``py`` (code of other programs) are for reading.
 """
 
-import importlib.util
+import importlib
 import re
 import runpy
 import shlex
@@ -58,9 +58,10 @@ SLOW = (  # pages that take more than about a second
     "tutorials/export.md",
     "tutorials/frequencies.md",
     "tutorials/large_motion.md",
+    "tutorials/phone_video.md",
 )
 READ = ("bash", "c", "json", "matlab", "py")
-NEEDS = {"track_a_video": "cv2"}  # modules that no test environment must have
+NEEDS = {"track_a_video": ("cv2",), "phone_video": ("cv2", "mujoco")}  # modules that no test environment must have
 SET_UP = ("python3 -m venv ", "python -m venv ", "pip install ", ". .venv/bin/activate", ".venv/bin/pip install ")
 FENCE = re.compile(r"(?P<indent> *)(?P<fence>`{3,}|~{3,})(?P<language>.*)")
 NUMBER = r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
@@ -177,8 +178,8 @@ def run_line(line, folder, where):
 )
 @pytest.mark.filterwarnings("ignore:FigureCanvasAgg is non-interactive")
 def test_the_code_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
-    if page.stem in NEEDS and not importlib.util.find_spec(NEEDS[page.stem]):
-        pytest.skip(f"needs {NEEDS[page.stem]}")
+    for module in NEEDS.get(page.stem, ()):
+        pytest.importorskip(module)
     monkeypatch.setenv("MPLBACKEND", "Agg")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)  # a script imports its neighbours

@@ -40,7 +40,7 @@ sphinx_gallery_conf = {
     "examples_dirs": str(ROOT / "examples"),
     "gallery_dirs": "gallery",
     "filename_pattern": r"/ex\d+_",
-    "ignore_pattern": r"/render_strip",  # a tool of other pages
+    "ignore_pattern": r"render_strip",  # a tool of other pages
     "image_scrapers": ("matplotlib", "saved_figures.moved_figures"),
     "download_all_examples": False,
     "run_stale_examples": True,  # the package may have changed though the example has not

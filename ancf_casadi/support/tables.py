@@ -219,11 +219,12 @@ def to_json(value: Any) -> str:
 def wrapped(text: str) -> str:
     """Return a report with long lines, but for rows of tables, folded at spaces and indented by two more columns."""
     lines: list[str] = []
+    width = 0  # of the last table
     for line in text.split("\n"):
+        width = len(line) if set(line) == {"-"} else width
         indent = " " * (len(line) - len(line.lstrip()) + 2)
         fold = textwrap.TextWrapper(REPORT_WIDTH, "", indent, break_long_words=False, break_on_hyphens=False).wrap
-        row = "  " in line.strip()  # columns are two spaces apart
-        lines += [line] if row or len(line) <= REPORT_WIDTH else fold(line)
+        lines += [line] if len(line) <= REPORT_WIDTH or len(line) == width else fold(line)
     return "\n".join(lines)
 
 

@@ -163,7 +163,7 @@ def test_settings_that_make_no_sense_are_refused(model, settings, message):
 
 def runs_alive():
     gc.collect()
-    return sum(isinstance(one, MotionRun) for one in gc.get_objects())
+    return sum(type(one) is MotionRun for one in gc.get_objects())
 
 
 @pytest.mark.slow

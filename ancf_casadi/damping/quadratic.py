@@ -49,6 +49,7 @@ from ancf_casadi.damping.law import (
 )
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.loads import LineLoad
+from ancf_casadi.mechanics.section import masses_per_length
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, check_size, not_negative, positive, vector
 from ancf_casadi.vibration.modes import Modes
@@ -138,7 +139,7 @@ class QuadraticDamping(DampingLaw):
         air_density = positive(air_density, "air_density")
         share = np.diff((ASSUMED_SHAPE**3).integ()(np.linspace(0.0, 1.0, beam.elements + 1)))
         widths = share @ np.array(beam.width)
-        masses = share @ np.array([rho * s.area for rho, s in zip(beam.density, beam.sections, strict=True)])
+        masses = share @ masses_per_length(beam.density, beam.sections)
         return cls(eta2=float(drag_coefficient * air_density * widths / (2 * masses) / DRAG_CONSTANT), flow=flow)
 
     @property
@@ -163,7 +164,7 @@ class QuadraticDamping(DampingLaw):
         rate = self.eta1 + DRAG_CONSTANT * self.eta2 * math.hypot(*self.flow)
         if not (rate and any(self.flow)):
             return ()
-        masses = np.array([rho * section.area for rho, section in zip(beam.density, beam.sections, strict=True)])
+        masses = masses_per_length(beam.density, beam.sections)
         marks = [*np.flatnonzero(np.diff(masses, prepend=0.0)).tolist(), beam.elements]
         ends, (x, y) = beam.node_points.tolist(), self.flow
         sizes = (rate * masses).tolist()

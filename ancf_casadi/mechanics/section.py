@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import positive
@@ -56,6 +58,11 @@ class Section(Displayed):
     def second_moment(self) -> float:
         """Second moment of area I = b h^3 / 12, m^4."""
         return self.width * self.thickness**3 / 12
+
+
+def masses_per_length(densities: Iterable[float], sections: Iterable[Section]) -> Array:
+    """Return the mass per length rho A of elements, (n,), kg/m."""
+    return np.array([rho * section.area for rho, section in zip(densities, sections, strict=True)])
 
 
 def check_elements(lengths: Array, properties: Iterable[tuple[float, float, float, float]]) -> None:

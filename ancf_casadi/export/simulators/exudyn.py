@@ -30,12 +30,13 @@ import scipy.linalg
 
 from ancf_casadi.damping import DRAG_CONSTANT, DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping, SumOfLaws
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.simulators.dampers import Dampers, dampers, same_speed
+from ancf_casadi.export.simulators.dampers import dampers, same_speed
 from ancf_casadi.export.simulators.result import ExportedBeam
-from ancf_casadi.export.simulators.settings import Writing, header, listed, prepared, settled
+from ancf_casadi.export.simulators.settings import InProgram, header, listed, prepared, settled
 from ancf_casadi.mechanics.attachments import PointMass
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.mechanics.section import masses_per_length
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
@@ -46,17 +47,10 @@ SPECTRAL_RADIUS = 0.6  # with 0.9, waves along the stiff beam let Newton's metho
 
 
 @dataclass(frozen=True)
-class SameElements:
+class SameElements(InProgram):
     """The beam in Exudyn: its own modes, in steps of the integrator."""
 
-    given: Writing
-    law: Dampers
     modal: tuple[ModalDamping, ...]
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the program cannot represent."""
-        return self.law.warnings
 
     @property
     def frequencies(self) -> Array:
@@ -165,7 +159,7 @@ def _script(same: SameElements, found: ExportedBeam) -> str:
     rest = modes.equilibrium.coordinates[start:].reshape(-1, NODE)
     pull = modes.angular_frequencies[0] ** 2 * found.amplitude  # inertia in mode 1 per mass
     middles = (beam.node_points[:-1] + beam.node_points[1:]) / 2
-    density = np.array([rho * s.area for rho, s in zip(beam.density, beam.sections, strict=True)])
+    density = masses_per_length(beam.density, beam.sections)
     modulus = np.array(beam.elastic_modulus)
     masses = [
         [

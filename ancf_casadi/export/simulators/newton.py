@@ -28,7 +28,7 @@ from ancf_casadi.damping import DRAG_CONSTANT, DampingLaw
 from ancf_casadi.export.simulators.result import ExportedBeam
 from ancf_casadi.export.simulators.segments import SegmentedBeam
 from ancf_casadi.export.simulators.settings import Segmented, header, listed, written
-from ancf_casadi.export.simulators.small_motion import Discrete
+from ancf_casadi.export.simulators.small_motion import Discrete, drift, kick
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 
@@ -71,9 +71,9 @@ class LinkedBeam(Segmented):
 
     def matrix(self, mode: int, step: float) -> Array:
         """Return the matrix of one step."""
-        n, inverse = len(self.discrete.rest), np.linalg.inv(self.discrete.mass)
-        rates = np.hstack([-step * inverse @ self.discrete.stiffness, np.eye(n) - step * inverse @ self.damping(mode)])
-        return np.vstack([np.eye(n, 2 * n) + step * rates, rates])
+        mass = self.discrete.mass
+        kicked = kick(mass, mass - step * self.damping(mode), self.discrete.stiffness, step)
+        return np.asarray(drift(len(mass), step) @ kicked)
 
 
 def write_newton(

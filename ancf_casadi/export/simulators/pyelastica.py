@@ -28,7 +28,7 @@ import numpy as np
 from ancf_casadi.damping import DRAG_CONSTANT, DampingLaw
 from ancf_casadi.export.simulators.result import ExportedBeam
 from ancf_casadi.export.simulators.settings import Segmented, header, listed, written
-from ancf_casadi.export.simulators.small_motion import Discrete, Energy
+from ancf_casadi.export.simulators.small_motion import Discrete, Energy, drift, kick
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 
@@ -98,12 +98,9 @@ class CosseratBeam(Segmented):
 
     def matrix(self, mode: int, step: float) -> Array:
         """Return the matrix of one step."""
-        n, half = len(self.discrete.rest), step / 2
-        eye, zero = np.eye(n), np.zeros((n, n))
-        drift = np.block([[eye, half * eye], [zero, eye]])
-        inverse = np.linalg.inv(self.discrete.mass + step * self.damping(mode))
-        kick = np.block([[eye, zero], [-step * inverse @ self.discrete.stiffness, inverse @ self.discrete.mass]])
-        return np.asarray(drift @ kick @ drift)
+        mass = self.discrete.mass
+        half = drift(len(mass), step / 2)
+        return np.asarray(half @ kick(mass + step * self.damping(mode), mass, self.discrete.stiffness, step) @ half)
 
 
 def write_pyelastica(

@@ -1,4 +1,4 @@
-"""What a beam becomes in another program: settings, and how well they represent it."""
+"""The account of a beam in another program: its settings, and how well they represent it."""
 
 from __future__ import annotations
 

@@ -28,6 +28,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.simulators.small_motion import Discrete, Energy
 from ancf_casadi.mechanics.attachments import PointMass
 from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.section import masses_per_length
 from ancf_casadi.mechanics.supports import Clamp, Pin
 from ancf_casadi.support.arrays import Array, Index
 
@@ -111,7 +112,7 @@ def segmented(beam: Beam, count: int) -> SegmentedBeam:
     marks = np.union1d(ends, nodes)
     pieces, middles = np.diff(marks), (marks[:-1] + marks[1:]) / 2
     owners: Index = np.minimum((middles / length).astype(np.int64), count - 1)
-    density = np.array([rho * s.area for rho, s in zip(beam.density, sections, strict=True)])
+    density = masses_per_length(beam.density, sections)
     of_element = np.clip(np.searchsorted(nodes, middles) - 1, 0, beam.elements - 1)
     mass = density[of_element] * pieces
     masses: Array = np.bincount(owners, mass).astype(np.float64)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import NoneType
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -57,40 +57,38 @@ class Writing:
         return self.modes.model
 
 
-class InProgram(Protocol):
-    """A beam of some number of segments in another program."""
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the program cannot represent."""
-
-    @property
-    def frequencies(self) -> Array:
-        """First natural frequencies, Hz, continuous in time."""
-
-    @property
-    def ratio(self) -> float:
-        """Damping ratio of mode 1, continuous in time."""
-
-    def matrix(self, mode: int, step: float) -> Array:
-        """Return the matrix of one step, with the damping of a mode at its amplitude."""
-
-
-C = TypeVar("C", bound=InProgram)
-
-
 @dataclass(frozen=True)
-class Segmented(ABC):
-    """A beam of segments in another program, whose damping and steps the program defines."""
+class InProgram(ABC):
+    """A beam in another program, which defines its modes, its damping and its steps."""
 
     given: Writing
-    beam: SegmentedBeam
     law: Dampers
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the program cannot represent."""
+        """Sentences on damping that the program cannot represent."""
         return self.law.warnings
+
+    @property
+    @abstractmethod
+    def frequencies(self) -> Array:
+        """First natural frequencies, Hz, continuous in time."""
+
+    @property
+    @abstractmethod
+    def ratio(self) -> float:
+        """Damping ratio of mode 1, continuous in time."""
+
+    @abstractmethod
+    def matrix(self, mode: int, step: float) -> Array:
+        """Return the matrix of one step, with the damping of a mode at its amplitude."""
+
+
+@dataclass(frozen=True)
+class Segmented(InProgram):
+    """A beam of segments in another program."""
+
+    beam: SegmentedBeam
 
     @cached_property
     def discrete(self) -> Discrete:
@@ -123,11 +121,8 @@ class Segmented(ABC):
     def damping(self, mode: int) -> Array:
         """Return the damping matrix, with drag as for the amplitude of a mode."""
 
-    @abstractmethod
-    def matrix(self, mode: int, step: float) -> Array:
-        """Return the matrix of one step, with the damping of a mode at its amplitude."""
 
-
+B = TypeVar("B", bound=InProgram)
 S = TypeVar("S", bound=Segmented)
 
 
@@ -165,7 +160,7 @@ def written(kind: type[S], form: str, mark: str, text: Callable[[S, ExportedBeam
     model, path, *others = options
     given, target = prepared(model, path, mark, *others)
     law = dampers(given.damping, given.modes, given.amplitude)
-    beam, found = settled(given, form, lambda count: kind(given, segmented(model.beam, count), law))
+    beam, found = settled(given, form, lambda count: kind(given, law, segmented(model.beam, count)))
     write_file(target, text(beam, found))
     return found
 
@@ -176,7 +171,7 @@ def listed(numbers: Mapping[str, Array]) -> str:
     return "\n".join(f"{name} = np.array({own.tolist()})" for name, own in rounded.items())
 
 
-def settled(given: Writing, form: str, make: Callable[[int], C]) -> tuple[C, ExportedBeam]:
+def settled(given: Writing, form: str, make: Callable[[int], B]) -> tuple[B, ExportedBeam]:
     """Return the beam with the settings that meet the tolerance, and its account."""
     allowed, count = SHARE * given.tolerance, given.segments or LEAST
     while True:

@@ -12,7 +12,6 @@ frequency |s|/2 pi and the damping ratio -Re s/|s| that a user of the program se
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as cs
@@ -22,7 +21,6 @@ import scipy.linalg
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.support.arrays import Array
 
-StepMatrix = Callable[[Array, Array, Array, float], Array]  # (M, D, K, h) -> Z
 SLOWEST = 1e-6  # 1/s; slower poles are those of motion that does not oscillate
 
 
@@ -109,6 +107,16 @@ def poles(matrix: Array, step: float, count: int) -> tuple[Array, Array, bool]:
 
 def implicit_in_velocity(mass: Array, damping: Array, stiffness: Array, step: float) -> Array:
     """Return Z of semi-implicit Euler steps with implicit damping, (M + h D) v' = M v - h K q, q' = q + h v'."""
-    n, inverse = len(mass), np.linalg.inv(mass + step * damping)
-    rates = np.hstack([-step * inverse @ stiffness, inverse @ mass])
-    return np.vstack([np.hstack([np.eye(n), np.zeros((n, n))]) + step * rates, rates])
+    return np.asarray(drift(len(mass), step) @ kick(mass + step * damping, mass, stiffness, step))
+
+
+def drift(count: int, step: float) -> Array:
+    """Return the matrix of q' = q + h v for a number of coordinates."""
+    eye = np.eye(count)
+    return np.block([[eye, step * eye], [0.0 * eye, eye]])
+
+
+def kick(after: Array, before: Array, stiffness: Array, step: float) -> Array:
+    """Return the matrix of A v' = B v - h K q."""
+    inverse, eye = np.linalg.inv(after), np.eye(len(after))
+    return np.block([[eye, 0.0 * eye], [-step * inverse @ stiffness, inverse @ before]])

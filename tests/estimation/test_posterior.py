@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from ancf_casadi import Beam, InputError, Model
 from ancf_casadi.estimation.intervals import profile_interval
 from ancf_casadi.estimation.posterior.log_density import LogDensity
-from ancf_casadi.estimation.posterior.sampling import _chain, expanded, largest_r_hat, sampled
+from ancf_casadi.estimation.posterior.sampling import _chain, expanded, largest_r_hat, resampled, sampled
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 from problems import FrequencyRecord, corner_figure, fit_beam, fit_decay
@@ -221,23 +221,46 @@ def test_short_chains_that_have_converged_do_not_warn():
 
 @pytest.mark.slow
 def test_samples_of_a_strongly_curved_fit_agree_with_its_profile_and_with_the_truth():
-    """With b - 4 a^2 and a independent, a has the distribution of Student, and b one that is far from normal."""
+    """With b - 2 a^2 and a independent, a has the distribution of Student, and b one that is far from normal.
+
+    The tolerances are four standard errors of some 700 independent draws.  A normal distribution misses the quantiles
+    of b by 0.42, 0.20 and 0.74 standard deviations.
+    """
     rng = np.random.default_rng(0)
     first, second = 2.0 * rng.standard_normal((2, 50))
     fit = least_squares(
-        lambda a, b: cs.vertcat(a - cs.DM(first), b - 4 * a**2 - cs.DM(second)), [Unknown("a", 0.1), Unknown("b", 0.1)]
+        lambda a, b: cs.vertcat(a - cs.DM(first), b - 2 * a**2 - cs.DM(second)), [Unknown("a", 0.1), Unknown("b", 0.1)]
     )
     spread = math.sqrt(fit.noise.variance / 50)
     a = first.mean() + spread * stats.t(98).rvs(100_000, random_state=1)
-    b = 4 * a**2 + second.mean() + spread * stats.t(98).rvs(100_000, random_state=2)
+    b = 2 * a**2 + second.mean() + spread * stats.t(98).rvs(100_000, random_state=2)
     settings = {"draws": 2000, "chains": 2, "seed": 0, "executor": None, "jobs": 1, "progress": False}
     data = sampled(LogDensity(fit), (("a", "b"), ("", ""), lambda *x: cs.vertcat(*x)), **settings)
     ends = np.quantile(data.posterior["a"].values, [0.025, 0.975])
-    np.testing.assert_allclose(ends, profile_interval(fit, "a"), atol=0.15 * spread)
-    np.testing.assert_allclose(ends, np.quantile(a, [0.025, 0.975]), atol=0.15 * spread)
+    np.testing.assert_allclose(ends, profile_interval(fit, "a"), atol=0.4 * spread)
+    np.testing.assert_allclose(ends, np.quantile(a, [0.025, 0.975]), atol=0.4 * spread)
     shares = [0.05, 0.5, 0.95]
-    found = np.quantile(data.posterior["b"].values, shares)
-    np.testing.assert_allclose(found, np.quantile(b, shares), atol=0.08 * b.std())
+    errors = np.quantile(data.posterior["b"].values, shares) - np.quantile(b, shares)
+    assert (np.abs(errors) < np.array([0.06, 0.07, 0.37]) * b.std()).all()
+
+
+def test_weights_correct_draws_that_depend_on_each_other():
+    """Of a normal distribution to a narrower one; a Metropolis chain that these draws are proposed to misses it by 0.1 to 0.7."""
+    rng = np.random.default_rng(0)
+    draws = lfilter([math.sqrt(1 - 0.95**2)], [1.0, -0.95], rng.standard_normal(200_000))
+    truth = stats.norm(0.5, 0.8)
+    places = resampled(truth.logpdf(draws) - stats.norm.logpdf(draws), rng)
+    shares = [0.025, 0.2, 0.5, 0.8, 0.975]
+    np.testing.assert_allclose(np.quantile(draws[places], shares), truth.ppf(shares), atol=0.04)
+    assert (np.diff(places) >= 0).all() and len(places) == len(draws)
+
+
+def test_weights_that_count_for_too_few_draws_are_refused():
+    rng = np.random.default_rng(0)
+    assert np.array_equal(resampled(np.zeros(5), rng), np.arange(5))
+    assert resampled(np.append(np.full(5, -math.inf), np.zeros(5)), rng) is not None
+    assert resampled(np.append(np.full(6, -math.inf), np.zeros(4)), rng) is None
+    assert resampled(np.full(5, -math.inf), rng) is None
 
 
 @pytest.mark.slow

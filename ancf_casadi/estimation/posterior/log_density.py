@@ -204,7 +204,10 @@ class LogDensity(Displayed):
 
     def _prior(self, x: Array) -> tuple[float, Array]:
         """Return the logarithm of the density of the priors, and its derivatives (n,) by the bounded coordinates."""
-        value, gradient, y = 0.0, np.zeros(len(x)), self.bounded(x)
+        value, gradient = 0.0, np.zeros(len(x))
+        if not self._prior_count:
+            return value, gradient
+        y = self.bounded(x)
         values, slopes = self.unknowns(x), self.fit.coordinates.slopes(y)
         for k, unknown in enumerate(self.fit.unknowns):
             if unknown.prior:
@@ -247,7 +250,7 @@ class LogDensity(Displayed):
             return -(f + n) / (2 * f) * square, -(f + n) / (2 * f) * by_residuals
         return -(f + n) / 2 * math.log1p(square / f), -(f + n) / (2 * (f + square)) * by_residuals
 
-    @property
+    @cached_property
     def _prior_count(self) -> int:
         """Number of priors, whose distances are the last residuals."""
         return sum(unknown.prior is not None for unknown in self.fit.unknowns)

@@ -11,13 +11,10 @@ y_0 + S_k and y_0 - S_k give the second derivatives of the residuals, and
 
     r(c) = r_0 + (G + 1/2 sum_k c_k B_k) c,        y = y_0 + S c.
 
-nutpie samples the density p_1 of these residuals.  Its draws, every fourth of which is nearly independent of the last,
-are the proposals of a Metropolis chain with the exact density p, which goes from c to c' with the probability
-
-    min(1, p(c') p_1(c)/(p(c) p_1(c'))).
-
-Where p_1 is close to p, nearly all proposals are accepted, and each draw takes one evaluation without a gradient.  If
-fewer than ``LEAST_ACCEPTED`` are, nutpie samples the exact density instead.
+nutpie samples the density p_1 of these residuals.  Every fourth of its draws has the weight w_i = p(c_i)/p_1(c_i) with
+the exact density p, and n draws are taken from these in their order, each w_i n/sum w times, rounded up or down at
+random.  This holds for draws that depend on each other too, and takes one evaluation of each without a gradient.  If the
+weights count for fewer than half of the draws, (sum w)^2 < n/2 sum w^2, nutpie samples the exact density instead.
 
 R-hat compares the means of the halves of M chains of n draws.  If all are independent draws of one distribution,
 (R-hat^2 - 1) n/2 + 1 is the quotient of a chi-squared number and its degrees of freedom, 2 M - 1.  Chains have not
@@ -26,8 +23,8 @@ converged if R-hat is above 1.01 and above what this gives by chance; for 250 dr
 References
 ----------
 M. D. Hoffman, A. Gelman, The No-U-Turn sampler, Journal of Machine Learning Research 15 (2014).
-J. S. Liu, Monte Carlo Strategies in Scientific Computing, Springer (2001), Section 9.4.3, for proposals from a density
-that is faster to evaluate.
+J. S. Liu, Monte Carlo Strategies in Scientific Computing, Springer (2001), Sections 2.5 and 3.4, for weights and for
+systematic resampling.
 A. Vehtari et al., Rank-normalization, folding, and localization: an improved R-hat, Bayesian Analysis 16 (2021).
 """
 
@@ -51,13 +48,13 @@ from ancf_casadi.estimation.intervals import Quantities
 from ancf_casadi.estimation.posterior.log_density import LogDensity
 from ancf_casadi.estimation.solver.polish import residuals_and_jacobian
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.arrays import Array, Mask
+from ancf_casadi.support.arrays import Array, Index, Mask
 from ancf_casadi.support.inputs import whole
 from ancf_casadi.support.parallel import run_all
 
 WARM_UP = 300  # steps of a chain before its draws, in which nutpie adapts
-NEARLY_INDEPENDENT = 4  # draws of the expanded density per proposal
-LEAST_ACCEPTED = 0.5  # share of the proposals
+THINNING = 4  # draws of the expanded density per weighted one
+LEAST_EFFECTIVE = 0.5  # share of the weighted draws
 LARGEST_R_HAT = 1.01  # R-hat beyond which chains have not converged (Vehtari et al.)
 # Chance of a larger R-hat of chains that have.  At 0.05, test_short_chains_that_have_converged_do_not_warn fails.
 UNLUCKY = 1e-3
@@ -133,17 +130,24 @@ def _chain(density: LogDensity, expansion: LogDensity, draws: int, seed: np.rand
     """Return a chain of the exact density."""
     if expansion is density:
         return _nuts(density, draws, seed)
-    proposed = _nuts(expansion, NEARLY_INDEPENDENT * draws, seed)
-    every = slice(NEARLY_INDEPENDENT - 1, None, NEARLY_INDEPENDENT)
-    exact = np.array([density.value(x) for x in proposed.draws[every]])
-    gain, chances = exact - proposed.values[every], np.log(np.random.default_rng(seed).uniform(size=draws))
-    places, now = [], 0
-    for k in range(draws):
-        now = k if gain[k] - gain[now] >= chances[k] else now
-        places.append(now)
-    if len(set(places)) < LEAST_ACCEPTED * draws:
+    found, every = _nuts(expansion, THINNING * draws, seed), slice(THINNING - 1, None, THINNING)
+    exact = np.array([density.value(x) for x in found.draws[every]])
+    places = resampled(exact - found.values[every], np.random.default_rng(seed))
+    if places is None:
         return _nuts(density, draws, seed)
-    return Chain(proposed.draws[every][places], exact[places], proposed.diverging[every][places])
+    return Chain(found.draws[every][places], exact[places], found.diverging[every][places])
+
+
+def resampled(log_weights: Array, rng: np.random.Generator) -> Index | None:
+    """Return which of n draws to take, n indices in order, by weights; None if these count for too few of the draws."""
+    n, highest = len(log_weights), float(log_weights.max())
+    if not math.isfinite(highest):
+        return None
+    weights = np.exp(log_weights - highest)
+    if weights.sum() ** 2 < LEAST_EFFECTIVE * n * (weights @ weights):
+        return None
+    ends = np.cumsum(weights)
+    return np.searchsorted(ends / ends[-1], (np.arange(n) + rng.uniform()) / n)
 
 
 def _nuts(density: LogDensity, draws: int, seed: np.random.SeedSequence) -> Chain:

@@ -1,8 +1,8 @@
-"""The loss of a residual: half its square, or the pseudo-Huber loss, which limits the influence of outliers.
+"""The loss of a residual: the pseudo-Huber loss, which limits the influence of outliers, or half the square.
 
-    rho(r) = r^2/2    or    rho(r) = d^2 ((1 + (r/d)^2)^1/2 - 1),
+    rho(r) = r^2/(1 + (1 + (r/d)^2)^1/2)    or, for infinite d,    rho(r) = r^2/2,
 
-where the second grows linearly for |r| well above d, and tends to the first for large d.  The derivative psi = rho' is
+where the first, d^2 ((1 + (r/d)^2)^1/2 - 1), grows linearly for |r| well above d.  The derivative psi = rho' is
 the influence of a residual, and w is the mean of psi'(r_i) over m residuals.  With n free unknowns and white noise, the
 variance of the residuals as the loss counts them is
 
@@ -38,12 +38,12 @@ def loss(residuals: cs.MX, huber: float) -> cs.MX:
     """Return the sum of the losses of residuals."""
     if math.isinf(huber):
         return cs.sumsqr(residuals) / 2
-    return huber**2 * cs.sum1(cs.sqrt(1 + (residuals / huber) ** 2) - 1)
+    return cs.sum1(residuals**2 / (1 + cs.sqrt(1 + (residuals / huber) ** 2)))
 
 
 def loss_value(residuals: Array, huber: float) -> float:
     """Return the sum of the losses of residuals as a number."""
-    return float(cs.evalf(loss(cs.MX(cs.DM(residuals)), huber)))
+    return float(residuals @ (residuals / (1 + np.sqrt(1 + (residuals / huber) ** 2))))
 
 
 def influence(residuals: Array, huber: float) -> tuple[Array, float]:

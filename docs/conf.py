@@ -1,15 +1,18 @@
 """Settings of the documentation site; ``poe docs`` builds it into ``docs/_build``, without a network."""
 
 import sys
+import tempfile
 from pathlib import Path
 
 from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
+from sphinx.util.logging import getLogger
 
 from ancf_casadi.version import __version__
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "docs"))
+from run_pages import BUILT, run_page  # noqa: E402
 
 project = "ancf-casadi"
 release = version = __version__
@@ -67,6 +70,17 @@ html_theme_options = {
 }
 
 
+def run_built_pages(app: Sphinx) -> None:
+    """Run the code of some pages, and warn of one that does not do what it says."""
+    for page in BUILT:
+        with tempfile.TemporaryDirectory() as folder:
+            try:
+                run_page(page, Path(folder))
+            except Exception as error:
+                getLogger(__name__).warning("%s does not run: %s: %s", page.name, type(error).__name__, error)
+
+
 def setup(app: Sphinx) -> None:
-    """Let pages mark CSV files as such, which Pygments does not know."""
+    """Let pages mark CSV files as such, which Pygments does not know, and run the pages that need the build."""
     app.add_lexer("csv", TextLexer)
+    app.connect("builder-inited", run_built_pages)

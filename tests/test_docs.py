@@ -1,25 +1,8 @@
-"""Every code block of every page of the documentation runs, and the site names every public thing.
-
-The blocks of a page run in their order, in one namespace and one folder, in which ``examples`` is at hand:
-
-- ``python`` runs.  If its first line is a comment with a file name, ``# swing.py``, it is written to this file, and
-  runs as a script of its own.
-- ``toml`` and ``csv`` are written to the file that their first line names, ``# beam.toml``; a block without a name
-  is only parsed.
-- ``sh``: lines that begin with ``ancf-casadi`` run and succeed.  Lines that set up an environment are left out, and
-  ``python NAME.py`` names a file that a block has written and run.
-- ``text`` is what the blocks before it print, in other lines if need be, and with ``...`` for what is left out.
-- ``bash``, ``c``, ``json``, ``matlab`` and ``py`` (code of other programs) are for reading.
-"""
+"""The code of every page of the documentation runs, and the site names every public thing."""
 
 import importlib
 import re
-import runpy
-import shlex
-import shutil
 import sys
-import tomllib
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -27,11 +10,16 @@ import pytest
 import ancf_casadi
 import ancf_casadi.export
 import problems
-from problems.cli import main
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-PAGES = sorted(path for path in DOCS.rglob("*.md") if not {"_build", "gallery"} & set(path.relative_to(DOCS).parts))
+sys.path.insert(0, str(DOCS))
+check_links, run_pages = importlib.import_module("check_links"), importlib.import_module("run_pages")
+PAGES = sorted(
+    path
+    for path in set(DOCS.rglob("*.md")).difference(run_pages.BUILT)
+    if not {"_build", "gallery"} & set(path.relative_to(DOCS).parts)
+)
 SLOW = (  # pages that take more than about a second
     "coming_from/matlab.md",
     "export.md",
@@ -58,114 +46,8 @@ SLOW = (  # pages that take more than about a second
     "tutorials/export.md",
     "tutorials/frequencies.md",
     "tutorials/large_motion.md",
-    "tutorials/phone_video.md",
 )
-READ = ("bash", "c", "json", "matlab", "py")
-NEEDS = {"track_a_video": ("cv2",), "phone_video": ("cv2", "mujoco")}  # modules that no test environment must have
-SET_UP = ("python3 -m venv ", "python -m venv ", "pip install ", ". .venv/bin/activate", ".venv/bin/pip install ")
-FENCE = re.compile(r"(?P<indent> *)(?P<fence>`{3,}|~{3,})(?P<language>.*)")
-NUMBER = r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
-FILE_NAME = re.compile(r"# ([\w-]+\.(?:py|toml|csv))")
-
-
-@dataclass(frozen=True)
-class Block:
-    """A fenced block: its language, its lines, and its first line in the page."""
-
-    language: str
-    code: str
-    line: int
-
-    @property
-    def file_name(self):
-        """The file that its first line names, if any."""
-        found = FILE_NAME.fullmatch(self.code.partition("\n")[0])
-        return found and found[1]
-
-
-def blocks(text):
-    """Yield the fenced blocks of a page, without directives such as ``{toctree}``."""
-    fence = None
-    for number, line in enumerate(text.splitlines(), start=1):
-        found = FENCE.fullmatch(line)
-        if fence is None:
-            if found:
-                fence, language, lines, start = found, found["language"].strip(), [], number + 1
-        elif found and found["fence"].startswith(fence["fence"]) and not found["language"].strip():
-            if not language.startswith("{") or language.startswith("{code"):
-                yield Block(language, "\n".join(lines) + "\n", start)
-            fence = None
-        else:
-            lines.append(line.removeprefix(fence["indent"]))
-    assert fence is None, f"the block in line {start - 1} has no end"
-
-
-def words(text):
-    """Return a text on one line, rules of tables shortened."""
-    return " ".join(re.sub("-{3,}", "---", text).split())
-
-
-def agree(stated, found):
-    """Whether two numbers differ by no more than another machine may cause: 1 %, or three of the last decimal."""
-    mantissa, _, exponent = stated.partition("e")
-    decimals = len(mantissa.partition(".")[2])
-    rounding = 3.001 * 10.0 ** (int(exponent or 0) - decimals) if decimals else 0.0
-    return abs(float(stated) - float(found)) <= max(0.01 * abs(float(stated)), rounding)
-
-
-def not_printed(stated, printed):
-    """Return the first piece of a text, between ``...``, that was not printed, or an empty text."""
-    rest = words(printed)
-    for piece in map(words, stated.split("...")):
-        numbers = re.findall(NUMBER, piece)
-        pattern = f"({NUMBER})".join(map(re.escape, re.split(NUMBER, piece)))
-        for found in re.finditer(pattern, rest):
-            if all(map(agree, numbers, found.groups())):
-                rest = rest[found.end() :]
-                break
-        else:
-            return f"{piece!r} was not printed, but {rest!r}"
-    return ""
-
-
-def run_page(path, folder, printed):
-    """Run the blocks of a page; ``printed`` returns what has been printed since its last call."""
-    names = {"__name__": "__main__"}
-    for block in blocks(path.read_text()):
-        where = f"{path.name}, line {block.line}"
-        if block.language == "text":
-            fault = not_printed(block.code, printed())
-            assert not fault, f"{where}: {fault}"
-            continue
-        if block.file_name and block.language in ("python", "toml", "csv"):
-            (folder / block.file_name).write_text(block.code)
-        if block.language == "python" and block.file_name:
-            runpy.run_path(str(folder / block.file_name), run_name="__main__")
-        elif block.language == "python":
-            exec(compile("\n" * (block.line - 1) + block.code, str(path), "exec"), names)
-        elif block.language == "sh":
-            for line in block.code.replace("\\\n", " ").splitlines():
-                run_line(line.strip(), folder, where)
-        elif block.language == "toml":
-            tomllib.loads(block.code)
-        elif block.language != "csv":
-            assert block.language in READ, f"{where}: no rule for blocks in {block.language or 'no language'!r}"
-
-
-def run_line(line, folder, where):
-    """Run a line of a shell."""
-    words = shlex.split(line, comments=True)
-    if not words or line.startswith(SET_UP):
-        return
-    if words[0] == "python" and len(words) == 2:
-        assert (folder / words[1]).is_file(), f"{where}: no block has written {words[1]}"
-        return
-    assert words[0] == "ancf-casadi", f"{where}: no rule for {line!r}"
-    try:
-        code = main(words[1:])
-    except SystemExit as ended:  # as --help and wrong options end
-        code = ended.code
-    assert code == 0, f"{where}: {line!r} ends with exit code {code}"
+NEEDS = {"track_a_video": ("cv2",)}  # modules that no test environment must have
 
 
 @pytest.mark.parametrize(
@@ -177,29 +59,22 @@ def run_line(line, folder, where):
     ],
 )
 @pytest.mark.filterwarnings("ignore:FigureCanvasAgg is non-interactive")
-def test_the_code_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
+def test_the_code_of_a_page_runs(page, tmp_path, monkeypatch):
     for module in NEEDS.get(page.stem, ()):
         pytest.importorskip(module)
     monkeypatch.setenv("MPLBACKEND", "Agg")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)  # a script imports its neighbours
-    shutil.copytree(ROOT / "examples", "examples")
-    try:
-        run_page(page, tmp_path, printed=lambda: capsys.readouterr().out)
-    finally:
-        for script in tmp_path.glob("*.py"):
-            sys.modules.pop(script.stem, None)
+    run_pages.run_page(page, tmp_path)
 
 
-def test_slow_pages_exist():
-    assert all((DOCS / name).is_file() for name in SLOW)
+def test_slow_pages_and_those_of_the_build_exist():
+    assert all(path.is_file() for path in [*(DOCS / name for name in SLOW), *run_pages.BUILT])
 
 
-def test_another_output_than_stated_is_seen(tmp_path, capsys):
+def test_another_output_than_stated_is_seen(tmp_path):
     page = tmp_path / "page.md"
     page.write_text("```python\nprint(2)\n```\n\n```text\n3\n```\n")
-    with pytest.raises(AssertionError, match=r"page.md, line 6"):
-        run_page(page, tmp_path, printed=lambda: capsys.readouterr().out)
+    with pytest.raises(run_pages.PageError, match=r"page.md, line 6"):
+        run_pages.run_page(page, tmp_path)
 
 
 PAGE = """
@@ -227,18 +102,19 @@ ancf-casadi modes \\
     examples/beam.toml  # a comment
 python swing.py
 ```
+
+```text
+... 1.87613 ...
+```
 """
 
 
-def test_blocks_of_all_kinds_run(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    shutil.copytree(ROOT / "examples", "examples")
+def test_blocks_of_all_kinds_run(tmp_path):
     page = tmp_path / "page.md"
     page.write_text(PAGE)
-    assert [block.language for block in blocks(PAGE)] == ["python", "python", "sh"]
-    run_page(page, tmp_path, printed=str)
+    assert [block.language for block in run_pages.blocks(PAGE)] == ["python", "python", "sh", "text"]
+    run_pages.run_page(page, tmp_path)
     assert (tmp_path / "made").exists()
-    assert "1.87613" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -256,12 +132,11 @@ def test_blocks_of_all_kinds_run(tmp_path, monkeypatch, capsys):
         "```python\n",
     ],
 )
-def test_a_block_that_fails_is_found(block, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_a_block_that_fails_is_found(block, tmp_path):
     page = tmp_path / "page.md"
     page.write_text(block)
-    with pytest.raises((AssertionError, ValueError)):
-        run_page(page, tmp_path, printed=str)
+    with pytest.raises((run_pages.PageError, ValueError)):
+        run_pages.run_page(page, tmp_path)
 
 
 def test_the_api_reference_holds_every_public_name_once():
@@ -278,20 +153,13 @@ def test_the_api_reference_holds_every_public_name_once():
     assert sorted(documented) == sorted(public)
 
 
-@pytest.fixture
-def check(monkeypatch):
-    """The faults that the link check of the site finds."""
-    monkeypatch.syspath_prepend(str(DOCS))
-    return importlib.import_module("check_links").faults
-
-
 GOOD = '<a href="other.html#there">x</a><a href="#here" id="here">y</a><a href="https://example.org/">z</a>'
 
 
-def test_the_link_check_passes_a_good_site(check, tmp_path):
+def test_the_link_check_passes_a_good_site(tmp_path):
     (tmp_path / "index.html").write_text(GOOD)
     (tmp_path / "other.html").write_text('<p id="there">')
-    assert list(check(tmp_path)) == []
+    assert list(check_links.faults(tmp_path)) == []
 
 
 @pytest.mark.parametrize(
@@ -304,14 +172,14 @@ def test_the_link_check_passes_a_good_site(check, tmp_path):
         ('<link rel="stylesheet" href="//example.org/a.css">', "loads //example.org/a.css"),
     ],
 )
-def test_the_link_check_finds_a_fault(check, tmp_path, page, fault):
+def test_the_link_check_finds_a_fault(tmp_path, page, fault):
     (tmp_path / "index.html").write_text(page)
-    assert list(check(tmp_path)) == [f"index.html: {fault}"]
+    assert list(check_links.faults(tmp_path)) == [f"index.html: {fault}"]
 
 
-def test_the_link_check_finds_fonts_from_elsewhere(check, tmp_path):
+def test_the_link_check_finds_fonts_from_elsewhere(tmp_path):
     (tmp_path / "a.css").write_text("@import url('https://example.org/font.css'); b { background: url(c.png) }")
-    assert list(check(tmp_path)) == ["a.css: loads https://example.org/font.css"]
+    assert list(check_links.faults(tmp_path)) == ["a.css: loads https://example.org/font.css"]
 
 
 def test_the_citation_has_the_version_of_the_package():

@@ -245,7 +245,7 @@ def test_samples_of_a_strongly_curved_fit_agree_with_its_profile_and_with_the_tr
 
 
 def test_weights_correct_draws_that_depend_on_each_other():
-    """Of a normal distribution to a narrower one; a Metropolis chain that these draws are proposed to misses it by 0.1 to 0.7."""
+    """Of a normal distribution to a narrower one, which a Metropolis chain of these proposals misses by 0.1 to 0.7."""
     rng = np.random.default_rng(0)
     draws = lfilter([math.sqrt(1 - 0.95**2)], [1.0, -0.95], rng.standard_normal(200_000))
     truth = stats.norm(0.5, 0.8)

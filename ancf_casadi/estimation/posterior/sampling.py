@@ -13,8 +13,8 @@ y_0 + S_k and y_0 - S_k give the second derivatives of the residuals, and
 
 nutpie samples the density p_1 of these residuals.  Every fourth of its draws has the weight w_i = p(c_i)/p_1(c_i) with
 the exact density p, and n draws are taken from these in their order, each w_i n/sum w times, rounded up or down at
-random.  This holds for draws that depend on each other too, and takes one evaluation of each without a gradient.  If the
-weights count for fewer than half of the draws, (sum w)^2 < n/2 sum w^2, nutpie samples the exact density instead.
+random.  This holds for draws that depend on each other too, and takes one evaluation of each, without its gradient.  If
+the weights count for fewer than half of the draws, (sum w)^2 < n/2 sum w^2, nutpie samples the exact density instead.
 
 R-hat compares the means of the halves of M chains of n draws.  If all are independent draws of one distribution,
 (R-hat^2 - 1) n/2 + 1 is the quotient of a chi-squared number and its degrees of freedom, 2 M - 1.  Chains have not

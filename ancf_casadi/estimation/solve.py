@@ -192,6 +192,16 @@ def solve(problem: FitProblem, starts: Sequence[Mapping[str, float]] = ({},)) ->
                 one.close()
 
 
+def fitted_once(problem: FitProblem) -> Fit:
+    """Return the estimates for the weights and the discretisation that a problem has, which is enough near the truth."""
+    evaluations = tuple(block.evaluation() for block in problem.blocks)
+    try:
+        return problem.fitted(evaluations, first=True)
+    finally:
+        for one in evaluations:
+            one.close()
+
+
 def _optima(problem: FitProblem, evaluations: Sequence[Evaluation], starts: Sequence[Mapping[str, float]]) -> list[Fit]:
     """Return the best fit, and others that fit as well."""
     fits: list[Fit] = []

@@ -17,13 +17,14 @@ from typing import Any
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.estimation.criteria import Expectation, expectation
+from ancf_casadi.estimation.solve import fitted_once
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import check_instance, choice, instances, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.support.tables import Reported, Table, counted
-from problems.beam.fitting import fit_beam
+from problems.beam.fitting import beam_problem, fit_beam
 from problems.beam.result import law_name
 from problems.planning.experiments import plan
 from problems.planning.record import PlannedRecord
@@ -173,10 +174,11 @@ def _expected(
     terms, found = [[own.name for own in law.parameters] for law in laws], {}
     for name, counts in lists.items():
         records: list[Any] = [exact[one] for one, count in counts.items() for _ in range(count)]
-        fits = [fit_beam(model, records, law, **settings) for law in laws]
-        own = fits[truth]
-        for k, rival in enumerate(fits):
+        problem = beam_problem(model, records, laws[truth], **settings)[0]
+        own = fitted_once(problem)
+        for k, law in enumerate(laws):
             if k != truth:
-                std, pair = own.solution.problem.scale, ((own.fit, rival.fit), (terms[truth], terms[k]))
-                found[name, truth, k] = expectation(*pair, rival.fit.residuals, std, 1.0)
+                rival = fit_beam(model, records, law, **settings).fit
+                pair = (own, rival), (terms[truth], terms[k])
+                found[name, truth, k] = expectation(*pair, rival.residuals, problem.scale, 1.0)
     return found

@@ -102,7 +102,7 @@ def run_block(block: Block, names: dict[str, object], path: Path, where: str) ->
     if block.file_name and block.language in ("python", "toml", "csv"):
         Path(block.file_name).write_text(block.code)
     if block.language == "python" and block.file_name:
-        runpy.run_path(block.file_name, run_name="__main__")
+        runpy.run_path(str(Path(block.file_name).resolve()), run_name="__main__")
     elif block.language == "python":
         exec(compile("\n" * (block.line - 1) + block.code, str(path), "exec"), names)
     elif block.language == "sh":

@@ -59,9 +59,15 @@ class Excitation:
 
     def jacobian(self, time: float) -> Array:
         """Return the derivatives of the excitation with respect to b, (16, m), at a time."""
-        if not self.parameters.size:
-            return np.zeros((EXCITATION, 0))
-        return np.asarray(self._derivatives[0](time, self.parameters).full())
+        return np.asarray(self.jacobians(np.array([time]))[0])
+
+    def jacobians(self, times: Array) -> Array:
+        """Return the derivatives of the excitation with respect to b, (k, 16, m), at times (k,)."""
+        count = self.parameters.size
+        if not (times.size and count):
+            return np.zeros((times.size, EXCITATION, count))
+        found = self._derivatives[0](times[None, :], self.parameters).full()  # side by side
+        return np.asarray(found.reshape(EXCITATION, times.size, count).swapaxes(0, 1))
 
     def derivatives(self, time: float) -> Array:
         """Return the clamped node and the time derivative of its acceleration, (16,), at a time."""

@@ -193,7 +193,7 @@ def solve(problem: FitProblem, starts: Sequence[Mapping[str, float]] = ({},)) ->
 
 
 def fitted_once(problem: FitProblem) -> Fit:
-    """Return the estimates for the weights and the discretisation that a problem has, which is enough near the truth."""
+    """Return the estimates for the weights and the discretisation that a problem has, enough near the truth."""
     evaluations = tuple(block.evaluation() for block in problem.blocks)
     try:
         return problem.fitted(evaluations, first=True)

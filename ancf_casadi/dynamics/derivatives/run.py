@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ancf_casadi.dynamics.excitation import Excitation
+from ancf_casadi.dynamics.excitation import EXCITATION, Excitation
 from ancf_casadi.dynamics.radau.collocation import QUINTIC, RADAU, powers
 from ancf_casadi.dynamics.radau.stepper import RadauStep
 from ancf_casadi.dynamics.segments import SAME_TIME
@@ -37,6 +37,11 @@ class Passage:
     acceleration_jacobian: Array  # of the first a with respect to q, v, the excitation and the parameters, (N, ...)
     steps: list[RadauStep]
     samples: list[Index]  # indices of the samples in each step
+
+    def stage_jacobians(self) -> Array:
+        """Return the derivatives of the excitation by the m parameters of the base at the stages, (steps, 3, 16, m)."""
+        times = np.array([step.start + RADAU.nodes * step.length for step in self.steps])
+        return self.excitation.jacobians(times.ravel()).reshape(*times.shape, EXCITATION, -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +77,7 @@ def sample_weights(step: RadauStep, times: Array, orders: int) -> Array:
 
 def clamp_jacobians(excitation: Excitation, times: Array, orders: int) -> Array:
     """Return the derivatives (s, orders, 4, m) of samples of the clamped node by the m parameters of the base."""
-    found = [excitation.jacobian(time)[: orders * NODE].reshape(orders, NODE, -1) for time in times.tolist()]
-    return np.array(found)
+    return excitation.jacobians(times)[:, : orders * NODE].reshape(times.size, orders, NODE, -1)
 
 
 def samples_of(times: Array, steps: list[RadauStep], begin: float, end: float, *, first: bool) -> list[Index]:

@@ -194,9 +194,9 @@ def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters
     for passage in run.passages:
         excitation = passage.excitation
         da = passage.acceleration_jacobian @ np.vstack([dq, dv, excitation.jacobian(excitation.begin) @ b, parameters])
-        for step, samples, factors in tangent.steps(run, passage):
-            given = [excitation.jacobian(step.start + c * step.length) @ b for c in RADAU.nodes.tolist()]
-            du = np.vstack([dq, dv, *given, parameters])
+        stages = (passage.stage_jacobians() @ b).reshape(-1, STAGES * EXCITATION, d)
+        for (step, samples, factors), given in zip(tangent.steps(run, passage), stages, strict=True):
+            du = np.vstack([dq, dv, given, parameters])
             dZ = tangent.increments(step, factors, run.parameters, du).reshape(STAGES, free, d)
             dV = np.einsum("ij,jkl->ikl", RADAU.inverse, dZ) / step.length
             accelerations = np.tensordot(RADAU.inverse[-1], dV - dv, 1) / step.length
@@ -221,7 +221,10 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
     q = v = np.zeros((free, d))
     for passage in reversed(run.passages):
         excitation, a = passage.excitation, np.zeros((free, d))
-        for step, samples, factors in tangent.steps(run, passage, backwards=True):
+        stages = passage.stage_jacobians()[::-1]
+        for (step, samples, factors), jacobians in zip(
+            tangent.steps(run, passage, backwards=True), stages, strict=True
+        ):
             ends = _sampled(model, run, passage, step, samples, weights, b)
             q, v, a = ends[3] + q, ends[4] + v, ends[5] + a
             by_velocities = RADAU.inverse[-1] / step.length
@@ -231,8 +234,7 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
             increments[-1] += q
             found = tangent.given(step, factors, run.parameters, increments.reshape(-1, d))
             by_q, by_v, given, parameters = given_layout.split(found)
-            for c, one in zip(RADAU.nodes.tolist(), given.reshape(STAGES, EXCITATION, d), strict=True):
-                b += excitation.jacobian(step.start + c * step.length).T @ one
+            b += np.einsum("sem,sed->md", jacobians, given.reshape(STAGES, EXCITATION, d))
             p += parameters
             q = ends[0] + q + by_q
             v = ends[1] - by_velocities.sum() * a + by_v

@@ -268,7 +268,8 @@ def _with_values(block: Block, guesses: Mapping[str, float]) -> tuple[Template, 
         raise FitError(evaluation.failure)
     parts = zip(trial.weights.split(residuals), template.own_channels, strict=True)
     record = filled(template, np.concatenate([rest + channel.measurement.values for rest, channel in parts]))
-    return record, motion_block(block.model, [(number, record)], block.damping, block.first, load=block.load)
+    found = motion_block(block.model, [(number, record)], block.damping, block.first, load=block.load)
+    return record, found.careful() or found
 
 
 def _steady(block: CurveBlock, guesses: Mapping[str, float]) -> Array:

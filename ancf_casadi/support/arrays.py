@@ -20,6 +20,12 @@ def root_mean_square(values: Array) -> float:
     return math.sqrt(float(np.mean(kept**2))) if kept.size else math.nan
 
 
+def maxima(values: Array) -> Index:
+    """Return the indices of the local maxima of values (m,), without the ends; scipy.signal takes long to import."""
+    rises = np.diff(values) > 0.0
+    return np.flatnonzero(rises[:-1] & ~rises[1:]) + 1
+
+
 @dataclass(frozen=True)
 class Layout:
     """The parts of a vector, one after the other."""

@@ -46,7 +46,7 @@ from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, maxima
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
@@ -168,7 +168,7 @@ def displaced(modes: Modes, amplitude: float) -> Equilibrium:
 def peaks(time: Array, displacement: Array) -> Envelope:
     """Return the envelope through the turning points of an oscillation about 0, from its start at a turning point."""
     size = np.abs(displacement)
-    at = scipy.signal.find_peaks(size)[0]
+    at = maxima(size)
     before, here, after = size[at - 1], size[at], size[at + 1]
     shift = (before - after) / (2 * (before - 2 * here + after))  # of a parabola through three samples
     top = here - (before - after) * shift / 4

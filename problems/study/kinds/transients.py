@@ -11,13 +11,12 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Self, final
 
 import numpy as np
-import scipy  # its packages are imported on first use
 from msgspec import Meta
 
 from ancf_casadi.dynamics.simulation import Method
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, maxima
 from ancf_casadi.support.figures import Axes, Figure, plain_log_ticks
 from ancf_casadi.support.tables import known
 from problems.schema.table import keys_of
@@ -213,7 +212,7 @@ def _run_figure(run: RequestedRun, results: Sequence[ExperimentResult]) -> Figur
 
 def _peaks(result: ExperimentResult) -> tuple[Array, Array]:
     """Return times after the stop, s, and sizes of the extremes of the decay."""
-    at = scipy.signal.find_peaks(np.abs(result.decay))[0]
+    at = maxima(np.abs(result.decay))
     return result.decay_time[at] - result.numbers["stop_s"], np.abs(result.decay[at])
 
 

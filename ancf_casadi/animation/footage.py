@@ -8,7 +8,7 @@ A camera shows a point r of the beam, turned by the rotation R of the picture, a
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,7 +65,8 @@ class Footage(Displayed):
         time = array(self.time, "time")
         if time.ndim != 1 or not time.size or (time[1:] <= time[:-1]).any():
             raise InputError("must be numbers that increase", "time")
-        if not hasattr(self.images, "__getitem__") or len(self.images) != time.size:
+        listed = all(hasattr(self.images, name) for name in ("__getitem__", "__len__"))
+        if not listed or isinstance(self.images, Mapping) or len(self.images) != time.size:
             raise InputError(f"must be a sequence of {time.size} pictures, one for each time", "images")
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "scale", physical(self.scale, "scale"))

@@ -14,8 +14,8 @@ there for the axial forces is below the tolerance.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import casadi as cs
 import numpy as np
@@ -24,11 +24,10 @@ import scipy.sparse.linalg
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.derivatives.run import MotionRun, Passage, sampled, samples_of, stop_if_interrupted
-from ancf_casadi.dynamics.derivatives.tangent import Tangent, forward, reverse
+from ancf_casadi.dynamics.derivatives.tangent import Tangent, forward, reverse, tangent_of
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.excitation import EXCITATION, Excitation, excitation_pieces
+from ancf_casadi.dynamics.excitation import Excitation, excitation_pieces
 from ancf_casadi.dynamics.placed_load import LOAD_SIZE, TIP
-from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.stepper import RadauStep, Stepper
 from ancf_casadi.dynamics.segments import SAME_TIME
 from ancf_casadi.dynamics.start import (
@@ -48,7 +47,6 @@ from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index, Layout
-from ancf_casadi.support.compilation import compiled
 from ancf_casadi.vibration.changed_model import changed_model
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
@@ -147,9 +145,9 @@ class SensitivityProblem:
             np.add.at(direct[self.layout["shifts"]], self.clocks, np.einsum("kon,kond->kd", run.rates, weights))
         return np.asarray(direct + run.start_jacobian.T @ start)
 
-    @cached_property
+    @property
     def _tangent(self) -> Tangent:
-        return Tangent(Collocation(replace(self.equations, make=partial(compiled, derivatives=True))))
+        return tangent_of(self.equations)
 
     @cached_property
     def _start_jacobians(self) -> tuple[cs.Function, cs.Function]:
@@ -232,19 +230,6 @@ class SensitivityProblem:
             stepper.advance()
             steps.append(stepper.last_step)
         first, node = steps[0], excitation.at(excitation.begin)
-        forces = self._force_jacobian(first.q, first.v, first.a, node, parameters).full()
+        forces = self._tangent.force_jacobian(first.q, first.v, first.a, node, parameters).full()
         jacobian = -scipy.sparse.linalg.splu(self._tangent.form.mass(parameters).sparse()).solve(forces)
         return steps, jacobian, stepper.state
-
-    @cached_property
-    def _force_jacobian(self) -> cs.Function:
-        """(q, v, a, excitation, parameters) -> Jacobian of the forces on the free coordinates, for all inputs but a."""
-        free = self.equations.free
-        q, v, a = (cs.MX.sym(name, free) for name in "qva")
-        excitation, p = cs.MX.sym("excitation", EXCITATION), cs.MX.sym("p", self.equations.layout.size)
-        *node, load = cs.vertsplit(excitation, NODE)
-        model = self.equations.model
-        motion = [model.whole(x, part) for part, x in zip(node, (q, v, a), strict=True)]
-        forces = model.of_free(Collocation(self.equations).balance(*motion, load, p)[0])
-        jacobian = cs.horzcat(*(cs.jacobian(forces, x) for x in (q, v, excitation, p)))
-        return cs.Function("force_jacobian", [q, v, a, excitation, p], [jacobian])

@@ -19,8 +19,8 @@ weights w of its increments Z; -R_u^T G^-T w are then weights of u, and give tho
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, partial
 
 import casadi as cs
 import numpy as np
@@ -34,7 +34,7 @@ from ancf_casadi.dynamics.derivatives.run import (
     stop_if_interrupted,
     whole_samples,
 )
-from ancf_casadi.dynamics.equations import Balance
+from ancf_casadi.dynamics.equations import Balance, Equations, as_it_is
 from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.radau.collocation import RADAU, STAGES, Collocation, stage_motion
 from ancf_casadi.dynamics.radau.stepper import RadauStep
@@ -42,7 +42,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.support.banded import BandedFactors, lapack_place, lapack_storage
-from ancf_casadi.support.compilation import Buffered
+from ancf_casadi.support.compilation import Buffered, compiled
 
 StepFunction = Callable[..., Array]  # (step, parameters, [vectors]) -> values of a Function (Z, h, u, [vector]), (k, d)
 NO_VECTOR = np.empty((0, 1))  # for a Function without one
@@ -71,6 +71,18 @@ class Tangent:
     def inverse_order(self) -> Index:
         """Indices of the unknowns, listed stage by stage, in the order of G, (3 N,)."""
         return np.argsort(self.order)
+
+    @cached_property
+    def force_jacobian(self) -> cs.Function:
+        """(q, v, a, excitation, parameters) -> Jacobian of the forces on the free coordinates, for all inputs but a."""
+        q, v, a = (cs.MX.sym(name, self._free) for name in "qva")
+        excitation, p = cs.MX.sym("excitation", EXCITATION), cs.MX.sym("p", self.form.equations.layout.size)
+        *node, load = cs.vertsplit(excitation, NODE)
+        equations = replace(self.form.equations, make=as_it_is)
+        motion = [equations.model.whole(x, part) for part, x in zip(node, (q, v, a), strict=True)]
+        forces = equations.model.of_free(Collocation(equations).balance(*motion, load, p)[0])
+        jacobian = cs.horzcat(*(cs.jacobian(forces, x) for x in (q, v, excitation, p)))
+        return cs.Function("force_jacobian", [q, v, a, excitation, p], [jacobian])
 
     @property
     def bandwidth(self) -> int:
@@ -177,6 +189,12 @@ class Tangent:
 
     def _balance(self, u: cs.MX) -> Balance:
         return self.form.equations.balance(u[self.layout["parameters"]])
+
+
+@lru_cache(8)
+def tangent_of(equations: Equations) -> Tangent:
+    """Return the Functions of the linearised steps under some equations; all motions under them share these."""
+    return Tangent(Collocation(replace(equations, make=partial(compiled, derivatives=True))))
 
 
 def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters: Array) -> Array:

@@ -90,9 +90,10 @@ class MotionBlock(SeriesBlock):
 
     def evaluation(self, before: Evaluation | None = None) -> MotionEvaluation:
         """Return the motions as differentiable Functions; those of ``before`` serve other weights too."""
-        if isinstance(before, MotionEvaluation) and before.block.tolerance == self.tolerance:
-            return replace(before, block=self)
-        return MotionEvaluation.of(self)
+        known = before if isinstance(before, MotionEvaluation) else None
+        if known and known.block.tolerance == self.tolerance:
+            return replace(known, block=self)
+        return MotionEvaluation.of(self, known)
 
     def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
         """Return the block with the standard deviations that residuals show."""
@@ -102,7 +103,7 @@ class MotionBlock(SeriesBlock):
 
     def error(self, values: Mapping[str, float], residuals: Array, evaluation: Any) -> Array:
         """Return the error of residuals, from one integration of each record at a smaller tolerance."""
-        tight = replace(self, tolerance=self.tolerance / CHECK_RATIO).evaluation()
+        tight = replace(self, tolerance=self.tolerance / CHECK_RATIO).evaluation(evaluation)
         found = tight.residuals({name: cs.MX(value) for name, value in values.items()})
         with delayed_interrupts():
             change = np.asarray(cs.evalf(found)).ravel() - residuals

@@ -41,9 +41,9 @@ class MotionEvaluation:
     motions: list[cs.Function]  # the motion of each record
 
     @classmethod
-    def of(cls, block: MotionBlock) -> MotionEvaluation:
-        """Return the motions of a block, before a run."""
-        equations = Equations(block.model, block.damping)
+    def of(cls, block: MotionBlock, before: MotionEvaluation | None = None) -> MotionEvaluation:
+        """Return the motions of a block, before a run; with the equations of an earlier evaluation, if there is one."""
+        equations = before.equations if before else Equations(block.model, block.damping)
         runs = [Runs(_problem(block, equations, record), MOST_STEP_RATIO) for record in block.records]
         return cls(block, equations, runs, [one.function() for one in runs])
 

@@ -182,10 +182,6 @@ class Block(ABC):
         """
         return None
 
-    def careful(self) -> Self | None:
-        """Return the block with a finer discretisation, for a fit that fails with the first one; None if it is fine."""
-        return None
-
     def unexplained(self, fitted: Fitted) -> list[tuple[str, float]]:
         """Return name and unexplained share of the motion of each record, root mean square; none if unknown."""
         return []

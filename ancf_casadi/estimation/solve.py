@@ -100,13 +100,6 @@ class FitProblem:
         """Return the root mean square of all residuals from that of each block."""
         return math.sqrt(float(np.dot(self._sizes, np.square(sizes))) / sum(self._sizes))
 
-    def careful(self) -> FitProblem | None:
-        """Return the problem with finer discretisations, for a fit that fails; None if they are fine."""
-        finer = [block.careful() for block in self.blocks]
-        if not any(finer):
-            return None
-        return replace(self, blocks=tuple(new or old for new, old in zip(finer, self.blocks, strict=True)))
-
     def residuals(self, evaluations: Sequence[Evaluation]) -> Callable[..., cs.MX]:
         """Return the function from the unknowns, in their order, to all residuals."""
 
@@ -183,27 +176,14 @@ def _restored(problem: FitProblem, fit: Fit, shifts: Array, others: Sequence[Fit
 
 
 def solve(problem: FitProblem, starts: Sequence[Mapping[str, float]] = ({},)) -> FitSolution:
-    """Estimate the unknowns of a problem; of several starts, guesses by name, the best optimum counts.
-
-    A fit that fails with a coarse discretisation is repeated with a finer one.
-    """
-    try:
-        return _checked(_solved(problem, starts))
-    except FitError:
-        finer = problem.careful()
-        if finer is None:
-            raise
-    return _checked(_solved(finer, starts))
-
-
-def _solved(problem: FitProblem, starts: Sequence[Mapping[str, float]]) -> FitSolution:
+    """Estimate the unknowns of a problem; of several starts, guesses by name, the best optimum counts."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # IPOPT steps back from a trial that cannot be computed
         evaluations = tuple(block.evaluation() for block in problem.blocks)
         try:
             optima = _optima(problem, evaluations, starts)
             problem, fit, others, evaluations = _reweighted(problem, optima, evaluations)
-            return _refined(problem, fit, others, evaluations)
+            return _checked(_refined(problem, fit, others, evaluations))
         except FitError as error:
             reasons = [one.failure for one in evaluations if one.failure]
             raise FitError("; ".join([str(error), *reasons[:1]]), error.stats) from None

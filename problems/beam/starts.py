@@ -4,6 +4,9 @@ A motion whose frequency is off by too much slips by whole cycles against its re
 minimum.  A record of a free decay shows its frequency without a beam (``decay.first_guess``).  If it is so far from
 that of the nearest natural mode at the first values that the decay would slip, the properties are fitted to the
 frequencies of the decays first, and the fit of the motions starts from there as well; the best optimum counts.
+
+Along the beam, a large motion shows twice the frequency that it has across: a point comes nearer to the clamp by about
+the square of its deflection.  A decay at twice the frequency of another one of its record is therefore left out.
 """
 
 from __future__ import annotations
@@ -32,6 +35,7 @@ from problems.beam.values.records import FrequencyRecord
 OTHER_START = 0.02  # second start of a tip mass, and of the compliance of a clamp, relative to the first
 MOST_SLIP = 0.25  # cycles by which a decay may slip: from half a cycle on, the nearest minimum is a wrong one
 FREQUENCY_ERROR = 0.01  # of a decay, relative to the natural frequency: large motion changes it
+DOUBLED = 0.1  # largest relative distance from twice a frequency, for a doubled one that noise hides in part
 
 
 def starts(
@@ -87,7 +91,7 @@ def _of_frequencies(
 
 
 def _decays(record: MotionRecord) -> list[tuple[float, float]]:
-    """Return frequency, Hz, and duration, s, of the free decay in each channel of a record that shows one."""
+    """Return frequency, Hz, and duration, s, of the free decay in each channel that shows one of its own."""
     driven: list[BaseMotion | TipLoad] = [record.own_base, *([record.load] if record.load else [])]
     ends = [[piece.end for piece in one.pieces() if math.isfinite(piece.end)] for one in driven]
     if not ends[0] and not isinstance(record.own_base, FixedBase):
@@ -100,4 +104,4 @@ def _decays(record: MotionRecord) -> list[tuple[float, float]]:
         except InputError:  # no decay is long enough, or nothing oscillates
             continue
         found.append((guess.ω / (2 * math.pi), guess.duration))
-    return found
+    return [one for one in found if not any(abs(one[0] / (2.0 * other) - 1.0) < DOUBLED for other, _ in found)]

@@ -175,7 +175,7 @@ def _expected(
     for name, counts in lists.items():
         records: list[Any] = [exact[one] for one, count in counts.items() for _ in range(count)]
         problem = beam_problem(model, records, laws[truth], **settings)[0]
-        own = fitted_once(problem.careful() or problem)
+        own = fitted_once(problem)
         for k, law in enumerate(laws):
             if k != truth:
                 rival = fit_beam(model, records, law, **settings).fit

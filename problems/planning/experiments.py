@@ -268,8 +268,7 @@ def _with_values(block: Block, guesses: Mapping[str, float]) -> tuple[Template, 
         raise FitError(evaluation.failure)
     parts = zip(trial.weights.split(residuals), template.own_channels, strict=True)
     record = filled(template, np.concatenate([rest + channel.measurement.values for rest, channel in parts]))
-    found = motion_block(block.model, [(number, record)], block.damping, block.first, load=block.load)
-    return record, found.careful() or found
+    return record, motion_block(block.model, [(number, record)], block.damping, block.first, load=block.load)
 
 
 def _steady(block: CurveBlock, guesses: Mapping[str, float]) -> Array:

@@ -34,7 +34,6 @@ from ancf_casadi.support.tables import known
 from problems.beam.motions.evaluation import MotionEvaluation
 from problems.beam.motions.record import Channel, MotionRecord, labels_of
 from problems.beam.motions.weights import (
-    CAREFUL,
     CHECK_RATIO,
     MODEL_STD,
     TIGHTEST,
@@ -115,10 +114,6 @@ class MotionBlock(SeriesBlock):
         if not self.adaptive or self.tolerance <= TIGHTEST:
             return None
         return replace(self, tolerance=tighter(self.tolerance, shift))
-
-    def careful(self) -> Self | None:
-        """Return the block with a tolerance at which the integration error is smooth in the unknowns."""
-        return replace(self, tolerance=CAREFUL) if self.adaptive and self.tolerance > CAREFUL else None
 
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:
         """Return measured and computed readings of each channel."""

@@ -31,8 +31,7 @@ root mean square size a of the weighted residuals,
     tolerance = LARGEST_SHIFT s / (m^1/2 ERROR_GAIN a),
 
 where the noise in s comes from third differences of the samples.  Other motions may have another ``ERROR_GAIN``; the
-check covers them.  At ``COARSEST``, the number of steps is a third of that at ``CAREFUL``, but the error may jump with
-the unknowns by more than it says, so that no minimum is found; the fit is then repeated at ``CAREFUL``.
+check covers them.
 
 A record may itself be integrated.  Without noise, the residuals are then the integration errors of the record and of
 the fit.  These are not white noise: they stay in phase with the motion, and a parameter absorbs most of them, so that
@@ -57,8 +56,7 @@ from problems.beam.motions.record import FEWEST_SAMPLES, Channel, MotionRecord
 CHECK_RATIO = 30.0
 ERROR_GAIN = 0.1
 USUAL_TRAVEL = 0.1  # usual travel of a beam over its length
-# tolerances; that of a fit that fails at a coarser one, and the tightest, checked at 3e-12, where rounding sets in
-COARSEST, CAREFUL, TIGHTEST = 1e-5, 1e-6, 1e-10
+COARSEST, TIGHTEST = 1e-6, 1e-10  # tolerances; the latter is checked at 3e-12, where rounding sets in
 LENGTHS = ("position", "displacement")
 MODEL_STD = 2e-5  # systematic error of a record, relative to its travel
 

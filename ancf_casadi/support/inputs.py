@@ -163,7 +163,7 @@ def not_negative(value: Any, where: str) -> float:
 
 
 def physical(value: Any, where: str) -> float:
-    """Return a time, a frequency or a tolerance: a number from 1e-30 to 1e30, so that its powers are finite."""
+    """Return a time, frequency, amplitude or tolerance: a number from 1e-30 to 1e30, so that its powers are finite."""
     result = positive(value, where)
     if not SMALLEST_TIME <= result <= LARGEST_TIME:
         raise InputError(f"{result:g} is not within {SMALLEST_TIME:g} to {LARGEST_TIME:g}; check the unit", where)

@@ -105,6 +105,8 @@ def test_what_cannot_be_written_is_refused_in_one_line(paper_beam, tmp_path):
         write_mujoco(Model(paper_beam(4)), path, damping=RayleighDamping(beta=1.5e-2))
     with pytest.raises(InputError, match=r"tolerance: 64 segments only reach .* allow for more"):
         write_mujoco(Model(paper_beam(4)), path, tolerance=1e-9)
+    with pytest.raises(InputError, match=r"^amplitude: 1e\+308 is not within 1e-30 to 1e\+30; check the unit$"):
+        write_exudyn(Model(paper_beam(4)), path, amplitude=1e308)
     small = {"length": 2e-3, "width": 1e-4, "thickness": 5e-6, "density": 2e3, "elastic_modulus": 2e11}
     with pytest.raises(InputError, match="model: is so small"):
         write_mujoco(Model(paper_beam(10, **small)), path)

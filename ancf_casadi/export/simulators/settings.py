@@ -27,7 +27,7 @@ from ancf_casadi.export.simulators.small_motion import Discrete, poles
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import check_file, check_ours, write_file
-from ancf_casadi.support.inputs import check_instance, positive, whole
+from ancf_casadi.support.inputs import check_instance, physical, positive, whole
 from ancf_casadi.version import __version__
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
@@ -143,7 +143,7 @@ def prepared(
     target = check_file(path)
     check_ours(target, mark)
     count = None if segments is None else whole(segments, "segments", LEAST, MOST)
-    size = RELEASE * beam.length if amplitude is None else positive(amplitude, "amplitude")
+    size = RELEASE * beam.length if amplitude is None else physical(amplitude, "amplitude")
     tolerance = positive(tolerance, "tolerance")
     modes = natural_modes(model, count=COMPARED)
     ratios = (damping or RayleighDamping()).damping_ratios(modes, same_speed(modes, size))

@@ -103,6 +103,7 @@ CLASSES = {
 }
 RESULTS = sorted(name for name, found in CLASSES.items() if issubclass(found, Reported) and name not in LEFT_OUT)
 COMPUTED = [name for name in RESULTS if not issubclass(CLASSES[name], FitResult | SavedFit | RecordPrediction)]
+FITS = [name for name in RESULTS if issubclass(CLASSES[name], FitResult | SavedFit)]
 TIME = np.arange(0.0, 4.0, 0.02)
 SWING = 0.05 * np.exp(-0.2 * TIME) * np.cos(12.0 * TIME) + 1e-4 * np.sin(300.0 * TIME**2)
 STUDY = """
@@ -225,6 +226,14 @@ def test_a_computed_result_has_text_html_data_and_a_file(samples, name, tmp_path
     own.save(tmp_path / "result.json")
     assert json.loads((tmp_path / "result.json").read_text()) == json.loads(json.dumps(data))
     assert pickle.loads(pickle.dumps(own)).to_dict() == data
+
+
+@pytest.mark.parametrize("name", FITS)
+def test_every_fit_has_warnings_errors_text_data_and_a_figure(samples, name):
+    """As the README says."""
+    fit = samples[name]
+    assert fit.report() and fit.to_dict()["kind"] and fit.standard_errors.keys() and isinstance(fit.warnings, tuple)
+    assert fit.figure().axes
 
 
 def test_each_computed_result_states_its_own_kind(samples):

@@ -8,7 +8,17 @@ import random
 import numpy as np
 import pytest
 
-from ancf_casadi import HarmonicBase, InputError, Measurement, damping_curve, export, natural_modes, run_all
+from ancf_casadi import (
+    Beam,
+    HarmonicBase,
+    InputError,
+    Measurement,
+    Model,
+    damping_curve,
+    export,
+    natural_modes,
+    run_all,
+)
 from ancf_casadi.response.harmonic_balance.system import SecondOrderSystem
 from problems import fit_decay, isolate_mode, law_curve
 from tests import hostile_calls
@@ -92,6 +102,7 @@ def test_the_calls_are_valid_before_a_value_is_replaced(there, monkeypatch):
 
 
 TIME = np.linspace(0.0, 1.0, 101)
+MODEL = Model(Beam.uniform(length=0.5, width=5e-3, thickness=5e-4, density=8e3, elastic_modulus=2e11, elements=1))
 RECORD = Measurement(TIME, np.exp(-TIME) * np.cos(40.0 * TIME))
 
 
@@ -104,6 +115,7 @@ RECORD = Measurement(TIME, np.exp(-TIME) * np.cos(40.0 * TIME))
         (lambda: export.write_fmu(None, "a.fmu"), "functions: must be a MotionFunctions, got None"),
         (lambda: export.save_functions([], "a.casadi"), "functions: must be a BeamFunctions or a ReducedFunctions"),
         (lambda: export.beam_functions(3), "model: must be a Model, got 3"),
+        (lambda: export.beam_functions(MODEL, 3), "damping: must be a DampingLaw, got 3"),
         (lambda: export.values([1.0]), "signals: must be a Signal, got 1.0"),
         (lambda: export.Provenance("2025-01-31T12:00:00Z", [1]), "versions: must be a mapping"),
         (lambda: law_curve("x"), "fit: must be a DecayFit or a LawComparison, got 'x'"),

@@ -29,6 +29,19 @@ def test_the_python_runs_and_finds_the_damping_it_put_in(capsys):
     assert names["match"].max_relative_error < 1e-6
     assert names["fit"].frequency == pytest.approx(1.85, rel=1e-3)
     assert names["fit"].damping_ratio == pytest.approx(0.0100, rel=0.03)
+    errors = names["fit"].standard_errors  # once 28 times too small for the error of the damping ratio
+    assert names["fit"].damping_ratio == pytest.approx(0.0100, abs=3 * errors["damping_ratio"])
+    assert names["fit"].frequency == pytest.approx(names["modes"].frequencies[0], abs=3 * errors["frequency"])
+
+
+def test_the_time_of_a_quick_look_is_stated_as_it_was_measured():
+    """Processor time, and the time on two cores, which cannot be less than half of it."""
+    stated = re.search(r"`reproduce --quick` .* takes (\d+) s of processor time, or (\d+) s on two cores\.", README)
+    work, clock = map(int, stated.groups())
+    assert work / 2 <= clock <= work
+    benchmarks = (ROOT / "benchmarks" / "README.md").read_text().splitlines()
+    (row,) = [line for line in benchmarks if line.startswith("| `reproduce --quick`")]
+    assert f"{work} s" in row.replace("*", "")
 
 
 def test_two_lines_set_everything_up():

@@ -1,9 +1,13 @@
 """``fit-decay`` and ``fit-modes``: modes, bands, several records, parts of a record, and what is refused."""
 
+import io
 import json
+import sys
 
 import numpy as np
 import pytest
+
+from ancf_casadi.support import progress
 
 SLOW, FAST = (3.0, 0.02, 5e-3), (19.0, 0.01, 8e-3)
 
@@ -121,6 +125,38 @@ def test_units_and_columns_are_given_by_options(run, tmp_path):
     data = json.loads(run("fit-decay", "a.txt", *options, "--json").out)
     assert data["frequency_hz"] == pytest.approx(3.0, rel=2e-3)
     assert data["amplitude_m"] == pytest.approx(1e-3, rel=0.01)
+
+
+def test_a_unit_at_the_end_of_a_name_is_read_or_refused(run, tmp_path):
+    """Regression: ``acc_m_s2`` was taken for metres, without a word."""
+    time = np.arange(0.0, 5.0, 0.01)
+    swing = np.exp(-0.3 * time) * np.cos(19.0 * time)
+    for name, what in (("acc_m_s2", ""), ("jerk_m_s3", "the unit 'm_s3' is not understood")):
+        np.savetxt(tmp_path / "a.csv", np.column_stack([time, swing]), delimiter=",", header=f"t,{name}", comments="")
+        done = run("fit-decay", "a.csv", "--json")
+        if what:
+            assert done.code == 2 and what in done.err
+        else:
+            assert json.loads(done.out)["amplitude_m"] == pytest.approx(1.0 / (19.0**2 + 0.3**2), rel=1e-3)
+
+
+@pytest.mark.parametrize("command", ["fit-decay", "fit-modes"])
+def test_each_step_of_a_fit_is_shown_on_a_terminal(run, decay, monkeypatch, command):
+    """Solutions and their iterations; the output is the same."""
+
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    decay("two.csv", SLOW, FAST)
+    silent = run(command, "two.csv")
+    terminal, counted = Terminal(), []
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(progress, "BAR_DELAY", 0.0)
+    monkeypatch.setattr(progress.tqdm, "update", lambda bar, n=1: counted.append(n))
+    assert run(command, "two.csv").out == silent.out
+    assert f"{command}: 0 steps" in terminal.getvalue()
+    assert len(counted) > 5
 
 
 def test_a_curve_without_windows_has_the_law(run, decay, tmp_path, monkeypatch):

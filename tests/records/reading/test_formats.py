@@ -256,6 +256,9 @@ class TestNumpy:
         recording = read_recording(path)
         assert [channel.name for channel in recording.channels] == ["x_mm"]
         assert "the dates in 'date' cannot be counted in s, and are left out" in recording.notes
+        np.save(tmp_path / "record.npy", np.arange(TIME.size).view(f"M8[{unit}]"))
+        with pytest.raises(InputError, match=r"record.npy: has no channels of numbers"):
+            read_recording(tmp_path / "record.npy")
 
 
 class TestC3D:

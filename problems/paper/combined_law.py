@@ -297,7 +297,7 @@ def _marked(draw: Callable[[], Figure]) -> Figure:
 
 def _ratios(laws: Mapping[str, DampingLaw], modes: Modes, limits: Sequence[float]) -> Figure:
     """Draw the damping ratio of each mode against its amplitude, up to a limit (m) of its own."""
-    figure, panels = new_figure(1.0 + 1.5 * len(limits), len(limits))
+    figure, panels = new_figure(1.0 + 1.3 * len(limits), len(limits))
     for n, (axes, limit) in enumerate(zip(panels, limits, strict=True)):
         amplitudes, top = np.linspace(0.0, limit, 3), 0.0  # of a drawn law, which is straight in the amplitude
         for k, (title, law) in enumerate(laws.items()):

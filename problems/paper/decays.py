@@ -225,7 +225,7 @@ def _frequencies(law: LawChoice, decays: Sequence[SimulatedDecay], end: float) -
     )
     plain_log_ticks(envelopes, "y")
     envelopes.set_title("markers: beam; lines: Eq. (27)")
-    envelopes.legend(loc="lower left")
+    envelopes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=count)
     figure.align_ylabels()
     return figure
 

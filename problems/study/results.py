@@ -33,7 +33,8 @@ JSON_TYPES = {dict: "object", list: "array", str: "string", bool: "boolean", int
               NoneType: "null"}  # fmt: skip
 NO_BREAK = "\u00a0"  # a space where no line ends
 INK = re.compile(r"((?:fill|stroke|stop-color)(?:: *|=\"))(?:#000000|#222222|black)\b")  # of axes, text and records
-LEADING_NUMBER = re.compile(r"^[(]?[-+–]?\d")
+NUMBER_AND_UNIT = re.compile(r"(?<=\d) (?=(?:%|[km]?Hz|[kmµ]?m|m?s|1/s|1/m|k?g|kg/m³|m/s²|[GMk]?Pa)(?![\w/]))")
+LEADING_NUMBER = re.compile(r"^(?:< |[(])?[-+–]?\d")
 
 
 @dataclass(frozen=True)
@@ -154,24 +155,26 @@ def page(study: Study, shown: Sequence[Shown], steps: Sequence[PartTime], **abou
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {"paragraphs": _paragraphs, "anchor": file_name, "unbroken": _unbroken, "base64": _base64}
+    environment.filters["with_units"] = _with_units
     environment.globals |= {"svg": inline_svg, "numeric": _numeric, "zip": zip}
     source = files("problems.study").joinpath("page.html.jinja").read_text(encoding="utf-8")
-    values: dict[str, Any] = {
-        "study": study, "parts": shown, "steps": steps, "about": about,
-        "seconds": sum(step.seconds for step in steps),
-    }  # fmt: skip
-    return environment.from_string(source).render(values)
+    return environment.from_string(source).render(study=study, parts=shown, steps=steps, about=about)
 
 
 def _paragraphs(text: str) -> Markup:
     """Return text with empty lines as paragraphs."""
     parts = [part.strip() for part in text.strip().split("\n\n") if part.strip()]
-    return Markup("\n").join(Markup("<p>{}</p>").format(part) for part in parts)
+    return Markup("\n").join(Markup("<p>{}</p>").format(_with_units(part)) for part in parts)
 
 
 def _unbroken(text: str) -> str:
     """Return text that breaks before ± only: a number keeps its unit, and a label its number."""
     return text.replace(" ", NO_BREAK).replace(f"{NO_BREAK}±", " ±")
+
+
+def _with_units(text: str) -> str:
+    """Return text that does not break between a number and its unit."""
+    return NUMBER_AND_UNIT.sub(NO_BREAK, text)
 
 
 def _base64(content: bytes) -> str:

@@ -17,7 +17,7 @@ import heapq
 import math
 import time
 import typing
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
@@ -145,6 +145,8 @@ class PartTime:
     seconds: float  # computing time of its tasks and of its finding, s, as they were when they ran
     tasks: int
     kept: int  # tasks, and the finding, that were kept from an earlier run
+    own_seconds: float  # of the computations that no part before it in the document has
+    own_tasks: int
 
 
 def run_parts(
@@ -189,16 +191,24 @@ def run_parts(
             if not done:
                 queue.finish_one()
     queue.store.discard_all_but(set(queue.tasks))
-    times = [
-        PartTime(
-            part.name,
-            sum(queue.kept[key].seconds for key in keys[part.name]),
-            len(keys[part.name]) - 1,
-            sum(key in queue.earlier for key in keys[part.name]),
+    return {part.name: findings[part.name] for part in study.parts}, tuple(_times(keys, queue))
+
+
+def _times(keys: Mapping[str, Sequence[str]], queue: _Queue) -> Iterator[PartTime]:
+    """Yield the time of each part, whose last key is that of its finding."""
+    counted: set[str] = set()
+    for name, own in keys.items():
+        seconds = {key: queue.kept[key].seconds for key in own}
+        new = seconds.keys() - counted
+        counted |= new
+        yield PartTime(
+            name,
+            sum(seconds[key] for key in own),
+            len(own) - 1,
+            sum(key in queue.earlier for key in own),
+            sum(seconds[key] for key in new),
+            len(new - {own[-1]}),
         )
-        for part in study.parts
-    ]
-    return {part.name: findings[part.name] for part in study.parts}, tuple(times)
 
 
 _Steps = Generator[list[Task], Any, Finding]

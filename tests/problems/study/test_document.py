@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from problems.study.data_table import Column, DataTable
 from problems.study.drawing import FIGURE_WIDTH, STYLE
 from problems.study.part import Finding, Study
-from problems.study.results import file_name, inline_svg, labelled
+from problems.study.results import _numeric, file_name, inline_svg, labelled
 from problems.study.study import StudyReport, run_study
 from tests.problems.conftest import BEAM, DECAYS, RAYLEIGH
 from tests.problems.study.test_runner import Doubles
@@ -194,6 +195,13 @@ class TestPage:
         assert scale * STYLE["legend.fontsize"] >= 7.0
         assert {label: height for label, height in heights.items() if 2 * scale * height > 9.6} == {}
 
+    def test_counts_a_computation_that_parts_share_once_for_all(self, page, small_paper):
+        rows = re.findall(r"<td>all</td><td class=\"n\">(\d+)</td><td class=\"n\">([\d.]+)</td>", page.source)
+        assert rows == [
+            (str(sum(step.own_tasks for step in small_paper.steps)),
+             f"{sum(step.own_seconds for step in small_paper.steps):.1f}")
+        ]  # fmt: skip
+
     def test_prints_black_on_white(self, page):
         """Also where the screen is dark: the rules for print follow those for dark screens."""
         assert printed_rules(page.source)[":root"].items() >= {"--ink": "#000", "--paper": "#fff"}.items()
@@ -204,6 +212,9 @@ class TestPage:
         assert [cell for cell in cells if re.search(r"\d %$|± \d", cell)] == []
         assert any(re.search(r"\d ±\u00a0\d", cell) for cell in cells)
         assert any(re.search(r"\d\u00a0%$", cell) for cell in cells)
+        texts = [data for tag, data in page.texts if tag in ("p", "li", "figcaption")]
+        assert [text for text in texts if re.search(r"\d (%|Hz|mm|m|s|1/s|1/m)(?![\w/])", text)] == []
+        assert any("\u00a0%" in text for text in texts) and any("\u00a0Hz" in text for text in texts)
 
     def test_the_numbers_of_the_contents_have_a_place_in_every_column(self, page):
         """An indented list would give it to the first column only."""
@@ -272,6 +283,12 @@ def test_a_study_without_labels_counts(study_file, tmp_path):
     assert [label for part in report.parts for label, _ in (*part.tables, *part.figures)] == [
         "Table 1", "Table 2", "Figure 1", "Table 3", "Figure 2", "Figure 3",
     ]  # fmt: skip
+
+
+def test_limits_of_numbers_are_aligned_like_numbers():
+    """Below the resolution of a simulation, a column of numbers has the cell < 0.01."""
+    table = DataTable("left", (Column("law", ("drag", "none")), Column("tip, mm", ("< 0.01", "18.86"))))
+    assert _numeric(table) == [False, True]
 
 
 def test_names_inside_a_figure_become_its_own():

@@ -114,6 +114,10 @@ class TestLevels:
     def test_equal_tasks_run_once(self, bench):
         assert bench.run(bench.part("a", 1.0, 2.0, 1.0), bench.part("b", 2.0)) == {"a": 8.0, "b": 4.0}
         assert bench.calls == [2.0, 1.0]
+        first, second = bench.steps
+        assert (first.tasks, first.own_tasks, second.tasks, second.own_tasks) == (3, 2, 1, 0)
+        assert second.own_seconds < second.seconds  # the time of its finding alone
+        assert first.own_seconds <= first.seconds
 
     def test_no_tasks_are_no_tasks(self, bench):
         assert bench.run(bench.part("a")) == {"a": 0}

@@ -102,7 +102,7 @@ def test_the_calls_are_valid_before_a_value_is_replaced(there, monkeypatch):
 
 
 TIME = np.linspace(0.0, 1.0, 101)
-MODEL = Model(Beam.uniform(length=0.5, width=5e-3, thickness=5e-4, density=8e3, elastic_modulus=2e11, elements=1))
+MODEL = Model(Beam.uniform(length=0.5, width=5e-3, thickness=5e-4, density=8e3, elastic_modulus=2e11, elements=2))
 RECORD = Measurement(TIME, np.exp(-TIME) * np.cos(40.0 * TIME))
 
 

@@ -26,7 +26,7 @@ from ancf_casadi.support.parallel import run_all
 from ancf_casadi.support.tables import Reported, Table, counted
 from problems.beam.fitting import beam_problem, fit_beam
 from problems.beam.result import law_name
-from problems.planning.experiments import plan
+from problems.planning.experiments import check_candidates, plan
 from problems.planning.record import PlannedRecord
 from problems.planning.result import TOGETHER
 
@@ -144,7 +144,7 @@ def plan_comparison(
     laws = instances(laws, "laws", DampingLaw)
     if len(laws) < 2:
         raise InputError("needs two laws at least", "laws")
-    check_instance(candidates, "candidates", Mapping)
+    check_candidates(candidates)
     check_instance(counts, "counts", Mapping, NoneType)
     numbers = {name: 1 for name in candidates} if counts is None else dict(counts)
     for name, count in numbers.items():

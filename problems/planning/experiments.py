@@ -127,13 +127,8 @@ def plan(
     {'sag': 3, 'tones': 1}
     """
     check_instance(model, "model", Model)
-    check_instance(candidates, "candidates", Mapping)
+    check_candidates(candidates)
     check_instance(before, "before", BeamFit, NoneType)
-    if not candidates:
-        raise InputError("must hold at least one candidate", "candidates")
-    for name, one in candidates.items():
-        check_instance(name, "candidates", str)
-        check_instance(one, f"candidates: {name}", PlannedRecord)
     names, templates = list(candidates), _templates(candidates, model, before)
     problem, _, first = beam_problem(
         model, templates, damping, unknowns=unknowns, fixed=fixed, priors=priors, modes=modes, harmonics=harmonics
@@ -160,6 +155,16 @@ def plan(
 def _is_frequency(unknown: Unknown) -> bool:
     """Return whether an unknown is the factor on a natural frequency."""
     return unknown.name.startswith("frequency_")
+
+
+def check_candidates(candidates: Mapping[str, PlannedRecord]) -> None:
+    """Check that there are candidates, planned records by name."""
+    check_instance(candidates, "candidates", Mapping)
+    if not candidates:
+        raise InputError("must hold at least one candidate", "candidates")
+    for name, one in candidates.items():
+        check_instance(name, "candidates", str)
+        check_instance(one, f"candidates: {name}", PlannedRecord)
 
 
 def _templates(candidates: Mapping[str, PlannedRecord], model: Model, before: BeamFit | None) -> list[Template]:

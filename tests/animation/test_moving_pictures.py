@@ -318,6 +318,7 @@ def test_modes_that_do_not_exist_are_refused(model, tmp_path):
         ({"images": np.zeros((2, 8, 8))}, "images: picture 0 is no array of bytes"),
         ({"images": np.zeros((3, 8, 8), np.uint8)}, "images: must be a sequence of 2 pictures"),
         ({"images": np.datetime64("2026-11-24")}, "images: must be a sequence of 2 pictures"),
+        ({"images": np.array(1.0)}, "images: must be a sequence of 2 pictures"),
         ({"images": {0: 1, 1: 2}}, "images: must be a sequence of 2 pictures"),
         ({"time": [0.1, 0.1]}, "time: must be numbers that increase"),
         ({"scale": 0.0}, "scale: must be positive"),

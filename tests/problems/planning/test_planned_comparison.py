@@ -57,3 +57,6 @@ def test_a_single_law_and_unknown_candidates_are_refused():
         plan_comparison(MODEL, candidates, LAWS[:1])
     with pytest.raises(InputError, match="counts: must be"):
         plan_comparison(MODEL, candidates, LAWS, counts={"swing": 1})
+    for given, message in (({1: 2}, "candidates: must be a text, got 1"), ({}, "candidates: must hold at least one")):
+        with pytest.raises(InputError, match=message):
+            plan_comparison(MODEL, given, LAWS, counts={"swing": 1})

@@ -66,7 +66,7 @@ class Footage(Displayed):
         if time.ndim != 1 or not time.size or (time[1:] <= time[:-1]).any():
             raise InputError("must be numbers that increase", "time")
         listed = all(hasattr(self.images, name) for name in ("__getitem__", "__len__"))
-        single = isinstance(self.images, np.ndarray) and not self.images.ndim  # an array without a length
+        single = getattr(self.images, "ndim", 1) == 0  # an array without a length
         if not listed or single or isinstance(self.images, Mapping) or len(self.images) != time.size:
             raise InputError(f"must be a sequence of {time.size} pictures, one for each time", "images")
         object.__setattr__(self, "time", time)

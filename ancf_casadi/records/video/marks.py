@@ -34,7 +34,7 @@ from ancf_casadi.support.arrays import Array, Mask
 LEAST_CORRELATION = 0.9  # of a mark that is seen: below it, it is covered in part
 LEAST_SLOPES = 0.02  # squared slopes of a template in their weakest direction, relative to the strongest
 LEAST_LEVER = 1.2  # px; change of a template by turning, relative to moving, above which its angle is estimated
-MOST_STEPS = 30  # of Gauss and Newton
+MOST_MOVES = 30  # of a mark, until it is refined
 LAST_STEP = 1e-3  # px
 
 
@@ -113,7 +113,7 @@ def refined(mark: Mark, picture: Picture, guess: Pose) -> Pose | None:
     splines = scipy.ndimage.spline_filter(part.astype(float))
     q = np.argwhere(mark.disc).T[::-1] - float(r)
     centre, angle = guess.centre - low, guess.angle
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_MOVES):
         at = _turn(angle) @ q + centre[:, None]
         seen = scipy.ndimage.map_coordinates(splines, at[::-1], prefilter=False, mode="nearest")
         moved, (_, gain, *turned) = np.split(mark.inverse @ seen, [2])

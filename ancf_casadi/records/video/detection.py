@@ -27,11 +27,12 @@ def marks_in(
     clamp: tuple[float, ...] | None,
 ) -> list[Mark]:
     """Return the marks at points, or those in a region, numbered from the clamp, or from the top."""
-    dots = _dots(cv2, picture)
+    grey = cv2.convertScaleAbs(picture)  # whole numbers
+    dots = _dots(cv2, grey)
     if points is None:
         area = region or (0.0, 0.0, *picture.shape[::-1])
         inside = ((dots[:, :2] >= area[:2]) & (dots[:, :2] <= area[2:])).all(axis=1)
-        points = dots[inside, :2] if inside.any() else _corners(cv2, picture, area, radius or USUAL_RADIUS)
+        points = dots[inside, :2] if inside.any() else _corners(cv2, grey, area, radius or USUAL_RADIUS)
         start = np.array(clamp or (picture.shape[1] / 2, 0.0))
         points = points[np.argsort(np.hypot(*(points - start).T))]
         if not len(points):

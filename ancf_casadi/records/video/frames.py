@@ -19,7 +19,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.video import decoder
 from ancf_casadi.support.files import opened
 
-Picture = NDArray[np.uint8]  # grey levels, by row and column
+Picture = NDArray[np.uint8 | np.float32]  # grey levels, by row and column
 
 
 @dataclass(frozen=True, eq=False)

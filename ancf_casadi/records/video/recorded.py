@@ -35,7 +35,7 @@ from ancf_casadi.support.inputs import (
 )
 from ancf_casadi.support.progress import counter
 
-SMOOTHING = 0.7  # px; edges that are sharper than a pixel are interpolated with errors that follow the motion
+SMOOTHING = 1.0  # px; edges that are sharper than a pixel are interpolated with errors that follow the motion
 FEWEST_PICTURES = 10
 LOST_SHARE = 0.1  # of the frames, at the end without any marker, from which the video is said to be cut
 STILL = 10.0  # range of a track, relative to its std, below which it is still
@@ -137,7 +137,8 @@ def track_video(
     flag(progress, "progress")
     times: list[float] = []
     with decoded(path) as video, located(str(path)), counter("track") if progress else nullcontext():
-        pictures = (cv2.GaussianBlur(one, (0, 0), SMOOTHING) for one in _pictures(video, rate, part, times))
+        grey = (one.astype(np.float32) for one in _pictures(video, rate, part, times))
+        pictures = (cv2.GaussianBlur(one, (0, 0), SMOOTHING) for one in grey)
         try:
             first = next(pictures, None)
             if first is None:
@@ -214,7 +215,7 @@ def _checked(times: Array, points: Array, std: Array) -> tuple[str, ...]:
 
 def _preview(cv2: Any, picture: Picture, marks: Sequence[Mark]) -> bytes:
     """Return a picture with the numbers of the marks, as PNG."""
-    drawn = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
+    drawn = cv2.cvtColor(cv2.convertScaleAbs(picture), cv2.COLOR_GRAY2BGR)
     for number, mark in enumerate(marks, start=1):
         x, y = np.rint(mark.place + mark.offset).astype(int).tolist()
         corner = (x + mark.radius + 3, y + 5)

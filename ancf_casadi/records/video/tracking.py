@@ -10,8 +10,10 @@ to the nearest mark differs from that in the first picture by more than the reac
 does.  Then there is a gap.
 
 The std of a place has two parts: what the residual of its picture says (``marks``), and the scatter of the track, which
-shows the errors of compression that a picture alone does not.  The n-th difference of white noise has binomial(2n, n)
-times its variance, and that of a motion with ten or more frames per period vanishes with n.
+shows the errors of compression that a picture alone does not.  Noise of the pixels is in both, slow errors are in none.
+The longest part of a track without a gap has, at high frequencies, the spectrum of its noise and lines of its motion.
+There the median of |X|^2 is ln(2) times the variance of white noise, and lines hardly change it.  The window
+sin(pi t/T)^4 over the part, of the length T, keeps slow motions out of these frequencies.
 """
 
 from __future__ import annotations
@@ -25,11 +27,12 @@ import numpy as np
 
 from ancf_casadi.records.video.frames import Picture
 from ancf_casadi.records.video.marks import Mark, Pose, correlations, point_of, refined, sought
-from ancf_casadi.support.arrays import Array, root_mean_square
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.progress import step
 
-MOST_STD = 2.5  # std of a place, relative to the median of its mark, above which the mark is covered in part
-ORDERS = (3, 4, 5, 6)  # of the differences that show the scatter of a track
+MOST_STD = 3.2  # std of a place, relative to the median of its mark, above which the mark is covered in part
+HIGH = 0.7  # of half the frame rate, above which the spectrum of a track is that of its noise
+FEWEST_IN_SPECTRUM = 10  # frames
 ALIKE = 0.8  # correlation from which a place may be taken for a mark
 Track = dict[int, Pose]  # frames in which a mark is seen, in order
 
@@ -53,8 +56,8 @@ def tracked(cv2: Any, marks: Sequence[Mark], first: Picture, pictures: Iterable[
                 if guess is None:
                     continue
                 others = [tracks[j] for j in order[i] if number in tracks[j]]
-                for find in (refined, sought)[again:]:
-                    pose = find(cv2, mark, picture, guess, reaches[i])
+                for wide in (False, True)[again:]:
+                    pose = sought(cv2, mark, picture, guess, reaches[i]) if wide else refined(mark, picture, guess)
                     if pose and _is_own(mark, pose, guess, reaches[i], number, others):
                         track[number] = pose
                         break
@@ -67,14 +70,21 @@ def tracked(cv2: Any, marks: Sequence[Mark], first: Picture, pictures: Iterable[
     median = np.array([np.median(one[np.isfinite(one)]) if np.isfinite(one).any() else 0.0 for one in std.T])
     points[std > MOST_STD * median] = np.nan
     std[0] = median  # its template is of this frame
-    std = np.hypot(std, [_scatter(points[:, i]) for i in range(len(marks))])
+    std = np.hypot(std, np.nan_to_num([_scatter(points[:, i]) for i in range(len(marks))]))
     return points, np.where(np.isnan(points[..., 0]), np.nan, std)
 
 
 def _scatter(points: Array) -> float:
-    """Return the rms of the part of a track that no smooth motion explains, px."""
-    differences = [np.diff(points, n, axis=0) / math.sqrt(math.comb(2 * n, n)) for n in ORDERS]
-    return min((root_mean_square(one) for one in differences if np.isfinite(one).any()), default=0.0)
+    """Return the std of the noise of a track, px; nan if it has no part that is long enough."""
+    edges = np.flatnonzero(np.diff(np.isfinite(points[:, 0]), prepend=False, append=False))
+    begin, end = max(edges.reshape(-1, 2).tolist(), key=lambda part: part[1] - part[0])
+    count = end - begin
+    if count < FEWEST_IN_SPECTRUM:
+        return math.nan
+    window = np.sin(np.pi * (np.arange(count) + 0.5) / count)[:, None] ** 4
+    motion = window * (points[begin:end] - points[begin:end].mean(axis=0))
+    spectrum = np.abs(np.fft.rfft(motion, axis=0)) ** 2 / np.sum(window**2)
+    return math.sqrt(float(np.median(spectrum[round(HIGH * len(spectrum)) :])) / math.log(2))
 
 
 def _reaches(cv2: Any, marks: Sequence[Mark], apart: Array, picture: Picture) -> list[float]:

@@ -2,10 +2,25 @@
 
 If modes were subtracted one by one, a mode fitted beside stronger ones would leave a rest at its own frequency.  All
 modes found are therefore fitted at once before the next one is sought.  An oscillation that is no mode of its own
-(``mode_evidence``) changes what is subtracted: a mode that moves is subtracted with its frequency against amplitude
-and its harmonics; the others are subtracted as they are.  Noise is subtracted only to find the next oscillation: beside
-less than all of the noise, more would seem to be modes.  At last, modes that fade at once beside the others are left
-out.
+changes what is subtracted: a mode that moves is subtracted with its frequency against amplitude and its harmonics; the
+others are subtracted as they are.  Noise is subtracted only to find the next oscillation: beside less than all of the
+noise, more would seem to be modes.  At last, modes that fade at once beside the others are left out.
+
+An oscillation that is found beside known modes is none of its own in three cases.
+
+Moving mode.  A mode whose frequency depends on its amplitude leaves an oscillation close to its frequency.  Two modes
+under linear damping must be evident (``ancf_casadi.decay.evidence``) beside one mode with friction, linear and
+quadratic damping, and a frequency that is logarithmic in the amplitude or changes with a power of it.  The samples
+count as the number of those with white noise that would determine the modes as well.
+
+Harmonic.  A nonlinear sensor or a large motion adds harmonics to a mode A cos(phi), c_n A^n cos(n phi + psi_n).  With
+z = A exp(i phi), these are Re(k z^n) with one complex constant k.  The mode as fitted gives z.  If the law of the mode
+does not hold exactly, the band from a half to three halves of its frequency in the residuals corrects z.  A mode with
+a frequency and a damping ratio of its own must be evident beside the better of the two harmonics.
+
+Noise.  The amplitude of a mode must be visible beside its standard error, which allows for the colour of the noise, in
+the fit with all other modes.  A mode far from the others and their harmonics must be visible alone, too; near them, the
+rest holds what the fit of one mode has missed, and would hide it.
 
 References
 ----------
@@ -20,24 +35,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ancf_casadi.decay.evidence import evident, visible
+from ancf_casadi.decay.first_guess import CLOSE
+from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.release import MINIMUM_PERIODS
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from problems.decay.laws import DecayModel
-from problems.decay.mode_evidence import (
-    harmonic,
-    harmonic_order,
-    is_better,
-    is_harmonic,
-    is_near,
-    is_visible,
-    single,
-    together,
-)
 from problems.decay.result import DecayFit
-from problems.decay.solution import fit_one
+from problems.decay.solution import curve_at, fit_one, together
 
+MOVING_LAWS: tuple[FrequencyLaw, ...] = ("logarithmic", "power")
+HARMONICS = (2, 3, 4, 5)
 # Tests that fail if this is halved: test_a_mode_weaker_than_several_peaks_of_the_noise_is_found.  More take longer.
 MOST_REFUSED = 6  # oscillations in a row that are no modes, after which the search ends
 
@@ -54,7 +64,6 @@ class ModeSearch:
     other: Array  # oscillations that are no modes
     noise: Array  # oscillations that are noise
     harmonics: dict[tuple[int, int], Array] = field(default_factory=dict)  # by position of the mode and order
-    moved: set[int] = field(default_factory=set)  # positions of the modes that move
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -85,7 +94,7 @@ class ModeSearch:
             joint = together([*self.shapes, mode], t, self.values - self.other - sum(self.harmonics.values()))
         except FitError:
             joint = None
-        if joint is not None and not joint.shows(len(self.modes)):
+        if joint is not None and not is_visible(joint[-1]):
             return self._as_noise(mode)
         if any(self._is_harmonic(k, order, mode) for k, order in orders):
             return ""
@@ -93,7 +102,7 @@ class ModeSearch:
             return self._set_aside(mode, f"the rest near {mode.frequency:.4g} Hz cannot be told apart from the modes")
         self.modes.append(mode)
         self.shapes.append(mode)
-        self.curves = joint.curves
+        self.curves = [one.displacement(t) for one in joint]
         return ""
 
     def _set_aside(self, mode: DecayFit, reason: str) -> str:
@@ -109,14 +118,13 @@ class ModeSearch:
     def _move(self, near: int, second: DecayFit, one: DecayFit) -> str:
         """Subtract a mode with a frequency that depends on amplitude; its harmonics follow it."""
         mode = self.modes[near]
-        if near not in self.moved:
+        if self.shapes[near] is mode:
             self.notes.append(
                 f"one mode near {mode.frequency:.4g} Hz: a second one at {second.frequency:.4g} Hz would imitate a "
                 "frequency that depends on amplitude; fit the mode with a frequency law"
             )
         elif not is_better(one, self.rest, self.curves[near]):
             return self._set_aside(second, f"the rest near {mode.frequency:.4g} Hz belongs to the mode there")
-        self.moved.add(near)
         self.shapes[near], self.curves[near] = one, one.displacement(self.time)
         for k, order in self.harmonics:
             if k == near:
@@ -172,3 +180,87 @@ def lasts(mode: DecayFit) -> bool:
 def decay_rate(mode: DecayFit) -> float:
     """Return the decay rate of a mode, 1/s."""
     return mode.values["damping_ratio"] * 2 * math.pi * mode.values["frequency"]
+
+
+def is_visible(mode: DecayFit) -> bool:
+    """Return whether the noise, with its colour, leaves a mode visible beside those fitted with it."""
+    place = next(k for k in mode.indices if mode.fit.names[k].startswith("e0"))
+    return bool(visible(mode.fit.values[place], mode.fit.errors[place], mode.samples))
+
+
+def is_near(first: DecayFit, second: DecayFit) -> bool:
+    """Return whether two modes are so close that they may be one."""
+    return bool(abs(first.frequency - second.frequency) <= CLOSE * first.frequency)
+
+
+def single(first: DecayFit, second: DecayFit, t: Array, y: Array) -> DecayFit | None:
+    """Return one mode with a frequency that depends on amplitude; None if two modes explain the values better."""
+    one = _moving(first, t, y)
+    if one is None:
+        return None
+    try:
+        two, _ = together([first, second], t, y)
+    except FitError:
+        return one
+    left, beside = (float(fit.residuals @ fit.residuals) for fit in (one, two))
+    samples = min(effective_samples(two), effective_samples(one))
+    further = len(two.fit.names) - len(one.fit.names)
+    return None if evident(left, beside, samples, further, float(y @ y)) else one
+
+
+def is_better(mode: DecayFit, rest: Array, curve: Array) -> bool:
+    """Return whether another fit of a mode clearly leaves less than the present one, with its curve and its rest."""
+    left = rest + curve - mode.displacement(mode.time)
+    squares = float(rest @ rest), float(left @ left)
+    return evident(*squares, effective_samples(mode), 0, float(curve @ curve))
+
+
+def effective_samples(fit: DecayFit) -> float:
+    """Return the number of samples with white noise that would determine a mode as well."""
+    return float(fit.fit.effective_samples * fit.samples / fit.fitted_samples)
+
+
+def _moving(mode: DecayFit, t: Array, y: Array) -> DecayFit | None:
+    """Return a mode with a frequency and a damping ratio that depend on amplitude; None if it cannot be fitted."""
+    record, found = Measurement(t, y, sensor=mode.model.sensor), []
+    for law in MOVING_LAWS:
+        model = DecayModel("friction", mode.model.rest, law)
+        try:
+            found.append(fit_one(record, model, release_time=float(t[0])))
+        except (InputError, FitError):
+            continue
+        if found[-1].fit.noise.white:
+            break  # the other law could not leave less than noise
+    return min(found, key=lambda fit: fit.residual_rms, default=None)
+
+
+def harmonic_order(mode: DecayFit, other: DecayFit) -> int | None:
+    """Return the order of the harmonic of a mode that another, weaker one may be; None if it cannot be one."""
+    order = round(other.frequency / mode.frequency)
+    near = abs(other.frequency - order * mode.frequency) <= CLOSE * order * mode.frequency
+    return order if order in HARMONICS and near and mode.amplitude > other.amplitude else None
+
+
+def harmonic(mode: DecayFit, order: int, t: Array, rest: Array) -> Array:
+    """Return the curve of a harmonic of a mode that explains the rest best."""
+    f = np.fft.fftfreq(len(t), (t[-1] - t[0]) / (len(t) - 1)) / mode.frequency
+    correction = np.fft.ifft(2 * np.fft.fft(rest) * ((f > 0.5) & (f < 1.5)))
+    own = [mode.fit.values[i] for i in mode.indices]
+    place = [mode.fit.names[i] for i in mode.indices].index("phase")
+    quarter = np.arange(len(own)) == place
+    z = sum(
+        factor * (curve_at(mode.model, own - turn * quarter)(t - t[0]) - mode.offset)
+        for factor, turn in ((1, 0.0), (1j, np.pi / 2))
+    )
+    curves = []
+    for turning in (z, z + correction):
+        power = (turning / mode.amplitude) ** order
+        columns = np.column_stack([power.real, power.imag])
+        curves.append(columns @ np.linalg.lstsq(columns, rest)[0])
+    return min(curves, key=lambda curve: float(np.sum((rest - curve) ** 2)))
+
+
+def is_harmonic(left: Array, beside: Array, mode: DecayFit, fundamental: Array) -> bool:
+    """Return whether the rest after a harmonic leaves no evidence of a mode, which leaves the rest ``beside``."""
+    squares = float(left @ left), float(beside @ beside)
+    return not evident(*squares, effective_samples(mode), 2, float(fundamental @ fundamental))

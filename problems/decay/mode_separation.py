@@ -4,7 +4,7 @@ Under linear damping the modes of a beam are independent, and a record is their 
 
     y(t) = d + sum_k r_k(t),    r_k of Eq. (9) with omega_k, zeta_k, and an amplitude and a phase.
 
-``mode_search`` finds the modes, and ``mode_evidence`` refuses oscillations that are no modes of their own.
+``mode_search`` finds the modes, and refuses oscillations that are no modes of their own.
 
 The mode within a band of frequencies follows likewise.  A band-pass filter would colour the noise, ring at the release
 and shift it, and would make the standard errors too small.  Instead, modes are fitted at once until the residuals show
@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -34,10 +34,9 @@ from ancf_casadi.support.inputs import flag, number, physical, vector, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Displayed
 from problems.decay.limitations import residual_oscillation
-from problems.decay.mode_evidence import JointFit, together
 from problems.decay.mode_search import ModeSearch, decay_rate, lasts, search_modes
 from problems.decay.result import DecayFit
-from problems.decay.solution import as_record
+from problems.decay.solution import as_record, together
 from problems.decay.takes import DecayModes
 
 MOST_DECAY_MODES = 6  # fitted at once if no number is given
@@ -135,9 +134,8 @@ def fit_modes(
     found, ended = search_modes(record, limit, flag(offset, "offset"), release)
     notes = [*record.warnings, *found.notes, *([] if modes is None or not ended else [ended])]
     settings: dict[str, Any] = {"modes": modes, "offset": offset, "release_time": release_time}
-    joint, fits = _at_once(found, notes, settings)
-    again = partial(fit_modes, **settings)
-    return DecayModes(joint.fit, fits, again=again)
+    fits = _at_once(found, notes, settings)
+    return DecayModes(fits[0].fit, fits, again=partial(fit_modes, **settings))
 
 
 @lasting_interrupts()
@@ -209,31 +207,26 @@ def isolate_mode(record: Measurement, band: tuple[float, float], *, release_time
     )
 
 
-def _at_once(
-    found: ModeSearch, notes: Sequence[str], settings: Mapping[str, Any]
-) -> tuple[JointFit, tuple[DecayFit, ...]]:
-    """Return the fit of all modes in the order of their frequencies, less those that fade at once beside the others."""
+def _at_once(found: ModeSearch, notes: Sequence[str], settings: Mapping[str, Any]) -> tuple[DecayFit, ...]:
+    """Return the fits of all modes in the order of frequency, less those that fade at once beside the others."""
     modes, first = sorted(found.modes, key=lambda mode: mode.frequency), found.modes[0]
     while True:
-        joint = together(modes, found.time, found.values)
         fits = [
-            DecayFit(
-                joint.fit, mode.model, indices, slice(0, len(joint.fit.residuals)), found.time, joint.residuals,
-                first.release_reason, tuple(notes), again=partial(_mode, near=mode.frequency, **settings),
+            replace(
+                fit,
+                release_reason=first.release_reason,
+                notes=tuple(notes),
+                again=partial(_mode, near=mode.frequency, **settings),
             )
-            for mode, indices in zip(modes, joint.columns, strict=True)
-        ]  # fmt: skip
+            for mode, fit in zip(modes, together(modes, found.time, found.values), strict=True)
+        ]
         kept = [mode for mode, fit in zip(modes, fits, strict=True) if mode is first or lasts(fit)]
         if len(kept) == len(modes):
-            return joint, tuple(sorted(fits, key=lambda fit: fit.frequency))
+            return tuple(sorted(fits, key=lambda fit: fit.frequency))
+        faded = [mode.frequency for mode in modes if mode not in kept]
         notes = [
-            *notes,
-            *(
-                f"the oscillation near {mode.frequency:.4g} Hz is no mode: beside the others it fades at once"
-                for mode in modes
-                if mode not in kept
-            ),
-        ]
+            *notes, *(f"the oscillation near {f:.4g} Hz is no mode: beside the others it fades at once" for f in faded)
+        ]  # fmt: skip
         modes = kept
 
 

@@ -1,4 +1,4 @@
-"""Solution of decay fits: starting values, one least-squares problem for all records, robust rounds.
+"""Solution of decay fits: starting values, one least-squares problem for all records or modes, robust rounds.
 
 The fit starts from the first guess or from the track of amplitude and phase (``start``), whichever leaves the smaller
 residuals, and if it does not converge, from the other one.  With several records, the one with the largest amplitude
@@ -175,6 +175,42 @@ def curve_at(model: DecayModel, values: ArrayLike) -> Callable[[Array], Array]:
     """Return the curve for values of its unknowns, as a function of the time (s) after the release."""
     x = [cs.MX(float(value)) for value in np.asarray(values)]
     return lambda time: np.asarray(cs.evalf(model.curve(time, *x))).ravel()
+
+
+def together(modes: Sequence[DecayFit], t: Array, y: Array) -> tuple[DecayFit, ...]:
+    """Return the fits of modes, known from fits alone, at once to values y at times t (s) from the release on."""
+    unknowns: list[Unknown] = []
+    columns = []
+    for position, mode in enumerate(modes, start=1):
+        columns.append(tuple(range(len(unknowns), len(unknowns) + len(mode.indices))))
+        own = started([mode.fit.unknowns[i] for i in mode.indices], mode.fit.estimates)
+        unknowns += [replace(u, name=f"{u.name}_{position}") for u in own]
+    decay, pairs = Measurement(t - t[0], y), list(zip(modes, columns, strict=True))
+    (count,) = reduced_counts([decay], [2 * np.pi * max(mode.frequency for mode in modes)])
+    values = np.array([u.guess for u in unknowns])
+
+    def curves(time: Array) -> list[Array]:
+        return [curve_at(mode.model, values[list(own)])(time) for mode, own in pairs]
+
+    for _ in range(1 + (count < len(t))):  # with the curves of the first fit, which have slopes at the ends
+        fitted = reduced(decay, count, lambda time: np.asarray(np.sum(curves(time), axis=0)))
+
+        def residuals(*x: cs.MX, part: Measurement = fitted) -> cs.MX:
+            parts = (mode.model.curve(part.time, *(x[i] for i in own)) for mode, own in pairs)
+            return sum(parts, -cs.MX(cs.DM(part.values)))
+
+        fit = least_squares(
+            residuals,
+            unknowns,
+            series=[count],
+            times=fitted.time,
+            advice="fit fewer modes, or check the time of the release",
+        )
+        values, unknowns = fit.values, started(unknowns, fit.estimates)
+    rest = np.asarray(np.sum(curves(decay.time), axis=0) - y)
+    return tuple(
+        replace(mode, fit=fit, indices=own, rows=slice(0, count), time=t, residuals=rest) for mode, own in pairs
+    )
 
 
 def _bent_starts(model: DecayModel, decays: Sequence[Measurement], guesses: Sequence[DecayGuess]) -> dict[str, float]:

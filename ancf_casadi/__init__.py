@@ -38,8 +38,9 @@ if TYPE_CHECKING:
     from ancf_casadi.mechanics.section import Section
     from ancf_casadi.mechanics.strain import StrainMeasures
     from ancf_casadi.mechanics.supports import Clamp, Guide, Pin, Roller, Support
+    from ancf_casadi.records.channel import Recording
     from ancf_casadi.records.measurement import Measurement
-    from ancf_casadi.records.recording import Recording, read_recording
+    from ancf_casadi.records.recording import read_recording
     from ancf_casadi.records.sensor import Sensor
     from ancf_casadi.records.video.recorded import track_video
     from ancf_casadi.reduction import ReducedModel, ReducedTrajectory, reduce_model, simulate_reduced

@@ -1,13 +1,30 @@
-"""The columns of a file: their names, their units as written, and their numbers."""
+"""The channels of a file: their names, their units as written, their numbers, and their times."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Integral
+from pathlib import Path
 
-from ancf_casadi.records.units import Unit
+import numpy as np
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.units import Unit, names_time
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.inputs import shown
+from ancf_casadi.support.inputs import check_instance, shown
 from ancf_casadi.support.tables import Displayed, counted
+
+COUNTER_NAME = re.compile(
+    r"(?:frames?|samples?|scans?|index|row|record|point|count(?:er)?|bildnummer)?[ _.#-]*"
+    r"(?:frames?|samples?|scans?|index|number|num|no|nr|n|#|id|count(?:er)?|idx)\.?",
+    re.IGNORECASE,
+)
+PATH = re.compile(r"[\w\[\]]+(?:\.[\w\[\]]+)+")
+FREQUENCY_NAME = re.compile(
+    r"f|hz|(?:.*[ _-])?(?:freq|frequency|frequencies|frequenz|fréquence|frecuencia)", re.IGNORECASE
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,13 +50,122 @@ class RecordedChannel(Displayed):
 
 
 @dataclass(frozen=True, eq=False)
-class Contents:
-    """The columns of a file, before one of them is chosen as the time."""
+class Recording(Displayed):
+    """The channels of a file.
 
+    Parameters
+    ----------
+    path : str
+        Path of the file.
+    channels : tuple of RecordedChannel
+        The channels without the time, each with its values as written, its unit and its times.
+    notes : tuple of str
+        Decisions of the reader that the user should know.
+    lines : ndarray, optional
+        Line of each row in a text file.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from ancf_casadi import Measurement, read_recording
+    >>> _ = Path("run.csv").write_text('''t (s);x (mm);force (N)
+    ... 0,0;1,5;0,20
+    ... 0,1;1,4;0,18
+    ... ''')
+    >>> recording = read_recording("run.csv")
+    >>> recording.channel("x (mm)").values
+    array([1.5, 1.4])
+    >>> Measurement.from_recording(recording, "force (N)").sensor.quantity
+    'force'
+    """
+
+    path: str
     channels: tuple[RecordedChannel, ...]
-    notes: tuple[str, ...] = ()  # decisions of the reader that the user should know
-    lines: Index | None = None  # line of each row in a text file
+    notes: tuple[str, ...] = ()
+    lines: Index | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the file."""
+        return Path(self.path).name
+
+    @property
+    def time(self) -> Array:
+        """Times of the samples, s; channels that do not share them raise an ``InputError``."""
+        times = [channel.time for channel in self.channels if channel.time is not None]
+        if not times or any(time is not times[0] and not np.array_equal(time, times[0]) for time in times[1:]):
+            raise InputError("its channels have times of their own; use the time of a channel", self.path)
+        return times[0]
+
+    def channel(self, column: str | int | None = None) -> RecordedChannel:
+        """Return the channel with a name or number, or the only one with measured values; it must be usable."""
+        if column is not None:
+            found = find_channel(self.channels, column, "--column", self.path)
+        else:
+            values = [c for c in self.channels if not is_time(c) and not is_counter(c)]
+            usable = [channel for channel in values if not channel.fault] or values or list(self.channels)
+            if len(usable) != 1:
+                what = f"has {len(usable)} columns of values, {listed(usable)}" if usable else "has no column of values"
+                raise InputError(f"{what}; choose with --column" if usable else what, self.path)
+            (found,) = usable
+        if found.fault:
+            raise InputError(found.fault, f"{self.path}: column {found.label}")
+        return found
 
     def place(self, row: int) -> str:
         """Return the place of a row in the file, for messages."""
         return f"sample {row + 1}" if self.lines is None else f"line {self.lines[row]}"
+
+    def _summary(self) -> str:
+        samples = max((len(own.values) for own in self.channels), default=0)
+        return f"{self.name!r}, {counted(len(self.channels), 'channel')}, {counted(samples, 'sample')}"
+
+
+def find_channel(channels: Sequence[RecordedChannel], wanted: object, option: str, path: str) -> RecordedChannel:
+    """Return the only channel with a name or number."""
+    check_instance(wanted, option, str, Integral)
+    named = [channel for channel in channels if channel.name == wanted]
+    if not named and isinstance(wanted, str):
+        named = [channel for channel in channels if channel.name.casefold() == wanted.strip().casefold()]
+    if not named:
+        named = [channel for channel in channels if str(channel.number) == str(wanted).strip()]
+    if len(named) == 1:
+        return named[0]
+    fault = f"{len(named)} columns are named {shown(wanted)}; give the number" if named else "there is no such column"
+    raise InputError(f"{option} {shown(wanted)}: {fault}; there are {listed(channels)}", path)
+
+
+def listed(channels: Sequence[RecordedChannel]) -> str:
+    """Return numbers and names of channels, for messages."""
+    shortened = ", ".join(channel.label for channel in channels[:8])
+    return f"{shortened}, ... ({len(channels)} in all)" if len(channels) > 8 else shortened
+
+
+def _field(name: str) -> str:
+    """Return the name, or the last one of a path such as ``run[2].time``."""
+    return name.rpartition(".")[2] if PATH.fullmatch(name) else name.strip()
+
+
+def is_time(channel: RecordedChannel) -> bool:
+    """Return whether the name or the unit of a channel tells that it holds times."""
+    return bool(channel.unit and channel.unit.quantity == "time") or names_time(_field(channel.name))
+
+
+def is_frequency(channel: RecordedChannel) -> bool:
+    """Return whether the name or the unit of a channel tells that it holds frequencies."""
+    if channel.unit or channel.symbol:
+        return bool(channel.unit and channel.unit.quantity == "frequency")
+    return FREQUENCY_NAME.fullmatch(_field(channel.name)) is not None
+
+
+def is_counter(channel: RecordedChannel) -> bool:
+    """Return whether a channel counts the samples or the frames."""
+    whole = COUNTER_NAME.fullmatch(_field(channel.name)) is not None and not channel.symbol
+    numbers = channel.values[np.isfinite(channel.values)]
+    return whole and bool(np.all(numbers == np.floor(numbers)))
+
+
+def unit_notes(channels: Sequence[RecordedChannel]) -> tuple[str, ...]:
+    """Return a note of the channels without a unit, if there are any."""
+    bare = [channel for channel in channels if not (channel.symbol or channel.fault or is_counter(channel))]
+    return (f"no unit is given for {listed(bare)}; SI units are assumed",) if bare else ()

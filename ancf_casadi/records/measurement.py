@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.channel import Recording, unit_notes
 from ancf_casadi.records.processing import (
     amplitude_spectrum,
     decimated,
@@ -20,7 +21,7 @@ from ancf_casadi.records.processing import (
     sampling_step,
     without_line,
 )
-from ancf_casadi.records.recording import Recording, read_recording, unit_notes
+from ancf_casadi.records.recording import read_recording
 from ancf_casadi.records.sensor import Sensor, sensor_of
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.support.arrays import Array

@@ -21,9 +21,8 @@ from pathlib import Path
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Contents, RecordedChannel
+from ancf_casadi.records.channel import RecordedChannel, Recording, find_channel, is_counter, is_frequency, listed
 from ancf_casadi.records.reading.formats import read_contents
-from ancf_casadi.records.time_axis import find_channel, is_counter, is_frequency, listed
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.support.arrays import Array, ComplexArray
 
@@ -87,7 +86,7 @@ class SpectralContents:
 def read_spectral(path: str | Path, frequency: str | int | None, *, progress: bool = False) -> SpectralContents:
     """Read a file with a column of frequencies, which ``frequency`` may name, and tell the parts of its columns."""
     contents = read_contents(path, progress=progress)
-    axis = _axis(contents, frequency, str(path))
+    axis = _axis(contents, frequency)
     columns: list[tuple[str, RecordedChannel]] = []
     notes = list(contents.notes)
     if not axis.symbol:
@@ -100,7 +99,7 @@ def read_spectral(path: str | Path, frequency: str | int | None, *, progress: bo
             notes.append(f"column {channel.label} {why}, and is left out")
             continue
         columns.append((_part(channel), channel))
-    return SpectralContents(str(path), _hertz(axis, str(path)) * axis.values, tuple(columns), tuple(notes))
+    return SpectralContents(contents.path, _hertz(axis, contents.path) * axis.values, tuple(columns), tuple(notes))
 
 
 def functions_of(found: SpectralContents, phase_unit: str | None = None) -> list[SpectralFunction]:
@@ -167,14 +166,14 @@ def _phases(channel: RecordedChannel, given: str | None, path: str) -> Array:
     return np.asarray(unit.factor * channel.values)
 
 
-def _axis(contents: Contents, wanted: str | int | None, path: str) -> RecordedChannel:
+def _axis(contents: Recording, wanted: str | int | None) -> RecordedChannel:
     """Return the column of the frequencies."""
     if wanted is not None:
-        return find_channel(contents.channels, wanted, "--frequency", path)
-    named = [channel for channel in contents.channels if is_frequency(channel)]
+        return find_channel(contents.channels, wanted, "--frequency", contents.path)
+    named, every = [one for one in contents.channels if is_frequency(one)], listed(contents.channels)
     if len(named) != 1:
         what = f"may be column {' or '.join(c.label for c in named[:4])}" if named else "is in no column that says so"
-        raise InputError(f"the frequency {what} (there are {listed(contents.channels)}); choose with --frequency", path)
+        raise InputError(f"the frequency {what} (there are {every}); choose with --frequency", contents.path)
     return named[0]
 
 

@@ -1,84 +1,35 @@
-"""Recordings: all channels of a file with their times."""
+"""Reading of a file, and the time of each sample: a column of times or of frame numbers, or the sampling rate.
+
+Without a choice by the caller, the time is the column that is named so or has a unit of time; without names, it is the
+only column that increases in equal steps, or the only one that increases at all.  Any doubt is refused.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Contents, RecordedChannel
+from ancf_casadi.records.channel import (
+    RecordedChannel,
+    Recording,
+    find_channel,
+    is_counter,
+    is_frequency,
+    is_time,
+    listed,
+    unit_notes,
+)
 from ancf_casadi.records.reading.formats import read_contents
-from ancf_casadi.records.time_axis import find_channel, is_counter, is_time, listed, timed_channels
+from ancf_casadi.records.units import Unit, known_unit
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.tables import Displayed, counted
+from ancf_casadi.support.inputs import physical, shown
 
-
-@dataclass(frozen=True, eq=False)
-class Recording(Displayed):
-    """The channels of a file.
-
-    Parameters
-    ----------
-    path : str
-        Path of the file.
-    channels : tuple of RecordedChannel
-        The channels without the time, each with its values as written, its unit and its times.
-    notes : tuple of str
-        Decisions of the reader that the user should know.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from ancf_casadi import Measurement, read_recording
-    >>> _ = Path("run.csv").write_text('''t (s);x (mm);force (N)
-    ... 0,0;1,5;0,20
-    ... 0,1;1,4;0,18
-    ... ''')
-    >>> recording = read_recording("run.csv")
-    >>> recording.channel("x (mm)").values
-    array([1.5, 1.4])
-    >>> Measurement.from_recording(recording, "force (N)").sensor.quantity
-    'force'
-    """
-
-    path: str
-    channels: tuple[RecordedChannel, ...]
-    notes: tuple[str, ...] = ()
-
-    @property
-    def name(self) -> str:
-        """Name of the file."""
-        return Path(self.path).name
-
-    @property
-    def time(self) -> Array:
-        """Times of the samples, s; channels that do not share them raise an ``InputError``."""
-        times = [channel.time for channel in self.channels if channel.time is not None]
-        if not times or any(time is not times[0] and not np.array_equal(time, times[0]) for time in times[1:]):
-            raise InputError("its channels have times of their own; use the time of a channel", self.path)
-        return times[0]
-
-    def channel(self, column: str | int | None = None) -> RecordedChannel:
-        """Return the channel with a name or number, or the only one with measured values; it must be usable."""
-        if column is not None:
-            found = find_channel(self.channels, column, "--column", self.path)
-        else:
-            values = [c for c in self.channels if not is_time(c) and not is_counter(c)]
-            usable = [channel for channel in values if not channel.fault] or values or list(self.channels)
-            if len(usable) != 1:
-                what = f"has {len(usable)} columns of values, {listed(usable)}" if usable else "has no column of values"
-                raise InputError(f"{what}; choose with --column" if usable else what, self.path)
-            (found,) = usable
-        if found.fault:
-            raise InputError(found.fault, f"{self.path}: column {found.label}")
-        return found
-
-    def _summary(self) -> str:
-        samples = max((len(own.values) for own in self.channels), default=0)
-        return f"{self.name!r}, {counted(len(self.channels), 'channel')}, {counted(samples, 'sample')}"
+LEAST_EQUAL_SHARE = 0.9  # share of steps upwards, or of equal steps, that tells a column of times
+FIRST_DATE, LAST_DATE = 2e4, 1e6  # days since 1900 or since the year 0, as workbooks and MATLAB count
+RATE_ADVICE = "or give the sampling rate with --sample-rate"
 
 
 def read_recording(
@@ -122,32 +73,30 @@ def read_recording(
     >>> [channel.name for channel in recording.channels], recording.time
     (['x_mm', 'y_mm'], array([0.  , 0.01, 0.02]))
     """
-    contents = read_contents(path, progress=progress)
-    return recording_of(contents, path, time=time, time_unit=time_unit, sample_rate=sample_rate)
+    found = read_contents(path, progress=progress)
+    return with_times(found, time=time, time_unit=time_unit, sample_rate=sample_rate)
 
 
 @np.errstate(all="ignore")  # a file may hold any numbers; what overflows is refused as not finite
-def recording_of(
-    contents: Contents,
-    path: str | Path,
+def with_times(
+    found: Recording,
     *,
     time: str | int | None = None,
     time_unit: str | None = None,
     sample_rate: float | None = None,
 ) -> Recording:
-    """Return the channels of a file with their times; as ``read_recording``, for contents that have been read."""
-    notes: tuple[str, ...] = ()
-    if time is None and sample_rate is None and any(channel.time is not None for channel in contents.channels):
-        channels = tuple(map(_timed, contents.channels))
+    """Return the channels of a file with their times, and without the column of the times; as ``read_recording``."""
+    if time is None and sample_rate is None and any(channel.time is not None for channel in found.channels):
+        found = replace(found, channels=tuple(map(_timed, found.channels)))
     else:
-        channels, notes = timed_channels(contents, str(path), time=time, time_unit=time_unit, sample_rate=sample_rate)
-    return Recording(str(path), channels, contents.notes + notes + unit_notes(channels))
-
-
-def unit_notes(channels: Sequence[RecordedChannel]) -> tuple[str, ...]:
-    """Return a note of the channels without a unit, if there are any."""
-    bare = [channel for channel in channels if not (channel.symbol or channel.fault or is_counter(channel))]
-    return (f"no unit is given for {listed(bare)}; SI units are assumed",) if bare else ()
+        unit = None if time_unit is None else known_unit(time_unit, "time_unit")
+        if unit and unit.quantity != "time":
+            raise InputError(f"{unit.symbol!r} is a unit of {unit.quantity}, not of time", "time_unit")
+        if sample_rate is None:
+            found = _from_column(found, time, unit)
+        else:
+            found = _from_rate(found, physical(sample_rate, "sample_rate"), time)
+    return replace(found, notes=found.notes + unit_notes(found.channels))
 
 
 def _timed(channel: RecordedChannel) -> RecordedChannel:
@@ -157,3 +106,142 @@ def _timed(channel: RecordedChannel) -> RecordedChannel:
     steps = np.diff(channel.time)
     rising = len(channel.time) == len(channel.values) and np.isfinite(steps).all() and (steps > 0.0).all()
     return channel if rising else replace(channel, time=None, fault=channel.fault or "has times that do not increase")
+
+
+def _from_column(found: Recording, time: str | int | None, unit: Unit | None) -> Recording:
+    """Return times from a column."""
+    channel = _chosen(found) if time is None else find_channel(found.channels, time, "--time", found.path)
+    if channel.fault:
+        raise InputError(channel.fault, f"{found.path}: column {channel.label}")
+    if unit is None and is_counter(channel):
+        raise InputError("counts samples, not seconds; give --sample-rate", f"{found.path}: column {channel.label}")
+    seconds, notes = _seconds(channel, unit, found.path)
+    return _on_times(found, channel, seconds, notes)
+
+
+def _from_rate(found: Recording, rate: float, time: str | int | None) -> Recording:
+    """Return times from the sampling rate, and from frame numbers if there are any."""
+    counters = [channel for channel in found.channels if is_counter(channel) and _increases(channel.values)]
+    if time is not None:
+        counters = [find_channel(found.channels, time, "--time", found.path)]
+    if len(counters) == 1:
+        counter = counters[0]
+        if counter.unit:
+            raise InputError(
+                f"column {counter.label} has times in {counter.symbol}; leave out --sample-rate, or --time", found.path
+            )
+        seconds = (counter.values - counter.values[0]) / rate
+        return _on_times(found, counter, seconds, (f"times from column {counter.label} at {rate:g} 1/s",))
+    seconds = np.arange(max((len(channel.values) for channel in found.channels), default=0)) / rate
+    channels = tuple(replace(own, time=seconds[: len(own.values)]) for own in found.channels)
+    return replace(found, channels=channels, notes=(*found.notes, f"times from the sampling rate, {rate:g} 1/s"))
+
+
+def _chosen(found: Recording) -> RecordedChannel:
+    """Return the column that must be the time."""
+    channels, path = found.channels, found.path
+    named = [channel for channel in channels if is_time(channel)]
+    if len(named) > 1:
+        named = [channel for channel in named if not _constant(channel.values)]  # such as the date
+        exact = [channel for channel in named if channel.unit and channel.unit.quantity == "time"]
+        named = exact if len(exact) == 1 else named
+    if len(named) == 1:
+        return named[0]
+    candidates = named
+    if not named and any(is_frequency(channel) for channel in channels):
+        raise InputError(
+            "has values over frequency, not over time; read it by FrfRecord.from_file (fit-frf), or "
+            "ResponseRecord.from_file (fit-response, without a beam fit-mode)",
+            path,
+        )
+    if not named and len(channels) > 1:
+        possible = [c for c in channels if not c.fault and not c.unit and not is_counter(c)]
+        rising = [channel for channel in possible if _increases(channel.values)]
+        even = [channel for channel in rising if _is_even(channel.values)]
+        candidates = even or rising
+        if len(candidates) == 1:
+            return candidates[0]
+    if candidates:
+        raise InputError(
+            f"the time may be column {' or '.join(c.label for c in candidates[:4])}; choose with --time", path
+        )
+    raise InputError(
+        f"no column is clearly the time (there are {listed(channels)}); name one with --time, {RATE_ADVICE}", path
+    )
+
+
+def _constant(values: Array) -> bool:
+    return len(values) > 1 and (bool(np.isnan(values).all()) or bool(np.nanmin(values) == np.nanmax(values)))
+
+
+def _increases(values: Array) -> bool:
+    steps = np.diff(values)
+    return len(steps) > 0 and bool(np.mean(steps > 0.0) >= LEAST_EQUAL_SHARE)
+
+
+def _is_even(values: Array) -> bool:
+    steps = np.diff(values)
+    usual = np.nanmedian(steps)
+    # difference of equal steps, relative to the median
+    return bool(np.mean(np.abs(steps - usual) <= 0.05 * usual) >= LEAST_EQUAL_SHARE)
+
+
+def _seconds(channel: RecordedChannel, unit: Unit | None, path: str) -> tuple[Array, tuple[str, ...]]:
+    """Return the numbers of a time column in s, and notes."""
+    where = f"{path}: column {channel.label}"
+    given = unit or channel.unit
+    if given is None and channel.symbol:
+        raise InputError(
+            f"the unit {shown(channel.symbol)} is not understood; give the unit of the time with --time-unit", where
+        )
+    if given and given.quantity != "time":
+        raise InputError(
+            f"is in {given.symbol}, a unit of {given.quantity}, and is no time; choose another with --time", where
+        )
+    largest = float(np.nanmax(np.abs(channel.values), initial=0.0))
+    if given is None and largest > 1e11:  # s; times beyond it must be in another unit
+        raise InputError("has no unit, and its numbers are too large for s; give the unit with --time-unit", where)
+    span = float(np.nanmax(channel.values, initial=-np.inf) - np.nanmin(channel.values, initial=np.inf))
+    # span of such times relative to their size: a record of an hour at most
+    if given is None and FIRST_DATE < largest < LAST_DATE and span < 1e-6 * largest:
+        raise InputError("has no unit, and may count days; give the unit with --time-unit", where)
+    factor = given.factor if given else 1.0
+    notes: tuple[str, ...] = () if given else (f"column {channel.label} has no unit; its times are taken in s",)
+    values = channel.values
+    if largest * factor > 1e9:  # s; times beyond it count from 1970
+        values = values - values[np.argmax(~np.isnan(values))]
+        notes += ("times count from the first sample",)
+    return np.asarray(factor * values), notes
+
+
+def _on_times(found: Recording, axis: RecordedChannel, seconds: Array, notes: tuple[str, ...]) -> Recording:
+    """Return the other channels at the rows that have a time, if the times increase."""
+    rows = np.flatnonzero(np.isfinite(seconds))
+    left_out = len(seconds) - len(rows)
+    if left_out:
+        seconds = seconds[rows]
+        notes += (f"{left_out} rows without a time are left out",)
+    steps = np.diff(seconds)
+    if len(steps) and not steps.min() > 0.0:
+        first = int(np.argmax(~(steps > 0.0)))
+        row, before = found.place(int(rows[first + 1])), found.place(int(rows[first]))
+        repeated = "repeats" if steps[first] == 0.0 else "is earlier than"
+        advice = (
+            "remove the row, or sort the rows"
+            if np.mean(steps == 0.0) < 1 - LEAST_EQUAL_SHARE
+            else f"name another column with --time, {RATE_ADVICE}"
+        )
+        raise InputError(
+            f"the time {seconds[first + 1]:.9g} s {repeated} that of {before}; {advice}", f"{found.path}, {row}"
+        )
+    channels = []
+    for channel in found.channels:
+        if channel.number == axis.number:
+            continue
+        values, fault = channel.values, channel.fault
+        if left_out and len(values) == len(axis.values):
+            values = values[rows]
+        if not fault and len(values) != len(seconds):
+            fault = f"has {len(values)} values for {len(seconds)} times"
+        channels.append(replace(channel, values=values, time=seconds, fault=fault))
+    return Recording(found.path, tuple(channels), found.notes + notes)

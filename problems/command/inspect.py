@@ -14,13 +14,12 @@ import numpy as np
 from ancf_casadi.decay.release import find_release
 from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import RecordedChannel
+from ancf_casadi.records.channel import RecordedChannel, Recording, is_counter, is_time
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import quality_warnings, sampling
 from ancf_casadi.records.reading.formats import read_contents
-from ancf_casadi.records.recording import Recording, recording_of
+from ancf_casadi.records.recording import with_times
 from ancf_casadi.records.sensor import Sensor
-from ancf_casadi.records.time_axis import is_counter, is_time
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import physical
@@ -59,14 +58,12 @@ def run(options: argparse.Namespace) -> Output:
     new_files([options.file], options.plot)
     if options.sample_rate is not None:
         physical(options.sample_rate, "--sample-rate")
-    contents = read_contents(options.file, progress=True)
+    recording, problem = read_contents(options.file, progress=True), ""
     try:
-        recording = recording_of(
-            contents, options.file, time=options.time, time_unit=options.time_unit, sample_rate=options.sample_rate
+        recording = with_times(
+            recording, time=options.time, time_unit=options.time_unit, sample_rate=options.sample_rate
         )
-        problem = ""
     except InputError as error:
-        recording = Recording(options.file, contents.channels, contents.notes)
         problem = str(error)
     recording = replace(recording, notes=(*recording.notes, *_faults(recording)))
     summaries = [_summary(channel) for channel in recording.channels]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ancf_casadi.records.recording import Recording
+from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.video.recorded import track_video
 from ancf_casadi.support.arrays import root_mean_square
 from ancf_casadi.support.tables import Table

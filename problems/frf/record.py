@@ -11,8 +11,8 @@ from typing import Any, get_args
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.channel import unit_notes
 from ancf_casadi.records.over_frequency import functions_of, read_spectral
-from ancf_casadi.records.recording import unit_notes
 from ancf_casadi.response.linear_frf import FRF_UNITS, FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, instances, located, numbers

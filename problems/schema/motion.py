@@ -17,8 +17,9 @@ from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase
 from ancf_casadi.dynamics.tip_load import HarmonicLoad, MovingForce, SampledLoad, TipLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.records.recording import Recording, read_recording
+from ancf_casadi.records.recording import read_recording
 from ancf_casadi.records.sensor import Quantity, Sensor
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_keys, located, physical, shown

@@ -24,8 +24,8 @@ from ancf_casadi.export.model_document import Document
 from ancf_casadi.mechanics.beam_table import PART_KINDS, with_parts
 from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.records.recording import Recording
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import array, check_keys, is_sequence, located, shown, whole
 from problems.beam.curves.record import ResponseRecord

@@ -1,4 +1,4 @@
-"""Readers of measured data, one file per format; each returns the ``Contents`` of a file.
+"""Readers of measured data, one file per format; each returns the ``Recording`` of a file.
 
 ``formats`` recognises the format and chooses the reader.  ``text`` has the reader of tables in plain text.  The other
 formats are read by their libraries, which are imported on demand (``libraries``).  A file is data: nothing in it is

@@ -22,21 +22,21 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Contents, RecordedChannel
+from ancf_casadi.records.channel import RecordedChannel, Recording, is_time
 from ancf_casadi.records.reading.libraries import read_isolated, readable
 from ancf_casadi.records.reading.worker import check_unpacked, real_parts
-from ancf_casadi.records.time_axis import is_time
 from ancf_casadi.records.units import parse_unit, unit_of
 
 MOST_CHANNELS = 10_000
 
 
 @np.errstate(all="ignore")  # extended precision may hold larger numbers
-def array_contents(
+def recording_of(
+    path: Path,
     arrays: Iterable[tuple[str, NDArray[Any]]],
     notes: Iterable[str] = (),
     units: Mapping[str, str] = MappingProxyType({}),
-) -> Contents:
+) -> Recording:
     """Return the columns of named arrays: vectors, and matrices along their longer side; notes name the others."""
     channels: list[RecordedChannel] = []
     remarks = list(notes)
@@ -66,7 +66,7 @@ def array_contents(
         for k, column in enumerate(columns.T, 1):
             own = name if columns.shape[1] == 1 else f"{name}[{k}]"
             channels.append(RecordedChannel(len(channels) + 1, own, np.array(column, dtype=float), symbol, unit))
-    return Contents(tuple(channels), tuple(remarks))
+    return Recording(str(path), tuple(channels), tuple(remarks))
 
 
 def seconds_from_first(dates: NDArray[Any]) -> NDArray[Any]:
@@ -74,18 +74,18 @@ def seconds_from_first(dates: NDArray[Any]) -> NDArray[Any]:
     return (dates - dates.ravel()[0]) / np.timedelta64(1, "s") if dates.size else dates.astype(float)
 
 
-def read_matlab(path: Path) -> Contents:
+def read_matlab(path: Path) -> Recording:
     """Read the numeric variables of a MATLAB file of version 4 to 7."""
     arrays, properties = read_isolated("matlab", "scipy", path, "MATLAB")
-    return array_contents(arrays.items(), properties["notes"])
+    return recording_of(path, arrays.items(), properties["notes"])
 
 
-def read_hdf5(path: Path) -> Contents:
+def read_hdf5(path: Path) -> Recording:
     """Read the numeric data sets of a MATLAB file of version 7.3, or of any HDF5 file."""
     arrays, properties = read_isolated("hdf5", "h5py", path, "HDF5")
     if not arrays:
         raise InputError("has no data sets of numbers", str(path))
-    found = array_contents(arrays.items(), properties["notes"], properties["units"])
+    found = recording_of(path, arrays.items(), properties["notes"], properties["units"])
     given = properties["rates"]  # of the whole array, of which the channel may be one column
     names = [channel.name for channel in found.channels]
     rates = {name: given.get(name) or given.get(name.rpartition("[")[0]) for name in names}
@@ -96,10 +96,11 @@ def read_hdf5(path: Path) -> Contents:
         for channel in found.channels
     ]
     told = ", ".join(f"{rate:g}" for rate in dict.fromkeys(rates.values()) if rate)
-    return Contents(tuple(timed), (*found.notes, f"times from the sampling rate in an attribute, {told} 1/s"))
+    notes = (*found.notes, f"times from the sampling rate in an attribute, {told} 1/s")
+    return Recording(str(path), tuple(timed), notes)
 
 
-def read_npz(path: Path) -> Contents:
+def read_npz(path: Path) -> Recording:
     """Read the arrays of an ``.npz`` file."""
     arrays: list[tuple[str, NDArray[Any]]] = []
     notes: list[str] = []
@@ -116,16 +117,16 @@ def read_npz(path: Path) -> Contents:
                 notes.append(f"{name!r} holds Python objects, and is left out")
             else:
                 arrays.append((name, array))
-    return array_contents(arrays, notes)
+    return recording_of(path, arrays, notes)
 
 
-def read_npy(path: Path) -> Contents:
+def read_npy(path: Path) -> Recording:
     """Read the array of an ``.npy`` file."""
     with readable(str(path), "NPY"), open(path, "rb") as file:
         array = _array(file, path.stat().st_size, str(path))
         if array is None:
             raise InputError("holds Python objects, which are not read; save arrays of numbers", str(path))
-    return array_contents([("values", array)])
+    return recording_of(path, [("values", array)])
 
 
 def _array(file: BinaryIO, size: int, where: str) -> NDArray[Any] | None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Contents, RecordedChannel
+from ancf_casadi.records.channel import RecordedChannel, Recording
 from ancf_casadi.records.reading.libraries import read_isolated
 from ancf_casadi.records.units import parse_unit
 from ancf_casadi.support.arrays import Array
@@ -22,7 +22,7 @@ C3D_BLOCK = 512  # bytes
 ENDIANNESS = {84: "<", 85: "<", 86: ">"}  # by the processor that wrote the file: Intel, DEC, MIPS
 
 
-def read_c3d(path: Path) -> Contents:
+def read_c3d(path: Path) -> Recording:
     """Read markers and analog channels of a C3D file; a marker that is not seen is a gap."""
     _check_sizes(path)
     arrays, properties = read_isolated("c3d", "ezc3d", path, "C3D")
@@ -42,7 +42,7 @@ def read_c3d(path: Path) -> Contents:
         symbols = [*(str(text).strip() for text in properties["ANALOG UNITS"]), *[""] * len(analogs)]
         for label, values, symbol in zip(labels, analogs, symbols[: len(analogs)], strict=True):
             channels.append(RecordedChannel(len(channels) + 1, label, values, symbol, parse_unit(symbol), time))
-    return Contents(tuple(channels))
+    return Recording(str(path), tuple(channels))
 
 
 def _labels(given: Sequence[object], count: int, default: str) -> list[str]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Contents, RecordedChannel
+from ancf_casadi.records.channel import RecordedChannel, Recording
 from ancf_casadi.records.reading.arrays import read_hdf5, read_matlab, read_npy, read_npz
 from ancf_casadi.records.reading.c3d import read_c3d
 from ancf_casadi.records.reading.labview import read_lvm, read_tdms
@@ -30,7 +30,7 @@ OTHER_FORMATS = {
 }
 
 
-def read_contents(path: str | Path, *, progress: bool = False) -> Contents:
+def read_contents(path: str | Path, *, progress: bool = False) -> Recording:
     """Read all columns of a file of at most 1 GiB; refuse one in no known format."""
     with opened(path, 2**30) as file:
         found = _read(Path(path), file.read(BYTES_LOOKED_AT), progress)
@@ -46,7 +46,7 @@ def _within_range(channel: RecordedChannel) -> RecordedChannel:
     return replace(channel, fault=channel.fault or beyond)
 
 
-def _read(file: Path, start: bytes, progress: bool) -> Contents:
+def _read(file: Path, start: bytes, progress: bool) -> Recording:
     suffix = file.suffix.lower()
     for signature, message in OTHER_FORMATS.items():
         if start.startswith(signature):

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Contents, RecordedChannel
+from ancf_casadi.records.channel import RecordedChannel, Recording
 from ancf_casadi.records.reading.arrays import MOST_CHANNELS, seconds_from_first
 from ancf_casadi.records.reading.libraries import library, readable
 from ancf_casadi.records.reading.text.reader import decoded
@@ -21,14 +21,14 @@ from ancf_casadi.records.units import parse_unit, unit_of
 from ancf_casadi.support.arrays import Array
 
 
-def read_lvm(path: Path) -> Contents:
+def read_lvm(path: Path) -> Recording:
     """Read the channels of an LVM file; refuse one with several segments."""
     lvm_read = library("lvm_read", "LVM")
     with readable(str(path), "LVM"):
         found = lvm_read.read_str(decoded(path.read_bytes()))
         if found["Segments"] != 1:
             raise InputError(f"has {found['Segments']} segments; save each in a file of its own", str(path))
-        return Contents(tuple(_channels(found, found[0])))
+        return Recording(str(path), tuple(_channels(found, found[0])))
 
 
 def _channels(header: Mapping[str, Any], segment: Mapping[str, Any]) -> list[RecordedChannel]:
@@ -66,7 +66,7 @@ def _even(start: Any, step: Any, count: int) -> Array | None:
     return (float(start) if known else 0.0) + float(step) * np.arange(count, dtype=float)
 
 
-def read_tdms(path: Path) -> Contents:
+def read_tdms(path: Path) -> Recording:
     """Read the channels of a TDMS file; those with a waveform increment have their own times."""
     nptdms = library("nptdms", "TDMS")
     notes: list[str] = []
@@ -84,7 +84,7 @@ def read_tdms(path: Path) -> Contents:
             if len(item) * item.dtype.itemsize > min(size * 2, MOST_DATA_BYTES):
                 raise InputError("declares more samples than it holds; it is damaged", f"{path}: {name}")
             channels.append(_channel(len(channels) + 1, name, item))
-    return Contents(tuple(channels), tuple(notes))
+    return Recording(str(path), tuple(channels), tuple(notes))
 
 
 def _channel(number: int, name: str, item: Any) -> RecordedChannel:

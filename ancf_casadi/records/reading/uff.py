@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Contents, RecordedChannel
+from ancf_casadi.records.channel import RecordedChannel, Recording
 from ancf_casadi.records.reading.libraries import library, readable
 from ancf_casadi.records.units import Unit, parse_unit
 
@@ -25,7 +25,7 @@ OVER_TIME, FREQUENCY_RESPONSE, COHERENCE = 1, 4, 6  # function types
 DIRECTIONS = dict(zip(range(-6, 7), "-RZ -RY -RX -Z -Y -X . X Y Z RX RY RZ".split(), strict=True))
 
 
-def read_uff(path: Path) -> Contents:
+def read_uff(path: Path) -> Recording:
     """Read the time responses and the frequency response functions of a universal file."""
     pyuff = library("pyuff", "UFF")
     notes: list[str] = []
@@ -57,7 +57,7 @@ def read_uff(path: Path) -> Contents:
             channels += _spectral(len(channels) + 1, function, length, force)
     if not channels:
         raise InputError("has no responses over time or frequency (data set 58, function types 1 and 4)", str(path))
-    return Contents(tuple(channels), tuple(notes))
+    return Recording(str(path), tuple(channels), tuple(notes))
 
 
 def _spectral(number: int, function: Mapping[str, Any], length: float, force: float) -> Iterator[RecordedChannel]:

@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import RecordedChannel
+from ancf_casadi.records.channel import RecordedChannel, Recording
 from ancf_casadi.records.reading.libraries import library
-from ancf_casadi.records.recording import Recording
 from ancf_casadi.records.units import parse_unit
 from ancf_casadi.records.video.detection import marks_in
 from ancf_casadi.records.video.frames import Picture, Video, decoded

@@ -14,13 +14,12 @@ import numpy as np
 from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import RecordedChannel
+from ancf_casadi.records.channel import RecordedChannel, listed
 from ancf_casadi.records.over_frequency import (
     SpectralContents,
     SpectralFunction,
 )
 from ancf_casadi.records.sensor import Sensor, sensor_of
-from ancf_casadi.records.time_axis import listed
 from ancf_casadi.records.units import Unit
 from ancf_casadi.response.harmonic_balance.system import beam_drive
 from ancf_casadi.support.arrays import Array

@@ -39,8 +39,8 @@ from ancf_casadi.dynamics.placed_load import TIP
 from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.records.channel import unit_notes
 from ancf_casadi.records.over_frequency import functions_of, read_spectral, sine_amplitudes
-from ancf_casadi.records.recording import unit_notes
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.response.harmonic_balance.system import beam_drive

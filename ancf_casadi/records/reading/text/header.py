@@ -25,7 +25,7 @@ from dataclasses import replace
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Contents, RecordedChannel
+from ancf_casadi.records.channel import RecordedChannel, Recording
 from ancf_casadi.records.reading.text.cells import is_comment, uncommented
 from ancf_casadi.records.reading.text.dialect import SEPARATORS, TableHead
 from ancf_casadi.records.units import Unit, names_time, parse_unit, unit_in_name, unit_of
@@ -144,16 +144,16 @@ def _pose_heading(rows: Sequence[Sequence[str]]) -> list[Head]:
     return [(name, "px", parse_unit("px")) if COORDINATE.fullmatch(name) else (name, "", None) for name in names]
 
 
-def without_unlikely(contents: Contents) -> Contents:
+def without_unlikely(found: Recording) -> Recording:
     """Return the columns with gaps where the likelihood of a point is low, and without the likelihoods."""
-    usable = [(LIKELIHOOD.fullmatch(channel.name), channel) for channel in contents.channels if not channel.fault]
-    tracks = {match[1].casefold() for channel in contents.channels if (match := COORDINATE.fullmatch(channel.name))}
+    usable = [(LIKELIHOOD.fullmatch(channel.name), channel) for channel in found.channels if not channel.fault]
+    tracks = {match[1].casefold() for channel in found.channels if (match := COORDINATE.fullmatch(channel.name))}
     likelihoods = {stem: channel for match, channel in usable if match and (stem := match[1].casefold()) in tracks}
     if not likelihoods:
-        return contents
+        return found
     masked: list[RecordedChannel] = []
     points = 0
-    for channel in contents.channels:
+    for channel in found.channels:
         match = COORDINATE.fullmatch(channel.name)
         likelihood = likelihoods.get(match[1].casefold()) if match else None
         if likelihood and not channel.fault:
@@ -163,4 +163,4 @@ def without_unlikely(contents: Contents) -> Contents:
         if channel not in likelihoods.values():
             masked.append(channel)
     note = f"{points} coordinates with a likelihood below {LEAST_LIKELIHOOD:g} are gaps"
-    return Contents(tuple(masked), (*contents.notes, note), contents.lines)
+    return replace(found, channels=tuple(masked), notes=(*found.notes, note))

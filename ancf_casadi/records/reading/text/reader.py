@@ -19,7 +19,7 @@ import numpy as np
 from tqdm import tqdm
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Contents, RecordedChannel
+from ancf_casadi.records.channel import RecordedChannel, Recording
 from ancf_casadi.records.reading.text.cells import Dialect, clock_seconds, is_comment, iso_nanoseconds, over_midnight
 from ancf_casadi.records.reading.text.dialect import TableHead, find_table
 from ancf_casadi.records.reading.text.header import Head, read_heading, without_unlikely
@@ -91,7 +91,7 @@ def _plain_ends(block: bytes) -> bytes:
     return block.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in block else block
 
 
-def read_text(path: Path, *, progress: bool = False) -> Contents:
+def read_text(path: Path, *, progress: bool = False) -> Recording:
     """Read a table in plain text; refuse a row with too few or too many cells by its line."""
     blocks = text_blocks(path, progress=progress)
     first = next(blocks, b"")
@@ -236,7 +236,7 @@ class _Reader:
         fault = next((i for i, cell in enumerate(cells) if self.table.dialect.kind(cell) != "stamp"), 0)
         return np.full(len(cells), np.nan), fault
 
-    def contents(self, heading: Sequence[Head]) -> Contents:
+    def contents(self, heading: Sequence[Head]) -> Recording:
         """Return the columns."""
         if not self.blocks:
             raise InputError("has no rows of numbers; needs a table with a row per sample", self.path)
@@ -249,7 +249,7 @@ class _Reader:
                 values = values if k in self.first_stamps else over_midnight(values)
                 symbol, unit = "s", parse_unit("s")
             channels.append(RecordedChannel(k + 1, name, values, symbol, unit, fault=self.faults.get(k, "")))
-        return Contents(tuple(channels), tuple(self.notes), np.concatenate(self.lines))
+        return Recording(self.path, tuple(channels), tuple(self.notes), np.concatenate(self.lines))
 
 
 def _is_text(line: str, dialect: Dialect) -> bool:

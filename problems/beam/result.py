@@ -155,8 +155,8 @@ class BeamFit(BlocksResult):
     @cached_property
     def responses(self) -> list[Array]:
         """Amplitude, phase (rad) and level of the motion closest to each point of each response curve, (3, m) each."""
-        parts = [(block, one) for block, one in self.solution.parts if isinstance(block, CurveBlock)]
-        motions = [own for _, fitted in parts for own in fitted.evaluation.motions(self.estimates)]
+        blocks = [block for block in self.solution.problem.blocks if isinstance(block, CurveBlock)]
+        motions = [own for block in blocks for own in block.motions(self.estimates)]
         return [own.values.T for own in motions]
 
     @property

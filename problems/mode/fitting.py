@@ -212,7 +212,7 @@ def _stated(
 def _weighed(block: ModeCurveBlock, start: Mapping[str, float]) -> ModeCurveBlock:
     """Return curves with standard deviations as large as residuals at a start, for the accuracy of the first fit."""
     try:
-        size = root_mean_square(block.evaluation().at(start)[0])
+        size = root_mean_square(block.at(start)[0])
     except NumericsError:
         return block
     weights = block.weights
@@ -220,7 +220,7 @@ def _weighed(block: ModeCurveBlock, start: Mapping[str, float]) -> ModeCurveBloc
     for group, given in zip(weights.groups, weights.known, strict=True):
         known[list(group)] = given
     deviations = np.where(known, weights.deviations, max(size, 1.0) * weights.deviations)
-    return replace(block, weights=replace(weights, deviations=deviations))
+    return replace(block, weights=replace(weights, deviations=deviations), before=block)
 
 
 def _starts(

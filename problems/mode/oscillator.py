@@ -7,9 +7,9 @@ steady motion A sin(W t + psi) balances the fundamental,
     (omega(A)^2 - W^2 + 2 i c(A) W) A exp(i psi) = kappa a.
 
 At a frequency W, level a and phase psi are therefore explicit functions of A, also beside folds, where a level belongs
-to three motions: A is the parameter of the curve (``problems.beam.curves.residuals``).  The modal constant kappa is
-1/mass for a force at the sensor.  The base displacement u = a sin(W t) acts as the force -u'' on the motion relative to
-the base, so that
+to three motions: A is the parameter of the curve (``curves.response_block``).  The modal constant kappa is 1/mass for a
+force at the sensor.  The base displacement u = a sin(W t) acts as the force -u'' on the motion relative to the base,
+so that
 
     unit of the level     force per mass                 base displacement
     N, V                  kappa a

@@ -28,8 +28,6 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.estimation.block import Block
-from ancf_casadi.estimation.solver.least_squares import residual_function
-from ancf_casadi.estimation.solver.polish import residuals_and_jacobian
 from ancf_casadi.estimation.solver.unknown import Coordinates, Priors, Unknown
 from ancf_casadi.exceptions import AncfError, FitError, InputError
 from ancf_casadi.mechanics.model import Model
@@ -40,7 +38,7 @@ from ancf_casadi.support.parallel import run_all
 from problems.beam.curves.block import CurveBlock
 from problems.beam.curves.driven import small_response
 from problems.beam.curves.record import ResponseRecord
-from problems.beam.curves.residuals import FREE, first_weights
+from problems.beam.curves.response_block import FREE, first_weights
 from problems.beam.fitting import beam_problem
 from problems.beam.motions.block import MotionBlock, motion_block
 from problems.beam.motions.record import MotionRecord
@@ -215,21 +213,19 @@ def _expected(
 ) -> tuple[Template, ExpectedRecord]:
     """Return a candidate with computed values, and how its residuals depend on shared and its own unknowns."""
     unknowns = [*shared, *own]
-    names, y = [one.name for one in unknowns], Coordinates.of(unknowns)
+    y = Coordinates.of(unknowns)
     guesses = {one.name: one.guess for one in unknowns}
     try:
         record, block = _with_values(block, guesses)
-        evaluation = block.evaluation()
-        evaluate = residual_function(lambda *x: evaluation.residuals(dict(zip(names, x, strict=True))), y)
-        jacobian = residuals_and_jacobian(evaluate, y.guess / y.scale)[1]
-        if evaluation.failure or not np.isfinite(jacobian).all():
-            raise FitError(evaluation.failure or "the derivatives of its values are not finite")
-        evaluation.close()
+        jacobian = block.linearised(unknowns, y.guess)[1]
+        if block.failure or not np.isfinite(jacobian).all():
+            raise FitError(block.failure or "the derivatives of its values are not finite")
+        block.close()
     except AncfError as error:
         kind = InputError if isinstance(error, InputError) else FitError
         raise kind(f"the candidate {name!r} cannot be computed: {error}") from None
     known = [
-        np.eye(len(names))[k] * (y.slopes(y.guess) * y.scale)[k] / one.prior_std
+        np.eye(len(unknowns))[k] * (y.slopes(y.guess) * y.scale)[k] / one.prior_std
         for k, one in enumerate(unknowns)
         if one.prior and k >= len(shared)
     ]
@@ -239,7 +235,7 @@ def _expected(
     return record, ExpectedRecord(
         jacobian=jacobian,
         shared=len(shared),
-        known=np.array(known).reshape(-1, len(names)),
+        known=np.array(known).reshape(-1, len(unknowns)),
         lengths=tuple(lengths),
         places=np.array(places),
         times=times,
@@ -260,12 +256,11 @@ def _with_values(block: Block, guesses: Mapping[str, float]) -> tuple[Template, 
     assert isinstance(block, MotionBlock)
     number, template = block.numbered[0]
     trial = replace(block, weights=motion_weights([template]), tolerance=VALUE_TOLERANCE)
-    evaluation = trial.evaluation()
     known = {name: cs.MX(value) for name, value in guesses.items() if not name.startswith("zero_")}
     with delayed_interrupts():
-        residuals = np.asarray(cs.evalf(evaluation.residuals(known))).ravel()
-    if evaluation.failure:
-        raise FitError(evaluation.failure)
+        residuals = np.asarray(cs.evalf(trial.residuals(known))).ravel()
+    if trial.failure:
+        raise FitError(trial.failure)
     parts = zip(trial.weights.split(residuals), template.own_channels, strict=True)
     record = filled(template, np.concatenate([rest + channel.measurement.values for rest, channel in parts]))
     return record, motion_block(block.model, [(number, record)], block.damping, block.first, load=block.load)
@@ -279,7 +274,7 @@ def _steady(block: CurveBlock, guesses: Mapping[str, float]) -> Array:
     linear = small_response(first, alike, float(template.f[0]), s).amplitudes * template.a
     start = filled(template, np.column_stack([LINEAR_SHARE * linear, np.zeros((len(linear), 2))]))
     free = replace(block, numbered=((number, start),), weights=first_weights([start]), looseness=FREE)
-    values = free.evaluation().motions(guesses)[0].values
+    values = free.motions(guesses)[0].values
     missed = np.abs(values[:, 2] / template.a - 1) > LARGEST_MISS
     if missed.any():
         raise FitError(f"no motion with the level of the excitation is found at {template.f[missed][0]:.5g} Hz")

@@ -6,12 +6,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Self
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted
+from ancf_casadi.estimation.block import Account, Block, Fitted
 from ancf_casadi.estimation.prediction import PredictedChannel
 from ancf_casadi.support.callbacks import Differentiable
 from problems.beam.properties import Owners
@@ -22,14 +21,10 @@ ACCURACY = 1e-6  # relative accuracy of computed values; in standard deviations 
 
 @dataclass(frozen=True, eq=False)
 class ValueBlock(Block):
-    """Measured values of a beam at rest or in small vibration; it is its own evaluation."""
+    """Measured values of a beam at rest or in small vibration."""
 
     record: PropertyRecord  # with the beam in the configuration of the test
     first: Mapping[str, float]  # first values of the unknown properties by name, SI units
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the block without its Function, which the receiving process derives again."""
-        return type(self), (self.record, self.first)
 
     @property
     def lengths(self) -> list[list[int]]:
@@ -57,10 +52,6 @@ class ValueBlock(Block):
         # relative change of all values that counts as none; the stretching of a beam causes less
         return 3e-6 * float(np.linalg.norm(self.record.measured / self.record.scatter))
 
-    def evaluation(self, before: Evaluation | None = None) -> Self:
-        """Return the block itself."""
-        return self
-
     @property
     def failure(self) -> str:
         """Reason why the values could not be computed; empty if they could."""
@@ -70,9 +61,6 @@ class ValueBlock(Block):
         """Return computed less measured values over their standard deviations, or relative errors, (m,)."""
         factors = cs.vertcat(cs.MX(0, 1), *(given[name] / first for name, first in self.first.items()))
         return (self._computed(factors) - cs.DM(self.record.measured)) / cs.DM(self.record.scatter)
-
-    def close(self) -> None:
-        """Keep the Function, which is small."""
 
     @cached_property
     def _computed(self) -> Differentiable:

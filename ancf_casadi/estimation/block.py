@@ -22,9 +22,8 @@ import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
+from ancf_casadi.estimation.solver.gauss_newton import noise_of, residuals_and_jacobian
 from ancf_casadi.estimation.solver.least_squares import residual_function
-from ancf_casadi.estimation.solver.loss import noise_of
-from ancf_casadi.estimation.solver.polish import residuals_and_jacobian
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, Index

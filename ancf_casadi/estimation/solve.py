@@ -35,8 +35,8 @@ from ancf_casadi.estimation.block import Block, Fitted
 from ancf_casadi.estimation.determination import check_determined
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL
+from ancf_casadi.estimation.solver.gauss_newton import HUBER
 from ancf_casadi.estimation.solver.least_squares import least_squares, residual_function
-from ancf_casadi.estimation.solver.loss import HUBER
 from ancf_casadi.estimation.solver.unknown import Unknown, started
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, Mask

@@ -57,7 +57,6 @@ from problems.beam.motions.marker_record import MarkerRecord, motion_record
 from problems.beam.motions.record import MotionRecord
 from problems.beam.properties import CLAMP_STIFFNESS, Owners, first_values, is_property, property_unknown, with_clamp
 from problems.beam.result import BeamFit, law_name
-from problems.beam.starts import starts
 from problems.beam.unknowns import (
     BASE_AMPLITUDE,
     GROUPS,
@@ -70,6 +69,7 @@ from problems.beam.unknowns import (
     of_motions,
     restricted,
     sought_frequencies,
+    starts,
 )
 from problems.beam.values.block import ValueBlock
 from problems.beam.values.records import FrequencyRecord, PropertyRecord, StaticRecord

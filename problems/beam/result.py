@@ -156,8 +156,7 @@ class BeamFit(BlocksResult):
     def responses(self) -> list[Array]:
         """Amplitude, phase (rad) and level of the motion closest to each point of each response curve, (3, m) each."""
         blocks = [block for block in self.solution.problem.blocks if isinstance(block, CurveBlock)]
-        motions = [own for block in blocks for own in block.motions(self.estimates)]
-        return [own.values.T for own in motions]
+        return [values.T for block in blocks for values, _ in block.motions(self.estimates)]
 
     @property
     def shifts(self) -> Array:

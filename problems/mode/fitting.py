@@ -6,7 +6,7 @@ All records share the laws of the mode: its frequency and its rate of decay agai
 release, each kind of excitation its modal constant (``decays``).  The loop of all fits
 (``ancf_casadi.estimation.solve``) weighs the records by the scatter of their residuals.
 
-The fit starts from the largest decay, and from regressions of the curves (``start``), whichever ends in the better
+The fit starts from the largest decay, and from regressions of the curves (``oscillator``), whichever ends in the better
 optimum.
 """
 
@@ -44,9 +44,17 @@ from problems.mode.decays import (
     mode_decay,
     release_unknowns,
 )
-from problems.mode.oscillator import motion_amplitudes, reading_factor
+from problems.mode.oscillator import (
+    LEAST_RATIO,
+    Points,
+    from_points,
+    guess_of,
+    law_at,
+    modal_constant_of,
+    motion_amplitudes,
+    reading_factor,
+)
 from problems.mode.result import ModeFit
-from problems.mode.start import LEAST_RATIO, Points, from_points, guess_of, law_at, modal_constant_of
 
 Decay = Measurement | tuple[Any, Any]
 

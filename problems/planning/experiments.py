@@ -274,7 +274,7 @@ def _steady(block: CurveBlock, guesses: Mapping[str, float]) -> Array:
     linear = small_response(first, alike, float(template.f[0]), s).amplitudes * template.a
     start = filled(template, np.column_stack([LINEAR_SHARE * linear, np.zeros((len(linear), 2))]))
     free = replace(block, numbered=((number, start),), weights=first_weights([start]), looseness=FREE)
-    values = free.motions(guesses)[0].values
+    values = free.motions(guesses)[0][0]
     missed = np.abs(values[:, 2] / template.a - 1) > LARGEST_MISS
     if missed.any():
         raise FitError(f"no motion with the level of the excitation is found at {template.f[missed][0]:.5g} Hz")

@@ -6,7 +6,7 @@ the noise has the variances
     P = q' R q/w^2 + m e^2 I    in the directions q of the n fitted columns,    v = tr P/n    in all others,
 
 with R, w and e as in ``fit``.  For white noise all of them are s^2.  With psi the derivatives of the loss L of the
-residuals (``loss``; psi = r and w = 1 for least squares), the sum of squares
+residuals (``gauss_newton``; psi = r and w = 1 for least squares), the sum of squares
 
     Q(y) = 2 (L(y) - L(y_e))/(v w) + (u(y)' K u(y) - u(y_e)' K u(y_e)),    u = q' psi/w,    K = P^-1 - I/v,
 
@@ -60,7 +60,7 @@ import scipy  # its packages are imported on first use
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, moves
 from ancf_casadi.estimation.solve import FitSolution
-from ancf_casadi.estimation.solver.loss import influence, loss_value, row_weights
+from ancf_casadi.estimation.solver.gauss_newton import influence, loss_value, row_weights
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import evaluated

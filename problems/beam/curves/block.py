@@ -32,7 +32,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import known
 from problems.beam.curves.checks import checked
 from problems.beam.curves.driven import Driven, analysed, driven, small_response
-from problems.beam.curves.points import CurvePoints, Measured, NoMotionError, PointMotion, closest, motion_from_rest
+from problems.beam.curves.points import CurvePoints, Measured, PointMotion, closest, motion_from_rest
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.curves.response_block import ResponseBlock, first_weights
 from problems.beam.properties import ELASTIC, SIGNED, Owners, value_of
@@ -85,11 +85,10 @@ class CurveBlock(ResponseBlock):
                 try:
                     own.append(_motion(beams[k], point, s, self.last[k][j] if self.last else None))
                 except NumericsError as error:
-                    raise NoMotionError(f"{record.label}, {record.f[j]:.6g} Hz: {error}") from None
+                    raise NumericsError(f"{record.label}, {record.f[j]:.6g} Hz: {error}") from None
             found.append(own)
         self.last[:] = found
-        return [CurvePoints(*(np.array([getattr(m, part) for m in own]) for part in ("values", "slopes")))
-                for own in found]  # fmt: skip
+        return [(np.array([one.values for one in own]), np.array([one.slopes for one in own])) for own in found]
 
     def sensitivities(self, values: Mapping[str, float]) -> list[Array]:
         """Return the derivatives by the unknowns of amplitude, phase and excess of the level, (m, 3, n) each."""

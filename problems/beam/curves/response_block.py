@@ -141,11 +141,11 @@ class ResponseBlock(Block):
         """Return the residuals (m,), and their Jacobian (m, n) by the unknowns of the block, for values by name."""
         motions, points = self.motions(values), self.measured(values)
         residuals, jacobians = [], []
-        for record, motion, point, change in zip(
+        for record, (found, by_parameter), point, change in zip(
             self.records, motions, points, self.sensitivities(values), strict=True
         ):
-            kept = across(motion.slopes / point.deviations, record.control == "response", point.has_phase)
-            residuals.append(np.einsum("mij,mj->im", kept, point.distance(motion.values)).ravel())
+            kept = across(by_parameter / point.deviations, record.control == "response", point.has_phase)
+            residuals.append(np.einsum("mij,mj->im", kept, point.distance(found)).ravel())
             slopes = np.einsum("mij,mjn->imn", kept, change / point.deviations[:, :, None])
             jacobians.append(slopes.reshape(-1, len(self.names)))
         return np.concatenate(residuals), np.concatenate(jacobians)
@@ -157,8 +157,8 @@ class ResponseBlock(Block):
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:
         """Return computed amplitudes, and phases if they were measured, without standard errors."""
         found = []
-        for record, own in zip(self.records, self.motions(fitted.values), strict=True):
-            values = own.values[:, :2].T
+        for record, (own, _) in zip(self.records, self.motions(fitted.values), strict=True):
+            values = own[:, :2].T
             prefix = f"{record.label}: " if len(self.records) > 1 else ""
             own_channels = response_channels(record, values, np.full(values.shape, math.nan), prefix)
             found += own_channels if record.measured_phases is not None else own_channels[:1]
@@ -168,35 +168,33 @@ class ResponseBlock(Block):
         """Return amplitudes and phases at the levels of the only record, which decide (``FREE``)."""
         free, (record,), values = replace(self, looseness=FREE), self.records, fit.estimates
         try:
-            motions, changes = free.motions(values)[0], free.sensitivities(values)[0]
+            (found, by_parameter), changes = free.motions(values)[0], free.sensitivities(values)[0]
         except NumericsError as error:
             raise FitError(f"the response cannot be predicted: {error}") from None
         places = [fit.names.index(name) for name in self.names]
-        along = -changes[:, 2] / motions.slopes[:, [2]]  # change of the parameter of the curve at the same level
+        along = -changes[:, 2] / by_parameter[:, [2]]  # change of the parameter of the curve at the same level
         jacobian = np.zeros((2, len(along), len(fit.names)))
         for k in range(2):
-            own = changes[:, k] + motions.slopes[:, [k]] * along
+            own = changes[:, k] + by_parameter[:, [k]] * along
             jacobian[k][:, places] = own * fit.coordinates.slopes(fit.values)[places]
         errors = np.nan_to_num([fit.errors_of(own) for own in jacobian])
         (point,) = free.measured(values)
-        beyond = np.abs(motions.values[:, 2] / point.values[:, 2] - 1) > 1e-4  # relative, of levels that are the same
+        beyond = np.abs(found[:, 2] / point.values[:, 2] - 1) > 1e-4  # relative, of levels that are the same
         notes = (
             f"{np.count_nonzero(beyond)} of {len(beyond)} points lie beyond a jump of the predicted curve, the first "
             f"at {record.f[beyond][0]:.5g} Hz; their predictions are those at the jump",
         ) if beyond.any() else ()  # fmt: skip
-        channels = response_channels(record, motions.values[:, :2].T, np.where(beyond, math.nan, errors))
+        channels = response_channels(record, found[:, :2].T, np.where(beyond, math.nan, errors))
         return RecordPrediction(kind, tuple(channels), notes=notes)
 
     def unexplained(self, fitted: Fitted) -> list[tuple[str, float]]:
         """Return the share of the response per level, root mean square, that the curves of each record leave."""
         found, values = [], fitted.values
-        for record, own, points in zip(self.records, self.motions(values), self.measured(values), strict=True):
-            phases: tuple[Array | float, ...] = (
-                (own.values[:, 1], points.values[:, 1]) if points.has_phase else (0.0, 0.0)
-            )
+        for record, (own, _), points in zip(self.records, self.motions(values), self.measured(values), strict=True):
+            phases: tuple[Array | float, ...] = (own[:, 1], points.values[:, 1]) if points.has_phase else (0.0, 0.0)
             computed, measured = (
                 part[:, 0] / part[:, 2] * np.exp(1j * phase)
-                for part, phase in zip((own.values, points.values), phases, strict=True)
+                for part, phase in zip((own, points.values), phases, strict=True)
             )
             found.append(
                 (record.label, root_mean_square(np.abs(computed - measured)) / root_mean_square(np.abs(measured)))
@@ -206,13 +204,13 @@ class ResponseBlock(Block):
     def errors(self, motions: Sequence[CurvePoints]) -> list[tuple[str, float]]:
         """Return the quantity that each record measured, level or amplitude, and its relative error, rms."""
         found = []
-        for record, own in zip(self.records, motions, strict=True):
+        for record, (own, slopes) in zip(self.records, motions, strict=True):
             if record.control == "response":
                 # the level that the measured amplitude needs, to first order
-                level = own.values[:, 2] + own.slopes[:, 2] / own.slopes[:, 0] * (record.amplitudes - own.values[:, 0])
+                level = own[:, 2] + slopes[:, 2] / slopes[:, 0] * (record.amplitudes - own[:, 0])
                 found.append(("level", root_mean_square(level / record.a - 1)))
             else:
-                found.append(("amplitude", root_mean_square(own.values[:, 0] / record.amplitudes - 1)))
+                found.append(("amplitude", root_mean_square(own[:, 0] / record.amplitudes - 1)))
         return found
 
     def account(self, fitted: Fitted) -> Account:
@@ -232,12 +230,12 @@ class ResponseBlock(Block):
     def _branch_warnings(self, values: Mapping[str, float], motions: Sequence[CurvePoints]) -> list[str]:
         """Return warnings about points without a stable motion at their level."""
         notes = []
-        for record, own, points in zip(self.records, motions, self.measured(values), strict=True):
+        for record, (own, slopes), points in zip(self.records, motions, self.measured(values), strict=True):
             if record.control == "response":
                 continue
             # standard deviations of a level beyond which the level of a point has no motion
-            away = np.abs(points.distance(own.values)[:, 2]) > 5.0
-            between = (own.slopes[:, 2] < 0.0) & ~away
+            away = np.abs(points.distance(own)[:, 2]) > 5.0
+            between = (slopes[:, 2] < 0.0) & ~away
             if away.any():
                 notes.append(
                     f"{record.label}: {away.sum()} of {len(away)} points lie beyond a jump of the fitted curve, the "

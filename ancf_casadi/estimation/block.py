@@ -105,6 +105,9 @@ class Block(ABC):
     weights: SeriesWeights | None = field(default=None, kw_only=True)  # None if each value has its own
     before: Any = field(default=None, kw_only=True, repr=False)  # version with other weights or less fine; None if none
 
+    accuracy = 1.0  # to which the residuals have to be fitted, in standard deviations
+    meaningful = 0.0  # least relative shift of an estimate by the error of the discretisation that has a meaning
+
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the measurements without Functions and solutions, which the receiving process computes again."""
         return {own.name: getattr(self, own.name) for own in fields(self)} | {"before": None}
@@ -160,16 +163,6 @@ class Block(ABC):
     @abstractmethod
     def negligible(self) -> float:
         """Norm of a change of the residuals that the computation does not tell from none, in standard deviations."""
-
-    @property
-    def meaningful(self) -> float:
-        """Relative shift of an estimate by the error of the discretisation, up to which it has no meaning."""
-        return 0.0
-
-    @property
-    def accuracy(self) -> float:
-        """Accuracy to which the residuals have to be fitted, in standard deviations."""
-        return 1.0
 
     def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
         """Return the block with the standard deviations that residuals (m,) show; None if they would not change."""

@@ -225,7 +225,7 @@ class Fit:
             column = columns[:, k] - free @ np.linalg.lstsq(free, columns[:, k])[0]
             shifts[k] = -(column @ change) / (column @ column)
         errors = self.errors
-        reach = np.abs(np.diag(moves(self, CONFIDENCE_LEVEL)[self.active_bounds]))
+        reach = np.abs(np.diag(moves(self, CONFIDENCE_LEVEL)[0][self.active_bounds]))
         errors[self.active_bounds] = reach / self.quantile(CONFIDENCE_LEVEL)
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(shifts * self.scale / errors)

@@ -95,13 +95,11 @@ def quantile(level: float, freedom: float) -> float:
     return float(scipy.special.stdtrit(freedom, 0.5 + level / 2)) if freedom else math.nan
 
 
-def moves(fit: Fit, level: float) -> Array:
-    """Return the changes (n, b) of all unknowns when each of the b unknowns at a bound moves inwards by its h."""
-    return _moves(fit, level)[0]
+def moves(fit: Fit, level: float) -> tuple[Array, Array]:
+    """Return the changes (n, b) of all unknowns when each of the b unknowns at a bound moves inwards by its h.
 
-
-def _moves(fit: Fit, level: float) -> tuple[Array, Array]:
-    """Return the changes (n, b), and the variances phi (b,) in the directions p."""
+    Also return the variances phi (b,) in the directions p.
+    """
     found = np.zeros((len(fit.names), int(np.count_nonzero(fit.active_bounds))))
     variances = np.zeros(found.shape[1])
     psi, curvature = influence(fit.residuals, fit.huber)
@@ -126,7 +124,7 @@ def first_order_ends(fit: Fit, values: Array, jacobian: Array, level: float) -> 
     """Return the intervals (q, 2) of quantities from values (q,) and Jacobian (q, n); nan for certain ones."""
     half = np.nan_to_num(fit.quantile(level) * fit.errors_of(jacobian))
     with np.errstate(invalid="ignore"):  # 0 times an infinite move is nan; np.fmax ignores it
-        steps = jacobian @ moves(fit, level)
+        steps = jacobian @ moves(fit, level)[0]
     below, above = (np.hypot(half, np.linalg.norm(np.fmax(side * steps, 0.0), axis=1)) for side in (-1.0, 1.0))
     ends = np.array([values - below, values + above]).T
     ends[~jacobian.any(axis=1) | (fit.noise.freedom == 0)] = math.nan
@@ -135,7 +133,7 @@ def first_order_ends(fit: Fit, values: Array, jacobian: Array, level: float) -> 
 
 def _dispersion(fit: Fit, gradient: Array, level: float) -> float:
     """Return the variance phi of a quantity with the derivatives (n,) by the coordinates."""
-    free, (steps, variances) = ~fit.active_bounds, _moves(fit, level)
+    free, (steps, variances) = ~fit.active_bounds, moves(fit, level)
     columns = (fit.jacobian * fit.scale)[:, free]
     column = np.asarray(np.linalg.lstsq(columns.T, (gradient * fit.scale)[free])[0], dtype=np.float64)
     half = np.nan_to_num(fit.quantile(level) * fit.errors_of(gradient[None]))
@@ -158,7 +156,7 @@ def profile_interval(
     if not fit.noise.variance + fit.systematic > 0.0:
         raise InputError("has no scatter: the residuals are zero, or no more than the unknowns; use more data", "fit")
     free = ~fit.active_bounds
-    step = np.where(free, t * fit.errors, np.abs(moves(fit, level)).sum(axis=1))
+    step = np.where(free, t * fit.errors, np.abs(moves(fit, level)[0]).sum(axis=1))
     step = np.where(np.isfinite(step), step, fit.scale)
     u = cs.MX.sym("u", len(fit.names))  # distance from the estimate, in steps
     y = cs.DM(fit.values) + cs.DM(step) * u

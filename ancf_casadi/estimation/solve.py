@@ -120,7 +120,6 @@ class FitProblem:
             self.unknowns,
             huber=HUBER * scale if self.robust else math.inf,
             gauss_newton=True,
-            forward=True,
             series=self.series,
             times=self.times,
             noise=math.hypot(accuracy, math.sqrt(count) * systematic),

@@ -71,8 +71,7 @@ from problems.beam.unknowns import (
     sought_frequencies,
     starts,
 )
-from problems.beam.values.block import ValueBlock
-from problems.beam.values.records import FrequencyRecord, PropertyRecord, StaticRecord
+from problems.beam.values.records import FrequencyRecord, PropertyRecord, StaticRecord, ValueBlock
 
 Record = Measurement | MotionRecord | MarkerRecord | ResponseRecord | StaticRecord | FrequencyRecord
 

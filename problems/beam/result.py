@@ -40,8 +40,7 @@ from problems.beam.properties import (
     value_of,
 )
 from problems.beam.unknowns import load_name, loads
-from problems.beam.values.block import ValueBlock
-from problems.beam.values.records import PropertyRecord
+from problems.beam.values.records import PropertyRecord, ValueBlock
 
 
 @dataclass(frozen=True, eq=False)

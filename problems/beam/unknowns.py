@@ -55,8 +55,7 @@ from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.record import Channel, MotionRecord
 from problems.beam.properties import CLAMP_STIFFNESS, value_of
-from problems.beam.values.block import ValueBlock
-from problems.beam.values.records import FrequencyRecord
+from problems.beam.values.records import FrequencyRecord, ValueBlock
 from problems.beam.values.response import place
 
 LOAD_SCALE = 0.1  # scale of a load, relative to one that bends a beam by about its length

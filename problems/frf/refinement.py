@@ -80,7 +80,6 @@ def refine(start: TrialFit) -> tuple[TrialFit, Fit]:
     residuals = kept(Differentiable(projected, 2 * k * count, len(unknowns)), "projected")
     settings: dict[str, Any] = {
         "gauss_newton": True,
-        "forward": True,
         "series": [k] * (2 * count),
         "times": np.tile(start.model.frequencies, 2 * count),
         "advice": FRF_ADVICE,

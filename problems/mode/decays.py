@@ -156,10 +156,7 @@ class ModeCurveBlock(ResponseBlock):
     constants: tuple[str, ...]  # name of the modal constant of each record
     known: Mapping[str, float]  # modal constants that are given, by name
 
-    @property
-    def systematic(self) -> float:
-        """Error of the closest points, in standard deviations: without noise, it ends the fit."""
-        return 10 * POINTS_CLOSE
+    systematic = 10 * POINTS_CLOSE  # error of the closest points: without noise, it ends the fit
 
     @cached_property
     def curves(self) -> list[ModeCurve]:

@@ -46,12 +46,12 @@ from problems.mode.decays import (
 )
 from problems.mode.oscillator import (
     LEAST_RATIO,
-    Points,
     from_points,
     guess_of,
     law_at,
     modal_constant_of,
     motion_amplitudes,
+    points_of,
     reading_factor,
 )
 from problems.mode.result import ModeFit
@@ -239,11 +239,11 @@ def _starts(
     decay: DecayFit | None,
 ) -> list[dict[str, float]]:
     """Return values by name of the laws, and by unit of the modal constants, to start from."""
-    groups = [Points.of([one for one in curves if one.excitation_unit == unit], unit) for unit in units]
+    groups = {unit: points_of([one for one in curves if one.excitation_unit == unit]) for unit in units}
     starts = [] if decay is None else [decay.fit.estimates]
     starts += [from_points(model, groups, known)] if groups else []
     for start in starts:
-        for unit, group in zip(units, groups, strict=True):
+        for unit, group in groups.items():
             if not start.get(unit, 0.0) > 0.0:
                 start[unit] = modal_constant_of(model, group, start)
     return starts

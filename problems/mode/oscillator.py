@@ -67,6 +67,8 @@ LONGEST_STEP = 0.2  # of log A
 LEAST_RATIO = 1e-5  # damping ratio that a start assumes at least, for the scales of the unknowns
 EXPONENT_STARTS = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)  # of the power law
 
+Points = tuple[Array, Array, ComplexArray]  # W, A and g = G/h of m points, (m,)
+
 
 def force_factor(unit: str, omega: Array) -> ComplexArray:
     """Return the force per mass and unit modal constant (m,) of a unit level at angular frequencies (m,)."""
@@ -170,26 +172,15 @@ def reading_factor(record: ResponseRecord) -> ComplexArray:
     return np.asarray(force_factor(record.excitation_unit, omega) * (1j * omega) ** record.sensor.derivatives)
 
 
-@dataclass(frozen=True)
-class Points:
-    """Points of the records of one kind of level: W, A and g = G/h, complex or its modulus, (m,)."""
-
-    unit: str
-    omega: Array
-    amplitude: Array
-    g: ComplexArray
-
-    @classmethod
-    def of(cls, records: Sequence[ResponseRecord], unit: str) -> Points:
-        """Return the points of records whose levels have a unit."""
-        omega, amplitude, g = [], [], []
-        for record in records:
-            W, A = 2 * math.pi * record.f, motion_amplitudes(record)
-            h = A * np.exp(1j * motion_phases(record))
-            omega.append(W)
-            amplitude.append(A)
-            g.append(force_factor(record.excitation_unit, W) * record.a / h)
-        return cls(unit, *(np.concatenate(part) for part in (omega, amplitude, g)))
+def points_of(records: Sequence[ResponseRecord]) -> Points:
+    """Return the points of records with one kind of level; of g the modulus alone counts if it has no phase."""
+    found = []
+    for record in records:
+        W, A = 2 * math.pi * record.f, motion_amplitudes(record)
+        h = A * np.exp(1j * motion_phases(record))
+        found.append((W, A, force_factor(record.excitation_unit, W) * record.a / h))
+    omega, amplitude, g = map(np.concatenate, zip(*found, strict=True))
+    return omega, amplitude, g
 
 
 def motion_phases(record: ResponseRecord) -> Array:
@@ -208,7 +199,7 @@ def guess_of(omega: float, ratio: float, amplitude: float) -> DecayGuess:
     return DecayGuess(0, "", length, length, omega, ratio, amplitude, 0.0, ())
 
 
-def from_points(model: DecayModel, groups: Sequence[Points], known: float | None) -> dict[str, float]:
+def from_points(model: DecayModel, groups: Mapping[str, Points], known: float | None) -> dict[str, float]:
     """Return values by name of the laws and, by unit of the level, of the modal constants, from points."""
     best: tuple[float, dict[str, float]] | None = None
     for bending in SHAPES.get(model.frequency_law, ((),)):
@@ -221,10 +212,14 @@ def from_points(model: DecayModel, groups: Sequence[Points], known: float | None
 
 
 def _regression(
-    model: DecayModel, groups: Sequence[Points], known: float | None, bending: tuple[float, ...], p: tuple[float, ...]
+    model: DecayModel,
+    groups: Mapping[str, Points],
+    known: float | None,
+    bending: tuple[float, ...],
+    p: tuple[float, ...],
 ) -> tuple[float, dict[str, float]]:
     """Return the misfit and the values for given exponents and corners."""
-    omega, A, g = (np.concatenate([getattr(one, name) for one in groups]) for name in ("omega", "amplitude", "g"))
+    omega, A, g = map(np.concatenate, zip(*groups.values(), strict=True))
     weight, middle, none = 1 / np.abs(g), float(np.median(omega)), np.zeros(len(g))
     columns = [np.concatenate([none + 1, none])]
     if model.bends:
@@ -239,7 +234,7 @@ def _regression(
         "eta0": 2 / (math.pi * middle * A),
     }
     columns += [np.concatenate([none, 2 * shapes[name] * omega]) for name in names]
-    owners = np.repeat(np.arange(len(groups)), [len(one.omega) for one in groups])
+    owners = np.repeat(np.arange(len(groups)), [len(one) for one, *_ in groups.values()])
     forces = [np.concatenate([(-g).real, (-g).imag]) * np.tile(owners == k, 2) for k in range(len(groups))]
     target = np.concatenate([omega**2, none])
     if known is None:
@@ -261,15 +256,16 @@ def _regression(
     if p:
         values["exponent"] = p[0]
     if known is None:
-        values |= dict(zip((one.unit for one in groups), x[-len(groups) :].tolist(), strict=True))
+        values |= dict(zip(groups, x[-len(groups) :].tolist(), strict=True))
     return float(found.cost), values
 
 
 def modal_constant_of(model: DecayModel, points: Points, values: Mapping[str, float]) -> float:
     """Return the modal constant of points by values of the laws: the median of those of the points."""
-    ratio, frequency = law_at(model, points.amplitude, values)
-    square = (2 * math.pi * frequency) ** 2 - points.omega**2
-    return float(np.median(np.abs(square + 2j * ratio * values["omega"] * points.omega) / np.abs(points.g)))
+    omega, amplitude, g = points
+    ratio, frequency = law_at(model, amplitude, values)
+    square = (2 * math.pi * frequency) ** 2 - omega**2
+    return float(np.median(np.abs(square + 2j * ratio * values["omega"] * omega) / np.abs(g)))
 
 
 def law_at(model: DecayModel, amplitude: Array, values: Mapping[str, float]) -> tuple[Array, Array]:

@@ -46,8 +46,7 @@ from problems.beam.motions.weights import first_weights as motion_weights
 from problems.beam.properties import Owners
 from problems.beam.result import BeamFit
 from problems.beam.unknowns import COMMON, sought_frequencies
-from problems.beam.values.block import ValueBlock
-from problems.beam.values.records import StaticRecord
+from problems.beam.values.records import StaticRecord, ValueBlock
 from problems.beam.values.response import place
 from problems.planning.design import ExpectedRecord
 from problems.planning.record import PlannedRecord, Template, filled

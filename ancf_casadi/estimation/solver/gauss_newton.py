@@ -92,21 +92,21 @@ def residuals_and_jacobian(evaluate: cs.Function, z: Array) -> tuple[Array, Arra
     return residuals.ravel(), jacobian
 
 
-def gauss_newton_functions(evaluate: cs.Function, huber: float, weight: float, forward: bool) -> dict[str, cs.Function]:
+def gauss_newton_functions(evaluate: cs.Function, huber: float, weight: float) -> dict[str, cs.Function]:
     """Return the options of ``nlpsol`` for a Hessian J' D J, with D the diagonal of psi/r, and a gradient J' psi.
 
-    ``weight`` divides the loss in the objective; ``forward`` computes the gradient from J too.
+    ``weight`` divides the loss in the objective.
     """
     z, p, factor = cs.MX.sym("z", evaluate.size1_in(0)), cs.MX.sym("p", 0, 1), cs.MX.sym("factor")
     r, jacobian = evaluate(z)
     ratio = 1 / cs.sqrt(1 + (r / huber) ** 2)  # psi/r
     rows = jacobian * cs.repmat(cs.sqrt(ratio), 1, jacobian.shape[1])
     hessian = cs.triu(factor / weight * cs.mtimes(rows.T, rows))
-    functions = {"hess_lag": cs.Function("hess_lag", [z, p, factor, cs.MX(0, 1)], [hessian])}
-    if forward:
-        gradient = cs.mtimes(jacobian.T, ratio * r) / weight
-        functions["grad_f"] = cs.Function("grad_f", [z, p], [loss(r, huber) / weight, gradient])
-    return functions
+    gradient = cs.mtimes(jacobian.T, ratio * r) / weight
+    return {
+        "hess_lag": cs.Function("hess_lag", [z, p, factor, cs.MX(0, 1)], [hessian]),
+        "grad_f": cs.Function("grad_f", [z, p], [loss(r, huber) / weight, gradient]),
+    }
 
 
 def polish(

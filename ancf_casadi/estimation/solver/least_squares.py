@@ -52,8 +52,7 @@ def least_squares(
     unknowns: Sequence[Unknown],
     *,
     huber: float = math.inf,  # residual beyond which the loss grows linearly
-    gauss_newton: bool = False,  # approximate the Hessian by J' J: second derivatives of an integration are expensive
-    forward: bool = False,  # compute the gradient from J too, if ``residuals`` keeps J, as a motion does
+    gauss_newton: bool = False,  # gradient from J and Hessian J' J: second derivatives of a motion are expensive
     series: Sequence[int] = (),  # lengths of the series of residuals, each in the order of time; white noise without
     times: Array | None = None,  # of the residuals, s; if None, those of a series are equally spaced
     noise: float = 0.0,  # expected standard deviation of the residuals
@@ -82,7 +81,7 @@ def least_squares(
     weight = _weight(jacobian)
     settings = {**TIGHT, **_near_start(r, weight), **(options or {})}
     if gauss_newton:
-        settings = {**gauss_newton_functions(evaluate, huber, weight, forward), **settings}
+        settings = {**gauss_newton_functions(evaluate, huber, weight), **settings}
         for name in ("ipopt.tol", "ipopt.compl_inf_tol"):
             settings[name] = max(settings[name], POLISHED_ENOUGH * noise / math.sqrt(weight))
     z = cs.MX.sym("z", len(names))
@@ -135,7 +134,7 @@ def least_squares(
         iterations=solution.iterations + steps,
         solve_seconds=solution.solve_seconds,
         model=evaluate,
-        settings={"gauss_newton": gauss_newton, "forward": forward, "options": options, "advice": advice},
+        settings={"gauss_newton": gauss_newton, "options": options, "advice": advice},
     )
 
 

@@ -59,10 +59,7 @@ class CurveBlock(ResponseBlock):
     refinements: int = 0  # times that modes and harmonics were added
     notes: tuple[str, ...] = ()  # corrections of phases, and doubts about levels
 
-    @property
-    def meaningful(self) -> float:
-        """Relative shift of an estimate that is worth more modes and harmonics."""
-        return LEAST_SHIFT
+    meaningful = LEAST_SHIFT
 
     @cached_property
     def last(self) -> list[list[PointMotion]]:

@@ -7,7 +7,7 @@ import pytest
 from ancf_casadi import Beam, InputError, Model, PointLoad, Sensor, natural_modes
 from problems import FrequencyRecord, StaticRecord
 from problems.beam.properties import Owners
-from problems.beam.values.block import ValueBlock
+from problems.beam.values.records import ValueBlock
 from tests.problems.beam.truth import FACTORS, ONES, respond
 
 DOWN, UP = (0.0, -1.0), (0.0, 1.0)

@@ -192,8 +192,12 @@ def beam_problem(
     tolerance: float | None = None,
     modes: int | None = None,
     harmonics: int = 5,
+    apart: bool = False,
 ) -> tuple[FitProblem, Model, dict[str, float]]:
-    """Return the problem of ``fit_beam``, the model with first values, and those of the unknown properties by name."""
+    """Return the problem of ``fit_beam``, the model with first values, and those of the unknown properties by name.
+
+    The blocks are those of motions, of response curves and of values; with ``apart``, each record has its own.
+    """
     check_instance(model, "model", Model)
     check_instance(damping, "damping", DampingLaw, NoneType)
     motions, curves, values = _sorted(records)
@@ -218,10 +222,10 @@ def beam_problem(
         raise InputError("nothing is to be estimated; name properties, or free a parameter of the law", "unknowns")
     own = tuple(restricted(listed, bounds or {}, priors or {}))
     blocks: list[Block] = []
-    for one, numbered in _configured(motions, model, models):
+    for one, numbered in _configured(motions, model, models, apart):
         load = tuple(name.removeprefix("start_") for name in LOADS if name in wanted)
         blocks.append(motion_block(one, numbered, law, first, load=load, tolerance=tolerance, robust=robust))
-    for one, numbered in _configured(curves, model, models):
+    for one, numbered in _configured(curves, model, models, apart):
         # modes of the reduced model above the highest that a response curve is about
         enough = max(mode_of(record, frequencies) for record in curves) + 1 + 2
         count = enough if modes is None else whole(modes, "modes", 1, one.freedoms)
@@ -344,9 +348,11 @@ def _models(model: Model, records: Sequence[Any], *, clamp: bool) -> dict[int, M
     return dict(zip(given, with_clamp(list(given.values())) if clamp else given.values(), strict=True))
 
 
-def _configured(records: Sequence[Any], model: Model, models: Mapping[int, Model]) -> list[tuple[Model, list[Any]]]:
-    """Return each configuration with its records, numbered from 1 among all of their kind."""
-    groups: dict[int, list[tuple[int, Any]]] = {}
+def _configured(
+    records: Sequence[Any], model: Model, models: Mapping[int, Model], apart: bool
+) -> list[tuple[Model, list[Any]]]:
+    """Return each configuration, or each record, with its records, numbered from 1 among all of their kind."""
+    groups: dict[tuple[int, int], list[tuple[int, Any]]] = {}
     for number, record in enumerate(records, start=1):
-        groups.setdefault(id(record.model or model), []).append((number, record))
-    return [(models[key], numbered) for key, numbered in groups.items()]
+        groups.setdefault((id(record.model or model), number if apart else 0), []).append((number, record))
+    return [(models[key], numbered) for (key, _), numbered in groups.items()]

@@ -46,7 +46,7 @@ from problems.beam.motions.weights import first_weights as motion_weights
 from problems.beam.properties import Owners
 from problems.beam.result import BeamFit
 from problems.beam.unknowns import COMMON, sought_frequencies
-from problems.beam.values.records import StaticRecord, ValueBlock
+from problems.beam.values.records import PropertyRecord, ValueBlock
 from problems.beam.values.response import place
 from problems.planning.design import ExpectedRecord
 from problems.planning.record import PlannedRecord, Template, filled
@@ -133,22 +133,29 @@ def plan(
         check_instance(one, f"candidates: {name}", PlannedRecord)
     names, templates = list(candidates), _templates(candidates, model, before)
     problem, _, first = beam_problem(
-        model, templates, damping, unknowns=unknowns, fixed=fixed, priors=priors, modes=modes, harmonics=harmonics
-    )
+        model, templates, damping, unknowns=unknowns, fixed=fixed, priors=priors, modes=modes, harmonics=harmonics,
+        apart=True,
+    )  # fmt: skip
     common = {*first, COMMON, *(own.name for own in (damping.parameters if damping else ()))}
     listed = [replace(one, guess=1.0) if _is_frequency(one) else one for one in problem.unknowns]
     shared = [one for one in listed if one.name in common or _is_frequency(one)]
     if not shared:
         raise InputError("there is nothing that records share; name properties, or free the law", "unknowns")
     growth = max(before.fit.noise.growth, 1.0) if before else 1.0
-    tasks = []
-    for k, block in _separate(problem.blocks, templates):
+    kinds = MotionRecord, ResponseRecord, PropertyRecord  # in the order of the blocks
+    order = sorted(range(len(names)), key=lambda k: [isinstance(templates[k], kind) for kind in kinds].index(True))
+    tasks = {}
+    for k, block in zip(order, problem.blocks, strict=True):
+        template: Any = templates[k]
         number = block.numbered[0][0] if isinstance(block, MotionBlock | CurveBlock) else 0
+        if isinstance(block, CurveBlock):  # with its own phases, and without the levels of other records
+            levels = re.compile(rf"(?!excitation_).*|excitation_{number}")
+            known = tuple(filter(levels.fullmatch, block.names))
+            block = replace(block, numbered=((number, template),), names=known)
         own = [one for one in listed if one not in shared and re.fullmatch(rf".+_{number}(_\d+)?", one.name)]
-        task = partial(_expected, names[k], block, tuple(shared), tuple(own), growth)
-        tasks.append((k, task))
-    tasks.sort(key=lambda pair: pair[0])
-    found = run_all([task for _, task in tasks], executor=executor, jobs=jobs, progress=progress, title="candidates")
+        tasks[k] = partial(_expected, names[k], block, tuple(shared), tuple(own), growth)
+    in_order = [tasks[k] for k in range(len(names))]
+    found = run_all(in_order, executor=executor, jobs=jobs, progress=progress, title="candidates")
     costs = tuple(one.cost for one in candidates.values())
     records, expected = (tuple(part) for part in zip(*found, strict=True))
     return Plan(tuple(names), costs, tuple(shared), records, expected, _prior(shared, before), model)
@@ -161,12 +168,7 @@ def _is_frequency(unknown: Unknown) -> bool:
 
 def _templates(candidates: Mapping[str, PlannedRecord], model: Model, before: BeamFit | None) -> list[Template]:
     """Return the records with known noise; response curves have their peaks at natural frequencies."""
-    blocks = [block for block, _ in before.solution.parts if isinstance(block, MotionBlock)] if before else []
-    noise = {
-        channel.sensor: deviation
-        for block in blocks
-        for channel, deviation in zip(block.sensors, block.weights.deviations.tolist(), strict=True)
-    }
+    noise = before.noise if before else {}
     found: list[Template] = []
     for name, candidate in candidates.items():
         one = candidate.template
@@ -181,29 +183,6 @@ def _templates(candidates: Mapping[str, PlannedRecord], model: Model, before: Be
         if any(std is None for std in stds):
             raise InputError("is needed: nothing else tells the noise", f"candidates: {name}: std")
         found.append(one)
-    return found
-
-
-def _separate(blocks: Sequence[Block], templates: Sequence[Template]) -> list[tuple[int, Block]]:
-    """Return a block of each record, and the number of its candidate, from 0."""
-    places: dict[type, list[int]] = {}
-    for k, one in enumerate(templates):
-        kind: type = type(one) if isinstance(one, MotionRecord | ResponseRecord) else StaticRecord
-        places.setdefault(kind, []).append(k)
-    found: list[tuple[int, Block]] = []
-    values = iter(places.get(StaticRecord, []))
-    for block in blocks:
-        if isinstance(block, ValueBlock):
-            found.append((next(values), block))
-        elif isinstance(block, MotionBlock | CurveBlock):
-            kind = MotionRecord if isinstance(block, MotionBlock) else ResponseRecord
-            for number, _ in block.numbered:
-                k = places[kind][number - 1]
-                alone: Any = {"numbered": ((number, templates[k]),)}
-                if isinstance(block, CurveBlock):  # without the levels of other records
-                    own = re.compile(rf"(?!excitation_).*|excitation_{number}")
-                    alone["names"] = tuple(filter(own.fullmatch, block.names))
-                found.append((k, replace(block, **alone)))
     return found
 
 

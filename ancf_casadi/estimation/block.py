@@ -135,11 +135,6 @@ class Block(ABC):
         return [length for record in self.lengths for length in record]
 
     @property
-    def owners(self) -> Index:
-        """Record of each residual, from 0, (m,)."""
-        return np.repeat(np.arange(len(self.lengths)), [sum(record) for record in self.lengths])
-
-    @property
     def times(self) -> Array:
         """Times of the residuals, s, (m,); their places in a series without times."""
         return np.concatenate([np.arange(length, dtype=float) for length in self.series])

@@ -274,7 +274,12 @@ class LeastSquaresResult(FitResult):
         """
         self.check_name(name)
         names, _, of = self.quantities
-        return profile_interval(self.fit, lambda *x: of(*x)[names.index(name)], level)
+        place, factor = names.index(name), self._inflation(name)
+        return profile_interval(self.fit, lambda *x: of(*x)[place], level, inflation=factor)
+
+    def _inflation(self, name: str) -> float:
+        """Return the factor of the variance of an estimate beyond that of the noise in the residuals."""
+        return 1.0
 
     def resampled(self, noise: Array) -> Array:
         """Return the estimates (p,) from a fit to the fitted curve plus noise of each residual (m,)."""

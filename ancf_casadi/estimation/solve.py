@@ -84,12 +84,9 @@ class FitProblem:
     @property
     def masks(self) -> list[Mask]:
         """Residuals of each record of each block among all."""
-        found = []
-        for block, rows in zip(self.blocks, self.rows, strict=True):
-            owners = np.full(sum(self.series), -1)
-            owners[rows] = block.owners
-            found += [owners == k for k in range(len(block.lengths))]
-        return found
+        sizes = [sum(record) for block in self.blocks for record in block.lengths]
+        owners = np.repeat(np.arange(len(sizes) + 1), [*sizes, len(self._priors)])
+        return [owners == k for k in range(len(sizes))]
 
     @property
     def scale(self) -> float:

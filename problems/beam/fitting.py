@@ -196,7 +196,8 @@ def beam_problem(
 ) -> tuple[FitProblem, Model, dict[str, float]]:
     """Return the problem of ``fit_beam``, the model with first values, and those of the unknown properties by name.
 
-    The blocks are those of motions, of response curves and of values; with ``apart``, each record has its own.
+    The blocks are those of motions, of response curves and of values; with ``apart``, each record has its own, and its
+    phases count as right.
     """
     check_instance(model, "model", Model)
     check_instance(damping, "damping", DampingLaw, NoneType)
@@ -231,7 +232,7 @@ def beam_problem(
         count = enough if modes is None else whole(modes, "modes", 1, one.freedoms)
         number, names = whole(harmonics, "harmonics", 1), [unknown.name for unknown in own]
         block = curve_block(one, numbered, law, names, first, modes=count, harmonics=number)
-        blocks.append(block.checked(frequencies))
+        blocks.append(block if apart else block.checked(frequencies))
     blocks += [ValueBlock(record.with_model(models[id(record.model)]), first) for record in values]
     return FitProblem(tuple(blocks), own, robust), models[id(model)], first
 

@@ -146,12 +146,10 @@ def plan(
     order = sorted(range(len(names)), key=lambda k: [isinstance(templates[k], kind) for kind in kinds].index(True))
     tasks = {}
     for k, block in zip(order, problem.blocks, strict=True):
-        template: Any = templates[k]
         number = block.numbered[0][0] if isinstance(block, MotionBlock | CurveBlock) else 0
-        if isinstance(block, CurveBlock):  # with its own phases, and without the levels of other records
+        if isinstance(block, CurveBlock):  # without the levels of other records
             levels = re.compile(rf"(?!excitation_).*|excitation_{number}")
-            known = tuple(filter(levels.fullmatch, block.names))
-            block = replace(block, numbered=((number, template),), names=known)
+            block = replace(block, names=tuple(filter(levels.fullmatch, block.names)))
         own = [one for one in listed if one not in shared and re.fullmatch(rf".+_{number}(_\d+)?", one.name)]
         tasks[k] = partial(_expected, names[k], block, tuple(shared), tuple(own), growth)
     in_order = [tasks[k] for k in range(len(names))]

@@ -204,6 +204,8 @@ class LogDensity(Displayed):
 
     def _prior(self, x: Array) -> tuple[float, Array]:
         """Return the logarithm of the density of the priors, and its derivatives (n,) by the bounded coordinates."""
+        if not self._prior_count:
+            return 0.0, np.zeros(len(x))
         value, gradient = evaluated(self._prior_function, self.bounded(x))
         return float(value[0, 0]), gradient.ravel()
 

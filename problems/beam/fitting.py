@@ -208,7 +208,10 @@ def beam_problem(
     tolerance = None if tolerance is None else positive(tolerance, "tolerance")
     law = damping or SumOfLaws(())
     wanted = _wanted(unknowns, motions, curves, values)
-    models = _models(model, (*motions, *curves, *values), clamp=CLAMP_STIFFNESS in wanted)
+    every: Sequence[Any] = (*motions, *curves, *values)
+    found = {id(one): one for one in (model, *(record.model or model for record in every))}  # of all configurations
+    clamped = with_clamp(list(found.values())) if CLAMP_STIFFNESS in wanted else found.values()
+    models = dict(zip(found, clamped, strict=True))
     first = first_values(list(models.values()), [name for name in wanted if is_property(name)])
     for one in models.values():
         Owners.of(one.beam, tuple(first))  # check
@@ -341,12 +344,6 @@ def _wanted(unknowns: Any, motions: Sequence[Any], curves: Sequence[Any], values
             "unknowns",
         )
     return names
-
-
-def _models(model: Model, records: Sequence[Any], *, clamp: bool) -> dict[int, Model]:
-    """Return the models of all configurations by identity; with ``clamp`` all of them have an elastic clamp."""
-    given = {id(one): one for one in (model, *(record.model for record in records if record.model is not None))}
-    return dict(zip(given, with_clamp(list(given.values())) if clamp else given.values(), strict=True))
 
 
 def _configured(

@@ -148,21 +148,20 @@ def restricted(unknowns: Sequence[Unknown], bounds: Bounds, priors: Priors) -> l
     names = {unknown.name for unknown in unknowns}
     check_keys(dict(bounds), set(), names, "bounds")
     check_keys(dict(priors), set(), names, "priors")
-    return [_restricted(unknown, bounds, priors) for unknown in unknowns]
-
-
-def _restricted(unknown: Unknown, bounds: Bounds, priors: Priors) -> Unknown:
-    name = unknown.name
-    if name in priors:
-        unknown = with_prior(unknown, priors[name])
-    if name not in bounds:
-        return unknown
-    lower, upper = two_numbers(bounds[name], f"bounds: {name}")
-    if not lower <= unknown.guess <= upper:
-        raise InputError(f"the first value {unknown.guess:g} is not within [{lower:g}, {upper:g}]", f"bounds: {name}")
-    if unknown.offset is not None:
-        lower = max(lower, unknown.lower / 100)  # a stiffness of zero has no reciprocal
-    return replace(unknown, lower=lower, upper=upper)
+    found = []
+    for one in unknowns:
+        own = with_prior(one, priors[one.name]) if one.name in priors else one
+        if one.name in bounds:
+            lower, upper = two_numbers(bounds[one.name], f"bounds: {one.name}")
+            if not lower <= one.guess <= upper:
+                raise InputError(
+                    f"the first value {one.guess:g} is not within [{lower:g}, {upper:g}]", f"bounds: {one.name}"
+                )
+            if one.offset is not None:
+                lower = max(lower, one.lower / 100)  # a stiffness of zero has no reciprocal
+            own = replace(own, lower=lower, upper=upper)
+        found.append(own)
+    return found
 
 
 def _of_parameter(name: str, parameter: Parameter) -> Unknown:

@@ -51,7 +51,7 @@ from ancf_casadi.estimation.block import Account, Block, Fitted, SeriesWeights
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.exceptions import FitError, NumericsError
-from ancf_casadi.support.arrays import Array, root_mean_square
+from ancf_casadi.support.arrays import Array, Mask, root_mean_square
 from ancf_casadi.support.callbacks import Differentiable
 from problems.beam.curves.points import CurvePoints, Measured
 from problems.beam.curves.record import ResponseRecord
@@ -201,53 +201,28 @@ class ResponseBlock(Block):
             )
         return found
 
-    def errors(self, motions: Sequence[CurvePoints]) -> list[tuple[str, float]]:
-        """Return the quantity that each record measured, level or amplitude, and its relative error, rms."""
-        found = []
-        for record, (own, slopes) in zip(self.records, motions, strict=True):
+    def account(self, fitted: Fitted) -> Account:
+        """Return range and error of each record, and points without a stable motion."""
+        lines, notes, records, values = [], list[str](), [], fitted.values
+        for record, (own, slopes), points in zip(
+            self.records, self.motions(values), self.measured(values), strict=True
+        ):
             if record.control == "response":
                 # the level that the measured amplitude needs, to first order
                 level = own[:, 2] + slopes[:, 2] / slopes[:, 0] * (record.amplitudes - own[:, 0])
-                found.append(("level", root_mean_square(level / record.a - 1)))
+                name, error = "level", root_mean_square(level / record.a - 1)
             else:
-                found.append(("amplitude", root_mean_square(own[:, 0] / record.amplitudes - 1)))
-        return found
-
-    def account(self, fitted: Fitted) -> Account:
-        """Return range and error of each record, and points without a stable motion."""
-        motions = self.motions(fitted.values)
-        lines, records = [], []
-        for record, (name, error) in zip(self.records, self.errors(motions), strict=True):
+                name, error = "amplitude", root_mean_square(own[:, 0] / record.amplitudes - 1)
+                # standard deviations of a level beyond which the level of a point has no motion
+                away = np.abs(points.distance(own)[:, 2]) > 5.0
+                notes += _branch_warnings(record, away, (slopes[:, 2] < 0.0) & ~away)
             size = record.f.size
             lines.append(
                 f"{record.label}: {size} points, {record.f.min():.5g} to {record.f.max():.5g} Hz, "
                 f"root mean square error of the {name} {100 * error:.2g} %"
             )
             records.append({"record": record.label, "points": size, "quantity": name, "relative_error": error})
-        data = {"kind": "response", "records": records}
-        return Account(lines, self._branch_warnings(fitted.values, motions), data)
-
-    def _branch_warnings(self, values: Mapping[str, float], motions: Sequence[CurvePoints]) -> list[str]:
-        """Return warnings about points without a stable motion at their level."""
-        notes = []
-        for record, (own, slopes), points in zip(self.records, motions, self.measured(values), strict=True):
-            if record.control == "response":
-                continue
-            # standard deviations of a level beyond which the level of a point has no motion
-            away = np.abs(points.distance(own)[:, 2]) > 5.0
-            between = (slopes[:, 2] < 0.0) & ~away
-            if away.any():
-                notes.append(
-                    f"{record.label}: {away.sum()} of {len(away)} points lie beyond a jump of the fitted curve, the "
-                    f"first at {record.f[away][0]:.5g} Hz; the law, or the level, does not hold there"
-                )
-            if between.any():
-                notes.append(
-                    f"{record.label}: {between.sum()} of {len(between)} points lie between the jumps of the fitted "
-                    f"curve, the first at {record.f[between][0]:.5g} Hz, where no motion is stable if the "
-                    "level is controlled; if the response was controlled, give control='response'"
-                )
-        return notes
+        return Account(lines, notes, {"kind": "response", "records": records})
 
     def excitation(self, number: int) -> str | None:
         """Return the name of the factor on the levels of a record; None if it is known."""
@@ -298,3 +273,20 @@ def across(slopes: Array, response_controlled: bool, has_phase: bool) -> Array:
         np.eye(3) - both[:, :, None] * both[:, None, :] / (1 + u @ e)[:, None, None] + 2 * e[:, None] * u[:, None]
     )
     return np.asarray(rotations[:, [row for row in rows if has_phase or row != 1]])
+
+
+def _branch_warnings(record: ResponseRecord, away: Mask, between: Mask) -> list[str]:
+    """Return warnings about points (m,) without a stable motion at their level: beyond or between the jumps."""
+    notes = []
+    if away.any():
+        notes.append(
+            f"{record.label}: {away.sum()} of {len(away)} points lie beyond a jump of the fitted curve, the "
+            f"first at {record.f[away][0]:.5g} Hz; the law, or the level, does not hold there"
+        )
+    if between.any():
+        notes.append(
+            f"{record.label}: {between.sum()} of {len(between)} points lie between the jumps of the fitted "
+            f"curve, the first at {record.f[between][0]:.5g} Hz, where no motion is stable if the "
+            "level is controlled; if the response was controlled, give control='response'"
+        )
+    return notes

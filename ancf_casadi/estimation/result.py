@@ -274,12 +274,7 @@ class LeastSquaresResult(FitResult):
         """
         self.check_name(name)
         names, _, of = self.quantities
-        place, factor = names.index(name), self._inflation(name)
-        return profile_interval(self.fit, lambda *x: of(*x)[place], level, inflation=factor)
-
-    def _inflation(self, name: str) -> float:
-        """Return the factor of the variance of an estimate beyond that of the noise in the residuals."""
-        return 1.0
+        return profile_interval(self.fit, lambda *x: of(*x)[names.index(name)], level)
 
     def resampled(self, noise: Array) -> Array:
         """Return the estimates (p,) from a fit to the fitted curve plus noise of each residual (m,)."""

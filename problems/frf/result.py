@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, profile_interval
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.exceptions import FitError, InputError
@@ -39,8 +40,7 @@ GREY = "#b0b0b0"
 class FrfFit(LeastSquaresResult):
     """Modal parameters identified from frequency response functions, modes in ascending order.
 
-    The estimates are ``frequency_1``, Hz, ``damping_ratio_1``, and so on.  ``profile`` allows for noise that functions
-    share, as their standard errors do.
+    The estimates are ``frequency_1``, Hz, ``damping_ratio_1``, and so on.
 
     Parameters
     ----------
@@ -163,10 +163,19 @@ class FrfFit(LeastSquaresResult):
     def _profiles(self, level: float) -> dict[str, Interval]:
         return {}  # the covariance allows for noise that functions share, and the likelihood does not
 
-    def _inflation(self, name: str) -> float:
-        """Return the factor that allows for the fitted coefficients and for noise that functions share."""
+    def profile(self, name: str, level: float = CONFIDENCE_LEVEL) -> Interval:
+        """Return the interval of an estimate by profile likelihood, allowing for noise that functions share.
+
+        Raises
+        ------
+        InputError
+            If there is no such estimate, the level is not between 0 and 1, or there is no scatter.
+        FitError
+            If a nonlinear program for an end does not converge.
+        """
+        self.check_name(name)
         ratio = self.standard_errors[name] / self.solution.standard_errors[name]
-        return float(np.nan_to_num(ratio, nan=1.0)) ** 2
+        return profile_interval(self.fit, name, level, inflation=float(np.nan_to_num(ratio, nan=1.0)) ** 2)
 
     def predict(self, record: FrfRecord) -> RecordPrediction:
         """Compute other functions of the same structure with the modes, and compare.

@@ -21,13 +21,12 @@ from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import BlocksResult
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.tables import Table, known
 from problems.beam.curves.block import CurveBlock, curve_block
 from problems.beam.curves.record import ResponseRecord
-from problems.beam.motions.block import MotionBlock, motion_block
+from problems.beam.motions.block import MotionBlock, motion_block, sensor_noise
 from problems.beam.motions.marker_record import motion_record
 from problems.beam.properties import (
     CLAMP_STIFFNESS,
@@ -159,13 +158,6 @@ class BeamFit(BlocksResult):
         return [values.T for block in blocks for values, _ in block.motions(self.estimates)]
 
     @property
-    def noise(self) -> dict[Sensor, float]:
-        """Standard deviation of the noise of each sensor of the motions."""
-        motions = [block for block in self.solution.problem.blocks if isinstance(block, MotionBlock)]
-        pairs = [zip(own.sensors, own.weights.deviations.tolist(), strict=True) for own in motions]
-        return {channel.sensor: deviation for own in pairs for channel, deviation in own}
-
-    @property
     def shifts(self) -> Array:
         """Largest shift (n,) of each estimate by the error of a discretisation, in standard errors; nan if unknown."""
         return np.asarray(np.abs(self.solution.shifts).max(axis=0))
@@ -289,7 +281,7 @@ class BeamFit(BlocksResult):
         tolerance = min((block.tolerance for block in motions), default=None)
         own = motion_block(model, [(none, one)], self.guess, self.first, tolerance=tolerance)
         # the noise of the same sensor in the fit is more certain than that from a few samples
-        noise, pairs = self.noise, zip(own.sensors, own.weights.deviations.tolist(), strict=True)
+        noise, pairs = sensor_noise(blocks), zip(own.sensors, own.weights.deviations.tolist(), strict=True)
         deviations = [channel.std or noise.get(channel.sensor, deviation) for channel, deviation in pairs]
         return replace(own, weights=replace(own.weights, deviations=np.array(deviations)))
 

@@ -40,7 +40,7 @@ from problems.beam.curves.driven import small_response
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.curves.response_block import FREE, first_weights
 from problems.beam.fitting import beam_problem
-from problems.beam.motions.block import MotionBlock, motion_block
+from problems.beam.motions.block import MotionBlock, motion_block, sensor_noise
 from problems.beam.motions.record import MotionRecord
 from problems.beam.motions.weights import first_weights as motion_weights
 from problems.beam.properties import Owners
@@ -166,7 +166,7 @@ def _is_frequency(unknown: Unknown) -> bool:
 
 def _templates(candidates: Mapping[str, PlannedRecord], model: Model, before: BeamFit | None) -> list[Template]:
     """Return the records with known noise; response curves have their peaks at natural frequencies."""
-    noise = before.noise if before else {}
+    noise = sensor_noise(before.solution.problem.blocks) if before else {}
     found: list[Template] = []
     for name, candidate in candidates.items():
         one = candidate.template

@@ -269,6 +269,13 @@ def motion_block(
     return MotionBlock(model, tuple(numbered), damping, first, load, chosen, tolerance is None, weights=weights)
 
 
+def sensor_noise(blocks: Sequence[Block]) -> dict[Sensor, float]:
+    """Return the standard deviation of the noise of each sensor of the motions among blocks."""
+    motions = [block for block in blocks if isinstance(block, MotionBlock)]
+    pairs = [zip(own.sensors, own.weights.deviations.tolist(), strict=True) for own in motions]
+    return {channel.sensor: deviation for own in pairs for channel, deviation in own}
+
+
 def _problem(block: MotionBlock, record: MotionRecord) -> SensitivityProblem:
     """Return the motion of a record with its derivatives."""
     series = _clocks(record)[0]

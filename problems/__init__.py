@@ -6,8 +6,8 @@ from ancf_casadi.support.lazy import on_first_use
 
 if TYPE_CHECKING:
     from ancf_casadi.estimation.comparison import LawComparison
-    from ancf_casadi.estimation.posterior.corner import corner_figure
     from ancf_casadi.estimation.posterior.log_density import LogDensity
+    from ancf_casadi.estimation.posterior.sampling import corner_figure
     from ancf_casadi.estimation.prediction import RecordPrediction
     from ancf_casadi.estimation.resampling import MonteCarlo, monte_carlo
     from ancf_casadi.estimation.saved import SavedFit, load_fit

@@ -25,8 +25,21 @@ the estimates x of the whole fit, with the rows J_k, r_k of the part,
 
 for the unknowns that the part determines, to better than their scale.
 
+If a law holds, the estimates from two parts of a record differ by noise alone.  Otherwise they scatter as estimates of
+two records that do not agree, and so does the estimate from both (``allowing_for_later_starts``).  With an orthonormal
+basis q of the columns of the Jacobian by the n free unknowns, of which a part has the rows q_1, and its share H = q_1'
+q_1 of the information, the scores
+
+    v = (H (I - H))^-1/2 q_1' psi_1
+
+have the covariance q' R q if the law holds, and g = v' (q' R q)^-1 v follows the chi-squared distribution with n
+degrees of freedom.  If g is too large, q' R q becomes q' R q + (1 - 1/g) v v', which makes v one standard error in its
+own direction: the scatter of two estimates about their weighted mean.  The residuals then count as fewer independent
+ones, so that a law which does not hold is not chosen for the little that it explains beyond a simpler one.
+
 References
 ----------
+G. C. Chow, Tests of equality between sets of coefficients in two linear regressions, Econometrica 28 (1960).
 R. C. Paule, J. Mandel, Consensus values and weighting factors, Journal of Research of the National Bureau of Standards
 87 (1982).
 G. Knapp, J. Hartung, Improved tests for a random effects meta-regression with a single covariate, Statistics in
@@ -37,7 +50,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -46,13 +59,14 @@ import scipy  # its packages are imported on first use
 
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, quantile
-from ancf_casadi.estimation.solver.loss import row_weights
+from ancf_casadi.estimation.solver.gauss_newton import influence, row_weights
 from ancf_casadi.estimation.solver.noise import estimated_noise
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.tables import known, to_width, with_error
 
 FREEDOM_AGREED = 3  # degrees of freedom per record if tau = 0 (test_two_records_may_agree_by_chance)
 AGREE, DISAGREE = 0.05, 0.01  # probabilities of Q above which estimates agree, and below which they do not
+SHARED = 1e-3  # least product of the shares of the information in both parts for a direction to count fully
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,3 +218,30 @@ def part_estimates(fit: Fit, mask: Mask, least: float = 0.0) -> tuple[Array, Arr
     allowance = len(rows) * fit.systematic**2 * np.eye(len(free))
     covariance[np.ix_(free, free)] = inverse @ (noise.form(basis) + allowance) @ inverse.T
     return values, covariance
+
+
+def allowing_for_later_starts(fit: Fit, late: Sequence[Mask]) -> Fit:
+    """Return a fit whose covariance allows for the scatter of its estimates between late parts and the rest."""
+    free, (psi, w) = ~fit.active_bounds, influence(fit.residuals, fit.huber)
+    if not free.any() or not fit.noise.variance > 0.0:
+        return fit
+    basis, triangle = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
+    own = fit.noise.form(basis)
+    form = own.copy()
+    for mask in late:
+        share, axes = np.linalg.eigh(basis[mask].T @ basis[mask])
+        v = axes @ ((axes.T @ (basis[mask].T @ psi[mask])) / np.sqrt(np.maximum(share * (1 - share), SHARED)))
+        g = float(v @ np.linalg.solve(form, v))
+        if scipy.special.chdtrc(len(v), g) < DISAGREE:
+            form += (1 - 1 / g) * np.outer(v, v)
+    if np.array_equal(form, own):
+        return fit
+    passing = form - own
+    root = fit.scale[free, None] * np.linalg.inv(triangle) / w
+    covariance = fit.covariance.copy()
+    covariance[np.ix_(free, free)] += root @ passing @ root.T
+    if fit.noise.passing is not None and fit.noise.basis is not None:
+        turn = basis.T @ fit.noise.basis
+        passing = passing + turn @ fit.noise.passing @ turn.T
+    growth = float(np.trace(form)) / (len(form) * fit.noise.variance)
+    return replace(fit, covariance=covariance, noise=replace(fit.noise, passing=passing, basis=basis, growth=growth))

@@ -4,6 +4,9 @@ A fit is a sum of blocks.  Each has residuals (computed - measured)/s in standar
 unknowns that it knows by name, and says how sure they are: standard deviations that it found in the data (``scale``),
 or that the user states (``stated``), and errors of its sensors and of its computation.  A block can be asked for better
 weights once residuals are known, and for a finer discretisation once its error is known; ``solve`` does the rest.
+
+A block keeps the Functions and the last solutions from which its residuals come.  A version of it with other weights,
+or a finer one, finds them in ``before``.
 """
 
 from __future__ import annotations
@@ -11,33 +14,19 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, Self
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Self
 
 import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
+from ancf_casadi.estimation.solver.gauss_newton import noise_of, residuals_and_jacobian
 from ancf_casadi.estimation.solver.least_squares import residual_function
-from ancf_casadi.estimation.solver.loss import noise_of
-from ancf_casadi.estimation.solver.polish import residuals_and_jacobian
+from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, Index
-
-
-class Evaluation(Protocol):
-    """A block while it is fitted, with the Functions and the last solutions that it keeps."""
-
-    @property
-    def failure(self) -> str:
-        """Reason why the residuals could not be computed; empty if they could."""
-
-    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
-        """Return the residuals (m,) for unknowns by name, in standard deviations; others keep their values."""
-
-    def close(self) -> None:
-        """Forget what is no longer needed once the fit has ended."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +37,6 @@ class Fitted:
     rows: slice  # residuals of the block among all
     scale: float  # factor G of the residuals in the fit
     shifts: Array  # shifts (n,) of the estimates by the error of the discretisation, in standard errors; nan if unknown
-    evaluation: Any  # Evaluation of the block as it was fitted
 
     @property
     def values(self) -> dict[str, float]:
@@ -110,8 +98,31 @@ class SeriesWeights:
         return replace(self, deviations=deviations)
 
 
+@dataclass(frozen=True, eq=False)
 class Block(ABC):
     """Measurements of one kind, and what their residuals depend on."""
+
+    weights: SeriesWeights | None = field(default=None, kw_only=True)  # None if each value has its own
+    before: Any = field(default=None, kw_only=True, repr=False)  # version with other weights or less fine; None if none
+
+    accuracy = 1.0  # to which the residuals have to be fitted, in standard deviations
+    meaningful = 0.0  # least relative shift of an estimate by the error of the discretisation that has a meaning
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle the measurements without Functions and solutions, which the receiving process computes again."""
+        return {own.name: getattr(self, own.name) for own in fields(self)} | {"before": None}
+
+    @abstractmethod
+    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
+        """Return the residuals (m,) for unknowns by name, in standard deviations; others keep their values."""
+
+    @property
+    def failure(self) -> str:
+        """Reason why the residuals could not be computed; empty if they could."""
+        return ""
+
+    def close(self) -> None:  # noqa: B027 most blocks have nothing large to forget
+        """Forget what is no longer needed once the fit has ended."""
 
     @property
     @abstractmethod
@@ -124,11 +135,6 @@ class Block(ABC):
         return [length for record in self.lengths for length in record]
 
     @property
-    def owners(self) -> Index:
-        """Record of each residual, from 0, (m,)."""
-        return np.repeat(np.arange(len(self.lengths)), [sum(record) for record in self.lengths])
-
-    @property
     def times(self) -> Array:
         """Times of the residuals, s, (m,); their places in a series without times."""
         return np.concatenate([np.arange(length, dtype=float) for length in self.series])
@@ -136,7 +142,7 @@ class Block(ABC):
     @property
     def scale(self) -> float:
         """Geometric mean of the standard deviations that were found in the data; 1 if the user states them."""
-        return 1.0
+        return self.weights.scale if self.weights else 1.0
 
     @property
     def stated(self) -> bool:
@@ -153,25 +159,14 @@ class Block(ABC):
     def negligible(self) -> float:
         """Norm of a change of the residuals that the computation does not tell from none, in standard deviations."""
 
-    @property
-    def meaningful(self) -> float:
-        """Relative shift of an estimate by the error of the discretisation, up to which it has no meaning."""
-        return 0.0
-
-    @property
-    def accuracy(self) -> float:
-        """Accuracy to which the residuals have to be fitted, in standard deviations."""
-        return 1.0
-
-    @abstractmethod
-    def evaluation(self, before: Evaluation | None = None) -> Evaluation:
-        """Return the block ready to be fitted; ``before`` is an evaluation of it with other weights or less fine."""
-
     def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
         """Return the block with the standard deviations that residuals (m,) show; None if they would not change."""
-        return None
+        if self.weights is None or all(self.weights.known):
+            return None
+        weights = self.weights.improved(self.weights.split(residuals), robust=robust)
+        return replace(self, weights=weights, before=self)
 
-    def error(self, values: Mapping[str, float], residuals: Array, evaluation: Any) -> Array:
+    def error(self, values: Mapping[str, float], residuals: Array) -> Array:
         """Return the error (m,) of residuals (m,) due to the discretisation, for values of the unknowns by name."""
         return np.zeros(sum(self.series))
 
@@ -196,31 +191,15 @@ class Block(ABC):
 
     def predicted(self, fit: Fit, kind: str) -> RecordPrediction:
         """Return the values of the block, whose records were not fitted, at the estimates of a fit of some kind."""
-        evaluation = self.evaluation()
-        evaluate = residual_function(
-            lambda *x: evaluation.residuals(dict(zip(fit.names, x, strict=True))), fit.coordinates
-        )
-        residuals, jacobian = residuals_and_jacobian(evaluate, fit.values / fit.scale)
-        if evaluation.failure:
-            raise FitError(f"the record cannot be predicted: {evaluation.failure}")
+        residuals, jacobian = self.linearised(fit.unknowns, fit.values)
+        if self.failure:
+            raise FitError(f"the record cannot be predicted: {self.failure}")
         own = replace(fit, residuals=residuals, jacobian=jacobian / fit.scale)
-        fitted = Fitted(own, slice(None), 1.0, np.zeros(len(fit.names)), evaluation)
+        fitted = Fitted(own, slice(None), 1.0, np.zeros(len(fit.names)))
         return RecordPrediction(kind, tuple(self.channels(fitted)))
 
-
-class SeriesBlock(Block):
-    """A block whose series of residuals have standard deviations."""
-
-    weights: SeriesWeights
-
-    @property
-    def scale(self) -> float:
-        """Geometric mean of the standard deviations."""
-        return self.weights.scale
-
-    def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
-        """Return the block with the standard deviations that residuals show."""
-        if all(self.weights.known):
-            return None
-        series = self.weights.split(residuals)
-        return replace(self, weights=self.weights.improved(series, robust=robust))  # type: ignore[type-var]
+    def linearised(self, unknowns: Sequence[Unknown], values: Array) -> tuple[Array, Array]:
+        """Return the residuals (m,) at coordinates of unknowns, and their Jacobian in units of the scales of these."""
+        names, coordinates = [one.name for one in unknowns], Coordinates.of(unknowns)
+        evaluate = residual_function(lambda *x: self.residuals(dict(zip(names, x, strict=True))), coordinates)
+        return residuals_and_jacobian(evaluate, values / coordinates.scale)

@@ -167,21 +167,11 @@ class LawComparison(Displayed, Generic[F]):
         verdict = self.verdict
         numbered = max(map(len, self.names)) > 22  # characters of a law in a table of 100 columns
         labels = [str(k) if numbered else name for k, name in enumerate(self.names, start=1)]
-        laws = zip(
-            labels, self.fits, self.candidates, verdict.probabilities.tolist(), verdict.aicc, verdict.bic, strict=True
-        )
         rows = [
-            (
-                label,
-                candidate.estimated,
-                round(probability, 4),
-                one.fit.residual_rms,
-                known(aicc - min(verdict.aicc)),
-                bic - min(verdict.bic),
-                known(one.fit.autocorrelation),
-            )
-            for label, one, candidate, probability, aicc, bic in laws
-        ]
+            (label, row["estimated"], round(row["probability"], 4), row["residual_rms"],
+             known(aicc - min(verdict.aicc)), row["bic"] - min(verdict.bic), row["autocorrelation"])
+            for label, row, aicc in zip(labels, self._laws(), verdict.aicc, strict=True)
+        ]  # fmt: skip
         columns = ("law", "estimated", "probability", "residual_rms", "delta_AICc", "delta_BIC", "autocorrelation")
         heads = [f"{label}: {name}" if numbered else name for label, name in zip(labels, self.names, strict=True)]
         listed = [
@@ -211,30 +201,26 @@ class LawComparison(Displayed, Generic[F]):
             "deciding": self.deciding,
             "effective_samples": verdict.effective_samples,
             "laws": [
-                {
-                    "law": name,
-                    "estimated": candidate.estimated,
-                    "probability": probability,
-                    "aicc": known(aicc),
-                    "bic": bic,
-                    "residual_rms": one.fit.residual_rms,
-                    "autocorrelation": known(one.fit.autocorrelation),
-                    "at_bound": list(one.fit.at_bound),
-                    **one.to_dict(),
-                }
-                for name, probability, one, candidate, aicc, bic in zip(
-                    self.names,
-                    verdict.probabilities.tolist(),
-                    self.fits,
-                    self.candidates,
-                    verdict.aicc,
-                    verdict.bic,
-                    strict=True,
-                )
+                {**row, "at_bound": list(one.fit.at_bound), **one.to_dict()}
+                for row, one in zip(self._laws(), self.fits, strict=True)
             ],
             "failed": dict(self.failed),
             "warnings": list(self.warnings),
         }
+
+    def _laws(self) -> list[dict[str, Any]]:
+        """Return the numbers by which the laws are compared, None for unknown ones."""
+        verdict = self.verdict
+        columns = {
+            "law": self.names,
+            "estimated": [one.estimated for one in self.candidates],
+            "probability": verdict.probabilities.tolist(),
+            "aicc": map(known, verdict.aicc),
+            "bic": verdict.bic,
+            "residual_rms": [one.fit.residual_rms for one in self.fits],
+            "autocorrelation": [known(one.fit.autocorrelation) for one in self.fits],
+        }
+        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
     def figure(self) -> Figure:
         """Draw the differences of AICc and BIC from their lowest values, with the probabilities."""

@@ -29,8 +29,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.solver.gauss_newton import residuals_and_jacobian
 from ancf_casadi.estimation.solver.least_squares import residual_function
-from ancf_casadi.estimation.solver.polish import residuals_and_jacobian
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array

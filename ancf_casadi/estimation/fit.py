@@ -1,13 +1,13 @@
 """Estimates of a least-squares fit and their standard errors, to first order, with warnings, notes and JSON.
 
 A fit minimises L(x) = sum rho(r_i) over m residuals r(x).  With J their Jacobian by the n free unknowns (those not at a
-bound), psi, w and e as in ``loss``, and the covariance R of the psi (``noise``), the estimates have to first order the
-covariance
+bound), psi, w and e as in ``gauss_newton``, and the covariance R of the psi (``noise``), the estimates have to first
+order the covariance
 
     C = (J' J)^-1 (J' R J/w^2 + m e^2 J' J) (J' J)^-1
 
-For white noise this is (phi/w) (J' J)^-1 with phi of ``loss``.  Standard errors take an unknown at its bound as known;
-intervals do not (``intervals``).
+For white noise this is (phi/w) (J' J)^-1 with phi of ``gauss_newton``.  Standard errors take an unknown at its bound as
+known; intervals do not (``intervals``).
 
 The solver may work with the reciprocal y = 1/(x + s) of an unknown (``unknown``).  All of the above then holds for y;
 its standard error becomes that of x to first order, and the ends of its interval are those of the interval of y.
@@ -40,9 +40,8 @@ from ancf_casadi.estimation.intervals import (
     moves,
     quantile,
 )
-from ancf_casadi.estimation.solver.loss import dispersion, influence, row_weights
-from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, Noise, autocorrelation, concentration
-from ancf_casadi.estimation.solver.stated import CONTRADICTED
+from ancf_casadi.estimation.solver.gauss_newton import dispersion, influence, row_weights
+from ancf_casadi.estimation.solver.noise import CONTRADICTED, MOST_CONCENTRATION, Noise, autocorrelation, concentration
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, share_lines
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.tables import finite
@@ -226,7 +225,7 @@ class Fit:
             column = columns[:, k] - free @ np.linalg.lstsq(free, columns[:, k])[0]
             shifts[k] = -(column @ change) / (column @ column)
         errors = self.errors
-        reach = np.abs(np.diag(moves(self, CONFIDENCE_LEVEL)[self.active_bounds]))
+        reach = np.abs(np.diag(moves(self, CONFIDENCE_LEVEL)[0][self.active_bounds]))
         errors[self.active_bounds] = reach / self.quantile(CONFIDENCE_LEVEL)
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(shifts * self.scale / errors)

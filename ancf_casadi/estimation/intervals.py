@@ -56,7 +56,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -64,9 +64,8 @@ import casadi as cs
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.estimation.solver.loss import influence, loss, loss_value
+from ancf_casadi.estimation.solver.gauss_newton import influence, loss, loss_value, polish, residuals_and_jacobian
 from ancf_casadi.estimation.solver.nlp import solve_nlp
-from ancf_casadi.estimation.solver.polish import polish, residuals_and_jacobian
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.compilation import evaluated
@@ -96,13 +95,11 @@ def quantile(level: float, freedom: float) -> float:
     return float(scipy.special.stdtrit(freedom, 0.5 + level / 2)) if freedom else math.nan
 
 
-def moves(fit: Fit, level: float) -> Array:
-    """Return the changes (n, b) of all unknowns when each of the b unknowns at a bound moves inwards by its h."""
-    return _moves(fit, level)[0]
+def moves(fit: Fit, level: float) -> tuple[Array, Array]:
+    """Return the changes (n, b) of all unknowns when each of the b unknowns at a bound moves inwards by its h.
 
-
-def _moves(fit: Fit, level: float) -> tuple[Array, Array]:
-    """Return the changes (n, b), and the variances phi (b,) in the directions p."""
+    Also return the variances phi (b,) in the directions p.
+    """
     found = np.zeros((len(fit.names), int(np.count_nonzero(fit.active_bounds))))
     variances = np.zeros(found.shape[1])
     psi, curvature = influence(fit.residuals, fit.huber)
@@ -127,7 +124,7 @@ def first_order_ends(fit: Fit, values: Array, jacobian: Array, level: float) -> 
     """Return the intervals (q, 2) of quantities from values (q,) and Jacobian (q, n); nan for certain ones."""
     half = np.nan_to_num(fit.quantile(level) * fit.errors_of(jacobian))
     with np.errstate(invalid="ignore"):  # 0 times an infinite move is nan; np.fmax ignores it
-        steps = jacobian @ moves(fit, level)
+        steps = jacobian @ moves(fit, level)[0]
     below, above = (np.hypot(half, np.linalg.norm(np.fmax(side * steps, 0.0), axis=1)) for side in (-1.0, 1.0))
     ends = np.array([values - below, values + above]).T
     ends[~jacobian.any(axis=1) | (fit.noise.freedom == 0)] = math.nan
@@ -136,7 +133,7 @@ def first_order_ends(fit: Fit, values: Array, jacobian: Array, level: float) -> 
 
 def _dispersion(fit: Fit, gradient: Array, level: float) -> float:
     """Return the variance phi of a quantity with the derivatives (n,) by the coordinates."""
-    free, (steps, variances) = ~fit.active_bounds, _moves(fit, level)
+    free, (steps, variances) = ~fit.active_bounds, moves(fit, level)
     columns = (fit.jacobian * fit.scale)[:, free]
     column = np.asarray(np.linalg.lstsq(columns.T, (gradient * fit.scale)[free])[0], dtype=np.float64)
     half = np.nan_to_num(fit.quantile(level) * fit.errors_of(gradient[None]))
@@ -159,7 +156,7 @@ def profile_interval(
     if not fit.noise.variance + fit.systematic > 0.0:
         raise InputError("has no scatter: the residuals are zero, or no more than the unknowns; use more data", "fit")
     free = ~fit.active_bounds
-    step = np.where(free, t * fit.errors, np.abs(moves(fit, level)).sum(axis=1))
+    step = np.where(free, t * fit.errors, np.abs(moves(fit, level)[0]).sum(axis=1))
     step = np.where(np.isfinite(step), step, fit.scale)
     u = cs.MX.sym("u", len(fit.names))  # distance from the estimate, in steps
     y = cs.DM(fit.values) + cs.DM(step) * u
@@ -242,23 +239,6 @@ def _bends(fit: Fit, quantities: Quantities | None, level: float) -> Array:
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class HeldFit:
-    """The fit of the other unknowns with one held."""
-
-    position: int  # of the one that is held
-    values: Array  # of all unknowns (n,)
-    rest: Fit  # of the others
-    share: float  # d_c
-
-    def ends(self, linearisation: cs.Function, level: float) -> Array:
-        """Return the ends (q, 2) of quantities."""
-        values, jacobian = linearisation(self.values)
-        middle = values.full().ravel()
-        own = first_order_ends(self.rest, middle, np.delete(jacobian.full(), self.position, axis=1), level)
-        return np.asarray(middle[:, None] + self.share * np.nan_to_num(own - middle[:, None]))
-
-
 def derived_ends(fit: Fit, quantities: Quantities, level: float) -> Array:
     """Return the intervals (q, 2) of quantities; nan where no unknown enters."""
     linearisation = fit.linearisation(quantities)
@@ -267,20 +247,28 @@ def derived_ends(fit: Fit, quantities: Quantities, level: float) -> Array:
     curved = [k for k, unknown in enumerate(fit.unknowns) if unknown.curved]
     if not curved or not fit.noise.variance > 0.0:
         return ends
-    held = np.array([one.ends(linearisation, level) for one in held_fits(fit, curved[0], level)])
-    return np.where(np.isnan(ends), ends, np.array([held[..., 0].min(axis=0), held[..., 1].max(axis=0)]).T)
+    held = []
+    for values, rest, share in held_fits(fit, curved[0], level):
+        middle, jacobian = (item.full() for item in linearisation(values))
+        own = first_order_ends(rest, middle.ravel(), np.delete(jacobian, curved[0], axis=1), level)
+        held.append(middle + share * np.nan_to_num(own - middle))
+    low, high = np.array(held).transpose(2, 0, 1)
+    return np.where(np.isnan(ends), ends, np.array([low.min(axis=0), high.max(axis=0)]).T)
 
 
 @lru_cache(maxsize=2)
-def held_fits(fit: Fit, k: int, level: float) -> tuple[HeldFit, ...]:
-    """Return fits with the unknown k held, as far from its estimate as the confidence level allows."""
+def held_fits(fit: Fit, k: int, level: float) -> tuple[tuple[Array, Fit, float], ...]:
+    """Return all unknowns (n,), the fit of the others, and d_c, where the unknown k is held.
+
+    It is held as far from its estimate as the confidence level allows.
+    """
     others = np.flatnonzero(~fit.active_bounds & (np.arange(len(fit.names)) != k))
     scaled = fit.jacobian[:, others] * fit.scale[others]
     alone = fit.jacobian[:, k] - scaled @ np.linalg.lstsq(scaled, fit.jacobian[:, k])[0]
     room, least = fit.dispersion(alone) * fit.quantile(level) ** 2, loss_value(fit.residuals, fit.huber)
     step = float(np.ptp(fit.intervals(level)[k])) / HELD_STEPS
     own = _rest(fit, k, fit.values, fit.residuals, fit.jacobian, fit.active_bounds)
-    found = [HeldFit(k, fit.values, own, 1.0)]
+    found = [(fit.values, own, 1.0)]
     for sign, bound in ((-1.0, fit.lower[k]), (1.0, fit.upper[k])):
         x, before = fit.values, 0.0
         while before < 1.0 and x[k] != bound:
@@ -288,10 +276,10 @@ def held_fits(fit: Fit, k: int, level: float) -> tuple[HeldFit, ...]:
             new, rest = _fitted(fit, k, at, x)
             lag = max(2 * (loss_value(rest.residuals, fit.huber) - least) / room, 0.0)
             if lag < 1.0:
-                found.append(HeldFit(k, new, rest, math.sqrt(1 - lag)))
+                found.append((new, rest, math.sqrt(1 - lag)))
             else:
                 way = (1 - math.sqrt(before)) / (math.sqrt(lag) - math.sqrt(before))
-                found.append(HeldFit(k, x + way * (new - x), rest, 0.0))
+                found.append((x + way * (new - x), rest, 0.0))
             x, before = new, lag
     return tuple(found)
 

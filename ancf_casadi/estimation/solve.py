@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -31,12 +31,12 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.block import Block, Evaluation, Fitted
+from ancf_casadi.estimation.block import Block, Fitted
 from ancf_casadi.estimation.determination import check_determined
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL
+from ancf_casadi.estimation.solver.gauss_newton import HUBER
 from ancf_casadi.estimation.solver.least_squares import least_squares, residual_function
-from ancf_casadi.estimation.solver.loss import HUBER
 from ancf_casadi.estimation.solver.unknown import Unknown, started
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, Mask
@@ -84,12 +84,9 @@ class FitProblem:
     @property
     def masks(self) -> list[Mask]:
         """Residuals of each record of each block among all."""
-        found = []
-        for block, rows in zip(self.blocks, self.rows, strict=True):
-            owners = np.full(sum(self.series), -1)
-            owners[rows] = block.owners
-            found += [owners == k for k in range(len(block.lengths))]
-        return found
+        sizes = [sum(record) for block in self.blocks for record in block.lengths]
+        owners = np.repeat(np.arange(len(sizes) + 1), [*sizes, len(self._priors)])
+        return [owners == k for k in range(len(sizes))]
 
     @property
     def scale(self) -> float:
@@ -100,31 +97,26 @@ class FitProblem:
         """Return the root mean square of all residuals from that of each block."""
         return math.sqrt(float(np.dot(self._sizes, np.square(sizes))) / sum(self._sizes))
 
-    def residuals(self, evaluations: Sequence[Evaluation]) -> Callable[..., cs.MX]:
-        """Return the function from the unknowns, in their order, to all residuals."""
+    def residuals(self, *values: cs.MX) -> cs.MX:
+        """Return all residuals for the unknowns, in their order."""
+        given = dict(zip((unknown.name for unknown in self.unknowns), values, strict=True))
+        parts = [block.residuals(given) for block in self.blocks]
+        parts += [unknown.prior_residual(given[unknown.name]) for unknown in self._priors]
+        return self.scale * cs.vertcat(*parts)
 
-        def residuals(*values: cs.MX) -> cs.MX:
-            given = dict(zip((unknown.name for unknown in self.unknowns), values, strict=True))
-            parts = [one.residuals(given) for one in evaluations]
-            parts += [unknown.prior_residual(given[unknown.name]) for unknown in self._priors]
-            return self.scale * cs.vertcat(*parts)
-
-        return residuals
-
-    def fitted(self, evaluations: Sequence[Evaluation], *, first: bool) -> Fit:
+    def fitted(self, *, first: bool) -> Fit:
         """Return the estimates for the weights of the blocks; ``first`` checks that the data determine them."""
-        residuals, scale, count = self.residuals(evaluations), self.scale, sum(self._sizes)
+        scale, count = self.scale, sum(self._sizes)
         if first and sum(self.series) >= len(self.unknowns):  # fewer residuals are refused below
             negligible = scale * math.hypot(*(block.negligible for block in self.blocks))
-            check_determined(residuals, self.unknowns, negligible)
+            check_determined(self.residuals, self.unknowns, negligible)
         systematic = scale * self.root_mean_square([block.systematic for block in self.blocks])
         accuracy = scale * self.root_mean_square([block.accuracy for block in self.blocks])
         return least_squares(
-            residuals,
+            self.residuals,
             self.unknowns,
             huber=HUBER * scale if self.robust else math.inf,
             gauss_newton=True,
-            forward=True,
             series=self.series,
             times=self.times,
             noise=math.hypot(accuracy, math.sqrt(count) * systematic),
@@ -134,6 +126,11 @@ class FitProblem:
             options=LEAST_SQUARES_OPTIONS,
             advice=FIT_ADVICE,
         )
+
+    def close(self) -> None:
+        """Forget what the blocks no longer need once the fit has ended."""
+        for block in self.blocks:
+            block.close()
 
     @property
     def _sizes(self) -> list[int]:
@@ -152,64 +149,54 @@ class FitSolution:
     fit: Fit
     shifts: Array  # (b, n) of the estimates by the error of each block, in standard errors; nan if unknown
     others: tuple[Fit, ...]  # other optima that fit as well within the 95 % level
-    evaluations: tuple[Evaluation, ...]  # of the blocks, as they were fitted
 
     @property
     def parts(self) -> list[tuple[Block, Fitted]]:
         """Each block, and what the fit says of it."""
-        own = zip(self.problem.blocks, self.problem.rows, self.shifts, self.evaluations, strict=True)
-        scale = self.problem.scale
-        return [(block, Fitted(self.fit, rows, scale, shifts, one)) for block, rows, shifts, one in own]
+        own = zip(self.problem.blocks, self.problem.rows, self.shifts, strict=True)
+        return [(block, Fitted(self.fit, rows, self.problem.scale, shifts)) for block, rows, shifts in own]
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without the Functions, which the receiving process derives again."""
-        fit, *others = (replace(one, model=cs.Function()) for one in (self.fit, *self.others))
-        return _restored, (self.problem, fit, self.shifts, others)
+        fits = [replace(one, model=cs.Function()) for one in (self.fit, *self.others)]
+        return _restored, (self.problem, self.shifts, fits)
 
 
-def _restored(problem: FitProblem, fit: Fit, shifts: Array, others: Sequence[Fit]) -> FitSolution:
-    evaluations = tuple(block.evaluation() for block in problem.blocks)
-    fit, *rest = (
-        replace(one, model=residual_function(problem.residuals(evaluations), one.coordinates)) for one in (fit, *others)
-    )
-    return FitSolution(problem, fit, shifts, tuple(rest), evaluations)
+def _restored(problem: FitProblem, shifts: Array, fits: Sequence[Fit]) -> FitSolution:
+    fit, *others = (replace(one, model=residual_function(problem.residuals, one.coordinates)) for one in fits)
+    return FitSolution(problem, fit, shifts, tuple(others))
 
 
 def solve(problem: FitProblem, starts: Sequence[Mapping[str, float]] = ({},)) -> FitSolution:
     """Estimate the unknowns of a problem; of several starts, guesses by name, the best optimum counts."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # IPOPT steps back from a trial that cannot be computed
-        evaluations = tuple(block.evaluation() for block in problem.blocks)
         try:
-            optima = _optima(problem, evaluations, starts)
-            problem, fit, others, evaluations = _reweighted(problem, optima, evaluations)
-            return _checked(_refined(problem, fit, others, evaluations))
+            problem, fit, others = _reweighted(problem, _optima(problem, starts))
+            return _checked(_refined(problem, fit, others))
         except FitError as error:
-            reasons = [one.failure for one in evaluations if one.failure]
+            reasons = [block.failure for block in problem.blocks if block.failure]
             raise FitError("; ".join([str(error), *reasons[:1]]), error.stats) from None
         finally:
-            for one in evaluations:
-                one.close()
+            problem.close()
 
 
 def fitted_once(problem: FitProblem) -> Fit:
     """Return the estimates for the weights and the discretisation that a problem has, enough near the truth."""
-    evaluations = tuple(block.evaluation() for block in problem.blocks)
     try:
-        return problem.fitted(evaluations, first=True)
+        return problem.fitted(first=True)
     finally:
-        for one in evaluations:
-            one.close()
+        problem.close()
 
 
-def _optima(problem: FitProblem, evaluations: Sequence[Evaluation], starts: Sequence[Mapping[str, float]]) -> list[Fit]:
+def _optima(problem: FitProblem, starts: Sequence[Mapping[str, float]]) -> list[Fit]:
     """Return the best fit, and others that fit as well."""
     fits: list[Fit] = []
     failures: list[FitError] = []
     for k, start in enumerate(starts):
         try:
             one = replace(problem, unknowns=tuple(started(problem.unknowns, start)))
-            fits.append(one.fitted(evaluations, first=k == 0))
+            fits.append(one.fitted(first=k == 0))
         except FitError as error:
             failures.append(error)
             if k == 0 and not error.stats:
@@ -232,31 +219,24 @@ def _differ(fit: Fit, other: Fit) -> bool:
     return bool((np.abs(fit.values - other.values) > OPTIMA_APART * size).any())
 
 
-def _reweighted(
-    problem: FitProblem, optima: Sequence[Fit], evaluations: tuple[Evaluation, ...]
-) -> tuple[FitProblem, Fit, tuple[Fit, ...], tuple[Evaluation, ...]]:
-    """Return the problem with the weights that residuals give, and its estimates."""
+def _reweighted(problem: FitProblem, optima: Sequence[Fit]) -> tuple[FitProblem, Fit, Sequence[Fit]]:
+    """Return the problem with the weights that residuals give, its estimates, and its other optima."""
     fit, *others = optima
     own = fit.jacobian[:, ~fit.active_bounds] * fit.scale[~fit.active_bounds]
     leverage = np.sum(np.linalg.qr(own)[0] ** 2, axis=1)
     residuals = fit.residuals / problem.scale / np.sqrt(np.maximum(1 - leverage, LEAST_SHARE))
     parts = [residuals[rows] for rows in problem.rows]
     better = [block.reweighted(part, robust=problem.robust) for block, part in zip(problem.blocks, parts, strict=True)]
-    if not any(better):
-        return problem, fit, tuple(others), evaluations
-    return _fitted_again(problem, better, fit, evaluations)
+    return (*_fitted_again(problem, better, fit), ()) if any(better) else (problem, fit, others)
 
 
-def _refined(
-    problem: FitProblem, fit: Fit, others: tuple[Fit, ...], evaluations: tuple[Evaluation, ...]
-) -> FitSolution:
+def _refined(problem: FitProblem, fit: Fit, others: Sequence[Fit]) -> FitSolution:
     """Return the solution with blocks so fine that their errors shift no estimate by much."""
     for _ in range(MOST_REFINEMENTS + 1):
         shifts = np.zeros((len(problem.blocks), len(fit.names)))
-        pairs = zip(problem.blocks, problem.rows, evaluations, strict=True)
-        for own, (block, rows, evaluation) in zip(shifts, pairs, strict=True):
+        for own, block, rows in zip(shifts, problem.blocks, problem.rows, strict=True):
             change = np.zeros(len(fit.residuals))
-            change[rows] = problem.scale * block.error(fit.estimates, fit.residuals[rows] / problem.scale, evaluation)
+            change[rows] = problem.scale * block.error(fit.estimates, fit.residuals[rows] / problem.scale)
             own[:] = fit.shifts(change)
         largest = [
             meaningful(own, fit, block.meaningful).max() for own, block in zip(shifts, problem.blocks, strict=True)
@@ -267,8 +247,11 @@ def _refined(
         ]
         if not any(finer):
             break
-        problem, fit, others, evaluations = _fitted_again(problem, finer, fit, evaluations)
-    return FitSolution(problem, fit, shifts, others, evaluations)
+        coarse = [block for block, better in zip(problem.blocks, finer, strict=True) if better]
+        (problem, fit), others = _fitted_again(problem, finer, fit), ()
+        for block in coarse:
+            block.close()
+    return FitSolution(problem, fit, shifts, tuple(others))
 
 
 def _checked(solution: FitSolution) -> FitSolution:
@@ -295,11 +278,8 @@ def meaningful(shifts: Array, fit: Fit, least: float) -> Array:
     return np.where(sizes * fit.errors <= least * np.abs(fit.values), 0.0, sizes)
 
 
-def _fitted_again(
-    problem: FitProblem, changed: Sequence[Block | None], fit: Fit, evaluations: Sequence[Evaluation]
-) -> tuple[FitProblem, Fit, tuple[Fit, ...], tuple[Evaluation, ...]]:
+def _fitted_again(problem: FitProblem, changed: Sequence[Block | None], fit: Fit) -> tuple[FitProblem, Fit]:
     """Return the problem with blocks that have become better or finer, and its estimates, from those of a fit."""
     blocks = tuple(new or old for new, old in zip(changed, problem.blocks, strict=True))
     problem = replace(problem, blocks=blocks, unknowns=tuple(started(problem.unknowns, fit.estimates)))
-    evaluations = tuple(block.evaluation(before) for block, before in zip(blocks, evaluations, strict=True))
-    return problem, problem.fitted(evaluations, first=False), (), evaluations
+    return problem, problem.fitted(first=False)

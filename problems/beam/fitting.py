@@ -57,7 +57,6 @@ from problems.beam.motions.marker_record import MarkerRecord, motion_record
 from problems.beam.motions.record import MotionRecord
 from problems.beam.properties import CLAMP_STIFFNESS, Owners, first_values, is_property, property_unknown, with_clamp
 from problems.beam.result import BeamFit, law_name
-from problems.beam.starts import starts
 from problems.beam.unknowns import (
     BASE_AMPLITUDE,
     GROUPS,
@@ -70,9 +69,9 @@ from problems.beam.unknowns import (
     of_motions,
     restricted,
     sought_frequencies,
+    starts,
 )
-from problems.beam.values.block import ValueBlock
-from problems.beam.values.records import FrequencyRecord, PropertyRecord, StaticRecord
+from problems.beam.values.records import FrequencyRecord, PropertyRecord, StaticRecord, ValueBlock
 
 Record = Measurement | MotionRecord | MarkerRecord | ResponseRecord | StaticRecord | FrequencyRecord
 
@@ -193,8 +192,13 @@ def beam_problem(
     tolerance: float | None = None,
     modes: int | None = None,
     harmonics: int = 5,
+    apart: bool = False,
 ) -> tuple[FitProblem, Model, dict[str, float]]:
-    """Return the problem of ``fit_beam``, the model with first values, and those of the unknown properties by name."""
+    """Return the problem of ``fit_beam``, the model with first values, and those of the unknown properties by name.
+
+    The blocks are those of motions, of response curves and of values; with ``apart``, each record has its own, and its
+    phases count as right.
+    """
     check_instance(model, "model", Model)
     check_instance(damping, "damping", DampingLaw, NoneType)
     motions, curves, values = _sorted(records)
@@ -204,7 +208,10 @@ def beam_problem(
     tolerance = None if tolerance is None else positive(tolerance, "tolerance")
     law = damping or SumOfLaws(())
     wanted = _wanted(unknowns, motions, curves, values)
-    models = _models(model, (*motions, *curves, *values), clamp=CLAMP_STIFFNESS in wanted)
+    every: Sequence[Any] = (*motions, *curves, *values)
+    found = {id(one): one for one in (model, *(record.model or model for record in every))}  # of all configurations
+    clamped = with_clamp(list(found.values())) if CLAMP_STIFFNESS in wanted else found.values()
+    models = dict(zip(found, clamped, strict=True))
     first = first_values(list(models.values()), [name for name in wanted if is_property(name)])
     for one in models.values():
         Owners.of(one.beam, tuple(first))  # check
@@ -219,16 +226,16 @@ def beam_problem(
         raise InputError("nothing is to be estimated; name properties, or free a parameter of the law", "unknowns")
     own = tuple(restricted(listed, bounds or {}, priors or {}))
     blocks: list[Block] = []
-    for one, numbered in _configured(motions, model, models):
+    for one, numbered in _configured(motions, model, models, apart):
         load = tuple(name.removeprefix("start_") for name in LOADS if name in wanted)
         blocks.append(motion_block(one, numbered, law, first, load=load, tolerance=tolerance, robust=robust))
-    for one, numbered in _configured(curves, model, models):
+    for one, numbered in _configured(curves, model, models, apart):
         # modes of the reduced model above the highest that a response curve is about
         enough = max(mode_of(record, frequencies) for record in curves) + 1 + 2
         count = enough if modes is None else whole(modes, "modes", 1, one.freedoms)
         number, names = whole(harmonics, "harmonics", 1), [unknown.name for unknown in own]
         block = curve_block(one, numbered, law, names, first, modes=count, harmonics=number)
-        blocks.append(block.checked(frequencies))
+        blocks.append(block if apart else block.checked(frequencies))
     blocks += [ValueBlock(record.with_model(models[id(record.model)]), first) for record in values]
     return FitProblem(tuple(blocks), own, robust), models[id(model)], first
 
@@ -339,15 +346,11 @@ def _wanted(unknowns: Any, motions: Sequence[Any], curves: Sequence[Any], values
     return names
 
 
-def _models(model: Model, records: Sequence[Any], *, clamp: bool) -> dict[int, Model]:
-    """Return the models of all configurations by identity; with ``clamp`` all of them have an elastic clamp."""
-    given = {id(one): one for one in (model, *(record.model for record in records if record.model is not None))}
-    return dict(zip(given, with_clamp(list(given.values())) if clamp else given.values(), strict=True))
-
-
-def _configured(records: Sequence[Any], model: Model, models: Mapping[int, Model]) -> list[tuple[Model, list[Any]]]:
-    """Return each configuration with its records, numbered from 1 among all of their kind."""
-    groups: dict[int, list[tuple[int, Any]]] = {}
+def _configured(
+    records: Sequence[Any], model: Model, models: Mapping[int, Model], apart: bool
+) -> list[tuple[Model, list[Any]]]:
+    """Return each configuration, or each record, with its records, numbered from 1 among all of their kind."""
+    groups: dict[tuple[int, int], list[tuple[int, Any]]] = {}
     for number, record in enumerate(records, start=1):
-        groups.setdefault(id(record.model or model), []).append((number, record))
-    return [(models[key], numbered) for key, numbered in groups.items()]
+        groups.setdefault((id(record.model or model), number if apart else 0), []).append((number, record))
+    return [(models[key], numbered) for (key, _), numbered in groups.items()]

@@ -26,7 +26,7 @@ from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.tables import Table, known
 from problems.beam.curves.block import CurveBlock, curve_block
 from problems.beam.curves.record import ResponseRecord
-from problems.beam.motions.block import MotionBlock, motion_block
+from problems.beam.motions.block import MotionBlock, motion_block, sensor_noise
 from problems.beam.motions.marker_record import motion_record
 from problems.beam.properties import (
     CLAMP_STIFFNESS,
@@ -40,8 +40,7 @@ from problems.beam.properties import (
     value_of,
 )
 from problems.beam.unknowns import load_name, loads
-from problems.beam.values.block import ValueBlock
-from problems.beam.values.records import PropertyRecord
+from problems.beam.values.records import PropertyRecord, ValueBlock
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,9 +154,8 @@ class BeamFit(BlocksResult):
     @cached_property
     def responses(self) -> list[Array]:
         """Amplitude, phase (rad) and level of the motion closest to each point of each response curve, (3, m) each."""
-        parts = [(block, one) for block, one in self.solution.parts if isinstance(block, CurveBlock)]
-        motions = [own for _, fitted in parts for own in fitted.evaluation.motions(self.estimates)]
-        return [own.values.T for own in motions]
+        blocks = [block for block in self.solution.problem.blocks if isinstance(block, CurveBlock)]
+        return [values.T for block in blocks for values, _ in block.motions(self.estimates)]
 
     @property
     def shifts(self) -> Array:
@@ -283,12 +281,7 @@ class BeamFit(BlocksResult):
         tolerance = min((block.tolerance for block in motions), default=None)
         own = motion_block(model, [(none, one)], self.guess, self.first, tolerance=tolerance)
         # the noise of the same sensor in the fit is more certain than that from a few samples
-        noise = {
-            channel.sensor: deviation
-            for block in motions
-            for channel, deviation in zip(block.sensors, block.weights.deviations.tolist(), strict=True)
-        }
-        pairs = zip(own.sensors, own.weights.deviations.tolist(), strict=True)
+        noise, pairs = sensor_noise(blocks), zip(own.sensors, own.weights.deviations.tolist(), strict=True)
         deviations = [channel.std or noise.get(channel.sensor, deviation) for channel, deviation in pairs]
         return replace(own, weights=replace(own.weights, deviations=np.array(deviations)))
 

@@ -7,7 +7,7 @@ x_2 of the mode from the two parts (``agreement.part_estimates``) and their cova
 
     (x_1 - x_2)' (C_1 + C_2)^-1 (x_1 - x_2)
 
-follows the chi-squared distribution if the law holds.  Otherwise the errors allow for the difference (``later_start``).
+follows the chi-squared distribution if the law holds.  Otherwise the errors allow for the difference (``agreement``).
 If the record is shorter than the decay, the standard error of the damping is proportional to length^(-3/2), which gives
 the length that would be enough.
 

@@ -9,7 +9,7 @@ A long record with even times is reduced to the band of the mode by a projection
 before the projection, because the slope of the decay at the release would leave an error there.  Outliers would spread,
 so that a robust fit takes all samples.
 
-A robust fit replaces the squares by the pseudo-Huber loss (``ancf_casadi.estimation.solver.loss``).  The residuals of
+A robust fit replaces the squares by the pseudo-Huber loss (``estimation.solver.gauss_newton``).  The residuals of
 the previous fit give the noise that sets its threshold.  They also give the weight of priors, whose distances in
 standard deviations, times that of the noise, are further residuals; a first fit gives them next to no weight.
 
@@ -35,10 +35,10 @@ from numpy.typing import ArrayLike
 from ancf_casadi.decay.first_guess import DecayGuess, first_guess
 from ancf_casadi.decay.phase import NODE_OF_OMEGA, FrequencyLaw, smooth_nodes
 from ancf_casadi.decay.spectrum import is_even
+from ancf_casadi.estimation.agreement import allowing_for_later_starts
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.later_start import allowing_for_later_starts
+from ancf_casadi.estimation.solver.gauss_newton import HUBER, noise_of
 from ancf_casadi.estimation.solver.least_squares import least_squares
-from ancf_casadi.estimation.solver.loss import HUBER, noise_of
 from ancf_casadi.estimation.solver.unknown import Priors, Unknown, started
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement

@@ -15,10 +15,9 @@ from ancf_casadi.support.inputs import check_instance, is_sequence, physical, sh
 from ancf_casadi.support.interrupts import lasting_interrupts
 from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum
 from problems.frf.record import FrfRecord
-from problems.frf.refinement import FRF_ADVICE
+from problems.frf.refinement import FRF_ADVICE, given_deviations
 from problems.frf.result import FrfFit, refined
 from problems.frf.selection import MOST_FRF_MODES, Selection, bins, candidate_poles, poles_near, select_modes
-from problems.frf.weights import given_deviations
 
 
 @lasting_interrupts()

@@ -79,12 +79,11 @@ class ModalSum:
         k = len(self.frequencies)
         return np.ones(k) if self.starts is None else np.diff(self.starts, append=k).astype(float)
 
-    def binned(self, values: Any, axis: int = 0) -> Any:
+    def binned(self, values: Any) -> Any:
         """Return the means of values over bins, times the root of the size of each; the values without bins."""
         if self.starts is None:
             return values
-        root = np.sqrt(self.bin_sizes).reshape([-1 if k == axis else 1 for k in range(values.ndim)])
-        return np.add.reduceat(values, self.starts, axis=axis) / root
+        return np.add.reduceat(values, self.starts) / np.sqrt(self.bin_sizes).reshape(-1, *[1] * (values.ndim - 1))
 
     @property
     def _iω(self) -> ComplexArray:

@@ -21,8 +21,16 @@ from ancf_casadi.support.inputs import check_instance, positive_array
 from ancf_casadi.support.tables import Table, known
 from problems.frf.modal_sum import ModalSum, TrialFit, quick_fit
 from problems.frf.record import FrfRecord
-from problems.frf.refinement import FRF_ADVICE, coefficient_covariance, corrected, inflation, limitations, refine
-from problems.frf.weights import first_deviations, given_deviations
+from problems.frf.refinement import (
+    FRF_ADVICE,
+    coefficient_covariance,
+    corrected,
+    first_deviations,
+    given_deviations,
+    inflation,
+    limitations,
+    refine,
+)
 from problems.matching.measured_modes import MeasuredModes
 
 GREY = "#b0b0b0"

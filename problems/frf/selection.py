@@ -11,7 +11,7 @@ needed are removed.  After each change all parameters are refined.  The larger o
 
     n/N (S_1 - S_2)/s^2 > (K_2 - K_1) ln n + 10,
 
-with the weights that follow from its residuals and the larger amplitude of the two (``weights``), the sums of squares
+with the weights (``refinement``) by its residuals and the larger amplitude of the two, the sums of squares
 S_1 of the smaller and S_2 of the larger fit, K parameters, and s^2 = S_2/(N - K_2): a clear difference of BIC.  The N
 residuals are worth n independent ones (``TrialFit.effective_samples``).  Modes out of the band, narrower than the lines
 can show, overdamped or equal are dropped.
@@ -40,7 +40,7 @@ from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, ComplexArray, Index, Mask
 from ancf_casadi.support.tall import inner, tall_qr, tall_times, tall_triangle
 from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, TrialFit, quick_fit, stacked
-from problems.frf.weights import fitted_deviations
+from problems.frf.refinement import fitted_deviations
 
 VERY_STRONG = 10.0  # difference of BIC that leaves no doubt
 RATIO_RANGE = (1e-5, 0.6)  # least and largest damping ratio of a candidate

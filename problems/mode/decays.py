@@ -8,22 +8,20 @@ one kind of sensor share the standard deviation of their noise.  A long record i
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.block import Account, Evaluation, Fitted, SeriesBlock, SeriesWeights
+from ancf_casadi.estimation.block import Account, Block, Fitted, SeriesWeights
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array, root_mean_square
 from problems.beam.curves.points import CurvePoints
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
-from problems.beam.curves.residuals import CurveResiduals, first_weights
-from problems.beam.curves.response_block import ResponseBlock
+from problems.beam.curves.response_block import ResponseBlock, first_weights
 from problems.decay.laws import DecayModel
 from problems.decay.limitations import NOISE_FREE
 from problems.decay.result import DecayFit
@@ -50,13 +48,11 @@ class ModeDecay:
 
 
 @dataclass(frozen=True, eq=False)
-class DecayBlock(SeriesBlock):
-    """Free decays of one mode; as it keeps no solution, the block is its own evaluation."""
-
-    failure: ClassVar[str] = ""
+class DecayBlock(Block):
+    """Free decays of one mode."""
 
     decays: tuple[ModeDecay, ...]
-    weights: SeriesWeights
+    weights: SeriesWeights = field(kw_only=True)
 
     @property
     def lengths(self) -> list[list[int]]:
@@ -76,18 +72,11 @@ class DecayBlock(SeriesBlock):
             for one, std in zip(self.decays, self.weights.deviations.tolist(), strict=True)
         ]))  # fmt: skip
 
-    def evaluation(self, before: Evaluation | None = None) -> DecayBlock:
-        """Return the block itself."""
-        return self
-
     def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
         """Return the residuals (m,) for unknowns by name, in standard deviations."""
         pairs = zip(self.decays, self.weights.deviations.tolist(), strict=True)
         parts: cs.MX = cs.vertcat(*((one.curve(given) - cs.DM(one.decay.values)) / std for one, std in pairs))
         return parts
-
-    def close(self) -> None:
-        """Keep nothing."""
 
     def unexplained(self, fitted: Fitted) -> list[tuple[str, float]]:
         """Return the share of each motion about its equilibrium, root mean square, that the curve leaves."""
@@ -140,7 +129,7 @@ def decay_block(decays: Sequence[ModeDecay]) -> DecayBlock:
         groups=tuple(map(tuple, groups.values())),
         known=(False,) * len(groups),
     )
-    return DecayBlock(tuple(decays), weights)
+    return DecayBlock(tuple(decays), weights=weights)
 
 
 def mode_decay(
@@ -167,50 +156,36 @@ class ModeCurveBlock(ResponseBlock):
     constants: tuple[str, ...]  # name of the modal constant of each record
     known: Mapping[str, float]  # modal constants that are given, by name
 
-    @property
-    def systematic(self) -> float:
-        """Error of the closest points, in standard deviations: without noise, it ends the fit."""
-        return 10 * POINTS_CLOSE
-
-    def evaluation(self, before: Evaluation | None = None) -> ModeResponses:
-        """Return the residuals."""
-        return ModeResponses(self)
-
-
-class ModeResponses(CurveResiduals):
-    """The residuals of a block and their Jacobian."""
-
-    block: ModeCurveBlock
-
-    def __init__(self, block: ModeCurveBlock) -> None:
-        """Build the curves of the records."""
-        self.block = block
-        self._last: list[Array] = []  # derivatives of the last motions by the unknowns of each record
-
-    def close(self) -> None:
-        """Keep the Functions, which are small."""
+    systematic = 10 * POINTS_CLOSE  # error of the closest points: without noise, it ends the fit
 
     @cached_property
     def curves(self) -> list[ModeCurve]:
-        """The curves of each record."""
-        return [ModeCurve(self.block.model, record, len(self.block.law_names)) for record in self.block.records]
+        """The curves of each record; other weights share their Functions."""
+        if self.before:
+            return list(self.before.curves)
+        return [ModeCurve(self.model, record, len(self.law_names)) for record in self.records]
+
+    @cached_property
+    def last(self) -> list[Array]:
+        """Derivatives of the last motions of each record by the unknowns, (m, 3, k)."""
+        return []
 
     def motions(self, values: Mapping[str, float]) -> list[CurvePoints]:
         """Return the motions closest to the points of each record, for values of the unknowns by name."""
-        given, block = {**self.block.known, **values}, self.block
+        given = {**self.known, **values}
         found = [
-            curve.closest(points, np.array([given[name] for name in (*block.law_names, constant)]))
-            for curve, points, constant in zip(self.curves, block.measured(values), block.constants, strict=True)
+            curve.closest(points, np.array([given[name] for name in (*self.law_names, constant)]))
+            for curve, points, constant in zip(self.curves, self.measured(values), self.constants, strict=True)
         ]
-        self._last = [by_x for _, by_x in found]
+        self.last[:] = [by_x for _, by_x in found]
         return [motions for motions, _ in found]
 
     def sensitivities(self, values: Mapping[str, float]) -> list[Array]:
         """Return the derivatives by the unknowns of amplitude, phase and excess of the level, (m, 3, n) each."""
-        found, names = [], self.block.names
-        for by_x, constant in zip(self._last, self.block.constants, strict=True):
+        found, names = [], self.names
+        for by_x, constant in zip(self.last, self.constants, strict=True):
             change = np.zeros((*by_x.shape[:2], len(names)))
-            for k, name in enumerate((*self.block.law_names, constant)):
+            for k, name in enumerate((*self.law_names, constant)):
                 if name in names:
                     change[:, :, names.index(name)] = by_x[:, :, k]
             found.append(change)
@@ -231,7 +206,7 @@ def curves_of_mode(
     return ModeCurveBlock(
         tuple(enumerate(curves, start=1)),
         (*law_names, *free),
-        replace(weights, floors=np.full(len(weights.lengths), LEAST_FACTOR)),
+        weights=replace(weights, floors=np.full(len(weights.lengths), LEAST_FACTOR)),
         model=model,
         law_names=tuple(law_names),
         constants=constants,

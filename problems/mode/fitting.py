@@ -6,7 +6,7 @@ All records share the laws of the mode: its frequency and its rate of decay agai
 release, each kind of excitation its modal constant (``decays``).  The loop of all fits
 (``ancf_casadi.estimation.solve``) weighs the records by the scatter of their residuals.
 
-The fit starts from the largest decay, and from regressions of the curves (``start``), whichever ends in the better
+The fit starts from the largest decay, and from regressions of the curves (``oscillator``), whichever ends in the better
 optimum.
 """
 
@@ -44,9 +44,17 @@ from problems.mode.decays import (
     mode_decay,
     release_unknowns,
 )
-from problems.mode.oscillator import motion_amplitudes, reading_factor
+from problems.mode.oscillator import (
+    LEAST_RATIO,
+    from_points,
+    guess_of,
+    law_at,
+    modal_constant_of,
+    motion_amplitudes,
+    points_of,
+    reading_factor,
+)
 from problems.mode.result import ModeFit
-from problems.mode.start import LEAST_RATIO, Points, from_points, guess_of, law_at, modal_constant_of
 
 Decay = Measurement | tuple[Any, Any]
 
@@ -212,7 +220,7 @@ def _stated(
 def _weighed(block: ModeCurveBlock, start: Mapping[str, float]) -> ModeCurveBlock:
     """Return curves with standard deviations as large as residuals at a start, for the accuracy of the first fit."""
     try:
-        size = root_mean_square(block.evaluation().at(start)[0])
+        size = root_mean_square(block.at(start)[0])
     except NumericsError:
         return block
     weights = block.weights
@@ -220,7 +228,7 @@ def _weighed(block: ModeCurveBlock, start: Mapping[str, float]) -> ModeCurveBloc
     for group, given in zip(weights.groups, weights.known, strict=True):
         known[list(group)] = given
     deviations = np.where(known, weights.deviations, max(size, 1.0) * weights.deviations)
-    return replace(block, weights=replace(weights, deviations=deviations))
+    return replace(block, weights=replace(weights, deviations=deviations), before=block)
 
 
 def _starts(
@@ -231,11 +239,11 @@ def _starts(
     decay: DecayFit | None,
 ) -> list[dict[str, float]]:
     """Return values by name of the laws, and by unit of the modal constants, to start from."""
-    groups = [Points.of([one for one in curves if one.excitation_unit == unit], unit) for unit in units]
+    groups = {unit: points_of([one for one in curves if one.excitation_unit == unit]) for unit in units}
     starts = [] if decay is None else [decay.fit.estimates]
     starts += [from_points(model, groups, known)] if groups else []
     for start in starts:
-        for unit, group in zip(units, groups, strict=True):
+        for unit, group in groups.items():
             if not start.get(unit, 0.0) > 0.0:
                 start[unit] = modal_constant_of(model, group, start)
     return starts

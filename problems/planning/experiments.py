@@ -28,8 +28,6 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.estimation.block import Block
-from ancf_casadi.estimation.solver.least_squares import residual_function
-from ancf_casadi.estimation.solver.polish import residuals_and_jacobian
 from ancf_casadi.estimation.solver.unknown import Coordinates, Priors, Unknown
 from ancf_casadi.exceptions import AncfError, FitError, InputError
 from ancf_casadi.mechanics.model import Model
@@ -40,16 +38,15 @@ from ancf_casadi.support.parallel import run_all
 from problems.beam.curves.block import CurveBlock
 from problems.beam.curves.driven import small_response
 from problems.beam.curves.record import ResponseRecord
-from problems.beam.curves.residuals import FREE, first_weights
+from problems.beam.curves.response_block import FREE, first_weights
 from problems.beam.fitting import beam_problem
-from problems.beam.motions.block import MotionBlock, motion_block
+from problems.beam.motions.block import MotionBlock, motion_block, sensor_noise
 from problems.beam.motions.record import MotionRecord
 from problems.beam.motions.weights import first_weights as motion_weights
 from problems.beam.properties import Owners
 from problems.beam.result import BeamFit
 from problems.beam.unknowns import COMMON, sought_frequencies
-from problems.beam.values.block import ValueBlock
-from problems.beam.values.records import StaticRecord
+from problems.beam.values.records import PropertyRecord, ValueBlock
 from problems.beam.values.response import place
 from problems.planning.design import ExpectedRecord
 from problems.planning.record import PlannedRecord, Template, filled
@@ -131,22 +128,27 @@ def plan(
     check_instance(before, "before", BeamFit, NoneType)
     names, templates = list(candidates), _templates(candidates, model, before)
     problem, _, first = beam_problem(
-        model, templates, damping, unknowns=unknowns, fixed=fixed, priors=priors, modes=modes, harmonics=harmonics
-    )
+        model, templates, damping, unknowns=unknowns, fixed=fixed, priors=priors, modes=modes, harmonics=harmonics,
+        apart=True,
+    )  # fmt: skip
     common = {*first, COMMON, *(own.name for own in (damping.parameters if damping else ()))}
     listed = [replace(one, guess=1.0) if _is_frequency(one) else one for one in problem.unknowns]
     shared = [one for one in listed if one.name in common or _is_frequency(one)]
     if not shared:
         raise InputError("there is nothing that records share; name properties, or free the law", "unknowns")
     growth = max(before.fit.noise.growth, 1.0) if before else 1.0
-    tasks = []
-    for k, block in _separate(problem.blocks, templates):
+    kinds = MotionRecord, ResponseRecord, PropertyRecord  # in the order of the blocks
+    order = sorted(range(len(names)), key=lambda k: [isinstance(templates[k], kind) for kind in kinds].index(True))
+    tasks = {}
+    for k, block in zip(order, problem.blocks, strict=True):
         number = block.numbered[0][0] if isinstance(block, MotionBlock | CurveBlock) else 0
+        if isinstance(block, CurveBlock):  # without the levels of other records
+            levels = re.compile(rf"(?!excitation_).*|excitation_{number}")
+            block = replace(block, names=tuple(filter(levels.fullmatch, block.names)))
         own = [one for one in listed if one not in shared and re.fullmatch(rf".+_{number}(_\d+)?", one.name)]
-        task = partial(_expected, names[k], block, tuple(shared), tuple(own), growth)
-        tasks.append((k, task))
-    tasks.sort(key=lambda pair: pair[0])
-    found = run_all([task for _, task in tasks], executor=executor, jobs=jobs, progress=progress, title="candidates")
+        tasks[k] = partial(_expected, names[k], block, tuple(shared), tuple(own), growth)
+    in_order = [tasks[k] for k in range(len(names))]
+    found = run_all(in_order, executor=executor, jobs=jobs, progress=progress, title="candidates")
     costs = tuple(one.cost for one in candidates.values())
     records, expected = (tuple(part) for part in zip(*found, strict=True))
     return Plan(tuple(names), costs, tuple(shared), records, expected, _prior(shared, before), model)
@@ -169,12 +171,7 @@ def check_candidates(candidates: Mapping[str, PlannedRecord]) -> None:
 
 def _templates(candidates: Mapping[str, PlannedRecord], model: Model, before: BeamFit | None) -> list[Template]:
     """Return the records with known noise; response curves have their peaks at natural frequencies."""
-    blocks = [block for block, _ in before.solution.parts if isinstance(block, MotionBlock)] if before else []
-    noise = {
-        channel.sensor: deviation
-        for block in blocks
-        for channel, deviation in zip(block.sensors, block.weights.deviations.tolist(), strict=True)
-    }
+    noise = sensor_noise(before.solution.problem.blocks) if before else {}
     found: list[Template] = []
     for name, candidate in candidates.items():
         one = candidate.template
@@ -192,49 +189,24 @@ def _templates(candidates: Mapping[str, PlannedRecord], model: Model, before: Be
     return found
 
 
-def _separate(blocks: Sequence[Block], templates: Sequence[Template]) -> list[tuple[int, Block]]:
-    """Return a block of each record, and the number of its candidate, from 0."""
-    places: dict[type, list[int]] = {}
-    for k, one in enumerate(templates):
-        kind: type = type(one) if isinstance(one, MotionRecord | ResponseRecord) else StaticRecord
-        places.setdefault(kind, []).append(k)
-    found: list[tuple[int, Block]] = []
-    values = iter(places.get(StaticRecord, []))
-    for block in blocks:
-        if isinstance(block, ValueBlock):
-            found.append((next(values), block))
-        elif isinstance(block, MotionBlock | CurveBlock):
-            kind = MotionRecord if isinstance(block, MotionBlock) else ResponseRecord
-            for number, _ in block.numbered:
-                k = places[kind][number - 1]
-                alone: Any = {"numbered": ((number, templates[k]),)}
-                if isinstance(block, CurveBlock):  # without the levels of other records
-                    own = re.compile(rf"(?!excitation_).*|excitation_{number}")
-                    alone["names"] = tuple(filter(own.fullmatch, block.names))
-                found.append((k, replace(block, **alone)))
-    return found
-
-
 def _expected(
     name: str, block: Block, shared: Sequence[Unknown], own: Sequence[Unknown], growth: float
 ) -> tuple[Template, ExpectedRecord]:
     """Return a candidate with computed values, and how its residuals depend on shared and its own unknowns."""
     unknowns = [*shared, *own]
-    names, y = [one.name for one in unknowns], Coordinates.of(unknowns)
+    y = Coordinates.of(unknowns)
     guesses = {one.name: one.guess for one in unknowns}
     try:
         record, block = _with_values(block, guesses)
-        evaluation = block.evaluation()
-        evaluate = residual_function(lambda *x: evaluation.residuals(dict(zip(names, x, strict=True))), y)
-        jacobian = residuals_and_jacobian(evaluate, y.guess / y.scale)[1]
-        if evaluation.failure or not np.isfinite(jacobian).all():
-            raise FitError(evaluation.failure or "the derivatives of its values are not finite")
-        evaluation.close()
+        jacobian = block.linearised(unknowns, y.guess)[1]
+        if block.failure or not np.isfinite(jacobian).all():
+            raise FitError(block.failure or "the derivatives of its values are not finite")
+        block.close()
     except AncfError as error:
         kind = InputError if isinstance(error, InputError) else FitError
         raise kind(f"the candidate {name!r} cannot be computed: {error}") from None
     known = [
-        np.eye(len(names))[k] * (y.slopes(y.guess) * y.scale)[k] / one.prior_std
+        np.eye(len(unknowns))[k] * (y.slopes(y.guess) * y.scale)[k] / one.prior_std
         for k, one in enumerate(unknowns)
         if one.prior and k >= len(shared)
     ]
@@ -244,7 +216,7 @@ def _expected(
     return record, ExpectedRecord(
         jacobian=jacobian,
         shared=len(shared),
-        known=np.array(known).reshape(-1, len(names)),
+        known=np.array(known).reshape(-1, len(unknowns)),
         lengths=tuple(lengths),
         places=np.array(places),
         times=times,
@@ -265,12 +237,11 @@ def _with_values(block: Block, guesses: Mapping[str, float]) -> tuple[Template, 
     assert isinstance(block, MotionBlock)
     number, template = block.numbered[0]
     trial = replace(block, weights=motion_weights([template]), tolerance=VALUE_TOLERANCE)
-    evaluation = trial.evaluation()
     known = {name: cs.MX(value) for name, value in guesses.items() if not name.startswith("zero_")}
     with delayed_interrupts():
-        residuals = np.asarray(cs.evalf(evaluation.residuals(known))).ravel()
-    if evaluation.failure:
-        raise FitError(evaluation.failure)
+        residuals = np.asarray(cs.evalf(trial.residuals(known))).ravel()
+    if trial.failure:
+        raise FitError(trial.failure)
     parts = zip(trial.weights.split(residuals), template.own_channels, strict=True)
     record = filled(template, np.concatenate([rest + channel.measurement.values for rest, channel in parts]))
     return record, motion_block(block.model, [(number, record)], block.damping, block.first, load=block.load)
@@ -284,7 +255,7 @@ def _steady(block: CurveBlock, guesses: Mapping[str, float]) -> Array:
     linear = small_response(first, alike, float(template.f[0]), s).amplitudes * template.a
     start = filled(template, np.column_stack([LINEAR_SHARE * linear, np.zeros((len(linear), 2))]))
     free = replace(block, numbered=((number, start),), weights=first_weights([start]), looseness=FREE)
-    values = free.evaluation().motions(guesses)[0].values
+    values = free.motions(guesses)[0][0]
     missed = np.abs(values[:, 2] / template.a - 1) > LARGEST_MISS
     if missed.any():
         raise FitError(f"no motion with the level of the excitation is found at {template.f[missed][0]:.5g} Hz")

@@ -216,7 +216,7 @@ class Plan(Reported):
         record, others = self._motion(name, counts)
         points = np.unique(record.places)
         parts = [record.of_series(np.flatnonzero(record.places == point).tolist()) for point in points]
-        return points, self._over([self.design.errors(others + own) for own in parts])
+        return points, self._named([self.design.errors(others + own) for own in parts])
 
     def over_time(self, name: str, counts: Mapping[str, float] | None = None) -> tuple[Array, dict[str, Array]]:
         """Return the standard errors if a motion ended earlier, at up to 60 instants.
@@ -241,7 +241,7 @@ class Plan(Reported):
         record, others = self._motion(name, counts)
         distinct = np.unique(record.times)
         times = distinct[np.unique(np.linspace(0, len(distinct) - 1, INSTANTS + 1).astype(int)[1:])]
-        return times, self._over([self.design.errors(others + own) for own in record.until(times)])
+        return times, self._named([self.design.errors(others + own) for own in record.until(times)])
 
     def duration(self, name: str, unknown: str, error: float, counts: Mapping[str, float] | None = None) -> float:
         """Return the time that a motion must last for a standard error of an unknown, s; infinite if it is too short.
@@ -303,13 +303,10 @@ class Plan(Reported):
         y = Coordinates.of(self.unknowns)
         return np.asarray(np.abs(y.slopes(y.guess)) * y.scale)
 
-    def _named(self, errors: Array) -> dict[str, float]:
-        """Return standard errors in units of the scales (n,) as those of the unknowns by name."""
-        return dict(zip(self.guess, (errors * self._sizes).tolist(), strict=True))
-
-    def _over(self, errors: Sequence[Array]) -> dict[str, Array]:
-        """Return several standard errors in units of the scales as those of the unknowns by name."""
-        return dict(zip(self.guess, (np.array(errors) * self._sizes).T, strict=True))
+    def _named(self, errors: Any) -> dict[str, Any]:
+        """Return standard errors in units of the scales, (n,) or (t, n), as those of the unknowns by name."""
+        own = (np.asarray(errors) * self._sizes).T
+        return dict(zip(self.guess, own if own.ndim > 1 else own.tolist(), strict=True))
 
     def relative(self, errors: Mapping[str, Any]) -> dict[str, Any]:
         """Return standard errors in per cent of the guesses; as they are for guesses of 0."""

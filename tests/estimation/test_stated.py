@@ -8,8 +8,7 @@ from scipy.stats import chi2
 
 from ancf_casadi.estimation.intervals import quantile
 from ancf_casadi.estimation.solver.least_squares import least_squares
-from ancf_casadi.estimation.solver.noise import estimated_noise
-from ancf_casadi.estimation.solver.stated import CONTRADICTED, DOUBTED, stated_noise
+from ancf_casadi.estimation.solver.noise import CONTRADICTED, DOUBTED, estimated_noise, stated_noise
 from ancf_casadi.estimation.solver.unknown import Unknown
 
 

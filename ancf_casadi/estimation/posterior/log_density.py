@@ -6,7 +6,7 @@ the noise has the variances
     P = q' R q/w^2 + m e^2 I    in the directions q of the n fitted columns,    v = tr P/n    in all others,
 
 with R, w and e as in ``fit``.  For white noise all of them are s^2.  With psi the derivatives of the loss L of the
-residuals (``loss``; psi = r and w = 1 for least squares), the sum of squares
+residuals (``gauss_newton``; psi = r and w = 1 for least squares), the sum of squares
 
     Q(y) = 2 (L(y) - L(y_e))/(v w) + (u(y)' K u(y) - u(y_e)' K u(y_e)),    u = q' psi/w,    K = P^-1 - I/v,
 
@@ -60,7 +60,7 @@ import scipy  # its packages are imported on first use
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, moves
 from ancf_casadi.estimation.solve import FitSolution
-from ancf_casadi.estimation.solver.loss import influence, loss_value, row_weights
+from ancf_casadi.estimation.solver.gauss_newton import influence, loss_value, row_weights
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import evaluated
@@ -204,23 +204,22 @@ class LogDensity(Displayed):
 
     def _prior(self, x: Array) -> tuple[float, Array]:
         """Return the logarithm of the density of the priors, and its derivatives (n,) by the bounded coordinates."""
-        value, gradient = 0.0, np.zeros(len(x))
         if not self._prior_count:
-            return value, gradient
-        y = self.bounded(x)
-        values, slopes = self.unknowns(x), self.fit.coordinates.slopes(y)
-        for k, unknown in enumerate(self.fit.unknowns):
+            return 0.0, np.zeros(len(x))
+        value, gradient = evaluated(self._prior_function, self.bounded(x))
+        return float(value[0, 0]), gradient.ravel()
+
+    @cached_property
+    def _prior_function(self) -> cs.Function:
+        """The logarithm of the density of the priors, and its gradient, as a Function of the bounded coordinates."""
+        y, value = cs.MX.sym("y", len(self.names)), cs.MX(0.0)
+        for unknown, x in zip(self.fit.unknowns, self.fit.coordinates.symbols(cs.vertsplit(y)), strict=True):
             if unknown.prior:
                 # the density of y is that of x or log x times their derivative, of size 1, 1/x, (x + s)^2, (x + s)^2/x
-                (mean, std), own = unknown.prior, float(values[k])
-                far = (math.log(own / mean) if unknown.relative_prior else own - mean) / std
-                value, slope = value - far**2 / 2, -far / std
-                if unknown.relative_prior:
-                    value, slope = value - math.log(own), (slope - 1) / own
-                if unknown.offset is not None:
-                    value, slope = value + 2 * math.log(own + unknown.offset), slope + 2 / (own + unknown.offset)
-                gradient[k] = slope
-        return value, gradient * slopes
+                value -= unknown.prior_residual(x) ** 2 / 2
+                value -= cs.log(x) if unknown.relative_prior else 0.0
+                value += 2 * cs.log(x + unknown.offset) if unknown.offset is not None else 0.0
+        return cs.Function("prior", [y], [value, cs.densify(cs.gradient(value, y))])
 
     def _evaluated(self, function: cs.Function, x: Array) -> list[Array]:
         """Return the outputs of a Function at coordinates (n,); nan where they cannot be computed."""
@@ -282,7 +281,7 @@ class LogDensity(Displayed):
     @cached_property
     def _steps(self) -> Array:
         """Changes (n, b) of all unknowns when each of the b ones at a bound moves inwards by one standard error."""
-        fit, found = self.fit, moves(self.fit, CONFIDENCE_LEVEL) / self.fit.quantile(CONFIDENCE_LEVEL)
+        fit, found = self.fit, moves(self.fit, CONFIDENCE_LEVEL)[0] / self.fit.quantile(CONFIDENCE_LEVEL)
         for step, k in zip(found.T, np.flatnonzero(fit.active_bounds).tolist(), strict=True):
             if not math.isfinite(step[k]):  # the data do not depend on it
                 step[k] = math.copysign(min(fit.scale[k], fit.upper[k] - fit.lower[k]), step[k])

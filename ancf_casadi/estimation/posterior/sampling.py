@@ -36,7 +36,7 @@ import math
 import warnings
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -46,9 +46,10 @@ import scipy  # its packages are imported on first use
 
 from ancf_casadi.estimation.intervals import Quantities
 from ancf_casadi.estimation.posterior.log_density import LogDensity
-from ancf_casadi.estimation.solver.polish import residuals_and_jacobian
+from ancf_casadi.estimation.solver.gauss_newton import residuals_and_jacobian
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, Index, Mask
+from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import whole
 from ancf_casadi.support.parallel import run_all
 
@@ -59,14 +60,8 @@ LARGEST_R_HAT = 1.01  # R-hat beyond which chains have not converged (Vehtari et
 # Chance of a larger R-hat of chains that have.  At 0.05, test_short_chains_that_have_converged_do_not_warn fails.
 UNLUCKY = 1e-3
 
-
-@dataclass(frozen=True, eq=False)
-class Chain:
-    """A Markov chain."""
-
-    draws: Array  # coordinates (k, n)
-    values: Array  # of the log density (k,)
-    diverging: Mask  # of the trajectories of the sampler (k,)
+Chain = tuple[Array, Array, Mask]  # coordinates (k, n), log density (k,), and whether a trajectory diverged (k,)
+SHARES = (0.95, 0.5)  # of the samples within the contours
 
 
 def sampled(
@@ -89,20 +84,18 @@ def sampled(
     seeds = np.random.SeedSequence(seed).spawn(chains)
     tasks = [partial(_chain, density, expansion, draws, child) for child in seeds]
     found = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="chains")
+    drawn, lp, diverging = (np.array(part) for part in zip(*found, strict=True))
     names, units, of = named
     x = [cs.MX.sym(name) for name in density.names]
     every = cs.Function("quantities", [cs.vertcat(*x)], [cs.densify(of(*x))])
-    points = density.unknowns(np.concatenate([one.draws for one in found]))
+    points = density.unknowns(np.concatenate(drawn))
     values = every.map(len(points))(points.T).full().reshape(len(names), chains, draws)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of coming changes
         arviz = importlib.import_module("arviz")
         data = arviz.from_dict(
             posterior=dict(zip(names, values, strict=True)),
-            sample_stats={
-                "lp": np.array([one.values for one in found]),
-                "diverging": np.array([one.diverging for one in found]),
-            },
+            sample_stats={"lp": lp, "diverging": diverging},
         )
         for name, unit in zip(names, units, strict=True):
             data.posterior[name].attrs["units"] = unit
@@ -131,11 +124,12 @@ def _chain(density: LogDensity, expansion: LogDensity, draws: int, seed: np.rand
     if expansion is density:
         return _nuts(density, draws, seed)
     found, every = _nuts(expansion, THINNING * draws, seed), slice(THINNING - 1, None, THINNING)
-    exact = np.array([density.value(x) for x in found.draws[every]])
-    places = resampled(exact - found.values[every], np.random.default_rng(seed))
+    own, expected, diverging = found[0][every], found[1][every], found[2][every]
+    exact = np.array([density.value(x) for x in own])
+    places = resampled(exact - expected, np.random.default_rng(seed))
     if places is None:
         return _nuts(density, draws, seed)
-    return Chain(found.draws[every][places], exact[places], found.diverging[every][places])
+    return own[places], exact[places], diverging[places]
 
 
 def resampled(log_weights: Array, rng: np.random.Generator) -> Index | None:
@@ -195,7 +189,7 @@ def _nuts(density: LogDensity, draws: int, seed: np.random.SeedSequence) -> Chai
         )
     found = np.array([point(c)[0] for c in trace.posterior["c"].values[0]])
     stats = trace.sample_stats
-    return Chain(found, np.asarray(stats["logp"].values[0]), np.asarray(stats["diverging"].values[0], dtype=bool))
+    return found, np.asarray(stats["logp"].values[0]), np.asarray(stats["diverging"].values[0], dtype=bool)
 
 
 def expanded(density: LogDensity) -> LogDensity:
@@ -220,3 +214,43 @@ def expanded(density: LogDensity) -> LogDensity:
     M = cs.reshape(cs.mtimes(cs.DM(B.reshape(len(B), -1).T.copy()), c), len(middle), len(r)).T
     model = cs.Function("expanded", [z], [cs.DM(r) + cs.mtimes(G + M / 2, c), cs.mtimes(G + M, to_c)])
     return LogDensity(replace(fit, model=model))
+
+
+def corner_figure(samples: Any) -> Figure:
+    """Draw the distribution of each quantity, and of each pair with contours about 50 and 95 % of the samples.
+
+    Dotted lines are the ends of the central 95 %.
+
+    Parameters
+    ----------
+    samples : arviz.InferenceData
+        What ``fit.sample()`` returns.
+
+    Raises
+    ------
+    InputError
+        If it has no group ``posterior`` with samples of at least one quantity.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Measurement
+    >>> from problems import corner_figure, fit_decay
+    >>> time = np.linspace(0.0, 10.0, 1001)
+    >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+    >>> fit = fit_decay(Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise))
+    >>> figure = corner_figure(fit.sample(draws=50, chains=1))
+    >>> figure.axes[-1].get_xlabel()
+    'offset, m'
+    """
+    from ancf_casadi.estimation.figures import drawn_corner  # matplotlib is slow to import
+
+    posterior = getattr(samples, "posterior", None)
+    variables = getattr(posterior, "data_vars", None)
+    if not variables:
+        raise InputError("must be the samples that fit.sample() returns", "samples")
+    labels = [
+        f"{name}, {own.attrs['units']}" if own.attrs.get("units") else str(name) for name, own in variables.items()
+    ]
+    columns: list[Array] = [np.asarray(own.values, dtype=float).ravel() for own in variables.values()]
+    return drawn_corner([label.replace("_", " ") for label in labels], columns, SHARES)

@@ -7,7 +7,7 @@ scale/x for a reciprocal unknown, is
 
 with S the diagonal matrix of the scales, J = dr/dx, and w the largest diagonal entry of S J' J S at the guess, so that
 the tolerance of the solver refers to the unknowns in units of their scales.  CasADi gives gradient and Hessian.
-``loss`` has the loss that replaces r^2/2 if some residuals are outliers, ``polish`` the Gauss-Newton steps that follow
+``gauss_newton`` has the loss that replaces r^2/2 if some residuals are outliers, and the Gauss-Newton steps that follow
 if IPOPT works with the Gauss-Newton Hessian, and ``fit`` the uncertainty of the solution.
 """
 
@@ -22,10 +22,16 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.solver.loss import influence, loss
+from ancf_casadi.estimation.solver.gauss_newton import (
+    POLISHED_ENOUGH,
+    gauss_newton_functions,
+    influence,
+    loss,
+    polish,
+    residuals_and_jacobian,
+)
 from ancf_casadi.estimation.solver.nlp import solve_nlp
-from ancf_casadi.estimation.solver.polish import POLISHED_ENOUGH, gauss_newton_functions, polish, residuals_and_jacobian
-from ancf_casadi.estimation.solver.stated import noise_with_stated
+from ancf_casadi.estimation.solver.noise import noise_with_stated
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, started
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, Mask
@@ -46,12 +52,11 @@ def least_squares(
     unknowns: Sequence[Unknown],
     *,
     huber: float = math.inf,  # residual beyond which the loss grows linearly
-    gauss_newton: bool = False,  # approximate the Hessian by J' J: second derivatives of an integration are expensive
-    forward: bool = False,  # compute the gradient from J too, if ``residuals`` keeps J, as a motion does
+    gauss_newton: bool = False,  # gradient from J and Hessian J' J: second derivatives of a motion are expensive
     series: Sequence[int] = (),  # lengths of the series of residuals, each in the order of time; white noise without
     times: Array | None = None,  # of the residuals, s; if None, those of a series are equally spaced
     noise: float = 0.0,  # expected standard deviation of the residuals
-    systematic: float = 0.0,  # root mean square of a systematic error, for which the standard errors allow (``loss``)
+    systematic: float = 0.0,  # root mean square of a systematic error, for which the standard errors allow
     stated: Mask | None = None,  # residuals (m,) whose standard deviation the user states; those of a robust fit vary
     deviation: float = 1.0,  # the stated standard deviation
     options: Mapping[str, Any] | None = None,  # of ``nlpsol`` and IPOPT; they override those set here
@@ -76,7 +81,7 @@ def least_squares(
     weight = _weight(jacobian)
     settings = {**TIGHT, **_near_start(r, weight), **(options or {})}
     if gauss_newton:
-        settings = {**gauss_newton_functions(evaluate, huber, weight, forward), **settings}
+        settings = {**gauss_newton_functions(evaluate, huber, weight), **settings}
         for name in ("ipopt.tol", "ipopt.compl_inf_tol"):
             settings[name] = max(settings[name], POLISHED_ENOUGH * noise / math.sqrt(weight))
     z = cs.MX.sym("z", len(names))
@@ -129,7 +134,7 @@ def least_squares(
         iterations=solution.iterations + steps,
         solve_seconds=solution.solve_seconds,
         model=evaluate,
-        settings={"gauss_newton": gauss_newton, "forward": forward, "options": options, "advice": advice},
+        settings={"gauss_newton": gauss_newton, "options": options, "advice": advice},
     )
 
 

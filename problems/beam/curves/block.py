@@ -2,6 +2,11 @@
 
 The beam is the reduced model in a few modes, each with several harmonics; a last evaluation with one mode and two
 harmonics more shows the effect of this truncation.
+
+Properties, tip mass and clamp enter the constants of the reduced model, except for the elastic modulus if the damping
+does not contain it.  The derivatives of F and of the reading by these are central differences at fixed coefficients,
+between two models at the relative distances ``DIFFERENCE``, of the first value if either sign is possible; all other
+derivatives are exact.
 """
 
 from __future__ import annotations
@@ -15,7 +20,7 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping
 from ancf_casadi.damping.law import SumOfLaws
-from ancf_casadi.estimation.block import Account, Evaluation, Fitted
+from ancf_casadi.estimation.block import Account, Fitted
 from ancf_casadi.estimation.solve import LARGEST_SHIFT, meaningful
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.lumped import lumped_kind
@@ -25,19 +30,21 @@ from ancf_casadi.reduction.reduced import Reduction, rebuilt
 from ancf_casadi.response.harmonic_balance.system import beam_drive
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import known
-from problems.beam.curves.beam_residuals import BeamResponses
 from problems.beam.curves.checks import checked
-from problems.beam.curves.driven import Driven, driven, small_response
+from problems.beam.curves.driven import Driven, analysed, driven, small_response
+from problems.beam.curves.points import CurvePoints, Measured, PointMotion, closest, motion_from_rest
 from problems.beam.curves.record import ResponseRecord
-from problems.beam.curves.residuals import first_weights
-from problems.beam.curves.response_block import ResponseBlock
-from problems.beam.properties import ELASTIC, Owners, value_of
+from problems.beam.curves.response_block import ResponseBlock, first_weights
+from problems.beam.properties import ELASTIC, SIGNED, Owners, value_of
 from problems.beam.unknowns import frequency_name, mode_of
 
 MODULUS = ("elastic_modulus", "bending_stiffness")  # the strain energy of all elements is proportional to each
+DIFFERENCE = 1e-4  # relative change of a property for its derivative
 LEVEL_ERROR = 0.01  # relative error of the levels whose effect the result states
 LEAST_SHIFT = 1e-4  # relative shift of an estimate that is worth more modes and harmonics
 WITHOUT_MODULUS = (FrictionDamping, ModalDamping, QuadraticDamping)  # laws whose forces do not contain the modulus
+
+Neighbours = tuple[int, float, list[Reduction]]  # place of an unknown, distance of two beams, and these
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,18 +59,68 @@ class CurveBlock(ResponseBlock):
     refinements: int = 0  # times that modes and harmonics were added
     notes: tuple[str, ...] = ()  # corrections of phases, and doubts about levels
 
-    @property
-    def meaningful(self) -> float:
-        """Relative shift of an estimate that is worth more modes and harmonics."""
-        return LEAST_SHIFT
+    meaningful = LEAST_SHIFT
 
-    def evaluation(self, before: Evaluation | None = None) -> BeamResponses:
-        """Return the residuals; the search for each motion starts from the last one."""
-        return BeamResponses(self, before if isinstance(before, BeamResponses) else None)
+    @cached_property
+    def last(self) -> list[list[PointMotion]]:
+        """The last motions of each record, from which the search for the next ones starts."""
+        return list(self.before.last) if self.before else []
 
-    def error(self, values: Mapping[str, float], residuals: Array, evaluation: Any) -> Array:
+    @cached_property
+    def _constant(self) -> list[Driven]:
+        """The driven beams if no properties change; other weights share them."""
+        before = self.before
+        same = before and (before.modes, before.harmonics) == (self.modes, self.harmonics)
+        return list(before._constant) if same else self.driven({})
+
+    def motions(self, values: Mapping[str, float]) -> list[CurvePoints]:
+        """Return the motions closest to the points of each record, for values of the unknowns by name."""
+        s, beams, found = self.shared(values), self.driven(values) if self.of_model else self._constant, []
+        for k, (record, points) in enumerate(zip(self.records, self.measured(values), strict=True)):
+            own: list[PointMotion] = []
+            for j, point in enumerate(points.each()):
+                try:
+                    own.append(_motion(beams[k], point, s, self.last[k][j] if self.last else None))
+                except NumericsError as error:
+                    raise NumericsError(f"{record.label}, {record.f[j]:.6g} Hz: {error}") from None
+            found.append(own)
+        self.last[:] = found
+        return [(np.array([one.values for one in own]), np.array([one.slopes for one in own])) for own in found]
+
+    def sensitivities(self, values: Mapping[str, float]) -> list[Array]:
+        """Return the derivatives by the unknowns of amplitude, phase and excess of the level, (m, 3, n) each."""
+        s, neighbours = self.shared(values), []
+        for name in self.of_model:
+            step = DIFFERENCE * (self.first if lumped_kind(name) in SIGNED else values)[name]
+            ends = [self.reduction({**values, name: values[name] + side * step}) for side in (1, -1)]
+            neighbours.append((self.names.index(name), 2 * step, ends))
+        found = []
+        for motions, (number, record) in zip(self.last, self.numbered, strict=True):
+            changes = self._changes(motions, record, s, neighbours)
+            if factor := self.excitation(number):
+                changes[:, 2, self.names.index(factor)] -= record.a
+            found.append(changes)
+        return found
+
+    def _changes(
+        self, motions: Sequence[PointMotion], record: ResponseRecord, s: Array, neighbours: Sequence[Neighbours]
+    ) -> Array:
+        """Return the derivatives of amplitude, phase and level of m motions at the same amplitude, (m, 3, n)."""
+        directions, balance = self.shared_directions, motions[0].point.family.balance
+        given = [(own.point.coefficients, own.point.setting) for own in motions]
+        forces = np.array([balance.by_parameters(*own, directions) for own in given])
+        polar = np.array([own.reading[2] @ directions for own in motions])
+        samples = [np.hstack(parts) for parts in zip(*(balance.motion(*own) for own in given), strict=True)]
+        for place, width, ends in neighbours:
+            (F_above, above), (F_below, below) = (analysed(end, record, balance.fourier, samples, s) for end in ends)
+            forces[:, :, place] = (F_above - F_below)[:, balance.allowed] / width
+            polar[:, 0, place] = (abs(above) - abs(below)) / width
+            polar[:, 1, place] = np.angle(above * below.conj()) / width
+        return np.array([own.sensitivities(*pair) for own, *pair in zip(motions, forces, polar, strict=True)])
+
+    def error(self, values: Mapping[str, float], residuals: Array) -> Array:
         """Return the error of residuals, from one mode and two harmonics more."""
-        return np.asarray(self.finer().evaluation(evaluation).at(values)[0] - residuals)
+        return np.asarray(self.finer().at(values)[0] - residuals)
 
     def refined(self, shift: float) -> Self | None:
         """Return the block with one mode and two harmonics more, twice at most."""
@@ -88,9 +145,8 @@ class CurveBlock(ResponseBlock):
     def finer(self) -> Self:
         """Return the block with one mode and two harmonics more."""
         most = self.model.freedoms
-        return replace(
-            self, modes=min(self.modes + 1, most), harmonics=self.harmonics + 2, refinements=self.refinements + 1
-        )
+        size = {"modes": min(self.modes + 1, most), "harmonics": self.harmonics + 2}
+        return replace(self, **size, refinements=self.refinements + 1, before=self)  # type: ignore[arg-type]
 
     def account(self, fitted: Fitted) -> Account:
         """Return errors of the amplitudes, the effects of truncation and levels, and points without a stable motion."""
@@ -111,8 +167,9 @@ class CurveBlock(ResponseBlock):
 
     def _level_shifts(self, fitted: Fitted) -> Array:
         """Return the shift of each estimate if all levels are larger by ``LEVEL_ERROR``, in standard errors."""
-        common = replace(self, names=(*(n for n in self.names if not n.startswith("excitation")), "excitation"))
-        derivatives = common.evaluation(fitted.evaluation).at({**fitted.values, "excitation": 1.0})[1][:, -1]
+        names = *(name for name in self.names if not name.startswith("excitation")), "excitation"
+        common = replace(self, names=names, before=self)
+        derivatives = common.at({**fitted.values, "excitation": 1.0})[1][:, -1]
         change = np.zeros(len(fitted.fit.residuals))
         change[fitted.rows] = fitted.scale * LEVEL_ERROR * derivatives
         return fitted.fit.shifts(change)
@@ -212,5 +269,16 @@ def curve_block(
     own = tuple(name for name in names if name in known or name.startswith(("frequency_", "excitation")))
     most = model.freedoms
     return CurveBlock(
-        tuple(numbered), own, weights, model=model, law=law, first=first, modes=min(modes, most), harmonics=harmonics
-    )
+        tuple(numbered), own, weights=weights, model=model, law=law, first=first, modes=min(modes, most),
+        harmonics=harmonics,
+    )  # fmt: skip
+
+
+def _motion(driven: Driven, point: Measured, s: Array, last: PointMotion | None) -> PointMotion:
+    """Return the motion closest to a point, from the last one or, if there is none or that fails, from rest."""
+    if last is not None:
+        try:
+            return closest(driven, point, s, last)
+        except NumericsError:
+            pass
+    return closest(driven, point, s, motion_from_rest(driven, point, s))

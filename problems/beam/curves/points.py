@@ -53,9 +53,8 @@ POINT_STEP_ERROR = 1e-6  # step along the curve, in standard deviations
 # linear; with friction, which holds a small motion, only the smaller ones are (test_laws_are_told_apart)
 FIRST_SHARES = (0.1, 1e-2, 1e-3, 1e-4, 1e-6)
 
-
-class NoMotionError(NumericsError):
-    """Raised if no steady motion is found."""
+# amplitude, phase and level of the computed points of a record, and their derivatives by the parameter of the curve
+CurvePoints = tuple[Array, Array]  # (m, 3) each
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,14 +79,6 @@ class Measured:
     def each(self) -> list[Measured]:
         """Return the points of a record."""
         return [Measured(*own) for own in zip(np.atleast_1d(self.omega), self.values, self.deviations, strict=True)]
-
-
-@dataclass(frozen=True, eq=False)
-class CurvePoints:
-    """Computed points of a record, each on the curve at its frequency."""
-
-    values: Array  # amplitude, phase and level, (m, 3)
-    slopes: Array  # their derivatives by the parameter of the curve, (m, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +144,7 @@ def motion_from_rest(driven: Driven, measured: Measured, s: Array) -> PointMotio
     z = curve.joined(response[0] + slight * response[1], replace(curve.setting, amplitude=slight))
     amplitude = float(driven.read(curve, z)[0][0]) / slight
     if not amplitude > 0.0:
-        raise NoMotionError("the sensor does not move")
+        raise NumericsError("the sensor does not move")
 
     def reached(point: Point) -> float:
         return float(driven.read(point.family, point.z)[0][0])
@@ -167,7 +158,7 @@ def motion_from_rest(driven: Driven, measured: Measured, s: Array) -> PointMotio
         if abs(reached(first) / (share * goal) - 1) <= 0.1:
             break
     else:
-        raise NoMotionError("no small motion near rest is found")
+        raise NumericsError("no small motion near rest is found")
 
     def longest(point: Point, tangent: Array) -> float:
         (found, _), by_z, _ = driven.read(point.family, point.z)
@@ -177,7 +168,7 @@ def motion_from_rest(driven: Driven, measured: Measured, s: Array) -> PointMotio
     # the search for the closest point needs the amplitude to a few per cent
     step = crossing(first, first.row, lambda point: reached(point) / goal - 0.98, math.inf, longest)
     if step is None:
-        raise NoMotionError(f"the response cannot be followed to the amplitude {goal:.3g}")
+        raise NumericsError(f"the response cannot be followed to the amplitude {goal:.3g}")
     found = PointMotion(driven, step.end)
     return found if found.level > 0.0 else _half_period_later(found)
 
@@ -195,7 +186,7 @@ def closest(driven: Driven, measured: Measured, s: Array, near: PointMotion) -> 
     try:
         here = _again(driven, driven.curve(measured.omega, s), near)
     except NotFound:
-        raise NoMotionError("Newton's method does not converge to a steady motion") from None
+        raise NumericsError("Newton's method does not converge to a steady motion") from None
     last: tuple[float, Array] | None = None
     for _ in range(60):  # steps along the curve to the closest point
         values, slopes = here.values, here.slopes
@@ -206,7 +197,7 @@ def closest(driven: Driven, measured: Measured, s: Array, near: PointMotion) -> 
         # longest step along the curve, relative to the amplitude, and as a phase, rad
         farthest = min(0.2 * values[0], 0.3 / max(abs(slopes[1]), np.finfo(float).tiny))
         here = _nearer(measured, here, math.copysign(min(abs(along), farthest), along))
-    raise NoMotionError("the motion closest to the measured point is not found")
+    raise NumericsError("the motion closest to the measured point is not found")
 
 
 def _again(driven: Driven, curve: Family, near: PointMotion) -> PointMotion:
@@ -235,7 +226,7 @@ def _nearer(measured: Measured, here: PointMotion, along: float) -> PointMotion:
         if found is not None and float(np.sum(measured.distance(found.values) ** 2)) <= distance * (1 + 1e-9):
             return found
         along /= 2
-    raise NoMotionError("the curve cannot be followed to the measured point")
+    raise NumericsError("the curve cannot be followed to the measured point")
 
 
 def _step(measured: Measured, values: Array, slopes: Array, last: tuple[float, Array] | None) -> tuple[float, float]:

@@ -17,7 +17,7 @@ numbers, so that standard deviations alone tell the tests apart:
     of a      ``CURVE_ERROR`` of a
 
 and a tenth of ``CURVE_ERROR`` for the controlled number, a or Y, without a floor.  These defaults are proportions: the
-scatter of the residuals sets the size of those that are measured (``residuals``).
+scatter of the residuals sets the size of those that are measured (``response_block``).
 
 Without a beam (``problems.mode``), the levels are amplitudes themselves, in the unit ``excitation_unit``: of a force,
 of the voltage of a shaker, or of the displacement, velocity or acceleration of the base.

@@ -1,6 +1,38 @@
-"""Measured response curves as a block of a fit, of a beam or of one mode: weights, points, predictions, warnings.
+"""Measured response curves as a block of a fit, of a beam or of one mode: residuals, weights, predictions, warnings.
 
-``residuals`` has the distance of the points to the curves, and their standard deviations.
+The residuals of a point are its distance to the curve of motions at its frequency (``points``), in the plane across the
+curve.  With the unit vector u along g'(Y), and the unit vector e along the controlled quantity, the rotation that takes
+u to e by the shortest way,
+
+    T = I - (u + e)(u + e)^T/(1 + u . e) + 2 e u^T,
+
+takes this plane to that of the other two quantities.  The residuals are these two components of T (g - m): away from
+folds, where the controlled quantity is certain, the errors of amplitude and phase.  Without a phase there is only one.
+
+At the closest point g - m has no component along u, and a step along the curve moves g along u.  The derivatives of the
+residuals by the unknowns therefore are the components of T dg/dx at a fixed parameter of the curve (variable
+projection); the gradient of the sum of squares is exact.  The parameter Y is the amplitude: that of the reading for a
+beam, that of the motion for an oscillator (``problems.mode``).
+
+Weights.  A record has standard deviations of its amplitudes, phases and levels (``ResponseRecord.stds``).  Those that
+were not given are proportions: a first fit takes them as they are, and the root mean square of its residuals gives one
+factor c for the amplitudes and levels of all records of one sensor, and one for their phases; a second fit uses these
+(iteratively reweighted least squares).  A factor of its own for each record would follow the scatter of a few points,
+and make the intervals too narrow.  The fit weighs the residuals, distances in units of c s, by the geometric mean G of
+the factors (``ancf_casadi.estimation.solve``).
+
+Prediction.  At the level of the excitation, the amplitude and phase of a point are those of a motion on the branch of
+the curve that the measured amplitude is nearest to.  With the derivatives at fixed amplitude, and l' = dl/dY,
+
+    dY/dx = -(dl/dx)/l',    dphi/dx = phi_x + phi' dY/dx        at fixed level.
+
+With the covariance C of the estimates and the rows J of these derivatives, the standard errors of the prediction are
+diag(J C J')^1/2, to first order.  Beyond a jump no motion has the level; the motion at the jump takes its place,
+without a standard error, and a warning says so.
+
+References
+----------
+L. Kaufman, A variable projection method for solving separable nonlinear least squares problems, BIT 15 (1975).
 """
 
 from __future__ import annotations
@@ -8,28 +40,56 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Self
 
+import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.block import Account, Evaluation, Fitted, SeriesBlock, SeriesWeights
+from ancf_casadi.estimation.block import Account, Block, Fitted, SeriesWeights
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
-from ancf_casadi.support.arrays import Array, root_mean_square
+from ancf_casadi.exceptions import FitError, NumericsError
+from ancf_casadi.support.arrays import Array, Mask, root_mean_square
+from ancf_casadi.support.callbacks import Differentiable
 from problems.beam.curves.points import CurvePoints, Measured
 from problems.beam.curves.record import ResponseRecord
-from problems.beam.curves.residuals import FREE, CurveResiduals, response_channels
+
+FREE = (1e4, 1e4, 1.0)  # factors on the standard deviations of a prediction, in which the level decides
+
+
+def first_weights(records: Sequence[ResponseRecord]) -> SeriesWeights:
+    """Return the factors c of the amplitudes and, if they were measured, of the phases of each record before a fit."""
+    lengths: list[int] = []
+    groups: dict[tuple[object, ...], list[int]] = {}
+    known: list[bool] = []
+    for record in records:
+        measured = record.level_std if record.control == "response" else record.amplitude_std
+        given = measured, record.phase_std
+        for row in range(1 if record.phases is None else 2):
+            kind = (record.sensor, record.control, *(own is None for own in given), row)
+            if kind not in groups:
+                known.append(given[row] is not None)
+            groups.setdefault(kind, []).append(len(lengths))
+            lengths.append(record.f.size)
+    return SeriesWeights(
+        lengths=np.array(lengths),
+        deviations=np.ones(len(lengths)),
+        floors=np.full(len(lengths), 1e-6),  # below this factor, residuals are those of the computation
+        groups=tuple(map(tuple, groups.values())),
+        known=tuple(known),
+    )
 
 
 @dataclass(frozen=True, eq=False)
-class ResponseBlock(SeriesBlock):
+class ResponseBlock(Block):
     """Measured response curves."""
 
     numbered: tuple[tuple[int, ResponseRecord], ...]  # with the numbers, from 1, in the names of factors on levels
     names: tuple[str, ...]  # of the unknowns of the fit
-    weights: SeriesWeights  # factors on the standard deviations of amplitudes and levels, and of phases
     looseness: tuple[float, float, float] = (1.0, 1.0, 1.0)  # further factors for amplitudes, phases and levels
+    weights: SeriesWeights = field(kw_only=True)  # factors on standard deviations of amplitudes and levels, and phases
 
     @property
     def records(self) -> Sequence[ResponseRecord]:
@@ -47,8 +107,48 @@ class ResponseBlock(SeriesBlock):
         return 1e-6 * math.sqrt(sum(self.series))  # accuracy of the computed points, in standard deviations
 
     @abstractmethod
-    def evaluation(self, before: Evaluation | None = None) -> CurveResiduals:
-        """Return the residuals; the search for each motion may start from the last one."""
+    def motions(self, values: Mapping[str, float]) -> list[CurvePoints]:
+        """Return the motions closest to the points of each record, for values of the unknowns by name."""
+
+    @abstractmethod
+    def sensitivities(self, values: Mapping[str, float]) -> list[Array]:
+        """Return the derivatives by the unknowns of amplitude, phase and excess of the level, (m, 3, n) each.
+
+        They belong to the last motions.  The parameter of the curve is held; the excess of the level is l less the
+        level of the point.
+        """
+
+    @property
+    def failure(self) -> str:
+        """Reason why a motion was not found."""
+        return self._differentiable.failure
+
+    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
+        """Return the residuals (m,) for unknowns by name."""
+        return self._differentiable(cs.vertcat(*(given[name] for name in self.names)))
+
+    @cached_property
+    def _differentiable(self) -> Differentiable:
+        """The residuals as a CasADi Function of the unknowns, nan where a motion is not found."""
+        names = self.names
+
+        def respond(x: Array) -> tuple[Array, Array]:
+            return self.at(dict(zip(names, x.tolist(), strict=True)))
+
+        return Differentiable(respond, sum(self.series), len(names))
+
+    def at(self, values: Mapping[str, float]) -> tuple[Array, Array]:
+        """Return the residuals (m,), and their Jacobian (m, n) by the unknowns of the block, for values by name."""
+        motions, points = self.motions(values), self.measured(values)
+        residuals, jacobians = [], []
+        for record, (found, by_parameter), point, change in zip(
+            self.records, motions, points, self.sensitivities(values), strict=True
+        ):
+            kept = across(by_parameter / point.deviations, record.control == "response", point.has_phase)
+            residuals.append(np.einsum("mij,mj->im", kept, point.distance(found)).ravel())
+            slopes = np.einsum("mij,mjn->imn", kept, change / point.deviations[:, :, None])
+            jacobians.append(slopes.reshape(-1, len(self.names)))
+        return np.concatenate(residuals), np.concatenate(jacobians)
 
     def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
         """Return the block with the factors of the root mean square of residuals, also in a robust fit."""
@@ -57,80 +157,72 @@ class ResponseBlock(SeriesBlock):
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:
         """Return computed amplitudes, and phases if they were measured, without standard errors."""
         found = []
-        for record, own in zip(self.records, fitted.evaluation.motions(fitted.values), strict=True):
-            values = own.values[:, :2].T
+        for record, (own, _) in zip(self.records, self.motions(fitted.values), strict=True):
+            values = own[:, :2].T
             prefix = f"{record.label}: " if len(self.records) > 1 else ""
             own_channels = response_channels(record, values, np.full(values.shape, math.nan), prefix)
             found += own_channels if record.measured_phases is not None else own_channels[:1]
         return found
 
     def predicted(self, fit: Fit, kind: str) -> RecordPrediction:
-        """Return amplitudes and phases at the levels of the record."""
-        return replace(self, looseness=FREE).evaluation().predicted(fit, kind)
+        """Return amplitudes and phases at the levels of the only record, which decide (``FREE``)."""
+        free, (record,), values = replace(self, looseness=FREE), self.records, fit.estimates
+        try:
+            (found, by_parameter), changes = free.motions(values)[0], free.sensitivities(values)[0]
+        except NumericsError as error:
+            raise FitError(f"the response cannot be predicted: {error}") from None
+        places = [fit.names.index(name) for name in self.names]
+        along = -changes[:, 2] / by_parameter[:, [2]]  # change of the parameter of the curve at the same level
+        jacobian = np.zeros((2, len(along), len(fit.names)))
+        for k in range(2):
+            own = changes[:, k] + by_parameter[:, [k]] * along
+            jacobian[k][:, places] = own * fit.coordinates.slopes(fit.values)[places]
+        errors = np.nan_to_num([fit.errors_of(own) for own in jacobian])
+        (point,) = free.measured(values)
+        beyond = np.abs(found[:, 2] / point.values[:, 2] - 1) > 1e-4  # relative, of levels that are the same
+        notes = (
+            f"{np.count_nonzero(beyond)} of {len(beyond)} points lie beyond a jump of the predicted curve, the first "
+            f"at {record.f[beyond][0]:.5g} Hz; their predictions are those at the jump",
+        ) if beyond.any() else ()  # fmt: skip
+        channels = response_channels(record, found[:, :2].T, np.where(beyond, math.nan, errors))
+        return RecordPrediction(kind, tuple(channels), notes=notes)
 
     def unexplained(self, fitted: Fitted) -> list[tuple[str, float]]:
         """Return the share of the response per level, root mean square, that the curves of each record leave."""
         found, values = [], fitted.values
-        for record, own, points in zip(
-            self.records, fitted.evaluation.motions(values), self.measured(values), strict=True
-        ):
-            phases = (own.values[:, 1], points.values[:, 1]) if points.has_phase else (0.0, 0.0)
+        for record, (own, _), points in zip(self.records, self.motions(values), self.measured(values), strict=True):
+            phases: tuple[Array | float, ...] = (own[:, 1], points.values[:, 1]) if points.has_phase else (0.0, 0.0)
             computed, measured = (
                 part[:, 0] / part[:, 2] * np.exp(1j * phase)
-                for part, phase in zip((own.values, points.values), phases, strict=True)
+                for part, phase in zip((own, points.values), phases, strict=True)
             )
             found.append(
                 (record.label, root_mean_square(np.abs(computed - measured)) / root_mean_square(np.abs(measured)))
             )
         return found
 
-    def errors(self, motions: Sequence[CurvePoints]) -> list[tuple[str, float]]:
-        """Return the quantity that each record measured, level or amplitude, and its relative error, rms."""
-        found = []
-        for record, own in zip(self.records, motions, strict=True):
-            if record.control == "response":
-                # the level that the measured amplitude needs, to first order
-                level = own.values[:, 2] + own.slopes[:, 2] / own.slopes[:, 0] * (record.amplitudes - own.values[:, 0])
-                found.append(("level", root_mean_square(level / record.a - 1)))
-            else:
-                found.append(("amplitude", root_mean_square(own.values[:, 0] / record.amplitudes - 1)))
-        return found
-
     def account(self, fitted: Fitted) -> Account:
         """Return range and error of each record, and points without a stable motion."""
-        motions = fitted.evaluation.motions(fitted.values)
-        lines, records = [], []
-        for record, (name, error) in zip(self.records, self.errors(motions), strict=True):
+        lines, notes, records, values = [], list[str](), [], fitted.values
+        for record, (own, slopes), points in zip(
+            self.records, self.motions(values), self.measured(values), strict=True
+        ):
+            if record.control == "response":
+                # the level that the measured amplitude needs, to first order
+                level = own[:, 2] + slopes[:, 2] / slopes[:, 0] * (record.amplitudes - own[:, 0])
+                name, error = "level", root_mean_square(level / record.a - 1)
+            else:
+                name, error = "amplitude", root_mean_square(own[:, 0] / record.amplitudes - 1)
+                # standard deviations of a level beyond which the level of a point has no motion
+                away = np.abs(points.distance(own)[:, 2]) > 5.0
+                notes += _branch_warnings(record, away, (slopes[:, 2] < 0.0) & ~away)
             size = record.f.size
             lines.append(
                 f"{record.label}: {size} points, {record.f.min():.5g} to {record.f.max():.5g} Hz, "
                 f"root mean square error of the {name} {100 * error:.2g} %"
             )
             records.append({"record": record.label, "points": size, "quantity": name, "relative_error": error})
-        data = {"kind": "response", "records": records}
-        return Account(lines, self._branch_warnings(fitted.values, motions), data)
-
-    def _branch_warnings(self, values: Mapping[str, float], motions: Sequence[CurvePoints]) -> list[str]:
-        """Return warnings about points without a stable motion at their level."""
-        notes = []
-        for record, own, points in zip(self.records, motions, self.measured(values), strict=True):
-            if record.control == "response":
-                continue
-            # standard deviations of a level beyond which the level of a point has no motion
-            away = np.abs(points.distance(own.values)[:, 2]) > 5.0
-            between = (own.slopes[:, 2] < 0.0) & ~away
-            if away.any():
-                notes.append(
-                    f"{record.label}: {away.sum()} of {len(away)} points lie beyond a jump of the fitted curve, the "
-                    f"first at {record.f[away][0]:.5g} Hz; the law, or the level, does not hold there"
-                )
-            if between.any():
-                notes.append(
-                    f"{record.label}: {between.sum()} of {len(between)} points lie between the jumps of the fitted "
-                    f"curve, the first at {record.f[between][0]:.5g} Hz, where no motion is stable if the "
-                    "level is controlled; if the response was controlled, give control='response'"
-                )
-        return notes
+        return Account(lines, notes, {"kind": "response", "records": records})
 
     def excitation(self, number: int) -> str | None:
         """Return the name of the factor on the levels of a record; None if it is known."""
@@ -149,3 +241,52 @@ class ResponseBlock(SeriesBlock):
             rows = np.array([record.amplitudes, phases, factor * record.a]).T
             found.append(Measured(2 * math.pi * record.f, rows, deviations))
         return found
+
+
+def response_channels(record: ResponseRecord, values: Array, errors: Array, prefix: str = "") -> list[PredictedChannel]:
+    """Return measured and computed amplitudes and phases; the latter are on the turn nearest to the measured ones."""
+    amplitudes, phases = values
+    measured = np.full(phases.shape, math.nan) if record.measured_phases is None else record.measured_phases
+    if record.measured_phases is not None:
+        phases = measured + np.angle(np.exp(1j * (phases - measured)))
+    labels, quantity = tuple(f"{f:.6g} Hz" for f in record.f.tolist()), record.sensor.quantity
+    parts: tuple[tuple[str, str, Array, Array, float | Array], ...] = (
+        ("amplitude", record.sensor.unit, record.amplitudes, amplitudes, record.amplitudes),
+        ("phase", "rad", measured, phases, 1.0),
+    )
+    return [
+        PredictedChannel(prefix + name, unit, own, computed, error, record.f, "frequency, Hz", std, size, labels,
+                         f"{quantity} {name}")
+        for (name, unit, own, computed, size), error, std in zip(parts, errors, record.stds[:2], strict=True)
+    ]  # fmt: skip
+
+
+def across(slopes: Array, response_controlled: bool, has_phase: bool) -> Array:
+    """Return the rows of the rotations T that take the planes across curves to residuals, (m, 2, 3) or (m, 1, 3)."""
+    rows = (2, 1) if response_controlled else (0, 1)
+    e = np.array([1.0, 0.0, 0.0]) if response_controlled else np.array([0.0, 0.0, 1.0])
+    u = slopes * np.array([1.0, float(has_phase), 1.0])
+    u = u / np.linalg.norm(u, axis=1, keepdims=True)
+    u = np.where((u @ e < -0.5)[:, None], -u, u)  # u . e below which -u takes the place of u
+    both = u + e
+    rotations = (
+        np.eye(3) - both[:, :, None] * both[:, None, :] / (1 + u @ e)[:, None, None] + 2 * e[:, None] * u[:, None]
+    )
+    return np.asarray(rotations[:, [row for row in rows if has_phase or row != 1]])
+
+
+def _branch_warnings(record: ResponseRecord, away: Mask, between: Mask) -> list[str]:
+    """Return warnings about points (m,) without a stable motion at their level: beyond or between the jumps."""
+    notes = []
+    if away.any():
+        notes.append(
+            f"{record.label}: {away.sum()} of {len(away)} points lie beyond a jump of the fitted curve, the "
+            f"first at {record.f[away][0]:.5g} Hz; the law, or the level, does not hold there"
+        )
+    if between.any():
+        notes.append(
+            f"{record.label}: {between.sum()} of {len(between)} points lie between the jumps of the fitted "
+            f"curve, the first at {record.f[between][0]:.5g} Hz, where no motion is stable if the "
+            "level is controlled; if the response was controlled, give control='response'"
+        )
+    return notes

@@ -1,7 +1,7 @@
-"""Measurements that determine properties of a beam: load-deflection tables and natural frequencies.
+"""Measurements that determine properties of a beam, load-deflection tables and natural frequencies, and their block.
 
 A record holds the configuration in which it was measured, as a model: free length, orientation, gravity, supports,
-attachments.  Its residuals (``block``) are
+attachments.  Its residuals, each a series of its own, are
 
     (computed - measured)/standard deviation,    or    computed/measured - 1
 
@@ -10,6 +10,7 @@ if no standard deviation is given.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,14 +18,18 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Any, ClassVar, Self
 
+import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ancf_casadi.estimation.block import Account, Block, Fitted
+from ancf_casadi.estimation.prediction import PredictedChannel
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.sensor import SENSOR_UNITS, Sensor
 from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.callbacks import Differentiable
 from ancf_casadi.support.inputs import (
     array,
     check_instance,
@@ -42,6 +47,8 @@ from ancf_casadi.vibration.modes import rigid_modes
 from problems.beam.properties import Owners
 from problems.beam.values.response import Respond, modal_response, place, readings, static_response
 
+ACCURACY = 1e-6  # relative accuracy of computed values; in standard deviations if these are given
+
 
 class PropertyRecord(Displayed, ABC):
     """Measured values that depend on the properties of a beam at rest or in small vibration."""
@@ -50,31 +57,47 @@ class PropertyRecord(Displayed, ABC):
 
     model: Model
     name: str
+    std: Any
 
     @property
     @abstractmethod
+    def _all(self) -> Array:
+        """All values, SI units, nan where one is not measured."""
+
+    @property
+    @abstractmethod
+    def _described(self) -> list[tuple[str, str, float]]:
+        """Description, quantity, and place on the axis of a figure, of each measured value."""
+
+    @cached_property
+    def present(self) -> Index:
+        """Indices of the measured values among all values, (m,)."""
+        return np.flatnonzero(np.isfinite(self._all))
+
+    @cached_property
     def measured(self) -> Array:
         """The measured values, SI units, (m,)."""
+        return np.asarray(self._all[self.present])
 
-    @property
-    @abstractmethod
+    @cached_property
     def stds(self) -> Array | None:
         """Standard deviations of the values, (m,); None if none are given."""
+        return None if self.std is None else np.asarray(np.ravel(self.std)[self.present])
 
     @property
-    @abstractmethod
     def labels(self) -> tuple[str, ...]:
         """Description of each value, (m,)."""
+        return tuple(label for label, _, _ in self._described)
 
     @property
-    @abstractmethod
     def quantities(self) -> tuple[str, ...]:
         """Quantity of each value, (m,)."""
+        return tuple(quantity for _, quantity, _ in self._described)
 
     @property
-    @abstractmethod
     def places(self) -> Array:
         """Place of each value on the axis of a figure, (m,)."""
+        return np.array([place for _, _, place in self._described])
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -184,50 +207,23 @@ class StaticRecord(PropertyRecord):
         """The sensor of each column of the values."""
         return self.sensors  # type: ignore[return-value]
 
-    @cached_property
-    def present(self) -> Index:
-        """Indices of the measured values among all values, case by case."""
-        return np.flatnonzero(np.isfinite(np.asarray(self.values)).ravel())
-
-    @cached_property
-    def measured(self) -> Array:
-        """The measured values, case by case, (m,)."""
-        return np.asarray(np.asarray(self.values).ravel()[self.present])
-
-    @cached_property
-    def stds(self) -> Array | None:
-        """Standard deviations of the values, (m,); None if none are given."""
-        if self.std is None:
-            return None
-        return np.asarray(np.asarray(self.std).ravel()[self.present])
-
-    @cached_property
-    def labels(self) -> tuple[str, ...]:
-        """Case, quantity and place of each value, (m,)."""
-        words = [f"{sensor.quantity} at {place(self.model, sensor):g} m" for sensor in self.columns]
-        names = [f"case {case + 1}: {word}" for case in range(len(self.loads)) for word in words]
-        return tuple(names[k] for k in self.present.tolist())
+    @property
+    def _all(self) -> Array:
+        return np.ravel(self.values)
 
     @property
-    def quantities(self) -> tuple[str, ...]:
-        """Quantity of each value, (m,)."""
-        return tuple(self.columns[k % len(self.columns)].quantity for k in self.present.tolist())
-
-    @property
-    def places(self) -> Array:
-        """Size of the total force for each value, N, (m,)."""
-        sizes = [float(np.hypot(*np.sum([(0.0, 0.0), *(load.force for load in case)], axis=0))) for case in self.cases]
-        return np.asarray(np.repeat(sizes, len(self.columns))[self.present], dtype=np.float64)
+    def _described(self) -> list[tuple[str, str, float]]:
+        found: list[tuple[str, str, float]] = []  # the place is the size of the total force, N
+        for number, case in enumerate(self.cases, start=1):
+            size = float(np.hypot(*np.sum([(0.0, 0.0), *(load.force for load in case)], axis=0)))
+            for sensor in self.columns:
+                label = f"case {number}: {sensor.quantity} at {place(self.model, sensor):g} m"
+                found.append((label, sensor.quantity, size))
+        return [found[k] for k in self.present.tolist()]
 
     def response(self, owners: Owners) -> Respond:
         """Return the function from factors on the properties to the computed values (m,) and their Jacobian (m, p)."""
-        response = static_response(self.model, self.cases, self.columns, self.tared, owners)
-
-        def present(factors: Array) -> tuple[Array, Array]:
-            values, jacobian = response(factors)
-            return values[self.present], jacobian[self.present]
-
-        return present
+        return static_response(self.model, self.cases, self.columns, self.tared, owners, self.present)
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,29 +288,12 @@ class FrequencyRecord(PropertyRecord):
             object.__setattr__(self, name, value)
 
     @property
-    def measured(self) -> Array:
-        """The frequencies, Hz, (m,)."""
+    def _all(self) -> Array:
         return np.asarray(self.frequencies)
 
     @property
-    def stds(self) -> Array | None:
-        """Standard deviations of the frequencies, Hz, (m,); None if none are given."""
-        return None if self.std is None else np.asarray(self.std)
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Mode of each frequency, (m,)."""
-        return tuple(f"mode {k}" for k in self.modes or ())
-
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        """Frequencies, (m,)."""
-        return ("frequency",) * len(self.measured)
-
-    @property
-    def places(self) -> Array:
-        """Number of each mode, (m,)."""
-        return np.array(self.modes, dtype=np.float64)
+    def _described(self) -> list[tuple[str, str, float]]:
+        return [(f"mode {k}", "frequency", float(k)) for k in self.modes or ()]
 
     def response(self, owners: Owners) -> Respond:
         """Return the function from factors on the properties to the computed values (m,) and their Jacobian (m, p)."""
@@ -346,3 +325,72 @@ def _deviations(given: ArrayLike | None, values: Array) -> Array | None:
             raise InputError("is needed, because a value of 0 has no relative error", "std")
         return None
     return positive_array(given, "std", values.shape)
+
+
+@dataclass(frozen=True, eq=False)
+class ValueBlock(Block):
+    """Measured values of a beam at rest or in small vibration."""
+
+    record: PropertyRecord  # with the beam in the configuration of the test
+    first: Mapping[str, float]  # first values of the unknown properties by name, SI units
+
+    systematic = accuracy = ACCURACY  # also of the fit: residuals without standard deviations have no known size
+
+    @property
+    def lengths(self) -> list[list[int]]:
+        """Single values of one record."""
+        return [[1] * len(self.record.measured)]
+
+    @property
+    def stated(self) -> bool:
+        """True if the values have standard deviations."""
+        return self.record.stds is not None
+
+    @property
+    def negligible(self) -> float:
+        """Norm of a small relative change of all values."""
+        # relative change of all values that counts as none; the stretching of a beam causes less
+        return 3e-6 * float(np.linalg.norm(self.record.measured / self.record.scatter))
+
+    @property
+    def failure(self) -> str:
+        """Reason why the values could not be computed; empty if they could."""
+        return self._computed.failure
+
+    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
+        """Return computed less measured values over their standard deviations, or relative errors, (m,)."""
+        factors = cs.vertcat(cs.MX(0, 1), *(given[name] / first for name, first in self.first.items()))
+        return (self._computed(factors) - cs.DM(self.record.measured)) / cs.DM(self.record.scatter)
+
+    @cached_property
+    def _computed(self) -> Differentiable:
+        """The values as a differentiable function of the factors on the unknown properties."""
+        respond = self.record.response(Owners.of(self.record.model.beam, tuple(self.first)))
+        return Differentiable(respond, len(self.record.measured), len(self.first))
+
+    def channels(self, fitted: Fitted) -> list[PredictedChannel]:
+        """Return measured and computed values, a channel for each quantity."""
+        record, rest = self.record, fitted.residuals * self.record.scatter
+        errors, labels = fitted.errors * record.scatter, np.array(record.labels)
+        kinds, found = np.array(record.quantities), []
+        for quantity, unit in dict(zip(record.quantities, record.units, strict=True)).items():
+            own = kinds == quantity
+            measured = record.measured[own]
+            name = record.name if own.all() else f"{record.name}, {quantity}"
+            found.append(
+                PredictedChannel(name, unit, measured, measured + rest[own], errors[own], record.places[own],
+                                 record.axis, math.nan, np.abs(measured), tuple(labels[own].tolist()), quantity)
+            )  # fmt: skip
+        return found
+
+    def account(self, fitted: Fitted) -> Account:
+        """Return measured and computed values."""
+        record = self.record
+        values = record.measured + fitted.residuals * record.scatter
+        rows = zip(record.labels, record.units, record.measured.tolist(), values.tolist(), strict=True)
+        lines = [
+            f"{record.name}, {label}: measured {measured:.6g}, computed {computed:.6g} {unit}".rstrip()
+            for label, unit, measured, computed in rows
+        ]
+        data = {"kind": "values", "name": record.name, "labels": list(record.labels), "units": list(record.units)}
+        return Account(lines, (), {**data, "measured": record.measured.tolist(), "computed": values.tolist()})

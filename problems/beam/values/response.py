@@ -56,9 +56,14 @@ def modal_response(model: Model, numbers: Index, owners: Owners) -> Respond:
 
 
 def static_response(
-    model: Model, cases: Sequence[Sequence[PointLoad]], sensors: Sequence[Sensor], tared: bool, owners: Owners
+    model: Model,
+    cases: Sequence[Sequence[PointLoad]],
+    sensors: Sequence[Sensor],
+    tared: bool,
+    owners: Owners,
+    present: Index,
 ) -> Respond:
-    """Return the function from factors to the readings of k sensors case by case, (c k,), and their Jacobian."""
+    """Return the function from factors to the readings that are present, case by case, and their Jacobian."""
     equilibria = [static_equilibrium(model, loads=loads) for loads in ((), *cases)]
     read = readings(model, sensors)
     from_rest = np.array([float(tared or sensor.quantity == "displacement") for sensor in sensors])
@@ -68,7 +73,7 @@ def static_response(
         values, jacobians = (np.array(part) for part in zip(*found, strict=True))
         values = values[1:] - from_rest * values[0]
         jacobians = jacobians[1:] - from_rest[:, None] * jacobians[0]
-        return values.ravel(), jacobians.reshape(values.size, owners.count)
+        return values.ravel()[present], jacobians.reshape(values.size, owners.count)[present]
 
     return respond
 

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
-from ancf_casadi import Model
+from ancf_casadi import Model, NumericsError
 from problems import ResponseRecord
 from problems.beam.curves.block import curve_block
-from problems.beam.curves.points import Measured, NoMotionError, closest, motion_from_rest
+from problems.beam.curves.points import Measured, closest, motion_from_rest
 
 ONLY_LEVEL = np.array([1e6, 1e6, 1e-6])  # standard deviations by which the closest motion is that with the level
 
@@ -24,7 +24,7 @@ def swept(model: Model, law, record: ResponseRecord, *, modes: int, harmonics: i
         for point, near in [*starts, *((one, None) for one in wanted)]:
             try:
                 motion = closest(driven, point, s, near or motion_from_rest(driven, point, s))
-            except NoMotionError:
+            except NumericsError:
                 continue
             if abs(motion.level / level - 1) < 1e-6 and motion.slopes[2] > 0.0:
                 break

@@ -229,19 +229,12 @@ class Mean(Block):
 
     lengths = property(lambda self: [[len(self.values)]])
     negligible = 0.0
-    failure = ""
-
-    def evaluation(self, before=None):
-        return self
 
     def residuals(self, given):
         return (given[self.name] - cs.DM(self.values)) / self.scale
 
     def reweighted(self, residuals, *, robust):
         return replace(self, scale=self.scale * math.sqrt(np.mean(residuals**2)))
-
-    def close(self):
-        pass
 
     def account(self, fitted):
         return Account()

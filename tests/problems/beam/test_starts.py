@@ -7,7 +7,7 @@ from ancf_casadi import Beam, Measurement, Model, RayleighDamping, Sensor, simul
 from problems import MarkerRecord, MotionRecord, fit_beam
 from problems.beam.fitting import beam_problem
 from problems.beam.motions.block import MotionBlock
-from problems.beam.starts import starts
+from problems.beam.unknowns import starts
 
 STRIP = {"length": 0.2, "width": 0.01, "thickness": 2e-3, "density": 1070.0, "elastic_modulus": 264e3}
 MODEL = Model(Beam.uniform(**STRIP, elements=2))

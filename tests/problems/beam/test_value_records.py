@@ -7,7 +7,7 @@ import pytest
 from ancf_casadi import Beam, InputError, Model, PointLoad, Sensor, natural_modes
 from problems import FrequencyRecord, StaticRecord
 from problems.beam.properties import Owners
-from problems.beam.values.block import ValueBlock
+from problems.beam.values.records import ValueBlock
 from tests.problems.beam.truth import FACTORS, ONES, respond
 
 DOWN, UP = (0.0, -1.0), (0.0, 1.0)
@@ -138,8 +138,8 @@ class TestDerivatives:
     def test_residuals_are_differentiable_in_named_factors(self, records, which):
         record = records[which]
         x = cs.MX.sym("x", 2)
-        evaluation = ValueBlock(record, {"thickness": 2.0, "clamp_stiffness": 1.0}).evaluation()
-        r = evaluation.residuals({"thickness": 2.0 * x[0], "clamp_stiffness": x[1], "eta1": cs.MX(3.0)})
+        block = ValueBlock(record, {"thickness": 2.0, "clamp_stiffness": 1.0})
+        r = block.residuals({"thickness": 2.0 * x[0], "clamp_stiffness": x[1], "eta1": cs.MX(3.0)})
         value, forward, reverse = cs.Function("r", [x], [r, cs.jtimes(r, x, cs.DM.eye(2)), cs.jacobian(r, x)])(
             [1.2, 0.7]
         )

@@ -6,7 +6,7 @@ from scipy.io import savemat
 
 from ancf_casadi import InputError, read_recording
 from problems import FrfRecord, fit_frf
-from problems.frf.reading import frf_unit
+from problems.frf.record import frf_unit
 
 F = np.linspace(1.0, 30.0, 581)
 H = np.array([

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from problems.frf.weights import fitted_deviations
+from problems.frf.refinement import fitted_deviations
 
 
 @pytest.mark.parametrize(("sensor", "force"), [(0.1, 1e-3), (0.01, 1e-6), (1e-4, 1e-4), (0.0, 1e-3)])

@@ -21,9 +21,8 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.export import write_exudyn, write_mujoco, write_newton, write_pyelastica
-from ancf_casadi.export.simulators.dampers import dampers
-from ancf_casadi.export.simulators.segments import segmented
-from ancf_casadi.export.simulators.small_motion import implicit_in_velocity, poles
+from ancf_casadi.export.simulators.segments import implicit_in_velocity, poles, segmented
+from ancf_casadi.export.simulators.settings import dampers
 from problems import fit_decay, fit_modes
 from problems.cli import main
 
@@ -84,7 +83,7 @@ def test_poles_of_a_step_are_those_of_the_closed_form():
 
 def test_modal_damping_becomes_rates_that_meet_mode_1(hanging):
     modes = natural_modes(hanging, count=3)
-    found = dampers(ModalDamping(modes, (0.01, 0.0028, 0.0028)), modes, 0.01)
+    found = dampers([ModalDamping(modes, (0.01, 0.0028, 0.0028))], modes, 0.01)
     ratios = RayleighDamping(found.alpha, found.beta).damping_ratios(modes, [0.0] * 3)
     assert ratios[0] == pytest.approx(0.01, rel=1e-9)
     assert ratios[1:] == pytest.approx([0.0028, 0.0028], rel=0.12)

@@ -6,7 +6,7 @@ from ancf_casadi.support.lazy import on_first_use
 from ancf_casadi.version import __version__
 
 if TYPE_CHECKING:
-    from ancf_casadi.animation.footage import Footage
+    from ancf_casadi.animation.drawing import Footage
     from ancf_casadi.damping import (
         DampingLaw,
         FrictionDamping,

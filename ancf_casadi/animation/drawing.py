@@ -1,4 +1,9 @@
-"""Drawing of pictures: what stands still is drawn once, and what moves on copies of it."""
+"""Drawing of pictures: what stands still is drawn once, and what moves on copies of it, perhaps over a video.
+
+A camera shows a point r of the beam, turned by the rotation R of the picture, at
+
+    column + (R r)_x / scale,        row - (R r)_y / scale.
+"""
 
 from __future__ import annotations
 
@@ -16,21 +21,93 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.markers import MarkerStyle
 from matplotlib.patheffects import withStroke
+from numpy.typing import ArrayLike
 from PIL import Image
 
-from ancf_casadi.animation.footage import Footage
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.plot import draw_plane, line_styles
 from ancf_casadi.set_up import draw_gravity, draw_set_up
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import MEASURED, literal_text
+from ancf_casadi.support.inputs import array, number, physical, vector
 from ancf_casadi.support.progress import step
+from ancf_casadi.support.tables import Displayed, counted, spread
 
 ALL_PANELS = (640.0, 440.0)  # pixels for the panels together
 LEAST_PANEL = 130.0  # pixels of a side, for its title
 MOST_COLUMNS = 960  # pixels of a picture over a background
 
 Moves = list[tuple[Artist, Callable[[int], object]]]  # what moves, and how it takes its place in picture k
+
+
+@dataclass(frozen=True, eq=False)
+class Footage(Displayed):
+    """Pictures of a video, over which computed motion is drawn.
+
+    Parameters
+    ----------
+    time : array_like (k,)
+        Time of each picture on the clock of the motion, s, increasing.
+    images : sequence (k,) of array
+        Pictures of bytes: (rows, columns), grey, or (rows, columns, 3), red, green and blue.
+    scale : float
+        Length of a pixel, m.
+    origin : (float, float)
+        Column and row of the origin of the laboratory frame, the clamp at rest.
+    rotation : float
+        Rotation of the picture, counterclockwise, rad.
+
+    Raises
+    ------
+    InputError
+        If the times do not increase or are not as many as the pictures, a picture has another form, or a number cannot
+        be used.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Footage
+    >>> images = np.full((25, 480, 640), 200, dtype=np.uint8)
+    >>> footage = Footage(np.arange(25) / 25, images, scale=1e-3, origin=(320.0, 20.0))
+    >>> footage.pixels((0.05, -0.4))
+    array([370., 420.])
+    """
+
+    time: ArrayLike
+    images: Sequence[Any]
+    scale: float
+    origin: tuple[float, float]
+    rotation: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        time = array(self.time, "time")
+        if time.ndim != 1 or not time.size or (time[1:] <= time[:-1]).any():
+            raise InputError("must be numbers that increase", "time")
+        listed = all(hasattr(self.images, name) for name in ("__getitem__", "__len__"))
+        if not listed or isinstance(self.images, Mapping) or len(self.images) != time.size:
+            raise InputError(f"must be a sequence of {time.size} pictures, one for each time", "images")
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "scale", physical(self.scale, "scale"))
+        object.__setattr__(self, "origin", vector(self.origin, "origin"))
+        object.__setattr__(self, "rotation", number(self.rotation, "rotation"))
+        self.image(0)
+
+    def image(self, index: int) -> Array:
+        """Return a picture by its number, from 0."""
+        found = np.asarray(self.images[index])
+        if found.dtype != np.uint8 or found.ndim not in (2, 3) or found.shape[2:] not in ((), (3,)) or not found.size:
+            raise InputError(f"picture {index} is no array of bytes, (rows, columns) or (rows, columns, 3)", "images")
+        return found
+
+    def pixels(self, positions: ArrayLike) -> Array:
+        """Return column and row of positions in the laboratory frame, (..., 2), m, likewise (..., 2)."""
+        c, s = math.cos(self.rotation) / self.scale, math.sin(self.rotation) / self.scale
+        return np.asarray(self.origin + array(positions, "positions", finite=False) @ np.array([[c, -s], [-s, -c]]))
+
+    def _summary(self) -> str:
+        return f"{counted(len(self.images), 'picture')}, {spread(np.asarray(self.time), 's')}, {self.scale:.4g} m/pixel"
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -28,7 +29,7 @@ from ancf_casadi.export.solved_functions import GAMMA
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.reduction.stepping import STEPS_PER_PERIOD
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.files import check_folder, check_ours, write_files
+from ancf_casadi.support.files import check_folder, check_ours, filled_template, write_files
 from ancf_casadi.support.inputs import check_instance, instances, matches, shown
 
 TABLE_NAMES = ("parameters", "rest")
@@ -93,46 +94,6 @@ def source(name: str, functions: MotionFunctions, every: Mapping[str, cs.Functio
     return "\n".join(parts)
 
 
-def header(name: str, functions: MotionFunctions, every: Mapping[str, cs.Function]) -> str:
-    """Return the declarations and the meaning of every number, from within the first comment; see ``source``."""
-    guard, upper = f"{name.upper()}_H", name.upper()
-    lines = [
-        "a beam with its damping law.  SI units; arrays, matrices by columns.",
-        " *",
-        " * Each call returns 0 on success.  A value that could not be found is NAN.  No call allocates.",
-        f" * Compile:  cc -std=c99 -O2 main.c {name}.c -lm",
-        " */",
-        f"#ifndef {guard}",
-        f"#define {guard}",
-        "",
-        f"#define {upper}_FREE {functions.free}  /* coordinates q, and as many velocities v */",
-        f"#define {upper}_PARAMETERS {len(functions.parameters)}  /* parameters p */",
-        f"#define {upper}_BASE {len(functions.base)}  /* motion of the base */",
-        "",
-        _comment("Parameters p: index, name, unit, value in the model, meaning", functions.parameters),
-        f"extern const double {name}_parameters[{len(functions.parameters)}];",
-        "",
-        _comment("States (q, v): index, name, unit, value at rest, meaning", functions.states),
-        f"extern const double {name}_rest[{len(functions.states)}];",
-        "",
-        _comment("Motion of the base, base: index, name, unit, value, meaning", functions.base),
-        "",
-        _comment(
-            "Outputs of tip, markers, energies and clamp_force: index, name, unit, value, meaning", functions.outputs
-        ),
-        "",
-    ]
-    for called, function in every.items():
-        if _is_static(function):
-            lines.append("/* its work arrays are static: one call at a time */")
-        if note := NOTES.get(function.name()):
-            lines.append(f"/* {note} */")
-        lines.append(f"{_signature(called, function)};")
-        lines += [f"extern const int {label}[{len(data)}];" for label, data in _patterns(called, function)]
-        lines.append("")
-    return "\n".join([*lines, "#endif", ""])
-
-
 def _call(called: str, function: cs.Function, raw: cs.Function) -> str:
     """Return the C function with plain arrays that calls CasADi's."""
     work = "static " if _is_static(raw) else ""
@@ -181,84 +142,32 @@ def _table(declaration: str, data: Array | Index) -> str:
     return f"{declaration}[{len(entries)}] = {{\n  " + ",\n  ".join(lines) + "\n};\n"
 
 
-def _comment(title: str, signals: Sequence[Signal]) -> str:
-    rows = [f" *  {k:5d}  {s.name:<24}  {s.unit:<10}  {s.value: .8e}  {s.description}" for k, s in enumerate(signals)]
-    return "\n".join([f"/* {title}", *rows, " */"])
+def _rows(signals: Sequence[Signal]) -> str:
+    """Return lines of a comment on signals."""
+    rows = (f" *  {k:5d}  {s.name:<24}  {s.unit:<10}  {s.value: .8e}  {s.description}" for k, s in enumerate(signals))
+    return "\n".join(rows)
 
 
-def decay_program(name: str, functions: MotionFunctions) -> str:
-    """Return the program for the Functions that ``write_c`` writes under a name, from within its first comment."""
+def _release(functions: MotionFunctions) -> dict[str, Any]:
+    """Return the release in the program: steps per sample, and the pull (m/s^2) or the deflection in mode 1."""
     if isinstance(functions, BeamFunctions):
-        every, start = 10, _pull(name, functions)  # steps of the full beam per sample
-    else:
-        every = math.ceil(PROGRAM_STEP * STEPS_PER_PERIOD * _highest_frequency(functions))
-        start = _deflection(functions)
-    upper, stages = name.upper(), functions.step.size2_in("base")
-    return f"""the free decay of a beam after its release.
- *
- * Prints CSV: time in s, position of the tip in m, kinetic, strain and gravity energy in J.
- */
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-#include "{name}.h"
-
-int main(void) {{
-  const double h = {PROGRAM_STEP / every!r};  /* s */
-  const double base[{stages} * {upper}_BASE] = {{0.0}};
-  double q[{upper}_FREE] = {{0.0}}, v[{upper}_FREE] = {{0.0}}, q_next[{upper}_FREE], v_next[{upper}_FREE];
-  double tip[2], kinetic[1], strain[1], gravity[1];
-  int k;
-{start}
-  printf("time_s,tip_x_m,tip_y_m,kinetic_j,strain_j,gravity_j\\n");
-  for (k = 0; k <= {PROGRAM_SAMPLES * every}; ++k) {{
-    if (k % {every} == 0) {{
-      if ({name}_tip(q, base, tip)) return 1;
-      if ({name}_energies(q, v, base, {name}_parameters, kinetic, strain, gravity)) return 1;
-      printf("%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\\n", k * h, tip[0], tip[1], kinetic[0], strain[0], gravity[0]);
-    }}
-    if ({name}_step(q, v, base, {name}_parameters, &h, q_next, v_next) || isnan(q_next[0])) {{
-      fprintf(stderr, "the step at %g s failed\\n", k * h);
-      return 1;
-    }}
-    memcpy(q, q_next, sizeof(q));
-    memcpy(v, v_next, sizeof(v));
-  }}
-  return 0;
-}}
-"""
-
-
-def _pull(name: str, functions: BeamFunctions) -> str:
-    """Return C code that finds the equilibrium under a pull."""
-    p = cs.MX.sym("p", len(functions.parameters))
-    q = functions.equilibrium(p)
-    tip = functions.tip(q, cs.MX(len(functions.base), 1))
-    found, change = _value_and_jacobian(cs.vertcat(tip, q), p, values(functions.parameters))
-    x, y = found[:2]
-    across = np.array([-y, x]) / np.hypot(x, y)
-    places = [k for k, signal in enumerate(functions.states[: functions.free], start=2) if signal.unit == "m"]
-    farthest = np.abs(change[places, :2] @ across).max()
-    pull_x, pull_y = (DEFLECTION * np.hypot(x, y) / farthest * across).tolist()
-    return f"""  const double pull[2] = {{{pull_x!r}, {pull_y!r}}};  /* added to gravity before time 0, m/s2 */
-  double p[{name.upper()}_PARAMETERS];
-  memcpy(p, {name}_parameters, sizeof(p));
-  p[0] += pull[0];
-  p[1] += pull[1];
-  if ({name}_equilibrium(p, q) || isnan(q[0])) {{
-    fprintf(stderr, "no equilibrium was found\\n");
-    return 1;
-  }}"""
-
-
-def _deflection(functions: MotionFunctions) -> str:
-    """Return C code that deflects the beam in mode 1."""
+        p = cs.MX.sym("p", len(functions.parameters))
+        q = functions.equilibrium(p)
+        tip = functions.tip(q, cs.MX(len(functions.base), 1))
+        found, change = _value_and_jacobian(cs.vertcat(tip, q), p, values(functions.parameters))
+        x, y = found[:2]
+        across = np.array([-y, x]) / np.hypot(x, y)
+        places = [k for k, signal in enumerate(functions.states[: functions.free], start=2) if signal.unit == "m"]
+        farthest = np.abs(change[places, :2] @ across).max()
+        pull = (DEFLECTION * np.hypot(x, y) / farthest * across).tolist()
+        return {"each": 10, "pull": pull}
     q, still = cs.MX.sym("q", functions.free), cs.MX(len(functions.base), 1)
     e, _ = functions.named["coordinates"](q, cs.MX(functions.free, 1), still)
     found, change = _value_and_jacobian(cs.vertcat(functions.tip(q, still), e), q, np.zeros(functions.free))
     moved = np.linalg.norm(change[2:, 0].reshape(-1, NODE)[:, :2], axis=1)
     first = DEFLECTION * np.linalg.norm(found[:2]) / moved.max()
-    return f"  q[0] = {float(first)!r};  /* deflection in mode 1, m kg^0.5 */"
+    each = math.ceil(PROGRAM_STEP * STEPS_PER_PERIOD * _highest_frequency(functions))
+    return {"each": each, "pull": (), "deflection": float(first)}
 
 
 def _highest_frequency(functions: MotionFunctions) -> float:
@@ -322,10 +231,13 @@ def write_c(
             raise InputError("is the name of another Function or table; rename the Function", own)
     for function in every.values():
         _check_translated(function)
+    about = {"name": name, "functions": functions, "every": every, "notes": NOTES}
+    about |= {"interval": PROGRAM_STEP, "samples": PROGRAM_SAMPLES}
+    texts = {"rows": _rows, "signature": _signature, "patterns": _patterns, "is_static": _is_static}
     contents = {
         target / f"{name}.c": f"{MARK}: {source(name, functions, every)}",
-        target / f"{name}.h": f"{MARK}: {header(name, functions, every)}",
-        target / "main.c": f"{MARK}: {decay_program(name, functions)}",
+        target / f"{name}.h": filled_template("ancf_casadi.export", "beam.h.jinja", about | texts),
+        target / "main.c": filled_template("ancf_casadi.export", "main.c.jinja", about | _release(functions)),
     }
     for path in contents:
         check_ours(path, MARK)

@@ -45,10 +45,9 @@ class HingedChain(Segmented):
             turn, m = beam.inertias[k], beam.masses[k]
             masses.append(m)
             inertias.append((m * (b**2 + h**2) / 12, turn, turn + m * (b**2 - h**2) / 12))
-            for one in beam.carried:
-                if one.segment == k:
-                    masses.append(one.mass)
-                    inertias.append((max(one.rotary_inertia, POINT),) * 3)
+            carried = [one for segment, _, one in beam.carried if segment == k]
+            masses += [one.mass for one in carried]
+            inertias += [(max(one.rotary_inertia, POINT),) * 3 for one in carried]
         if min(*masses, *np.ravel(inertias)) < LEAST_INERTIA:
             message = "is so small that its segments have less mass or inertia than mujoco takes, 1e-15"
             raise InputError(message, "model")
@@ -97,7 +96,7 @@ class HingedChain(Segmented):
         """1 for the places of segments, 0 for those of carried masses."""
         flags = []
         for k in range(self.beam.count):
-            flags += [1.0] * 3 + [0.0] * 3 * sum(one.segment == k for one in self.beam.carried)
+            flags += [1.0] * 3 + [0.0] * 3 * sum(segment == k for segment, *_ in self.beam.carried)
         return np.array(flags)
 
     def _damping(self, viscosity: float, density: float, beta: float, mode: int) -> Array:

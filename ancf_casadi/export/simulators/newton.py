@@ -39,9 +39,8 @@ class LinkedBeam(Segmented):
         """The segments, each with the point masses that it carries."""
         beam = self.beam
         masses, centres, inertias = (own.copy() for own in (beam.masses, beam.centres, beam.inertias))
-        for one in beam.carried:
-            k = one.segment
-            total, away = masses[k] + one.mass, one.distance - centres[k]
+        for k, distance, one in beam.carried:
+            total, away = masses[k] + one.mass, distance - centres[k]
             inertias[k] += one.rotary_inertia + masses[k] * one.mass / total * away**2
             centres[k] += one.mass / total * away
             masses[k] = total

@@ -47,10 +47,10 @@ class CosseratBeam(Segmented):
         far = beam.masses * beam.centres / beam.length
         line[1:] += far
         line[:-1] += beam.masses - far
-        for one in beam.carried:
-            share = one.distance / beam.length
-            carried[one.segment : one.segment + 2] += np.array([1.0 - share, share]) * one.mass
-            turns[one.segment] += one.rotary_inertia
+        for k, distance, one in beam.carried:
+            share = distance / beam.length
+            carried[k : k + 2] += np.array([1.0 - share, share]) * one.mass
+            turns[k] += one.rotary_inertia
         return (line + carried)[1:], line[1:], turns
 
     @cached_property

@@ -27,6 +27,7 @@ frequency |s|/2 pi and the damping ratio -Re s/|s| that a user of the program se
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as cs
@@ -45,16 +46,6 @@ SLOWEST = 1e-6  # 1/s; slower poles are those of motion that does not oscillate
 
 
 @dataclass(frozen=True)
-class CarriedMass:
-    """A point mass on a segment (number from 0), at a distance from its joint (m); mass (kg) and inertia (kg m^2)."""
-
-    segment: int
-    distance: float
-    mass: float
-    rotary_inertia: float
-
-
-@dataclass(frozen=True)
 class SegmentedBeam:
     """Rigid segments from the base to the tip; arrays have one value per segment, or per joint at its beginning."""
 
@@ -69,7 +60,7 @@ class SegmentedBeam:
     thicknesses: Array
     stiffness: Array  # of the joints, N m/rad
     natural: Array  # angle of the joints without moment, rad
-    carried: tuple[CarriedMass, ...]
+    carried: Sequence[tuple[int, float, PointMass]]  # with segment (from 0) and distance from its joint, m
 
     @property
     def count(self) -> int:
@@ -87,9 +78,9 @@ class SegmentedBeam:
         at, places, inertias = cs.SX(cs.DM(self.origin)), [], []
         for k in range(self.count):
             along = cs.vertcat(cs.cos(theta[k]), cs.sin(theta[k]))
-            own = [(self.masses[k], self.centres[k], self.inertias[k])]
-            own += [(one.mass, one.distance, one.rotary_inertia) for one in self.carried if one.segment == k]
-            for mass, distance, inertia in own:
+            moved = [(self.masses[k], self.centres[k], self.inertias[k])]
+            moved += [(one.mass, distance, one.rotary_inertia) for own, distance, one in self.carried if own == k]
+            for mass, distance, inertia in moved:
                 places += [at + distance * along, theta[k]]
                 inertias += [mass, mass, inertia]
             at = at + self.length * along
@@ -127,7 +118,7 @@ def segmented(beam: Beam, count: int) -> SegmentedBeam:
         if not isinstance(one, PointMass):
             raise InputError(f"a {type(one).__name__} cannot be written; only point masses can", "attachments")
         segment = min(int(one.point / length), count - 1)
-        carried.append(CarriedMass(segment, one.point - segment * length, one.mass, one.rotary_inertia))
+        carried.append((segment, one.point - segment * length, one))
     curvature = np.array(beam.natural_curvature or [0.0] * beam.elements)
     return SegmentedBeam(
         origin=support.displacement,
@@ -141,7 +132,7 @@ def segmented(beam: Beam, count: int) -> SegmentedBeam:
         thicknesses=_integrals(np.array(beam.thickness), nodes, ends) / length,
         stiffness=stiffness,
         natural=_integrals(curvature, nodes, cells),
-        carried=tuple(carried),
+        carried=carried,
     )
 
 

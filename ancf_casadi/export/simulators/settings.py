@@ -23,7 +23,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from importlib.resources import files
 from pathlib import Path
 from types import NoneType
 from typing import Any
@@ -35,12 +34,13 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.simulators.segments import Discrete, SegmentedBeam, held_at_beginning, poles, segmented
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.files import check_file, check_ours, write_file
+from ancf_casadi.support.files import check_file, check_ours, filled_template, template_text, write_file
 from ancf_casadi.support.inputs import check_instance, positive, whole
 from ancf_casadi.support.tables import Displayed, Table
 from ancf_casadi.version import __version__
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
+FOLDER = "ancf_casadi.export.simulators"
 COMPARED = 3  # modes
 STEPS = tuple(float(f"{digit}e{power}") for power in range(-3, -9, -1) for digit in (5, 3, 2, 1.5, 1))  # s
 SHARE = 0.7  # of the tolerance that the segments may use
@@ -265,7 +265,7 @@ def prepared(
     beam, law = model.beam, damping or RayleighDamping()
     held_at_beginning(beam)
     target = check_file(path)
-    check_ours(target, _source(template).partition(" {{")[0])
+    check_ours(target, template_text(FOLDER, template).partition(" {{")[0])
     count = None if segments is None else whole(segments, "segments", LEAST, MOST)
     size = RELEASE * beam.length if amplitude is None else positive(amplitude, "amplitude")
     tolerance = positive(tolerance, "tolerance")
@@ -345,24 +345,16 @@ def _reached(
     return None if abs(ratios[0] - ratio) > allowed else (reached, ratios)
 
 
-def _source(template: str) -> str:
-    """Return a template of this folder."""
-    return files("ancf_casadi.export.simulators").joinpath(template).read_text(encoding="utf-8")
-
-
 def _filled(template: str, found: ExportedBeam, **values: Any) -> str:
-    """Return a template with the account of the beam, warnings and values."""
-    from jinja2 import Environment, StrictUndefined  # slow to import
-
-    environment = Environment(
-        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
-    )
-    environment.filters["digits"] = _twelve_digits
-    environment.globals["shown"] = lambda *given: " ".join(f"{value:.10g}" for value in given)
+    """Return a template of this folder with the account of the beam, warnings and values."""
     account = [line for line in found.table().text().splitlines() if line.strip("-")]
     account += [f"Not represented: {one}." for one in found.warnings]
     about = {"version": __version__, "account": "\n".join(account), "found": found}
-    return environment.from_string(_source(template)).render(about | values)
+    return filled_template(FOLDER, template, about | values | {"shown": _ten_digits, "digits": _twelve_digits})
+
+
+def _ten_digits(*values: float) -> str:
+    return " ".join(f"{value:.10g}" for value in values)
 
 
 def _twelve_digits(values: Array) -> list[Any]:

@@ -37,6 +37,7 @@ from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.plot import DRAWN_SHARE, drawn_shape
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES
+from ancf_casadi.support.files import filled_template
 from ancf_casadi.support.inputs import (
     array,
     check_instance,
@@ -59,30 +60,6 @@ TRAIL = 1.0  # s of pictures over which a trace lasts
 MOST_MODES = 6  # panels of modes, if no modes are given
 SUFFIXES = (".gif", ".mp4", ".html")
 TRANSPARENT = 255  # colour that stands for the one below
-PLAYER = """<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>Motion of a beam</title></head><body>
-<figure id="motion" style="margin: 0; width: {width}px; max-width: 100%">
-<img alt="Motion of a beam" style="width: 100%; background-size: 100% 100%">
-<div style="display: flex; gap: .5em"><button type="button" style="width: 5em">Pause</button>
-<input type="range" min="0" max="{last}" value="0" style="flex: 1" aria-label="picture"></div>
-</figure>
-<script>(() => {{
-  const pictures = [{pictures}];
-  const box = document.getElementById("motion"); box.removeAttribute("id");
-  const image = box.querySelector("img"), button = box.querySelector("button"), range = box.querySelector("input");
-  const address = k => "data:{kind};base64," + pictures[k];
-  let timer = 0;
-  const show = k => {{ range.value = k; image.src = address(k); }};
-  const play = () => {{ timer = setInterval(() => show((+range.value + 1) % pictures.length), {delay}); }};
-  const stop = () => {{ clearInterval(timer); timer = 0; }};
-  const turn = () => {{ timer ? stop() : play(); button.textContent = timer ? "Pause" : "Play"; }};
-  button.onclick = turn;
-  range.oninput = () => {{ if (timer) turn(); show(+range.value); }};
-  image.style.backgroundImage = `url(${{address(0)}})`;  // below pictures that hold differences from the first
-  show(0);
-  play();
-}})();</script></body></html>
-"""
 
 
 def moving_pictures(
@@ -275,10 +252,9 @@ def _page(first: Image.Image, others: Iterator[Image.Image], delay: float) -> by
         out = io.BytesIO()
         one.save(out, kind, **({"transparency": TRANSPARENT} if kind == "PNG" else {}))
         texts.append(base64.b64encode(out.getvalue()).decode())
-    return PLAYER.format(
-        width=first.width, last=len(texts) - 1, delay=round(1e3 * delay), kind=f"image/{kind.lower()}",
-        pictures=",".join(f'"{text}"' for text in texts),
-    ).encode()  # fmt: skip
+    given = {"width": first.width, "last": len(texts) - 1, "delay": round(1e3 * delay), "kind": f"image/{kind.lower()}"}
+    pictures = ",".join(f'"{text}"' for text in texts)
+    return filled_template("ancf_casadi.animation", "player.html.jinja", given | {"pictures": pictures}).encode()
 
 
 def _ffmpeg() -> str:

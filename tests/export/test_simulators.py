@@ -21,7 +21,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.export import write_exudyn, write_mujoco, write_newton, write_pyelastica
-from ancf_casadi.export.simulators.segments import implicit_in_velocity, poles, segmented
+from ancf_casadi.export.simulators.segments import poles, segmented, step_matrix
 from ancf_casadi.export.simulators.settings import dampers
 from problems import fit_decay, fit_modes
 from problems.cli import main
@@ -73,12 +73,12 @@ def test_segments_rest_and_vibrate_like_the_beam(paper_beam, changes):
 def test_poles_of_a_step_are_those_of_the_closed_form():
     """One mass: z^2 (1 + h d) - z (2 + h d - h^2 k) + 1 = 0."""
     d, k, h = 0.3, 400.0, 1e-3
-    f, ratio, stable = poles(implicit_in_velocity(*(np.array([[x]]) for x in (1.0, d, k)), h), h, 1)
+    f, ratio, stable = poles(step_matrix(*(np.array([[x]]) for x in (1.0, d, k)), h), h, 1)
     z = np.roots([1 + h * d, -(2 + h * d - h * h * k), 1])[0]
     s = np.log(z) / h
     assert stable and f[0] == pytest.approx(abs(s) / (2 * math.pi)) and ratio[0] == pytest.approx(-s.real / abs(s))
     assert ratio[0] == pytest.approx(d / 2 / math.sqrt(k), rel=1e-3)
-    assert not poles(implicit_in_velocity(*(np.array([[x]]) for x in (1.0, d, k)), 0.11), 0.11, 1)[2]
+    assert not poles(step_matrix(*(np.array([[x]]) for x in (1.0, d, k)), 0.11), 0.11, 1)[2]
 
 
 def test_modal_damping_becomes_rates_that_meet_mode_1(hanging):

@@ -24,7 +24,6 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.simulators.segments import implicit_in_velocity
 from ancf_casadi.export.simulators.settings import ExportedBeam, Segmented, written
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
@@ -86,10 +85,6 @@ class HingedChain(Segmented):
     def damping(self, mode: int) -> Array:
         """Return the damping matrix, with drag as for the amplitude of a mode."""
         return self._damping(self.viscosity, self.density, self.law.beta, mode)
-
-    def matrix(self, mode: int, step: float) -> Array:
-        """Return the matrix of one step."""
-        return implicit_in_velocity(self.discrete.mass, self.damping(mode), self.discrete.stiffness, step)
 
     @property
     def _along_beam(self) -> Array:

@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.export.simulators.segments import Discrete, SegmentedBeam, drift, kick
+from ancf_casadi.export.simulators.segments import Discrete, SegmentedBeam
 from ancf_casadi.export.simulators.settings import ExportedBeam, Segmented, written
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
@@ -33,6 +33,8 @@ from ancf_casadi.support.arrays import Array
 
 class LinkedBeam(Segmented):
     """The links in Newton."""
+
+    implicit = False
 
     @cached_property
     def links(self) -> SegmentedBeam:
@@ -69,12 +71,6 @@ class LinkedBeam(Segmented):
         rates, drag, turns = self.air
         size = rates + drag * np.linalg.norm(self.speeds(mode)[:, :2], axis=1)
         return self.discrete.damping(np.column_stack([size, size, turns]).ravel(), self.law.beta * self.beam.stiffness)
-
-    def matrix(self, mode: int, step: float) -> Array:
-        """Return the matrix of one step."""
-        mass = self.discrete.mass
-        kicked = kick(mass, mass - step * self.damping(mode), self.discrete.stiffness, step)
-        return np.asarray(drift(len(mass), step) @ kicked)
 
 
 def write_newton(

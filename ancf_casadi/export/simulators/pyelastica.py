@@ -26,7 +26,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.export.simulators.segments import Discrete, about_rest, drift, kick
+from ancf_casadi.export.simulators.segments import Discrete, about_rest
 from ancf_casadi.export.simulators.settings import ExportedBeam, Segmented, written
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
@@ -37,6 +37,8 @@ STRETCH = 60.0  # stretching changes the bending of PyElastica's elements; more 
 
 class CosseratBeam(Segmented):
     """The rod in PyElastica."""
+
+    early = 0.5
 
     @cached_property
     def masses(self) -> tuple[Array, Array, Array]:
@@ -90,12 +92,6 @@ class CosseratBeam(Segmented):
         air = rate * self.masses[1]
         places = self.law.alpha * self.discrete.inertias + np.column_stack([air, air, 0.0 * air]).ravel()
         return self.discrete.damping(places, self.law.beta * self.beam.stiffness)
-
-    def matrix(self, mode: int, step: float) -> Array:
-        """Return the matrix of one step."""
-        mass = self.discrete.mass
-        half = drift(len(mass), step / 2)
-        return np.asarray(half @ kick(mass + step * self.damping(mode), mass, self.discrete.stiffness, step) @ half)
 
 
 def write_pyelastica(

@@ -230,18 +230,13 @@ def poles(matrix: Array, step: float, count: int) -> tuple[Array, Array, bool]:
     return np.abs(s) / (2 * math.pi), -s.real / np.abs(s), bool(np.abs(z).max() <= 1.0 + 1e-9)  # rounding
 
 
-def implicit_in_velocity(mass: Array, damping: Array, stiffness: Array, step: float) -> Array:
-    """Return Z of semi-implicit Euler steps with implicit damping, (M + h D) v' = M v - h K q, q' = q + h v'."""
-    return np.asarray(drift(len(mass), step) @ kick(mass + step * damping, mass, stiffness, step))
-
-
-def drift(count: int, step: float) -> Array:
-    """Return the matrix of q' = q + h v for a number of coordinates."""
-    eye = np.eye(count)
-    return np.block([[eye, step * eye], [0.0 * eye, eye]])
-
-
-def kick(after: Array, before: Array, stiffness: Array, step: float) -> Array:
-    """Return the matrix of A v' = B v - h K q."""
-    inverse, eye = np.linalg.inv(after), np.eye(len(after))
-    return np.block([[eye, 0.0 * eye], [-step * inverse @ stiffness, inverse @ before]])
+def step_matrix(
+    mass: Array, damping: Array, stiffness: Array, step: float, *, implicit: bool = True, early: float = 0.0
+) -> Array:
+    """Return Z of q1 = q + e h v, M v' = M v - h K q1 - h D w, q' = q1 + (1 - e) h v'; w is v' if implicit, else v."""
+    eye = np.eye(len(mass))
+    after, before = (mass + step * damping, mass) if implicit else (mass, mass - step * damping)
+    inverse = np.linalg.inv(after)
+    kick = np.block([[eye, 0.0 * eye], [-step * inverse @ stiffness, inverse @ before]])
+    first, last = (np.block([[eye, share * step * eye], [0.0 * eye, eye]]) for share in (early, 1.0 - early))
+    return np.asarray(last @ kick @ first)

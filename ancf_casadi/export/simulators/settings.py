@@ -25,13 +25,20 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import NoneType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ancf_casadi.damping import DRAG_CONSTANT, DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping, SumOfLaws
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.simulators.segments import Discrete, SegmentedBeam, held_at_beginning, poles, segmented
+from ancf_casadi.export.simulators.segments import (
+    Discrete,
+    SegmentedBeam,
+    held_at_beginning,
+    poles,
+    segmented,
+    step_matrix,
+)
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import check_file, check_ours, filled_template, template_text, write_file
@@ -220,6 +227,9 @@ class Writing:
 class Segmented(ABC):
     """A beam of segments in another program, which defines its modes, its damping and its steps."""
 
+    implicit: ClassVar[bool] = True  # whether dampers act with the velocity at the end of a step
+    early: ClassVar[float] = 0.0  # part of a step by which positions move before velocities change
+
     given: Writing
     law: Dampers
     beam: SegmentedBeam
@@ -245,9 +255,10 @@ class Segmented(ABC):
     def damping(self, mode: int) -> Array:
         """Return the damping matrix, with drag as for the amplitude of a mode."""
 
-    @abstractmethod
     def matrix(self, mode: int, step: float) -> Array:
         """Return the matrix of one step, with the damping of a mode at its amplitude."""
+        M, K = self.discrete.mass, self.discrete.stiffness
+        return step_matrix(M, self.damping(mode), K, step, implicit=self.implicit, early=self.early)
 
 
 def prepared(

@@ -161,13 +161,17 @@ def _interpolated(A: Array, basis: Array) -> Array:
     return values
 
 
-def _nodes() -> list[float]:
+def _nodes() -> Array:
     """Return the Radau points (7,) in (0, 1]."""
-    found: list[float] = cs.collocation_points(FLOQUET_STAGES, "radau")
-    return found
+    return np.array(cs.collocation_points(FLOQUET_STAGES, "radau"))
 
 
 @lru_cache(maxsize=1)
 def _derivative_matrix() -> Array:
     """Return the matrix B (7, 7) from the values of a polynomial at the nodes, 0 at 0, to its derivatives there."""
-    return np.asarray(cs.collocation_coeff(_nodes())[0].full()[1:].T)
+    nodes = np.append(0.0, _nodes())
+    distance = nodes[:, None] - nodes + np.eye(FLOQUET_STAGES + 1)
+    weights = 1 / distance.prod(axis=1)
+    B = weights / weights[:, None] / distance
+    np.fill_diagonal(B, 1 - B.sum(axis=1))
+    return np.asarray(B[1:, 1:])

@@ -1,6 +1,7 @@
 """Reading files up to a size limit, and writing them so that none is ever incomplete.
 
-A file that cannot be read or written, and a path that names none, raise an ``InputError`` that names it.
+A file that cannot be read or written, and a path that names none, raise an ``InputError`` that names it.  Longer texts
+that are written are templates: files of a package that jinja2 fills with values.
 
 JSON is read strictly.  Beyond its rules, a file has at most ``MOST_BYTES`` bytes and ``MOST_LEVELS`` levels, no key
 twice in an object, only finite numbers, and no half characters (lone surrogates).  A place is written as

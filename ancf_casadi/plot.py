@@ -98,11 +98,11 @@ def _draw_fit(
     plots = figure.subplots(1, 2, width_ratios=(3, 2), sharey=True) if many else [figure.subplots()]
     if many:
         columns = min(PLOT_COLUMNS, len(turns) // 2)  # a period or more in each
-        edges = np.unique(np.searchsorted(time, np.linspace(time[0], time[-1], columns, endpoint=False)))
-        low, high = np.minimum.reduceat(measured, edges) / size, np.maximum.reduceat(measured, edges) / size
-        plots[0].fill_between(time[edges], low, high, color=MEASURED, alpha=0.35, lw=0, label="record, extremes")
-        for extremes, label in ((np.minimum, None), (np.maximum, "fit, extremes")):
-            plots[0].plot(time[edges], extremes.reduceat(fitted, edges) / size, lw=1, color=COMPUTED, label=label)
+        plots[0].fill_between(*_extremes(time, measured / size, columns), color=MEASURED, alpha=0.35, lw=0,
+                              label="record, extremes")  # fmt: skip
+        begins, *lines = _extremes(time, fitted / size, columns)
+        for line, label in zip(lines, (None, "fit, extremes"), strict=True):
+            plots[0].plot(begins, line, lw=1, color=COMPUTED, label=label)
     end = time[turns[2 * 8]] if many else time[-1]  # the periods drawn beside the extremes
     shown = time <= end
     fine = np.linspace(time[0], end, 4000)  # points of a drawn curve
@@ -119,13 +119,17 @@ def _draw_fit(
     draw_autocorrelation(correlation, measured - fitted)
 
 
+def _extremes(time: Array, values: Array, columns: int) -> tuple[Array, Array, Array]:
+    """Return the begin of each column of a diagram, and the smallest and the largest value in it."""
+    edges = np.unique(np.searchsorted(time, np.linspace(time[0], time[-1], columns, endpoint=False)))
+    return time[edges], np.minimum.reduceat(values, edges), np.maximum.reduceat(values, edges)
+
+
 def _draw_residuals(axes: Axes, time: Array, residuals: Array, unit: str) -> None:
     """Draw residuals over time; of many samples, the extremes."""
     size, name = prefixed(float(np.abs(residuals).max()), unit)
     if len(time) > 2 * PLOT_COLUMNS:
-        edges = np.unique(np.searchsorted(time, np.linspace(time[0], time[-1], PLOT_COLUMNS, endpoint=False)))
-        low, high = np.minimum.reduceat(residuals, edges) / size, np.maximum.reduceat(residuals, edges) / size
-        axes.fill_between(time[edges], low, high, color=MEASURED, lw=0)
+        axes.fill_between(*_extremes(time, residuals / size, PLOT_COLUMNS), color=MEASURED, lw=0)
     else:
         axes.plot(time, residuals / size, lw=0.6, color=MEASURED)
     axes.set(xlabel="time, s", ylabel=f"record less fit, {name}" if name else "record less fit")

@@ -27,7 +27,7 @@ import numpy as np
 
 from ancf_casadi import Beam, ModalDamping, Model, QuadraticDamping, RayleighDamping, natural_modes
 from ancf_casadi.export import ExportedBeam, write_exudyn, write_mujoco, write_newton, write_pyelastica
-from ancf_casadi.export.simulators.small_motion import poles
+from ancf_casadi.export.simulators.segments import poles
 from problems import fit_decay, fit_modes
 
 CYCLES = 8  # of mode 1

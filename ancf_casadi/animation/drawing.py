@@ -1,4 +1,9 @@
-"""Drawing of pictures: what stands still is drawn once, and what moves on copies of it."""
+"""Drawing of pictures: what stands still is drawn once, and what moves on copies of it, perhaps over a video.
+
+A camera shows a point r of the beam, turned by the rotation R of the picture, at
+
+    column + (R r)_x / scale,        row - (R r)_y / scale.
+"""
 
 from __future__ import annotations
 

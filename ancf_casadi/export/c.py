@@ -15,8 +15,9 @@ under a sideways pull, which is added to gravity.  The reduced beam is released 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -27,35 +28,11 @@ from ancf_casadi.export.motion_functions import BeamFunctions
 from ancf_casadi.export.solved_functions import GAMMA
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.reduction.stepping import STEPS_PER_PERIOD
-from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.files import check_folder, check_ours, write_files
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.files import check_folder, check_ours, filled_template, write_files
 from ancf_casadi.support.inputs import check_instance, instances, matches, shown
 
 TABLE_NAMES = ("parameters", "rest")
-UNUSED_ALLOWED = """#if defined(__GNUC__)
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-#pragma GCC diagnostic ignored "-Wunused-function"
-#endif
-"""
-NOTES = {
-    "residual": "r: N for positions, N m for slopes; zero in a motion",
-    "residual_jacobians": "Jacobians of r, nonzeros by columns",
-    "rhs": "a: accelerations, m/s2 for positions, 1/s2 for slopes",
-    "mass": "M: nonzeros by columns, kg, kg m, kg m2",
-    "tangent_stiffness": "K: Jacobian of the elastic force, nonzeros by columns, N/m, N, N m",
-    "damping_force": "Q: on the left of the equation of motion, N and N m",
-    "tip": "r: x and y, m",
-    "markers": "r: x and y of each point, m",
-    "energies": "T kinetic, U strain, V of gravity, J",
-    "clamp_force": "F: x and y, of clamp, supports and springs on the beam, N",
-    "equilibrium": "q_out or q: free coordinates at rest, m and 1",
-    "frequencies": "f: lowest natural frequencies, Hz",
-    "step": f"state after the time h, s; base: at {GAMMA!r} h and at h; order 2, stiffly stable",
-    "reduced_rhs": "a: accelerations of q, m kg^0.5/s2",
-    "reduced_step": "state after the time h, s; base: at 0, h/2 and h; order 4, h at most 1/20 of the shortest period",
-    "reduced_mass": "M: of the modal coordinates, 1",
-    "reduced_coordinates": "e: nodal coordinates of the full model, m and 1; e_t: their velocities",
-}
 MARK = "/* Written by ancf-casadi"
 NAME_PATTERN = r"[a-z][a-z0-9]*(_[a-z0-9]+)*"
 LONGEST_NAME = 60
@@ -64,88 +41,22 @@ C_KEYWORDS = {"arg", "res", "iw", "w", "NAN", "INFINITY"} | set(
     "auto break case char const continue default do double else enum extern float for goto if inline int long register "
     "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while".split()
 )
-
-NOTES |= {f"reduced_{name}": NOTES[name] for name in ("tip", "markers", "energies", "clamp_force")}
 PROGRAM_STEP, PROGRAM_SAMPLES = 5e-3, 400  # seconds between two lines of output, and number of lines after the first
 DEFLECTION = 0.1  # largest one before the release, to first order, per distance from the origin to the tip
 
 
-def source(name: str, functions: MotionFunctions, every: Mapping[str, cs.Function]) -> str:
-    """Return CasADi's C of all Functions, the calls with plain arrays, and the tables, from within the first comment.
-
-    ``name`` is the first part of every name in C, and ``every`` holds all Functions by their names in C.
-    """
-    generator = cs.CodeGenerator(f"{name}.c", {"with_header": False})
-    calls = []
+def _translated(name: str, every: Mapping[str, cs.Function]) -> tuple[str, dict[str, cs.Function]]:
+    """Return CasADi's C of Functions by their names in C, for a file, and the Functions that it defines."""
+    generator, raws = cs.CodeGenerator(f"{name}.c", {"with_header": False}), {}
     for called, function in every.items():
         inputs = function.mx_in()
         outputs = function.call(inputs, True, False)
-        raw = cs.Function(f"{called}_raw", inputs, outputs, function.name_in(), function.name_out())
-        generator.add(raw)
-        calls.append(_call(called, function, raw))
+        raws[called] = cs.Function(f"{called}_raw", inputs, outputs, function.name_in(), function.name_out())
+        generator.add(raws[called])
     code = generator.dump()
     if "#error" in code:
         raise InputError("contain a linear solver without C code; use 'ldl' or 'qr'", "functions")
-    tables = zip(TABLE_NAMES, (functions.parameters, functions.states), strict=True)
-    parts = [f"see {name}.h. */\n", UNUSED_ALLOWED, code, f'#include "{name}.h"\n', *calls]
-    parts += [_table(f"const double {name}_{table}", values(signals)) for table, signals in tables]
-    parts += [_table(f"const int {label}", data) for pair in every.items() for label, data in _patterns(*pair)]
-    return "\n".join(parts)
-
-
-def header(name: str, functions: MotionFunctions, every: Mapping[str, cs.Function]) -> str:
-    """Return the declarations and the meaning of every number, from within the first comment; see ``source``."""
-    guard, upper = f"{name.upper()}_H", name.upper()
-    lines = [
-        "a beam with its damping law.  SI units; arrays, matrices by columns.",
-        " *",
-        " * Each call returns 0 on success.  A value that could not be found is NAN.  No call allocates.",
-        f" * Compile:  cc -std=c99 -O2 main.c {name}.c -lm",
-        " */",
-        f"#ifndef {guard}",
-        f"#define {guard}",
-        "",
-        f"#define {upper}_FREE {functions.free}  /* coordinates q, and as many velocities v */",
-        f"#define {upper}_PARAMETERS {len(functions.parameters)}  /* parameters p */",
-        f"#define {upper}_BASE {len(functions.base)}  /* motion of the base */",
-        "",
-        _comment("Parameters p: index, name, unit, value in the model, meaning", functions.parameters),
-        f"extern const double {name}_parameters[{len(functions.parameters)}];",
-        "",
-        _comment("States (q, v): index, name, unit, value at rest, meaning", functions.states),
-        f"extern const double {name}_rest[{len(functions.states)}];",
-        "",
-        _comment("Motion of the base, base: index, name, unit, value, meaning", functions.base),
-        "",
-        _comment(
-            "Outputs of tip, markers, energies and clamp_force: index, name, unit, value, meaning", functions.outputs
-        ),
-        "",
-    ]
-    for called, function in every.items():
-        if _is_static(function):
-            lines.append("/* its work arrays are static: one call at a time */")
-        if note := NOTES.get(function.name()):
-            lines.append(f"/* {note} */")
-        lines.append(f"{_signature(called, function)};")
-        lines += [f"extern const int {label}[{len(data)}];" for label, data in _patterns(called, function)]
-        lines.append("")
-    return "\n".join([*lines, "#endif", ""])
-
-
-def _call(called: str, function: cs.Function, raw: cs.Function) -> str:
-    """Return the C function with plain arrays that calls CasADi's."""
-    work = "static " if _is_static(raw) else ""
-    given = "".join(f"  arg[{k}] = {label};\n" for k, label in enumerate(function.name_in()))
-    found = "".join(f"  res[{k}] = {label};\n" for k, label in enumerate(_output_names(function)))
-    return f"""{_signature(called, function)} {{
-  {work}double w[{raw.sz_w() + 1}];
-  {work}casadi_int iw[{raw.sz_iw() + 1}];
-  const double* arg[{raw.sz_arg() + 1}];
-  double* res[{raw.sz_res() + 1}];
-{given}{found}  return {raw.name()}(arg, res, iw, w, 0);
-}}
-"""
+    return code, raws
 
 
 def _is_static(function: cs.Function) -> bool:
@@ -164,101 +75,49 @@ def _signature(called: str, function: cs.Function) -> str:
     return f"int {called}({', '.join([*inputs, *outputs])})"
 
 
-def _patterns(called: str, function: cs.Function) -> list[tuple[str, Index]]:
+def _patterns(called: str, function: cs.Function) -> list[tuple[str, list[int]]]:
     """Return column starts and rows of the sparse outputs."""
     found = []
     for label, k in zip(_output_names(function), range(function.n_out()), strict=True):
         pattern = function.sparsity_out(k)
         if not pattern.is_dense():
-            found += [(f"{called}_{label}_colind", np.array(pattern.colind(), dtype=np.int64))]
-            found += [(f"{called}_{label}_row", np.array(pattern.row(), dtype=np.int64))]
+            found += [(f"{called}_{label}_colind", pattern.colind()), (f"{called}_{label}_row", pattern.row())]
     return found
 
 
-def _table(declaration: str, data: Array | Index) -> str:
-    entries = [repr(entry) for entry in data.tolist()]
+def _table(data: Iterable[float]) -> str:
+    """Return the length of a table, and its definition."""
+    entries = [repr(entry) for entry in data]
     lines = [", ".join(entries[k : k + 6]) for k in range(0, len(entries), 6)]
-    return f"{declaration}[{len(entries)}] = {{\n  " + ",\n  ".join(lines) + "\n};\n"
+    return f"[{len(entries)}] = {{\n  " + ",\n  ".join(lines) + "\n};"
 
 
-def _comment(title: str, signals: Sequence[Signal]) -> str:
-    rows = [f" *  {k:5d}  {s.name:<24}  {s.unit:<10}  {s.value: .8e}  {s.description}" for k, s in enumerate(signals)]
-    return "\n".join([f"/* {title}", *rows, " */"])
+def _rows(signals: Sequence[Signal]) -> str:
+    """Return lines of a comment on signals."""
+    rows = (f" *  {k:5d}  {s.name:<24}  {s.unit:<10}  {s.value: .8e}  {s.description}" for k, s in enumerate(signals))
+    return "\n".join(rows)
 
 
-def decay_program(name: str, functions: MotionFunctions) -> str:
-    """Return the program for the Functions that ``write_c`` writes under a name, from within its first comment."""
+def _release(functions: MotionFunctions) -> dict[str, Any]:
+    """Return the release in the program: steps per sample, and the pull (m/s^2) or the deflection in mode 1."""
     if isinstance(functions, BeamFunctions):
-        every, start = 10, _pull(name, functions)  # steps of the full beam per sample
-    else:
-        every = math.ceil(PROGRAM_STEP * STEPS_PER_PERIOD * _highest_frequency(functions))
-        start = _deflection(functions)
-    upper, stages = name.upper(), functions.step.size2_in("base")
-    return f"""the free decay of a beam after its release.
- *
- * Prints CSV: time in s, position of the tip in m, kinetic, strain and gravity energy in J.
- */
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-#include "{name}.h"
-
-int main(void) {{
-  const double h = {PROGRAM_STEP / every!r};  /* s */
-  const double base[{stages} * {upper}_BASE] = {{0.0}};
-  double q[{upper}_FREE] = {{0.0}}, v[{upper}_FREE] = {{0.0}}, q_next[{upper}_FREE], v_next[{upper}_FREE];
-  double tip[2], kinetic[1], strain[1], gravity[1];
-  int k;
-{start}
-  printf("time_s,tip_x_m,tip_y_m,kinetic_j,strain_j,gravity_j\\n");
-  for (k = 0; k <= {PROGRAM_SAMPLES * every}; ++k) {{
-    if (k % {every} == 0) {{
-      if ({name}_tip(q, base, tip)) return 1;
-      if ({name}_energies(q, v, base, {name}_parameters, kinetic, strain, gravity)) return 1;
-      printf("%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\\n", k * h, tip[0], tip[1], kinetic[0], strain[0], gravity[0]);
-    }}
-    if ({name}_step(q, v, base, {name}_parameters, &h, q_next, v_next) || isnan(q_next[0])) {{
-      fprintf(stderr, "the step at %g s failed\\n", k * h);
-      return 1;
-    }}
-    memcpy(q, q_next, sizeof(q));
-    memcpy(v, v_next, sizeof(v));
-  }}
-  return 0;
-}}
-"""
-
-
-def _pull(name: str, functions: BeamFunctions) -> str:
-    """Return C code that finds the equilibrium under a pull."""
-    p = cs.MX.sym("p", len(functions.parameters))
-    q = functions.equilibrium(p)
-    tip = functions.tip(q, cs.MX(len(functions.base), 1))
-    found, change = _value_and_jacobian(cs.vertcat(tip, q), p, values(functions.parameters))
-    x, y = found[:2]
-    across = np.array([-y, x]) / np.hypot(x, y)
-    places = [k for k, signal in enumerate(functions.states[: functions.free], start=2) if signal.unit == "m"]
-    farthest = np.abs(change[places, :2] @ across).max()
-    pull_x, pull_y = (DEFLECTION * np.hypot(x, y) / farthest * across).tolist()
-    return f"""  const double pull[2] = {{{pull_x!r}, {pull_y!r}}};  /* added to gravity before time 0, m/s2 */
-  double p[{name.upper()}_PARAMETERS];
-  memcpy(p, {name}_parameters, sizeof(p));
-  p[0] += pull[0];
-  p[1] += pull[1];
-  if ({name}_equilibrium(p, q) || isnan(q[0])) {{
-    fprintf(stderr, "no equilibrium was found\\n");
-    return 1;
-  }}"""
-
-
-def _deflection(functions: MotionFunctions) -> str:
-    """Return C code that deflects the beam in mode 1."""
+        p = cs.MX.sym("p", len(functions.parameters))
+        q = functions.equilibrium(p)
+        tip = functions.tip(q, cs.MX(len(functions.base), 1))
+        found, change = _value_and_jacobian(cs.vertcat(tip, q), p, values(functions.parameters))
+        x, y = found[:2]
+        across = np.array([-y, x]) / np.hypot(x, y)
+        places = [k for k, signal in enumerate(functions.states[: functions.free], start=2) if signal.unit == "m"]
+        farthest = np.abs(change[places, :2] @ across).max()
+        pull = (DEFLECTION * np.hypot(x, y) / farthest * across).tolist()
+        return {"each": 10, "pull": pull}
     q, still = cs.MX.sym("q", functions.free), cs.MX(len(functions.base), 1)
     e, _ = functions.named["coordinates"](q, cs.MX(functions.free, 1), still)
     found, change = _value_and_jacobian(cs.vertcat(functions.tip(q, still), e), q, np.zeros(functions.free))
     moved = np.linalg.norm(change[2:, 0].reshape(-1, NODE)[:, :2], axis=1)
     first = DEFLECTION * np.linalg.norm(found[:2]) / moved.max()
-    return f"  q[0] = {float(first)!r};  /* deflection in mode 1, m kg^0.5 */"
+    each = math.ceil(PROGRAM_STEP * STEPS_PER_PERIOD * _highest_frequency(functions))
+    return {"each": each, "pull": (), "deflection": float(first)}
 
 
 def _highest_frequency(functions: MotionFunctions) -> float:
@@ -322,11 +181,15 @@ def write_c(
             raise InputError("is the name of another Function or table; rename the Function", own)
     for function in every.values():
         _check_translated(function)
-    contents = {
-        target / f"{name}.c": f"{MARK}: {source(name, functions, every)}",
-        target / f"{name}.h": f"{MARK}: {header(name, functions, every)}",
-        target / "main.c": f"{MARK}: {decay_program(name, functions)}",
-    }
+    code, raws = _translated(name, every)
+    given = {
+        "name": name, "functions": functions, "every": every, "code": code, "raws": raws, "gamma": GAMMA,
+        "interval": PROGRAM_STEP, "samples": PROGRAM_SAMPLES, **_release(functions),
+        "rows": _rows, "signature": _signature, "output_names": _output_names, "patterns": _patterns,
+        "is_static": _is_static, "table": _table,
+    }  # fmt: skip
+    templates = {f"{name}.c": "beam.c.jinja", f"{name}.h": "beam.h.jinja", "main.c": "main.c.jinja"}
+    contents = {target / own: filled_template("ancf_casadi.export", form, given) for own, form in templates.items()}
     for path in contents:
         check_ours(path, MARK)
     write_files(contents)

@@ -30,7 +30,12 @@ import numpy as np
 
 from ancf_casadi.dynamics.signals import MotionFunctions, Signal, values
 from ancf_casadi.export.motion_functions import BeamFunctions
-from ancf_casadi.export.solved_functions import KENNEDY_CARPENTER, step_function
+from ancf_casadi.export.solved_functions import (
+    KENNEDY_CARPENTER,
+    KENNEDY_CARPENTER_ERROR,
+    stage_instants,
+    step_function,
+)
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.reduction.reduced import lawson_step
 
@@ -57,7 +62,7 @@ def advance_function(functions: MotionFunctions) -> cs.Function:
     weights, length = _scale(functions)
     if isinstance(functions, BeamFunctions):
         step = _stiff_step(functions, length)
-        *state, q_error, v_error = step(q, v, base(0.0, h, KENNEDY_CARPENTER.instants), loaded, h)
+        *state, q_error, v_error = step(q, v, base(0.0, h, stage_instants(KENNEDY_CARPENTER)), loaded, h)
     else:
         step = _lawson_step(functions)
         coarse = step(q, v, base(0.0, h, LAWSON_INSTANTS), loaded, h)
@@ -119,7 +124,8 @@ def _stiff_step(functions: BeamFunctions, length: float) -> cs.Function:
     jacobians = cs.Function("loaded_jacobians", symbols, found)
     K = functions.tangent_stiffness(values(functions.states)[: functions.free], np.zeros(len(functions.base)), p)
     diagonals = cs.diag(functions.mass(p)), cs.diag(K)
-    return step_function(residual, jacobians, diagonals, length, KENNEDY_CARPENTER, _loaded_rhs(functions))
+    method = KENNEDY_CARPENTER, KENNEDY_CARPENTER_ERROR
+    return step_function(residual, jacobians, diagonals, length, *method, _loaded_rhs(functions))
 
 
 def _lawson_step(functions: MotionFunctions) -> cs.Function:

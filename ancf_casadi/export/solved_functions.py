@@ -43,7 +43,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as cs
@@ -62,32 +61,28 @@ CERTAIN = 1e-9  # largest change in a further Newton step (relative to length an
 GAMMA = 1 - 1 / math.sqrt(2)
 
 
-@dataclass(frozen=True)
-class DiagonalTableau:
-    """Rows of A up to the diagonal, which is constant but for a stage at the start; weights of the error estimate."""
+Rows = tuple[tuple[float, ...], ...]  # of A up to the diagonal, which is constant but for a stage at the start
 
-    rows: tuple[tuple[float, ...], ...]
-    error: tuple[float, ...] = ()
-
-    @property
-    def instants(self) -> tuple[float, ...]:
-        """Instants of the stages, at which the base motion is needed, in steps."""
-        return tuple(math.fsum(row) for row in self.rows)
-
-
-ALEXANDER = DiagonalTableau(((GAMMA,), (1 - GAMMA, GAMMA)))
-KENNEDY_CARPENTER = DiagonalTableau(
-    (
-        (0.0,),
-        (1 / 4, 1 / 4),
-        (8611 / 62500, -1743 / 31250, 1 / 4),
-        (5012029 / 34652500, -654441 / 2922500, 174375 / 388108, 1 / 4),
-        (15267082809 / 155376265600, -71443401 / 120774400, 730878875 / 902184768, 2285395 / 8070912, 1 / 4),
-        (82889 / 524892, 0.0, 15625 / 83664, 69875 / 102672, -2260 / 8211, 1 / 4),
-    ),
-    (31666707 / 9881966720, 0.0, -256875 / 105007616, -2768025 / 128864768, 169839 / 3864644, -5247 / 225920),
+ALEXANDER: Rows = ((GAMMA,), (1 - GAMMA, GAMMA))
+KENNEDY_CARPENTER: Rows = (
+    (0.0,),
+    (1 / 4, 1 / 4),
+    (8611 / 62500, -1743 / 31250, 1 / 4),
+    (5012029 / 34652500, -654441 / 2922500, 174375 / 388108, 1 / 4),
+    (15267082809 / 155376265600, -71443401 / 120774400, 730878875 / 902184768, 2285395 / 8070912, 1 / 4),
+    (82889 / 524892, 0.0, 15625 / 83664, 69875 / 102672, -2260 / 8211, 1 / 4),
 )
-SDIRK_STAGES = ALEXANDER.instants
+KENNEDY_CARPENTER_ERROR = (  # d
+    31666707 / 9881966720, 0.0, -256875 / 105007616, -2768025 / 128864768, 169839 / 3864644, -5247 / 225920
+)  # fmt: skip
+
+
+def stage_instants(rows: Rows) -> tuple[float, ...]:
+    """Return the instants of the stages, at which the base motion is needed, in steps."""
+    return tuple(math.fsum(row) for row in rows)
+
+
+SDIRK_STAGES = stage_instants(ALEXANDER)
 
 
 def newton(name: str, inputs: list[cs.MX], jacobian: cs.MX, equations: cs.MX) -> cs.Function:
@@ -190,18 +185,19 @@ def step_function(
     jacobians: cs.Function,
     diagonals: tuple[cs.DM, cs.DM],
     length: float,
-    tableau: DiagonalTableau = ALEXANDER,
+    tableau: Rows = ALEXANDER,
+    error: Sequence[float] = (),
     rhs: cs.Function | None = None,
 ) -> cs.Function:
     """Return (q, v, base, p, h) -> q_next, v_next, from (q, v, a, base, p) -> r and its dr_dq, dr_dv and dr_da.
 
     A scale follows from the ``diagonals`` of M and K and the ``length`` of the beam.  Further outputs are the estimated
-    errors of q_next and v_next, if the tableau has weights of an error estimate.  A stage at the start needs ``rhs``.
+    errors of q_next and v_next, if there are weights of the ``error``.  A stage at the start needs ``rhs``.
     """
     names = ("q", "v", "base", "p")
     q, v, base, p = (cs.MX.sym(name, residual.size1_in(name)) for name in names)
-    h, x, gamma = cs.MX.sym("h"), cs.MX.sym("x", q.numel()), tableau.rows[-1][-1]
-    motion = cs.MX.sym("base", base.numel(), len(tableau.rows))
+    h, x, gamma = cs.MX.sym("h"), cs.MX.sym("x", q.numel()), tableau[-1][-1]
+    motion = cs.MX.sym("base", base.numel(), len(tableau))
     s = 1 / (gamma * h)
     scale = 1 / cs.sqrt(diagonals[0] * s**2 + diagonals[1])
     shift = length * scale / cs.mmax(scale)
@@ -224,14 +220,14 @@ def step_function(
         """Return h times a weighted sum of the rates of q and v."""
         return [sum((w * h * rate[j] for w, rate in zip(weights, rates, strict=True)), cs.MX(0)) for j in range(2)]
 
-    for k, (*before, last) in enumerate(tableau.rows):
+    for k, (*before, last) in enumerate(tableau):
         if rhs is not None and not last:
             rates = [(v, rhs(q, v, motion[:, k], p))]
             continue
         moved = change(before)
         *outputs, a_k = stage(q + moved[0], v + moved[1], motion[:, k], p, h)
         rates.append((outputs[1], a_k))
-    if tableau.error:
-        outputs += change(tableau.error)
+    if error:
+        outputs += change(error)
     labels = ["q_next", "v_next", "q_error", "v_error"][: len(outputs)]
     return cs.Function("step", [q, v, motion, p, h], outputs, [*names, "h"], labels)

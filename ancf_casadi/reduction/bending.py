@@ -1,22 +1,208 @@
-"""Motion of a beam that does not stretch, from the rotations of its slopes.
+"""A beam that does not stretch, and bends in a few modes as far as it likes.
 
-The parts r of the shape are the slopes r' at selected points (``projection``).  With n the slope turned by 90 degrees,
+One clamp or pin holds the beam at its beginning; for others see ``condensed``.
 
-    dr' = n Theta dq,    r'_t = n theta_t,    r'_tt = n theta_tt - r' theta_t^2,    theta_t = phi_t + Theta q_t,
+The slope r' = lambda (cos theta, sin theta) keeps the length lambda it has at rest.  Its angle to the x axis is
 
-and the elastic force is f_0 + K_b q.  The strain-rate force is that of bending, K_b q_t.  The tangent stiffness also
-includes the tension that balances the forces on the slopes.
+    theta(s, t) = phi(t) + theta_0(s) + sum_k Theta_k(s) q_k(t),
+
+with the rotation phi of the base, the angle theta_0 at rest, and the rotation Theta_k of the slope in mode k of the
+full beam.  Integration along the beam gives the positions.  The beam therefore keeps its length exactly, at any
+amplitude, and needs no separate function for the shortening of its projection.
+
+Mesh.  The slopes at the 2 n + 1 nodes and midpoints are integrated by Simpson's rule, which is exact for the cubic
+elements.  The nodal coordinates are e = u + P r' with a constant matrix P and the displacement u of the clamp.  The
+state at rest and, to first order in q, the modes of the full beam are exact.
+
+Selected points.  The slopes at a few points determine all others (discrete empirical interpolation).  Random bent
+shapes give snapshots of r'.  The snapshots lie close to the space of their leading left singular vectors U.  QR with
+pivoting selects as many points as there are vectors, and r' = U (U_selected)^-1 r'_selected holds at all points.  The
+state at rest and the first-order motion are snapshots of large weight, so the interpolation error affects large motion
+only.
+
+Constants.  Beside those of any reduced beam (``forces``),
+
+    K_b = int E I Theta'^T Theta' ds + sum_j k_j Theta(s_j)^T Theta(s_j),    f_0 = (dr'/dq)^T P^T Q_e    bending,
+
+with the slopes Theta of the modes as rotations of a straight beam, k of the torsional springs between beam and base at
+the points s_j, and the elastic force Q_e at rest, without that of the springs.  The elastic force f_0 + K_b q is linear
+in q because the curvature theta' is.
+
+Motion.  The parts r of the shape are the slopes r' at the selected points.  With n the slope turned by 90 degrees,
+
+    dr' = n Theta dq,    r'_t = n theta_t,    r'_tt = n theta_tt - r' theta_t^2,    theta_t = phi_t + Theta q_t.
+
+The strain-rate force is that of bending, K_b q_t.  The tangent stiffness also includes the tension that balances the
+forces on the slopes.
+
+References
+----------
+Drmac and Gugercin 2016, "A new selection operator for the discrete empirical interpolation method - improved a priori
+error bound and extensions" (the selection by QR).
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as cs
+import numpy as np
+import scipy.linalg
 
-from ancf_casadi.reduction.forces import Expression, ReducedMotion, columns_of, mass_factor, rows_of
-from ancf_casadi.reduction.projection import SlopeProjection
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.attachments import RotationalSpring, Spring
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.strain import gauss
+from ancf_casadi.mechanics.supports import Clamp
+from ancf_casadi.reduction.forces import (
+    Expression,
+    Projection,
+    ReducedMotion,
+    columns_of,
+    component_mass,
+    mass_factor,
+    projected_constants,
+    rows_of,
+)
+from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.vibration.modes import Modes
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Nodal slopes at points of the beam, and the shape that they determine."""
+
+    angles: Array  # theta_0 of the slope at rest, (k,), rad
+    lengths: Array  # lambda of the slope, which is constant, (k,)
+    rotations: Array  # Theta of the slope per unit modal coordinate, (k, m), rad/(m kg^1/2)
+    shape: Array  # P, for one component of the coordinates, (2 n + 2, k), or (2 n + 4, k) with a node of the base
+    rows: Index  # places among the nodes and midpoints, (k,); a node of the base comes first
+
+    @property
+    def at_rest(self) -> Array:
+        """The slopes at rest, (k, 2)."""
+        return np.asarray(self.lengths * np.array([np.cos(self.angles), np.sin(self.angles)])).T
+
+    @property
+    def jacobian(self) -> Array:
+        """Jacobian of the slopes with respect to the modal coordinates, at rest, (k, 2, m)."""
+        x, y = self.at_rest.T
+        return np.stack([-y[:, None] * self.rotations, x[:, None] * self.rotations], axis=1)
+
+
+def begins_open(model: Model) -> bool:
+    """Return whether one clamp or pin holds the beam at its beginning, undisplaced, and no other support."""
+    own = [(one.point, one.sliding, *one.displacement) for one in model.beam.supports]
+    return own == [(0.0, None, 0.0, 0.0)]
+
+
+def nodal_slopes(modes: Modes) -> Slopes:
+    """Return the slopes at all nodes and midpoints of the mesh."""
+    model, beam = modes.model, modes.model.beam
+    points = np.interp(np.arange(2 * beam.elements + 1) / 2, np.arange(beam.elements + 1), beam.node_points)
+    interpolation = np.array([model.slope_interpolation(s) for s in points.tolist()])
+    rest, change = interpolation @ modes.equilibrium.coordinates, interpolation @ modes.shapes
+    (x, y), square = rest.T, (rest**2).sum(axis=1)
+    rotations = (x[:, None] * change[:, 1] - y[:, None] * change[:, 0]) / square[:, None]
+    strains = (x[:, None] * change[:, 0] + y[:, None] * change[:, 1]) / square[:, None]
+    # axial strain per unit rotation; a mode with more is not a bending mode
+    axial = np.abs(strains).max(axis=0) > 0.1 * np.abs(rotations).max(axis=0)
+    if axial.any():
+        raise InputError(
+            f"mode {axial.argmax() + 1} stretches the beam, and the reduced model only bends; keep fewer modes", "modes"
+        )
+    root = model.root  # 1 if the base has its own slope, which turns with phi alone
+    angles = np.concatenate([[np.arctan2(*beam.axis[::-1])] * root, np.arctan2(y, x)])
+    return Slopes(
+        angles=np.unwrap(angles),
+        lengths=np.concatenate([np.ones(root), np.sqrt(square)]),
+        rotations=np.vstack([np.zeros((root, modes.count)), rotations]),
+        shape=_simpson(model),
+        rows=np.arange(root + len(points)),
+    )
+
+
+def select_points(slopes: Slopes, count: int, rows: Index | None = None) -> Slopes:
+    """Return the slopes at the ``count`` points, or at given ones, that best determine all slopes; more than modes."""
+    points, m = slopes.rotations.shape
+    # rad, of the slope in a snapshot: root of the sum of squares over the modes
+    largest = 0.8 / np.sqrt(m) / np.abs(slopes.rotations).max(axis=0)
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (200, m)) * largest  # random bent shapes
+    angles = slopes.angles + q @ slopes.rotations.T
+    bent = np.vstack([slopes.lengths * np.cos(angles), slopes.lengths * np.sin(angles)])
+    first_order = np.concatenate([slopes.at_rest[:, :, None], slopes.jacobian * largest], axis=2).reshape(points, -1)
+    # weight of the state at rest and of the first-order motion among the snapshots
+    snapshots = np.column_stack([1e4 * first_order, bent.T])
+    basis = scipy.linalg.svd(snapshots, full_matrices=False)[0][:, :count]
+    if rows is None:
+        rows = np.sort(scipy.linalg.qr(basis.T, pivoting=True, mode="r")[1][:count])
+    return Slopes(
+        angles=slopes.angles[rows],
+        lengths=slopes.lengths[rows],
+        rotations=slopes.rotations[rows],
+        shape=np.linalg.solve(basis[rows].T, (slopes.shape @ basis).T).T,
+        rows=rows,
+    )
+
+
+def _simpson(model: Model) -> Array:
+    """Return P, from the slopes at nodes and midpoints (and of a node of the base) to the nodal coordinates."""
+    elements = model.beam.elements
+    shape = np.zeros((2 * elements + 2, 2 * elements + 1))
+    nodes = np.arange(elements + 1)
+    shape[2 * nodes + 1, 2 * nodes] = 1.0
+    for i, l in enumerate(model.beam.element_lengths.tolist()):
+        shape[2 * i + 2] = shape[2 * i]
+        shape[2 * i + 2, 2 * i : 2 * i + 3] += l / 6 * np.array([1.0, 4.0, 1.0])
+    return np.asarray(scipy.linalg.block_diag(*[np.array([[0.0], [1.0]])] * model.root, shape))
+
+
+@dataclass(frozen=True, eq=False)
+class SlopeProjection(Projection):
+    """The constants of the equation of motion of a beam that does not stretch; the parts are slopes."""
+
+    slopes: Slopes  # those that determine the shape
+    bending_stiffness: Array  # K_b, (m, m)
+    rest_force: Array  # f_0, (m,)
+    rest_energy: float  # strain energy at rest, without that of the springs, J
+
+
+def project_model(modes: Modes, nodal: Slopes, selected: Slopes, drag_points: int) -> SlopeProjection:
+    """Project the full model on the modes, by the slopes at all nodes and midpoints and at the selected points."""
+    model, rest = modes.model, modes.equilibrium.coordinates
+    constants = projected_constants(model, selected.shape, drag_points)
+    jacobian = np.kron(nodal.shape, np.eye(2)) @ nodal.jacobian.reshape(-1, modes.count)
+    own_mass = selected.shape.T @ component_mass(model) @ selected.shape
+    rounding = 1e-14 * float(own_mass.diagonal().max())  # of a mesh so coarse that it is singular
+    springs, force = constants["springs"], model.elastic_force(rest, model.properties).full().ravel()
+    at_rest = springs.shape @ selected.at_rest - springs.places
+    rows = [model.nodes_of(one.point)[:2] for one in model.beam.attachments if isinstance(one, Spring)]
+    np.subtract.at(force, np.array(rows, dtype=int).reshape(-1, 2), springs.coefficients * at_rest)
+    by_springs = float((springs.coefficients * at_rest**2).sum()) / 2
+    return SlopeProjection(
+        **constants,
+        mass_factor=np.asarray(np.linalg.cholesky(own_mass + rounding * np.eye(len(own_mass))).T),
+        slopes=selected,
+        bending_stiffness=_bending_stiffness(model, nodal),
+        rest_force=jacobian.T @ force,
+        rest_energy=float(model.strain_energy(rest, model.properties)) - by_springs,
+    )
+
+
+def _bending_stiffness(model: Model, nodal: Slopes) -> Array:
+    """Return K_b, the integral of E I Theta'^2, with the torsional springs between beam and base."""
+    beam, across = model.beam, nodal.shape @ nodal.rotations
+    points = [s for index in range(beam.elements) for s in model.gauss_points(index)]
+    curvature = np.array([model.curvature_interpolation(s)[0, ::2] for s in points]) @ across
+    width, thickness, _, modulus = model.properties
+    stiffness = np.kron(modulus * width * thickness**3 / 12 * beam.element_lengths, gauss(2)[1])
+    turning = [one for one in (*beam.supports, *beam.attachments) if isinstance(one, RotationalSpring)
+               or (isinstance(one, Clamp) and one.stiffness < math.inf)]  # fmt: skip
+    rotation = across[[model.nodes_of(one.point)[2] // 2 for one in turning]]
+    own = np.array([one.stiffness for one in turning])
+    return np.asarray((curvature.T * stiffness) @ curvature + (rotation.T * own) @ rotation)
 
 
 @dataclass(frozen=True, eq=False)

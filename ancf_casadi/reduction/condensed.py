@@ -38,8 +38,16 @@ import scipy.linalg
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.element import Element
-from ancf_casadi.reduction.forces import Expression, ReducedMotion, mass_factor, rotated, rows_of
-from ancf_casadi.reduction.projection import Projection, component_mass, projected_constants
+from ancf_casadi.reduction.forces import (
+    Expression,
+    Projection,
+    ReducedMotion,
+    component_mass,
+    mass_factor,
+    projected_constants,
+    rotated,
+    rows_of,
+)
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.banded import factorised, sparse
 from ancf_casadi.vibration.modes import Modes

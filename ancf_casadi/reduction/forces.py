@@ -1,8 +1,15 @@
-"""Forces of the reduced beam in motion, as CasADi expressions.
+"""Constants and forces of the reduced beam in motion, as CasADi expressions.
 
 The coordinates are e = u + P r with the displacement u of the base, a constant matrix P and the parts r of the shape,
-which are functions of the modal coordinates q and of the rotation phi of the base.  The virtual work of all forces in
-Eq. (6) gives one equation per mode,
+which are functions of the modal coordinates q and of the rotation phi of the base.  Mass, gravity and drag of the full
+model are projected once,
+
+    P^T M P = R^T R,    P^T M 1,    1^T M 1             inertia and gravity, M of one component.
+
+The drag acts at Gauss points along the whole beam.  With their masses as weights, sums over these points integrate
+polynomials exactly over the mass of the elements.
+
+The virtual work of all forces in Eq. (6) gives one equation per mode,
 
     (dr/dq)^T (P^T M P r_tt - P^T M 1 (g - u_tt) + P^T Q_damp) + dU/dq = 0.
 
@@ -17,10 +24,9 @@ forces have no resultant.
 
 A damping law combines the forces of ``ReducedMotion`` as it combines those of the full model (``damping.Forces``); they
 are the forces of the motion itself, whatever their arguments, but for the velocity of the base, which a flow changes.
-The strain-rate force is that of the beam and of the
-springs.  The tangent stiffness also includes the tension that balances gravity, the acceleration of the base and the
-springs, but not the tension due to the inertia of the beam itself.  The modal (generic) law, R B diag(d) B^T R^T e_t of
-Eq. (32), turns by the rotation phi of the base.
+The strain-rate force is that of the beam and of the springs.  The tangent stiffness also includes the tension that
+balances gravity, the acceleration of the base and the springs, but not the tension due to the inertia of the beam
+itself.  The modal (generic) law, R B diag(d) B^T R^T e_t of Eq. (32), turns by the rotation phi of the base.
 """
 
 from __future__ import annotations
@@ -36,14 +42,41 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.placed_load import point_force
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.attachments import Dashpot, PointMass, Spring
 from ancf_casadi.mechanics.element import SMOOTHING_SPEED
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.reduction.projection import Joined, Projection
+from ancf_casadi.mechanics.strain import gauss
 from ancf_casadi.support.arrays import Array
 
 Expression = Any  # SX or MX
 
 BASE_SIZE = 9  # displacement (x, y) and rotation of the clamp, their velocities and their accelerations
+
+
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """Points of the beam that springs or dashpots join to the base."""
+
+    shape: Array  # from the parts to the positions of the points, (d, k)
+    places: Array  # of the points without load, which the base keeps as it turns, (d, 2), m
+    coefficients: Array  # along x and y, (d, 2), N/m or N s/m
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Constants of any reduced equation of motion, for coordinates e = u + P r with parts r (k,) of each component."""
+
+    shape: Array  # P, for one component of the coordinates, (size/2, k)
+    mass_factor: Array  # R with R^T R = P^T M P, upper triangular, (k, k) or with fewer rows
+    mass_moment: Array  # P^T M 1, (k,)
+    total_mass: float  # 1^T M 1, kg
+    lumped_shape: Array  # from the parts to the coordinates of point masses and rotary inertias, (l, k)
+    lumped_mass: Array  # of these coordinates, which have no drag, (l,), kg or kg m^2
+    lumped_moved: Array  # 1 for a position, which the base displaces, and 0 for a slope, (l,)
+    springs: Joined
+    dashpots: Joined
+    drag_shape: Array  # from the parts to the positions of the drag points, (d, k)
+    drag_mass: Array  # at each of these points, (d,), kg
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,3 +326,55 @@ def columns_of(column: Array, like: Expression) -> cs.DM:
 def _without_resultant(modal: Expression) -> Expression:
     """Return an internal force, whose resultant is zero."""
     return cs.vertcat(modal, type(modal).zeros(2, modal.size2()))
+
+
+def projected_constants(model: Model, shape: Array, drag_points: int) -> dict[str, Any]:
+    """Return the fields of ``Projection`` but the factor of the mass, for a given P (size/2, k)."""
+    mass, lumped = component_mass(model), _lumped_rows(model)
+    moment = mass @ np.tile([1.0, 0.0], len(mass) // 2)
+    points, weights = gauss(drag_points)
+    return {
+        "shape": shape,
+        "mass_moment": shape.T @ moment,
+        "total_mass": float(moment[::2].sum()),
+        "lumped_shape": shape[[row for row, _ in lumped]],
+        "lumped_mass": np.array([value for _, value in lumped]),
+        "lumped_moved": np.array([1.0 - row % 2 for row, _ in lumped]),
+        "springs": _joined(model, shape, Spring, "stiffness"),
+        "dashpots": _joined(model, shape, Dashpot, "coefficient"),
+        "drag_shape": np.array([model.interpolation(float(s))[0, ::2] for s in points * model.beam.length]) @ shape,
+        "drag_mass": _point_masses(model, points, weights),
+    }
+
+
+def component_mass(model: Model) -> Array:
+    """Return M of one component of the coordinates, (size/2, size/2)."""
+    return np.asarray(model.mass(model.properties).full()[::2, ::2])
+
+
+def _lumped_rows(model: Model) -> list[tuple[int, float]]:
+    """Return the rows, in one component of the coordinates, of point masses and rotary inertias, with their values."""
+    masses = [one for one in model.beam.attachments if isinstance(one, PointMass)]
+    values = [(model.nodes_of(one.point)[2 * k] // 2, value) for one in masses
+              for k, value in enumerate((one.mass, one.rotary_inertia)) if value]  # fmt: skip
+    return [(int(row), value) for row, value in values]
+
+
+def _joined(model: Model, shape: Array, kind: type[Spring | Dashpot], attribute: str) -> Joined:
+    """Return the points that attachments of a kind join to the base."""
+    own = [one for one in model.beam.attachments if isinstance(one, kind)]
+    nodes = np.array([model.nodes_of(one.point)[:2] for one in own], dtype=int).reshape(-1, 2)
+    values = np.array([getattr(one, attribute) for one in own]).reshape(-1, 2)
+    return Joined(shape[nodes[:, 0] // 2], model.straight[nodes], values)
+
+
+def _point_masses(model: Model, points: Array, weights: Array) -> Array:
+    """Return masses at points of [0, 1] that integrate polynomials over the mass of the elements, (d,), kg."""
+    beam, degree = model.beam, len(points) - 1
+    width, thickness, density, _ = model.properties
+    own_points, own_weights = gauss(degree // 2 + 1)
+    within = (beam.node_points[:-1, None] + beam.element_lengths[:, None] * own_points) / beam.length
+    masses = (width * thickness * density * beam.element_lengths)[:, None] * own_weights
+    legendre = np.polynomial.legendre.legvander
+    moments = masses.ravel() @ legendre(2 * within.ravel() - 1, degree)
+    return np.asarray(weights * (legendre(2 * points - 1, degree) @ (moments * (2 * np.arange(degree + 1) + 1))))

@@ -32,6 +32,7 @@ from dataclasses import dataclass
 from types import NoneType
 
 import casadi as cs
+import numpy as np
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.equations import Equations
@@ -46,18 +47,17 @@ from ancf_casadi.dynamics.signals import (
 )
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.reduction.bending import BendingMotion
-from ancf_casadi.reduction.condensed import CondensedMotion, CondensedProjection, condensed_projection
-from ancf_casadi.reduction.forces import BASE_SIZE, Expression, ReducedMotion
-from ancf_casadi.reduction.projection import (
-    Projection,
+from ancf_casadi.reduction.bending import (
+    BendingMotion,
     SlopeProjection,
     begins_open,
     nodal_slopes,
     project_model,
     select_points,
 )
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.reduction.condensed import CondensedMotion, CondensedProjection, condensed_projection
+from ancf_casadi.reduction.forces import BASE_SIZE, Expression, Projection, ReducedMotion
+from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import check_instance, numbers, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import counted
@@ -225,15 +225,23 @@ def reduce_model(
         raise InputError("mode 1 is a motion without bending, which nothing holds; add a support or a spring", "modes")
     m, usual = modes.count, min(4 * modes.count + 4, MOST_DRAG_POINTS)
     drag_points = usual if drag_points is None else whole(drag_points, "drag_points", 1, MOST_DRAG_POINTS)
-    if not begins_open(model):
-        if slope_points is not None:
-            raise InputError("have no meaning where supports hold the beam beyond its beginning", "slope_points")
-        return _assembled(Reduction(modes, law, condensed_projection(modes, drag_points)), numbers(markers, "markers"))
-    nodal = nodal_slopes(modes)
-    most = len(nodal.angles)
-    slope_points = min(2 * m + 2, most) if slope_points is None else whole(slope_points, "slope_points", m + 1, most)
-    projection = project_model(modes, nodal, select_points(nodal, slope_points), drag_points)
+    most = 2 * model.beam.elements + 1 + model.root
+    if slope_points is None:
+        slope_points = min(2 * m + 2, most)
+    elif begins_open(model):
+        slope_points = whole(slope_points, "slope_points", m + 1, most)
+    else:
+        raise InputError("have no meaning where supports hold the beam beyond its beginning", "slope_points")
+    projection = _projected(modes, drag_points, slope_points)
     return _assembled(Reduction(modes, law, projection), numbers(markers, "markers"))
+
+
+def _projected(modes: Modes, drag_points: int, slope_points: int, rows: Index | None = None) -> Projection:
+    """Return the constants of a beam, with slopes at a number of points or at given ones if it does not stretch."""
+    if not begins_open(modes.model):
+        return condensed_projection(modes, drag_points)
+    nodal = nodal_slopes(modes)
+    return project_model(modes, nodal, select_points(nodal, slope_points, rows), drag_points)
 
 
 def reduced_motion(
@@ -252,11 +260,8 @@ def rebuilt(first: Reduction, model: Model) -> Reduction:
     rest = neighbour(Structure.of(model, loads), first.modes.equilibrium.exact)
     equilibrium = None if rest is None else Equilibrium(model, rest.coordinates, remainder=rest.remainder, loads=loads)
     modes = natural_modes(model, count=first.count, equilibrium=equilibrium)
-    if not isinstance(first.projection, SlopeProjection):
-        return Reduction(modes, first.law, condensed_projection(modes, drag_points))
-    nodal, rows = nodal_slopes(modes), first.projection.slopes.rows
-    selected = select_points(nodal, len(rows), rows)
-    return Reduction(modes, first.law, project_model(modes, nodal, selected, drag_points))
+    rows = first.projection.slopes.rows if isinstance(first.projection, SlopeProjection) else np.empty(0, int)
+    return Reduction(modes, first.law, _projected(modes, drag_points, len(rows), rows))
 
 
 def reduced_parameters(reduced: Reduction) -> tuple[Signal, ...]:
@@ -267,28 +272,9 @@ def reduced_parameters(reduced: Reduction) -> tuple[Signal, ...]:
 
 def _assembled(reduced: Reduction, markers: Sequence[float]) -> ReducedModel:
     """Return the reduced model with its Functions."""
-    modes, law, projection = reduced.modes, reduced.law, reduced.projection
-    parameters = reduced_parameters(reduced)
-    functions = _functions(modes, law, projection, len(parameters), markers)
-    return ReducedModel(
-        modes=modes,
-        law=law,
-        projection=projection,
-        parameters=parameters,
-        states=modal_signals(modes.frequencies.tolist()),
-        base=base_signals(),
-        outputs=output_signals(markers),
-        step=lawson_step(functions["rhs"], modes.angular_frequencies),
-        **functions,
-    )
-
-
-def _functions(
-    modes: Modes, law: DampingLaw, projection: Projection, parameters: int, markers: Sequence[float]
-) -> dict[str, cs.Function]:
-    """Return the Functions of the reduced model except the time step, by name."""
+    modes, law, projection, parameters = reduced.modes, reduced.law, reduced.projection, reduced_parameters(reduced)
     model, m = modes.model, modes.count
-    sizes = {"q": m, "v": m, "a": m, "base": BASE_SIZE, "p": parameters}
+    sizes = {"q": m, "v": m, "a": m, "base": BASE_SIZE, "p": len(parameters)}
     inputs = {name: cs.SX.sym(name, size) for name, size in sizes.items()}
     q, v, acceleration, base, p = inputs.values()
     motion = reduced_motion(projection, q, v, base, p[:2])
@@ -304,19 +290,29 @@ def _functions(
     D, LT, permutation = cs.ldl(motion.mass)
     a = cs.cse(cs.ldl_solve(-forces, D, LT, permutation))
 
-    def function(name: str, arguments: Sequence[str], **outputs: cs.SX) -> cs.Function:
-        symbols = [inputs[argument] for argument in arguments]
-        return cs.Function(f"reduced_{name}", symbols, [*outputs.values()], [*arguments], [*outputs])
+    def function(name: str, arguments: str, **outputs: cs.SX) -> cs.Function:
+        names = arguments.split()
+        symbols = [inputs[argument] for argument in names]
+        return cs.Function(f"reduced_{name}", symbols, [*outputs.values()], names, [*outputs])
 
-    return {
-        "rhs": function("rhs", ("q", "v", "base", "p"), a=a),
-        "mass": function("mass", ("q",), M=M),
-        "energies": function("energies", ("q", "v", "base", "p"), T=T, U=U, V=V),
-        "clamp_force": function("clamp_force", ("q", "v", "a", "base", "p"), F=resultant),
-        "tip": function("tip", ("q", "base"), r=e[-4:-2]),
-        "markers": function("markers", ("q", "base"), r=positions),
-        "coordinates": function("coordinates", ("q", "v", "base"), e=e, e_t=e_t),
-    }
+    rhs = function("rhs", "q v base p", a=a)
+    return ReducedModel(
+        modes=modes,
+        law=law,
+        projection=projection,
+        parameters=parameters,
+        states=modal_signals(modes.frequencies.tolist()),
+        base=base_signals(),
+        outputs=output_signals(markers),
+        rhs=rhs,
+        step=lawson_step(rhs, modes.angular_frequencies),
+        mass=function("mass", "q", M=M),
+        energies=function("energies", "q v base p", T=T, U=U, V=V),
+        clamp_force=function("clamp_force", "q v a base p", F=resultant),
+        tip=function("tip", "q base", r=e[-4:-2]),
+        markers=function("markers", "q base", r=positions),
+        coordinates=function("coordinates", "q v base", e=e, e_t=e_t),
+    )
 
 
 def lawson_step(rhs: cs.Function, angular_frequencies: Array) -> cs.Function:

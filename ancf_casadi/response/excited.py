@@ -35,6 +35,7 @@ from ancf_casadi.response.harmonic_balance.balance import (
 )
 from ancf_casadi.response.harmonic_balance.beams import STRAIGHT, full_system, reduced_system
 from ancf_casadi.response.harmonic_balance.system import (
+    BEAM_EXCITATION,
     Drive,
     HarmonicForce,
     SecondOrderSystem,
@@ -138,14 +139,10 @@ def excited(
         for name, given in (("damping", damping), ("base", base), ("load", load)):
             if given is not None:
                 raise InputError("belongs to a beam; a SecondOrderSystem has its own, and takes a HarmonicForce", name)
-        if mode is not None:
-            return Excited(body, no_drive(body.excitation), None)
-        check_instance(force, "force", HarmonicForce)
-        assert force is not None
-        return Excited(body, force_drive(force, body.excitation), None)
+        return Excited(body, no_drive(body.excitation) if mode else force_drive(force, body.excitation), None)
     if force is not None:
         raise InputError("belongs to a SecondOrderSystem; a beam takes a HarmonicBase or a HarmonicLoad", "force")
-    drive = beam_drive(base, load) if mode is None else None
+    drive = no_drive(BEAM_EXCITATION) if mode else beam_drive(base, load)
     place = TIP if load is None else load.place or TIP
     if isinstance(body, ReducedModel):
         if damping is not None:
@@ -155,10 +152,7 @@ def excited(
         assert isinstance(body, Model)
         damping = RayleighDamping() if damping is None else damping
         system = full_system(body, damping, place)
-    if drive is not None:
-        return Excited(system, drive, body, damping, place=place)
-    assert mode is not None
-    return Excited(system, no_drive(system.excitation), body, damping, mode)
+    return Excited(system, drive, body, damping, mode or 1, place)
 
 
 def half_range(values: Array) -> float:

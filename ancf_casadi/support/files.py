@@ -1,6 +1,7 @@
 """Reading files up to a size limit, and writing them so that none is ever incomplete.
 
-A file that cannot be read or written, and a path that names none, raise an ``InputError`` that names it.
+A file that cannot be read or written, and a path that names none, raise an ``InputError`` that names it.  Longer texts
+that are written are templates: files of a package that jinja2 fills with values.
 
 JSON is read strictly.  Beyond its rules, a file has at most ``MOST_BYTES`` bytes and ``MOST_LEVELS`` levels, no key
 twice in an object, only finite numbers, and no half characters (lone surrogates).  A place is written as
@@ -24,6 +25,7 @@ import tempfile
 import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from importlib.resources import files
 from io import BufferedReader
 from pathlib import Path
 from typing import Any, NoReturn
@@ -185,6 +187,20 @@ def read_json(path: str | Path) -> dict[str, Any]:
     with located(str(path)):
         check(value, "$")
     return value
+
+
+def template_text(package: str, name: str) -> str:
+    """Return a template that is a file of a package."""
+    return files(package).joinpath(name).read_text(encoding="utf-8")
+
+
+def filled_template(package: str, name: str, values: Mapping[str, Any]) -> str:
+    """Return a template with values and functions by name; a value that is missing is an error."""
+    from jinja2 import Environment, StrictUndefined  # slow to import
+
+    environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.keep_trailing_newline = True
+    return environment.from_string(template_text(package, name)).render(values)
 
 
 def place(where: str, key: str | int) -> str:

@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> Output:
     study = read_simulation(options.file)
     out, plot, moving = new_files([options.file], options.out, options.plot, options.animate)
     if moving is not None:
-        from ancf_casadi.animation.encoding import check_animation  # matplotlib is slow to import
+        from ancf_casadi.animation.motions import check_animation  # matplotlib is slow to import
 
         check_animation(moving)
     elif options.slower is not None:

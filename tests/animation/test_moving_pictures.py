@@ -24,7 +24,7 @@ from ancf_casadi import (
     reduce_model,
     simulate,
 )
-from ancf_casadi.animation import drawing, encoding, motions
+from ancf_casadi.animation import drawing, motions
 from ancf_casadi.support.figures import COMPUTED
 
 GREEN = np.array([int(COMPUTED[k : k + 2], 16) for k in (1, 3, 5)])
@@ -250,7 +250,7 @@ def ffmpeg(tmp_path, monkeypatch):
         path = tmp_path / "ffmpeg"
         path.write_text(f"#!/bin/sh\n{script}\n")
         path.chmod(path.stat().st_mode | stat.S_IXUSR)
-        monkeypatch.setitem(encoding.rcParams, "animation.ffmpeg_path", str(path))
+        monkeypatch.setitem(motions.rcParams, "animation.ffmpeg_path", str(path))
 
     return write
 
@@ -278,7 +278,7 @@ def test_a_failure_of_ffmpeg_is_one_line_and_leaves_no_file(run, tmp_path, ffmpe
 
 
 def test_without_ffmpeg_a_line_says_what_to_do(run, tmp_path, monkeypatch):
-    monkeypatch.setitem(encoding.rcParams, "animation.ffmpeg_path", "no-such-program")
+    monkeypatch.setitem(motions.rcParams, "animation.ffmpeg_path", "no-such-program")
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(InputError, match=r"needs ffmpeg, or the package imageio-ffmpeg; or write \.gif or \.html"):
         run.animate(tmp_path / "swing.mp4")

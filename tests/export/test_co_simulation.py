@@ -28,7 +28,7 @@ from ancf_casadi import (
 )
 from ancf_casadi.dynamics.base_motion import Piece
 from ancf_casadi.export import beam_functions, fmu, values, write_fmu
-from ancf_casadi.export.solved_functions import KENNEDY_CARPENTER
+from ancf_casadi.export.solved_functions import KENNEDY_CARPENTER, KENNEDY_CARPENTER_ERROR, stage_instants
 
 STEP = 0.02  # of communication, s
 INPUTS = ("base_x_acceleration", "base_y_acceleration", "base_angle_acceleration", "tip_force_x", "tip_force_y")
@@ -353,12 +353,12 @@ def test_a_smaller_tolerance_gives_a_smaller_error(reduced_path, unit):
 
 def test_the_tableau_has_order_4_and_its_error_estimate_order_3():
     """Conditions of order for a method and its embedded method, and of the order 2 of its stages."""
-    A = np.array([[*row, *[0.0] * (6 - len(row))] for row in KENNEDY_CARPENTER.rows])
+    A = np.array([[*row, *[0.0] * (6 - len(row))] for row in KENNEDY_CARPENTER])
     c, b = A.sum(axis=1), A[-1]
-    assert np.allclose(c, KENNEDY_CARPENTER.instants) and np.allclose(A @ c, c**2 / 2)
+    assert np.allclose(c, stage_instants(KENNEDY_CARPENTER)) and np.allclose(A @ c, c**2 / 2)
     trees = [np.ones(6), c, c**2, A @ c, c**3, c * (A @ c), A @ c**2, A @ A @ c]
     assert np.allclose([b @ tree for tree in trees], [1, 1 / 2, 1 / 3, 1 / 6, 1 / 4, 1 / 8, 1 / 12, 1 / 24], rtol=1e-13)
-    errors = [np.dot(KENNEDY_CARPENTER.error, tree) for tree in trees]
+    errors = [np.dot(KENNEDY_CARPENTER_ERROR, tree) for tree in trees]
     assert np.allclose(errors[:4], 0, atol=1e-15) and abs(errors[4]) > 1e-3
 
 

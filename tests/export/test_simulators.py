@@ -21,9 +21,8 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.export import write_exudyn, write_mujoco, write_newton, write_pyelastica
-from ancf_casadi.export.simulators.dampers import dampers
-from ancf_casadi.export.simulators.segments import segmented
-from ancf_casadi.export.simulators.small_motion import implicit_in_velocity, poles
+from ancf_casadi.export.simulators.segments import poles, segmented, step_matrix
+from ancf_casadi.export.simulators.settings import dampers
 from problems import fit_decay, fit_modes
 from problems.cli import main
 
@@ -42,8 +41,8 @@ def test_segments_keep_mass_and_inertia(paper_beam):
         places = ends + found.centres
         own = found.masses @ places**power + (found.inertias.sum() if power == 2 else 0.0)
         assert own == pytest.approx(exact, rel=1e-12)
-    (mass,) = found.carried
-    assert mass.segment * found.length + mass.distance == pytest.approx(0.31)
+    ((segment, distance, _),) = found.carried
+    assert segment * found.length + distance == pytest.approx(0.31)
 
 
 def test_the_frequencies_of_segments_converge_to_those_of_a_cantilever(paper_beam, bending_stiffness):
@@ -74,17 +73,17 @@ def test_segments_rest_and_vibrate_like_the_beam(paper_beam, changes):
 def test_poles_of_a_step_are_those_of_the_closed_form():
     """One mass: z^2 (1 + h d) - z (2 + h d - h^2 k) + 1 = 0."""
     d, k, h = 0.3, 400.0, 1e-3
-    f, ratio, stable = poles(implicit_in_velocity(*(np.array([[x]]) for x in (1.0, d, k)), h), h, 1)
+    f, ratio, stable = poles(step_matrix(*(np.array([[x]]) for x in (1.0, d, k)), h), h, 1)
     z = np.roots([1 + h * d, -(2 + h * d - h * h * k), 1])[0]
     s = np.log(z) / h
     assert stable and f[0] == pytest.approx(abs(s) / (2 * math.pi)) and ratio[0] == pytest.approx(-s.real / abs(s))
     assert ratio[0] == pytest.approx(d / 2 / math.sqrt(k), rel=1e-3)
-    assert not poles(implicit_in_velocity(*(np.array([[x]]) for x in (1.0, d, k)), 0.11), 0.11, 1)[2]
+    assert not poles(step_matrix(*(np.array([[x]]) for x in (1.0, d, k)), 0.11), 0.11, 1)[2]
 
 
 def test_modal_damping_becomes_rates_that_meet_mode_1(hanging):
     modes = natural_modes(hanging, count=3)
-    found = dampers(ModalDamping(modes, (0.01, 0.0028, 0.0028)), modes, 0.01)
+    found = dampers([ModalDamping(modes, (0.01, 0.0028, 0.0028))], modes, 0.01)
     ratios = RayleighDamping(found.alpha, found.beta).damping_ratios(modes, [0.0] * 3)
     assert ratios[0] == pytest.approx(0.01, rel=1e-9)
     assert ratios[1:] == pytest.approx([0.0028, 0.0028], rel=0.12)

@@ -23,7 +23,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
-from ancf_casadi.reduction.projection import nodal_slopes
+from ancf_casadi.reduction.bending import nodal_slopes
 from ancf_casadi.reduction.stepping import project
 
 RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)

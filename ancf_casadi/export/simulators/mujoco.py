@@ -22,15 +22,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ancf_casadi.damping import DRAG_CONSTANT, DampingLaw
+from ancf_casadi.damping import DampingLaw
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.simulators.result import ExportedBeam
-from ancf_casadi.export.simulators.settings import Segmented, header, written
-from ancf_casadi.export.simulators.small_motion import implicit_in_velocity
+from ancf_casadi.export.simulators.settings import ExportedBeam, Segmented, written
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 
-MJCF_MARK = "<!-- Written by ancf-casadi"
 POINT = 1e-12  # kg m^2; inertia of a point mass
 LEAST_INERTIA = 1e-15  # kg or kg m^2, that MuJoCo takes
 
@@ -47,11 +44,20 @@ class HingedChain(Segmented):
             turn, m = beam.inertias[k], beam.masses[k]
             masses.append(m)
             inertias.append((m * (b**2 + h**2) / 12, turn, turn + m * (b**2 - h**2) / 12))
-            for one in beam.carried:
-                if one.segment == k:
-                    masses.append(one.mass)
-                    inertias.append((max(one.rotary_inertia, POINT),) * 3)
+            carried = [one for segment, _, one in beam.carried if segment == k]
+            masses += [one.mass for one in carried]
+            inertias += [(max(one.rotary_inertia, POINT),) * 3 for one in carried]
+        if min(*masses, *np.ravel(inertias)) < LEAST_INERTIA:
+            message = "is so small that its segments have less mass or inertia than mujoco takes, 1e-15"
+            raise InputError(message, "model")
         return np.array(masses), np.array(inertias)
+
+    @property
+    def key_frames(self) -> dict[str, Array]:
+        """Angles of the hinges at rest, and deflected in mode 1, less those without moment."""
+        beam, rest, shapes = self.beam, self.discrete.rest, self.modes[1]
+        angles = {"rest": rest, "release": rest + self.given.amplitude * shapes[:, 0]}
+        return {name: np.diff(own, prepend=beam.axis) - beam.natural for name, own in angles.items()}
 
     @cached_property
     def sides(self) -> Array:
@@ -73,23 +79,19 @@ class HingedChain(Segmented):
         speeds = self.speeds(0)
         size = np.repeat(np.hypot(speeds[:, 0], speeds[:, 1]), 3).reshape(-1, 3) * [1.0, 1.0, 0.0]
         line = self.discrete.inertias * self._along_beam
-        drag = self.discrete.damping(DRAG_CONSTANT * self.law.eta2 * line * size.ravel())
+        drag = self.discrete.damping(self.law.drag * line * size.ravel())
         return self.discrete.ratio(drag, 0) / self.discrete.ratio(self._damping(0.0, 1.0, 0.0, 0), 0)
 
     def damping(self, mode: int) -> Array:
         """Return the damping matrix, with drag as for the amplitude of a mode."""
         return self._damping(self.viscosity, self.density, self.law.beta, mode)
 
-    def matrix(self, mode: int, step: float) -> Array:
-        """Return the matrix of one step."""
-        return implicit_in_velocity(self.discrete.mass, self.damping(mode), self.discrete.stiffness, step)
-
     @property
     def _along_beam(self) -> Array:
         """1 for the places of segments, 0 for those of carried masses."""
         flags = []
         for k in range(self.beam.count):
-            flags += [1.0] * 3 + [0.0] * 3 * sum(one.segment == k for one in self.beam.carried)
+            flags += [1.0] * 3 + [0.0] * 3 * sum(segment == k for segment, *_ in self.beam.carried)
         return np.array(flags)
 
     def _damping(self, viscosity: float, density: float, beta: float, mode: int) -> Array:
@@ -149,79 +151,4 @@ def write_mujoco(
     >>> found.segments, found.step
     (12, 0.0005)
     """
-    return written(HingedChain, "mujoco", MJCF_MARK, _mjcf, model, path, damping, segments, tolerance, amplitude)
-
-
-MJCF_MAPPING = (
-    "Hinges: stiffness 1/(int ds/(E I)), damping beta times that.  Bodies: mass and inertia of their part of the beam.",
-    "viscosity: damping per mass (alpha, eta1).  density: drag (eta2).  Both meet mode 1.  x, z: the plane of motion.",
-    "Not represented: motion out of this plane, twist, stretching; contacts are off (contype, conaffinity).",
-    "Key frames: 'rest' is the equilibrium, 'release' is deflected in mode 1.  Keep the time step, or a shorter one.",
-)
-
-
-def _mjcf(chain: HingedChain, found: ExportedBeam) -> str:
-    """Return the model file."""
-    beam, (x, y) = chain.beam, chain.beam.origin
-    masses, inertias = chain.bodies
-    if min(masses.min(), inertias.min()) < LEAST_INERTIA:
-        raise InputError("is so small that its segments have less mass or inertia than mujoco takes, 1e-15", "model")
-    lines, ends, place = [], [], 0
-    for k in range(beam.count):
-        turn = beam.unloaded[0] if k == 0 else beam.natural[k]
-        at = _shown(x, 0.0, y) if k == 0 else _shown(beam.length, 0.0, 0.0)
-        middle = _shown(beam.length / 2, 0.0, 0.0)
-        half = _shown(beam.length / 2, beam.widths[k] / 2, beam.thicknesses[k] / 2)
-        stiffness, damping = _shown(beam.stiffness[k]), _shown(chain.law.beta * beam.stiffness[k])
-        lines += [
-            f'<body name="segment_{k + 1}" pos="{at}" axisangle="0 -1 0 {_shown(turn)}">',
-            f'  <joint name="joint_{k + 1}" stiffness="{stiffness}" damping="{damping}"/>',
-            f'  <inertial pos="{_shown(beam.centres[k], 0.0, 0.0)}" mass="{_shown(masses[place])}" '
-            f'diaginertia="{_shown(*inertias[place])}"/>',
-            f'  <geom size="{half}" pos="{middle}"/>',
-        ]
-        ends.append("</body>")
-        place += 1
-        for one in (one for one in beam.carried if one.segment == k):
-            lines += [
-                f'  <body pos="{_shown(one.distance, 0.0, 0.0)}">',
-                f'    <inertial pos="0 0 0" mass="{_shown(one.mass)}" diaginertia="{_shown(*inertias[place])}"/>',
-                f'    <geom type="sphere" size="{_shown(max(beam.widths[k], beam.thicknesses[k]))}"/>',
-                "  </body>",
-            ]
-            place += 1
-    gravity = _shown(beam.gravity[0], 0.0, beam.gravity[1])
-    rest, shape = chain.discrete.rest, chain.modes[1][:, 0]
-    keys = {"rest": rest, "release": rest + found.amplitude * shape}
-    poses = {name: np.diff(angles, prepend=beam.axis) - beam.natural for name, angles in keys.items()}
-    frames = [f'    <key name="{name}" qpos="{_shown(*pose)}"/>' for name, pose in poses.items()]
-    return "\n".join(
-        [
-            f"{MJCF_MARK}{header(found, MJCF_MAPPING)}\n-->",
-            '<mujoco model="beam">',
-            '  <compiler angle="radian"/>',
-            f'  <option timestep="{found.step:g}" integrator="implicitfast" gravity="{gravity}"',
-            f'          viscosity="{_shown(chain.viscosity)}" density="{_shown(chain.density)}"/>',
-            "  <default>",
-            '    <joint type="hinge" axis="0 -1 0" armature="0"/>',
-            '    <geom type="box" contype="0" conaffinity="0"/>',
-            "  </default>",
-            "  <worldbody>",
-            *(f"    {line}" for line in lines),
-            f'    <site name="tip" pos="{_shown(beam.length, 0.0, 0.0)}"/>',
-            f"    {''.join(ends)}",
-            "  </worldbody>",
-            "  <sensor>",
-            '    <framepos name="tip" objtype="site" objname="tip"/>',
-            "  </sensor>",
-            "  <keyframe>",
-            *frames,
-            "  </keyframe>",
-            "</mujoco>",
-            "",
-        ]
-    )
-
-
-def _shown(*values: float) -> str:
-    return " ".join(f"{value:.10g}" for value in values)
+    return written(HingedChain, "mujoco.xml.jinja", model, path, damping, segments, tolerance, amplitude)

@@ -1,4 +1,4 @@
-"""The beam as rigid segments with springs between them.
+"""The beam as rigid segments with springs between them, and small motion of discretised beams.
 
 A beam that is held at its beginning alone becomes n segments of the length l = L/n, each with the mass, the centre and
 the moment of inertia of its part of the beam.  The joint at the beginning of segment j, at arc length j l, turns by the
@@ -14,18 +14,27 @@ half segment does not bend.
 
 Rigid segments have the inertia of a rod, and not that of masses at the joints: in a wave, the errors of the springs and
 of the inertia then cancel to leading order.
+
+The coordinates q place the masses at r(q) and store the energy V(q).  About the equilibrium V'(q) = 0, small motion is
+
+    M q_tt + D q_t + K q = 0,    M = J^T m J,    D = J^T c J + T^T (b k) T,    K = V'',    J = dr/dq,
+
+with dampers c at the masses and dampers b k at the joints, whose turns are T q.  One step of an integrator of the
+length h takes (q, v) to Z (q, v).  Its eigenvalues z are those of a motion exp(s t) with s = log(z)/h, which has the
+frequency |s|/2 pi and the damping ratio -Re s/|s| that a user of the program sees, errors of the step included.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
+import scipy.linalg
 
-from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.simulators.small_motion import Discrete, Energy
+from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.attachments import PointMass
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.section import masses_per_length
@@ -33,16 +42,7 @@ from ancf_casadi.mechanics.supports import Clamp, Pin
 from ancf_casadi.support.arrays import Array, Index
 
 GREGORY = 5 / 12  # part of a segment for which the joint at the clamp stands
-
-
-@dataclass(frozen=True)
-class CarriedMass:
-    """A point mass on a segment (number from 0), at a distance from its joint (m); mass (kg) and inertia (kg m^2)."""
-
-    segment: int
-    distance: float
-    mass: float
-    rotary_inertia: float
+SLOWEST = 1e-6  # 1/s; slower poles are those of motion that does not oscillate
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class SegmentedBeam:
     thicknesses: Array
     stiffness: Array  # of the joints, N m/rad
     natural: Array  # angle of the joints without moment, rad
-    carried: tuple[CarriedMass, ...]
+    carried: Sequence[tuple[int, float, PointMass]]  # with segment (from 0) and distance from its joint, m
 
     @property
     def count(self) -> int:
@@ -72,28 +72,23 @@ class SegmentedBeam:
         """Angles of the segments without load, rad."""
         return self.axis + np.cumsum(self.natural)
 
-    def energy(self) -> Energy:
-        """Return coordinates, places, inertias and energy; the places are x, y and angle of each mass, then the tip."""
+    def discrete(self) -> Discrete:
+        """Return small motion about the equilibrium; the places are x, y and angle of each mass."""
         theta = cs.SX.sym("theta", self.count)
-        at, places, inertias, ends = cs.SX(cs.DM(self.origin)), [], [], []
+        at, places, inertias = cs.SX(cs.DM(self.origin)), [], []
         for k in range(self.count):
             along = cs.vertcat(cs.cos(theta[k]), cs.sin(theta[k]))
-            own = [(self.masses[k], self.centres[k], self.inertias[k])]
-            own += [(one.mass, one.distance, one.rotary_inertia) for one in self.carried if one.segment == k]
-            for mass, distance, inertia in own:
+            moved = [(self.masses[k], self.centres[k], self.inertias[k])]
+            moved += [(one.mass, distance, one.rotary_inertia) for own, distance, one in self.carried if own == k]
+            for mass, distance, inertia in moved:
                 places += [at + distance * along, theta[k]]
                 inertias += [mass, mass, inertia]
             at = at + self.length * along
-            ends.append(at)
         turns = theta - cs.vertcat(self.axis, theta[:-1])
         bending = cs.sumsqr(cs.sqrt(cs.DM(self.stiffness)) * (turns - cs.DM(self.natural))) / 2
-        x, y = self.gravity
-        weights = np.array(inertias) * np.tile([x, y, 0.0], len(inertias) // 3)
-        return Energy(theta, cs.vertcat(*places), np.array(inertias), turns, bending, cs.DM(weights), at)
-
-    def discrete(self) -> Discrete:
-        """Return small motion about the equilibrium."""
-        return self.energy().about(self.unloaded)
+        return about_rest(
+            theta, cs.vertcat(*places), np.array(inertias), turns, bending, self.gravity, at, self.unloaded
+        )
 
 
 def segmented(beam: Beam, count: int) -> SegmentedBeam:
@@ -123,7 +118,7 @@ def segmented(beam: Beam, count: int) -> SegmentedBeam:
         if not isinstance(one, PointMass):
             raise InputError(f"a {type(one).__name__} cannot be written; only point masses can", "attachments")
         segment = min(int(one.point / length), count - 1)
-        carried.append(CarriedMass(segment, one.point - segment * length, one.mass, one.rotary_inertia))
+        carried.append((segment, one.point - segment * length, one))
     curvature = np.array(beam.natural_curvature or [0.0] * beam.elements)
     return SegmentedBeam(
         origin=support.displacement,
@@ -137,7 +132,7 @@ def segmented(beam: Beam, count: int) -> SegmentedBeam:
         thicknesses=_integrals(np.array(beam.thickness), nodes, ends) / length,
         stiffness=stiffness,
         natural=_integrals(curvature, nodes, cells),
-        carried=tuple(carried),
+        carried=carried,
     )
 
 
@@ -152,3 +147,96 @@ def _integrals(values: Array, nodes: Array, ends: Array) -> Array:
     """Return the integrals, between neighbouring ends, of a quantity that is constant in each element."""
     total = np.concatenate([[0.0], np.cumsum(values * np.diff(nodes))])
     return np.diff(np.interp(ends, nodes, total))
+
+
+def about_rest(
+    q: cs.SX,
+    places: cs.SX,
+    inertias: Array,
+    turns: cs.SX,
+    elastic: cs.SX,
+    gravity: tuple[float, float],
+    tip: cs.SX,
+    first: Array,
+) -> Discrete:
+    """Return small motion about the equilibrium next to some coordinates; refuse one that is not found.
+
+    The coordinates q place the masses (x, y, angle) and the tip, turn the joints and store elastic energy.
+    """
+    weights = cs.DM(inertias * np.tile([*gravity, 0.0], len(inertias) // 3))
+    hessian, gradient = cs.hessian(elastic - cs.dot(weights, places), q)
+    balance = cs.Function("balance", [q], [gradient, hessian])
+    at = first
+    for _ in range(100):
+        force, stiffness = (one.full() for one in balance(at))
+        step = -np.linalg.solve(stiffness, force)[:, 0]
+        at = at + step * min(1.0, 0.3 / np.abs(step).max(initial=1e-300))
+        if np.abs(step).max() < 1e-10:
+            break
+    else:
+        raise EquilibriumError("no equilibrium of the discretised beam was found; use more segments")
+    changes = [cs.jacobian(one, q) for one in (places, turns, tip)]
+    found = cs.Function("found", [q], [*changes, hessian, places])(at)
+    jacobian, of_turns, of_tip, stiffness, rest = (one.full() for one in found)
+    c, s = np.cos(rest[2::3]), np.sin(rest[2::3])
+    x, y = jacobian[0::3].copy(), jacobian[1::3].copy()
+    jacobian[0::3], jacobian[1::3] = c * x + s * y, c * y - s * x
+    return Discrete(at, jacobian, inertias, of_turns, stiffness, of_tip)
+
+
+@dataclass(frozen=True)
+class Discrete:
+    """Small motion about an equilibrium."""
+
+    rest: Array
+    jacobian: Array  # J of the places, along and across the beam there, and of the angle
+    inertias: Array
+    turns: Array  # T
+    stiffness: Array  # K
+    tip: Array  # Jacobian of the position of the tip
+
+    @property
+    def mass(self) -> Array:
+        """The mass matrix M."""
+        return np.asarray((self.jacobian.T * self.inertias) @ self.jacobian)
+
+    def damping(self, places: Array, joints: Array | float = 0.0) -> Array:
+        """Return D of dampers at the places (N s/m, N m s/rad) and at the joints (N m s/rad)."""
+        return np.asarray((self.jacobian.T * places) @ self.jacobian + (self.turns.T * joints) @ self.turns)
+
+    def modes(self, count: int) -> tuple[Array, Array]:
+        """Return angular frequencies (rad/s) and shapes of the lowest modes, whose tip moves by 1."""
+        values, shapes = scipy.linalg.eigh(self.stiffness, self.mass, subset_by_index=(0, count - 1))
+        if values[0] <= 0.0:
+            raise EquilibriumError("the equilibrium of the discretised beam is unstable; use more segments")
+        moved = self.tip @ shapes
+        larger = np.abs(moved).argmax(axis=0)
+        signs = np.sign(moved[larger, np.arange(count)])
+        return np.sqrt(values), shapes * signs / np.linalg.norm(moved, axis=0)
+
+    def ratio(self, damping: Array, mode: int) -> float:
+        """Return the damping ratio of a mode (number from 0) under light damping D."""
+        omega, shapes = self.modes(mode + 1)
+        phi = shapes[:, mode]
+        return float(phi @ damping @ phi / (2 * omega[mode] * (phi @ self.mass @ phi)))
+
+
+def poles(matrix: Array, step: float, count: int) -> tuple[Array, Array, bool]:
+    """Return frequencies (Hz) and damping ratios of the slowest poles of a step matrix, and whether no motion grows."""
+    z = np.linalg.eigvals(matrix)
+    s = np.log(z.astype(complex)) / step
+    s = s[s.imag > SLOWEST]
+    s = s[np.argsort(np.abs(s))][:count]
+    return np.abs(s) / (2 * math.pi), -s.real / np.abs(s), bool(np.abs(z).max() <= 1.0 + 1e-9)  # rounding
+
+
+def step_matrix(
+    mass: Array, damping: Array, stiffness: Array, step: float, *, implicit: bool = True, early: float = 0.0
+) -> Array:
+    """Return Z of q1 = q + e h v, M v' = M v - h K q1 - h D w, q' = q1 + (1 - e) h v'; w is v' if implicit, else v."""
+    eye = np.eye(len(mass))
+    after, before = (mass + step * damping, mass) if implicit else (mass, mass - step * damping)
+    inverse = np.linalg.inv(after)
+    kick = np.block([[eye, 0.0 * eye], [-step * inverse @ stiffness, inverse @ before]])
+    first, last = (np.block([[eye, share * step * eye], [0.0 * eye, eye]]) for share in (early, 1.0 - early))
+    return np.asarray(last @ kick @ first)

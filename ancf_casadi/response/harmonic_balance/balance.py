@@ -128,10 +128,7 @@ class Fourier:
         return np.asarray((-1.0) ** self.orders[:, None] == mirror)
 
 
-@lru_cache(maxsize=32)
-def fourier(harmonics: int, samples: int, half: bool = False) -> Fourier:
-    """Return the Fourier series with a number of harmonics and samples; equal ones share their matrices."""
-    return Fourier(harmonics, samples, half)
+fourier = lru_cache(maxsize=32)(Fourier)  # equal series share their matrices
 
 
 def basis_at(phases: Array, harmonics: int) -> Array:

@@ -150,8 +150,10 @@ def beam_drive(base: BaseMotion | None, load: TipLoad | None) -> Drive:
     return Drive(parts, amplitude, 2 * math.pi * load.frequency, unit, direction)
 
 
-def force_drive(force: HarmonicForce, components: int) -> Drive:
+def force_drive(force: HarmonicForce | None, components: int) -> Drive:
     """Return the excitation of a system by a harmonic force."""
+    check_instance(force, "force", HarmonicForce)
+    assert force is not None
     if len(force.direction) != components:
         raise InputError(f"has {len(force.direction)} entries for {components} of the excitation", "direction")
     parts = np.zeros((3, components))

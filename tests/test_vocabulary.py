@@ -9,7 +9,6 @@ import inspect
 import re
 from collections import Counter
 from collections.abc import Iterator
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from msgspec import inspect as types
 import ancf_casadi
 import ancf_casadi.export
 import problems
-from problems.cli import COMMANDS, module_of
+from problems.cli import COMMANDS, functions_of
 from problems.schema.match import MatchTable
 from problems.schema.motion import AXES, COMPONENTS, READING, SETTINGS
 from problems.schema.plan import PlanTable
@@ -133,7 +132,7 @@ def names_in_commands() -> Iterator[tuple[str, str]]:
     for command in COMMANDS:
         parser = argparse.ArgumentParser()
         parser.set_defaults(title=command)
-        import_module(module_of(command)).add_options(parser)
+        functions_of(command)[0](parser)
         for action in parser._actions:
             for option in action.option_strings or [action.dest]:
                 if not re.fullmatch("-[a-z]", option):

@@ -25,7 +25,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import physical
 from ancf_casadi.support.tables import Table, known
-from problems.command.output import Output, add_plot, figure_writers, json_text, new_files
+from problems.command.output import Output, add_plot, figure_writers, new_files
 from problems.command.record_options import add_record_options
 
 MOST_CHANNELS_SHOWN = 40  # channels in the table
@@ -45,7 +45,7 @@ values over frequency, complex or as amplitude and phase, are fitted by fit-frf
 SPECTRUM_SAMPLES = 10  # samples of a spectrum
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_inspect(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.epilog = EPILOG
     parser.add_argument("file", metavar="FILE", help="file of measurements")
@@ -54,8 +54,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 @np.errstate(all="ignore")  # a file may hold any numbers
-def run(options: argparse.Namespace) -> Output:
-    """Run the command."""
+def run_inspect(options: argparse.Namespace) -> Output:
+    """Look at the file."""
     new_files([options.file], options.plot)
     if options.sample_rate is not None:
         physical(options.sample_rate, "--sample-rate")
@@ -72,8 +72,6 @@ def run(options: argparse.Namespace) -> Output:
     summaries = [_summary(channel) for channel in recording.channels]
     plan = _plan(recording, options, problem)
     files = figure_writers(options.plot, lambda: _figure(recording, plan))
-    if not options.json:
-        return Output(_text(options, recording, summaries, plan), files)
     data = {
         "file": options.file,
         "times": [{"columns": numbers, **found} for numbers, found in _times(recording)],
@@ -81,7 +79,7 @@ def run(options: argparse.Namespace) -> Output:
         "notes": list(recording.notes),
         "fit": plan,
     }
-    return Output(json_text(data), files)
+    return Output(lambda: data, lambda: _text(options, recording, summaries, plan), files)
 
 
 def _summary(channel: RecordedChannel) -> dict[str, Any]:

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
-from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
 from ancf_casadi.dynamics.tip_load import HarmonicLoad, MovingForce, SampledLoad, TipLoad
 from ancf_casadi.exceptions import InputError
@@ -74,34 +73,23 @@ def read_motion(file: StudyFile, given: Mapping[str, Any], model: Model, where: 
         if table is None:
             continue
         if name != "release":
-            found[name] = (_base if name == "base" else _load)(file, table, place)
+            found[name] = _excitation(file, name, table, place)
         elif "start" not in given:  # the equilibrium under the load at the tip that holds the beam
             found["start"] = made(table, static_equilibrium, place, {"tip_force", "tip_moment"}, model=model)
     return found
 
 
-def _base(file: StudyFile, table: Any, where: str) -> BaseMotion:
-    """Return the motion of the clamp, of one of four kinds that the keys of its table tell apart."""
+def _excitation(file: StudyFile, name: str, table: Any, where: str) -> BaseMotion | TipLoad:
+    """Return a base or a load, each of one of four kinds that the keys of its table tell apart."""
     keys = set(table) if isinstance(table, dict) else set()
     if "file" in keys:
-        time, parts = _columns(file, table, AXES, where)
+        time, (x, y, turning) = _columns(file, table, AXES if name == "base" else COMPONENTS, where)
         with located(where):
-            return SampledBase(time, np.column_stack([parts["x"], parts["y"]]), parts["rotation"])
-    if "frequencies" in keys:
-        return made(table, SweepBase, where)
-    if keys and keys <= {field.name for field in fields(FixedBase)}:
-        return made(table, FixedBase, where)
-    return made(table, HarmonicBase, where)
-
-
-def _load(file: StudyFile, table: Any, where: str) -> TipLoad:
-    """Return the force and the moment at the tip over time, of one of four kinds that the keys tell apart."""
-    keys = set(table) if isinstance(table, dict) else set()
-    if "file" in keys:
-        time, parts = _columns(file, table, COMPONENTS, where)
-        with located(where):
-            return SampledLoad(time, np.column_stack([parts["force_x"], parts["force_y"]]), parts["moment"])
-    return made(table, SampledLoad if "time" in keys else MovingForce if "speed" in keys else HarmonicLoad, where)
+            return (SampledBase if name == "base" else SampledLoad)(time, np.column_stack([x, y]), turning)
+    if name == "load":
+        return made(table, SampledLoad if "time" in keys else MovingForce if "speed" in keys else HarmonicLoad, where)
+    fixed = keys and keys <= {field.name for field in fields(FixedBase)}
+    return made(table, SweepBase if "frequencies" in keys else FixedBase if fixed else HarmonicBase, where)
 
 
 def read_measured(file: StudyFile, given: Mapping[str, Any], where: str) -> Recording:
@@ -113,7 +101,7 @@ def read_measured(file: StudyFile, given: Mapping[str, Any], where: str) -> Reco
 
 def _columns(
     file: StudyFile, table: dict[str, Any], quantities: Mapping[str, Quantity], where: str
-) -> tuple[Array, dict[str, Array]]:
+) -> tuple[Array, list[Array]]:
     """Return the times (s) and the components, in SI units; a component without a column is zero.
 
     The table gives ``file``, the columns by component (name or number from 1), and how to read them; a ``unit`` holds
@@ -138,22 +126,11 @@ def _columns(
             raise InputError(
                 f"has other times or gaps than {named[0]}; give all columns at the same times", f"{where}: {name}"
             )
-    return time, {name: columns[name].values if name in columns else np.zeros(len(time)) for name in quantities}
+    return time, [columns[name].values if name in columns else np.zeros(len(time)) for name in quantities]
 
 
-@dataclass(frozen=True)
-class Simulation:
-    """The arguments of ``simulate`` from a file."""
-
-    model: Model
-    damping: DampingLaw | None
-    base: BaseMotion | None
-    settings: Mapping[str, Any]  # other arguments of ``simulate``
-    markers: Mapping[str, float]  # arc length of each point to output, m
-
-
-def read_simulation(given: str | StudyFile) -> Simulation:
-    """Read a beam, its damping, the motion of its base and the settings of the simulation."""
+def read_simulation(given: str | StudyFile) -> tuple[dict[str, Any], dict[str, float]]:
+    """Read the arguments of ``simulate``, and the points to output: arc length by name, m."""
     file = StudyFile.of(given)
     source, where = read_damped(file), file.where("simulation")
     table = file.needed("simulation")
@@ -161,9 +138,8 @@ def read_simulation(given: str | StudyFile) -> Simulation:
     _check_size(table, source.model, where)
     if "start" in table and "release" in file.tables:
         raise InputError("is given by the table [release]; leave it out", f"{where}: start")
-    settings = table | read_motion(file, table, source.model, where)
-    base = settings.pop("base", None)
-    return Simulation(source.model, source.damping, base, settings, read_markers(file, source.model))
+    motion = table | read_motion(file, table, source.model, where)
+    return {"model": source.model, "damping": source.damping, **motion}, read_markers(file, source.model)
 
 
 def _check_size(settings: Mapping[str, Any], model: Model, where: str) -> None:

@@ -22,7 +22,7 @@ from problems.decay.comparison import compare_decay_laws
 from problems.schema.records import RECORDS_HELP, read_measurements
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_compare_laws(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.epilog = RECORDS_HELP
     parser.add_argument(
@@ -39,9 +39,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_part_options(parser)
 
 
-def run(options: argparse.Namespace) -> Output:
-    """Run the command."""
-    (plot,) = new_files([options.file], options.plot)
+def run_compare_laws(options: argparse.Namespace) -> Output:
+    """Compare the laws."""
+    new_files([options.file], options.plot)
     found: LawComparison[Any]
     if options.file.lower().endswith(".toml"):
         check_no_record_options(options, "a study has them in [[records]]")
@@ -62,4 +62,4 @@ def run(options: argparse.Namespace) -> Output:
         record = read_record(options.file, options)
         with located(options.file):
             found = compare_decay_laws(record, release_time=release)
-    return result_output(options, found, plot)
+    return result_output(found, options.plot)

@@ -24,6 +24,12 @@ class Column:
     printed: tuple[float | None, ...] | None = None  # value that the source prints in each row
 
 
+def columns_of(heads: Sequence[str], rows: Sequence[Sequence[Cell]]) -> tuple[Column, ...]:
+    """Return the columns of rows; a head is a quantity, or ``quantity, unit``."""
+    named = [head.rpartition(", ")[::2] if ", " in head else (head, "") for head in heads]
+    return tuple(Column(head, cells, unit) for (head, unit), cells in zip(named, zip(*rows, strict=True), strict=True))
+
+
 @dataclass(frozen=True)
 class DataTable:
     """A table of a study."""

@@ -32,8 +32,7 @@ from problems.schema.plan import PLAN_KEYS
 from problems.schema.table import told
 from problems.study.kinds.beam import BeamProperties, Match, ModesOfBeam
 from problems.study.kinds.decays import DecayRecord, Decays
-from problems.study.kinds.motion import Comparison, MotionFit, SimulationPart
-from problems.study.kinds.planning import PlanPart
+from problems.study.kinds.motion import Comparison, MotionFit, PlanPart, SimulationPart
 from problems.study.kinds.rayleigh import Rayleigh
 from problems.study.kinds.response import ResponsePart
 from problems.study.kinds.transients import Transients

@@ -25,8 +25,7 @@ from problems.schema.plan import PlanTable
 from problems.schema.records import CHANNEL, FIT, RECORD
 from problems.schema.response import ResponseTable
 from problems.schema.table import FILE_TABLES
-from problems.study.part import LawChoice
-from problems.study.reading import StudyTable
+from problems.study.part import LawChoice, Study
 from problems.study.study import KINDS
 
 ROOT = Path(__file__).parents[1]
@@ -103,7 +102,7 @@ def names_in_files() -> Iterator[tuple[str, str]]:
         "[match]": MatchTable,
         "[plan]": PlanTable,
         "[response]": ResponseTable,
-        "[study]": StudyTable,
+        "[study]": Study,
         "[[laws]]": LawChoice,
     }
     for place, kind in {**declared, **{f"part {kind.kind}": kind for kind in KINDS}}.items():

@@ -11,13 +11,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located
 from problems.beam.fitting import compare_laws
 from problems.command.output import Output, add_plot, new_files, positive_count, result_output
-from problems.command.record_options import (
-    add_part_options,
-    add_record_options,
-    check_no_record_options,
-    read_record,
-    releases,
-)
+from problems.command.record_options import add_record_options, check_no_record_options, read_record, releases
 from problems.decay.comparison import compare_decay_laws
 from problems.schema.records import RECORDS_HELP, read_measurements
 
@@ -36,7 +30,6 @@ def add_compare_laws(parser: argparse.ArgumentParser) -> None:
     )
     add_plot(parser, "draw the criteria")
     add_record_options(parser)
-    add_part_options(parser)
 
 
 def run_compare_laws(options: argparse.Namespace) -> Output:

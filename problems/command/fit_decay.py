@@ -28,7 +28,7 @@ from problems.command.output import (
     positive_count,
     result_output,
 )
-from problems.command.record_options import add_part_options, add_record_options, read_record, releases
+from problems.command.record_options import add_record_options, read_record, releases
 from problems.decay.comparison import compare_decay_laws, compared
 from problems.decay.fitting import fit_decay, fit_decays
 from problems.decay.law_curve import amplitude_table
@@ -61,7 +61,6 @@ def add_fit_decay(parser: argparse.ArgumentParser) -> None:
         help="write damping ratio and frequency against amplitude: windows without a law, and the law with its band",
     )
     add_record_options(parser)
-    add_part_options(parser)
 
 
 def add_law_options(parser: argparse.ArgumentParser, *, auto: bool) -> None:
@@ -108,7 +107,6 @@ def add_fit_modes(parser: argparse.ArgumentParser) -> None:
     )
     add_plot(parser, "draw the record, the sum of the modes, and what remains")
     add_record_options(parser)
-    add_part_options(parser)
 
 
 def run_fit_modes(options: argparse.Namespace) -> Output:

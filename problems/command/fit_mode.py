@@ -10,13 +10,7 @@ from ancf_casadi.support.inputs import located
 from problems.beam.curves.record import ResponseRecord
 from problems.command.fit_decay import add_law_options
 from problems.command.output import Output, add_plot, finite, new_files, result_output
-from problems.command.record_options import (
-    add_part_options,
-    add_record_options,
-    check_no_record_options,
-    read_record,
-    releases,
-)
+from problems.command.record_options import add_record_options, check_no_record_options, read_record, releases
 from problems.mode.fitting import fit_mode
 from problems.schema.records import MODE_CURVES_HELP, read_curves
 
@@ -46,7 +40,6 @@ def add_fit_mode(parser: argparse.ArgumentParser) -> None:
     )
     add_plot(parser, "draw curves, decays, and frequency and damping ratio against amplitude")
     add_record_options(parser)
-    add_part_options(parser)
 
 
 def run_fit_mode(options: argparse.Namespace) -> Output:

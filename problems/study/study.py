@@ -37,7 +37,7 @@ from problems.study.kinds.rayleigh import Rayleigh
 from problems.study.kinds.response import ResponsePart
 from problems.study.kinds.transients import Transients
 from problems.study.part import FULL, QUICK, LawChoice, Part, Study
-from problems.study.reading import StudyTable, read_study
+from problems.study.reading import read_study
 from problems.study.results import Shown, file_name, labelled, page, results, schema
 from problems.study.runner import PartTime, run_parts
 
@@ -106,7 +106,7 @@ def study_help() -> str:
     """Return the tables of a study file and their keys, for ``--help``."""
     return "".join((
         beam_schema.HEAD,
-        told("[study]", "{}", StudyTable),
+        told("[study]", "{}", Study),
         beam_schema.BEAM_KEYS,
         MATCH_KEYS,
         PLAN_KEYS,

@@ -22,7 +22,7 @@ from ancf_casadi.vibration.modes import natural_modes
 from problems.matching.frequency_matching import match_frequencies
 from problems.schema.match import MatchTable, request_of
 from problems.schema.table import Positive, read
-from problems.study.data_table import Column, DataTable
+from problems.study.data_table import Column, DataTable, columns_of
 from problems.study.drawing import FIGURE_WIDTH, Drawing, drawn, new_figure, series
 from problems.study.part import Effort, Finding, Found, Part, Printed, Source, Task, printed_numbers
 
@@ -53,13 +53,8 @@ class BeamProperties(Part):
     def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the table of properties."""
         beam = self.beam_in(found)
-        means = [scale * float(np.mean(getattr(beam, name))) for name, _, scale in BEAM_ROWS]
-        printed = self.printed.get("value")
-        columns = (
-            Column("property", tuple(name.replace("_", " ") for name, *_ in BEAM_ROWS)),
-            Column("unit", tuple(unit for _, unit, _ in BEAM_ROWS)),
-            Column("value", tuple(means), printed=printed),
-        )
+        means = {name: float(np.mean(getattr(beam, name))) for name, *_ in BEAM_ROWS}
+        rows = [(name.replace("_", " "), unit, scale * means[name]) for name, unit, scale in BEAM_ROWS]
         varying = [name for name, *_ in ELEMENT_ROWS if np.ptp(getattr(beam, name)) > 0.0]
         notes = [f"{beam.elements} elements; axis {beam.axis}, gravity {beam.gravity} m/s²."]
         if varying:
@@ -69,6 +64,7 @@ class BeamProperties(Part):
             notes.append(f"{name.replace('_', ' ').capitalize()}: {amount}.")
         if beam.supports != (Clamp(),):
             notes.append(f"Supports: {', '.join(map(repr, beam.supports)) or 'none'}.")
+        columns = columns_of(("property", "unit", "value"), rows, self.printed)
         table = self.data_table("Properties of the beam", columns, *notes)
         data = {
             **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in ELEMENT_ROWS},
@@ -94,7 +90,7 @@ class ModesOfBeam(Part):
 
     def checked(self, source: Source, where: str) -> Self:
         """Return the part with its printed numbers."""
-        whole(self.modes, f"{where}: modes", 1, source.most_modes)
+        whole(self.modes, f"{where}: modes", 1, source.model.freedoms)
         return replace(self, printed=printed_numbers(self.printed, {"frequency": self.modes}, where))
 
     def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
@@ -102,10 +98,7 @@ class ModesOfBeam(Part):
         beam = self.beam_in(found)
         modes = natural_modes(Model(beam), count=self.modes)
         frequencies = modes.frequencies.tolist()
-        columns = (
-            Column("mode", tuple(range(1, self.modes + 1))),
-            Column("frequency", tuple(frequencies), "Hz", printed=self.printed.get("frequency")),
-        )
+        columns = columns_of(("mode", "frequency, Hz"), list(enumerate(frequencies, start=1)), self.printed)
         table = self.data_table("Natural frequencies", columns)
         figure = drawn("Mode shapes about the equilibrium.", modes.figure)
         return Finding({"frequency_hz": frequencies}, (table,), (figure,), beam=beam_data(beam))
@@ -178,17 +171,13 @@ class Match(Part, MatchTable):
         return Finding(matched.data, tables, figures, tuple(matched.data["warnings"]), matched.beam)
 
     def _properties(self, matched: Matched, beam: Beam) -> DataTable:
-        arrays = {name: scale * np.array(getattr(matched.beam, name)) for name, _, scale in ELEMENT_ROWS}
-        standard = [scale * float(np.mean(getattr(beam, name))) for name, _, scale in ELEMENT_ROWS]
-        columns = (
-            Column("property", tuple(name.replace("_", " ") for name, *_ in ELEMENT_ROWS)),
-            Column("unit", tuple(unit for _, unit, _ in ELEMENT_ROWS)),
-            Column("before", tuple(standard)),
-            Column("mean", tuple(float(values.mean()) for values in arrays.values()),
-                   printed=self.printed.get("value")),
-            Column("smallest", tuple(float(values.min()) for values in arrays.values())),
-            Column("largest", tuple(float(values.max()) for values in arrays.values())),
-        )  # fmt: skip
+        rows = []
+        for name, unit, scale in ELEMENT_ROWS:
+            before, values = scale * float(np.mean(getattr(beam, name))), scale * np.array(getattr(matched.beam, name))
+            row = (before, float(values.mean()), float(values.min()), float(values.max()))
+            rows.append((name.replace("_", " "), unit, *row))
+        heads = ("property", "unit", "before", "mean", "smallest", "largest")
+        columns = columns_of(heads, rows, {"mean": self.printed["value"]} if "value" in self.printed else None)
         bounds = ", ".join(matched.data["at_bound"]) or "none"
         notes = (
             f"{matched.data['iterations']} iterations of IPOPT; properties at a bound: {bounds}.",
@@ -204,16 +193,13 @@ class Match(Part, MatchTable):
             Column("measured", tuple(data["target_hz"]), "Hz"),
             Column("before", tuple(data["standard_hz"]), "Hz"),
         ]
-        printed = self.printed.get("standard")
         if self.weightless:
             other = beam.with_(gravity=(0.0, 0.0), density=self.weightless)
             frequencies = natural_modes(Model(other), count=max(data["modes"])).frequencies
             shown = tuple(float(frequencies[mode - 1]) for mode in data["modes"])
-            columns.append(Column(f"{self.weightless:g} kg/m³, no gravity", shown, "Hz", printed=printed))
-        else:
-            columns[-1] = Column("before", tuple(data["standard_hz"]), "Hz", printed=printed)
-        optimum = self.printed.get("optimum")
-        columns.append(Column("matched", tuple(data["matched_hz"]), "Hz", printed=optimum))
+            columns.append(Column(f"{self.weightless:g} kg/m³, no gravity", shown, "Hz"))
+        columns[-1] = replace(columns[-1], printed=self.printed.get("standard"))
+        columns.append(Column("matched", tuple(data["matched_hz"]), "Hz", printed=self.printed.get("optimum")))
         note = f"Largest relative error after matching: {data['max_relative_error']:.1e}."
         title = "Natural frequencies before and after matching"
         return self.data_table(title, columns, note)

@@ -53,7 +53,9 @@ def add_study(parser: argparse.ArgumentParser) -> None:
 
 def add_reproduce(parser: argparse.ArgumentParser) -> None:
     """Add the options, of which ``study`` has some more."""
-    parser.set_defaults(unfinished="finished computations are kept, and the same command continues from there")
+    parser.set_defaults(
+        file=None, unfinished="finished computations are kept, and the same command continues from there"
+    )
     parser.add_argument(
         "--out", type=Path, default=Path("results"), metavar="DIR", help="folder of the results (default: results)"
     )
@@ -63,31 +65,24 @@ def add_reproduce(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run_study(options: argparse.Namespace) -> Output:
-    """Run a study, which may be an edited copy of that of the paper."""
-    return _document(options, options.file, "ancf-casadi", "study", options.file)
-
-
 def run_reproduce(options: argparse.Namespace) -> Output:
-    """Run the study of the paper."""
-    from problems.paper.reproduce import PAPER_FILE  # slow to import
-
-    return _document(options, PAPER_FILE, "ancf-casadi", "reproduce")
-
-
-def _document(options: argparse.Namespace, path: str | Path, *words: str) -> Output:
-    """Run a study that a command, given by its words, asked for."""
-    from problems.paper.reproduce import ALL_KINDS  # slow to import
+    """Run a study, which may be an edited copy of that of the paper, or that of the paper itself."""
+    from problems.paper.reproduce import ALL_KINDS, PAPER_FILE  # slow to import, and only needed here
     from problems.study.study import write_study
 
+    words = ("ancf-casadi", options.title, options.file, "--quick" if options.quick else None)
+    given = [word for word in words if word is not None]
     report = write_study(
-        path,
+        PAPER_FILE if options.file is None else options.file,
         ALL_KINDS,
         options.out,
         quick=options.quick,
         executor=None,
         jobs=options.jobs,
         progress=sys.stderr.isatty(),
-        command=" ".join([*words, *(["--quick"] if options.quick else [])]),
+        command=" ".join(given),
     )
     return Output(report.to_dict, lambda: f"{report.report()}\n\n{report.page}")
+
+
+run_study = run_reproduce

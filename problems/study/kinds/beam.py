@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Self, final
 
@@ -104,17 +104,11 @@ class ModesOfBeam(Part):
         return Finding({"frequency_hz": frequencies}, (table,), (figure,), beam=beam_data(beam))
 
 
-@dataclass(frozen=True)
-class Matched:
-    """A matched beam as plain data."""
+def match_plain(beam: Beam, request: dict[str, Any]) -> tuple[BeamData, dict[str, Any], dict[str, Array]]:
+    """Return a matched beam, the result for JSON, and what else fits equally well, all as plain data.
 
-    beam: BeamData
-    data: dict[str, Any]  # the result for JSON, as ``FrequencyMatch.to_dict``
-    ranges: dict[str, Array]  # (n, 2), relative changes of a property that fit equally well; empty if out of reach
-
-
-def match_plain(beam: Beam, request: dict[str, Any]) -> Matched:
-    """Match a beam, and return the result as plain data."""
+    The last are relative changes of each property of each element, (n, 2); none if the targets are out of reach.
+    """
     match = match_frequencies(beam, **request_of(MatchTable(**request)))
     space = match.matching.space
     ranges = {} if match.out_of_reach else space.by_property(match.identifiability.spread - 1)
@@ -122,7 +116,7 @@ def match_plain(beam: Beam, request: dict[str, Any]) -> Matched:
     data["elastic_modulus_per_element"] = data["elastic_modulus"]
     data["density_per_element"] = data["density"]
     data["elastic_modulus"], data["density"] = data["elastic_modulus"][0], data["density"][0]
-    return Matched(beam_data(match.beam), data, ranges)
+    return beam_data(match.beam), data, ranges
 
 
 @final
@@ -159,35 +153,33 @@ class Match(Part, MatchTable):
 
     def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the properties, the frequencies, and both as figures."""
-        matched: Matched = results[0]
-        beam = self.beam_in(found)
+        (matched, data, ranges), beam = results[0], self.beam_in(found)
         figures = (
             drawn("Properties of the matched beam along its length, relative to the given beam.  "
                   "Shaded: changes of single elements that fit equally well.",
-                  lambda: self._profiles(matched, beam)),
-            self._errors(matched),
+                  lambda: _profiles(beam, matched, ranges)),
+            self._errors(data),
         )  # fmt: skip
-        tables = (self._properties(matched, beam), self._frequencies(matched, beam))
-        return Finding(matched.data, tables, figures, tuple(matched.data["warnings"]), matched.beam)
+        tables = (self._properties(beam, matched, data), self._frequencies(beam, data))
+        return Finding(data, tables, figures, tuple(data["warnings"]), matched)
 
-    def _properties(self, matched: Matched, beam: Beam) -> DataTable:
+    def _properties(self, beam: Beam, matched: BeamData, data: Mapping[str, Any]) -> DataTable:
         rows = []
         for name, unit, scale in ELEMENT_ROWS:
-            before, values = scale * float(np.mean(getattr(beam, name))), scale * np.array(getattr(matched.beam, name))
+            before, values = scale * float(np.mean(getattr(beam, name))), scale * np.array(getattr(matched, name))
             row = (before, float(values.mean()), float(values.min()), float(values.max()))
             rows.append((name.replace("_", " "), unit, *row))
         heads = ("property", "unit", "before", "mean", "smallest", "largest")
         columns = columns_of(heads, rows, {"mean": self.printed["value"]} if "value" in self.printed else None)
-        bounds = ", ".join(matched.data["at_bound"]) or "none"
+        bounds = ", ".join(data["at_bound"]) or "none"
         notes = (
-            f"{matched.data['iterations']} iterations of IPOPT; properties at a bound: {bounds}.",
+            f"{data['iterations']} iterations of IPOPT; properties at a bound: {bounds}.",
             "Mean, smallest and largest value along the beam.",
-            *matched.data["identified"],
+            *data["identified"],
         )
         return self.data_table("Properties of the matched beam", columns, *notes)
 
-    def _frequencies(self, matched: Matched, beam: Beam) -> DataTable:
-        data = matched.data
+    def _frequencies(self, beam: Beam, data: Mapping[str, Any]) -> DataTable:
         columns = [
             Column("mode", tuple(data["modes"])),
             Column("measured", tuple(data["target_hz"]), "Hz"),
@@ -204,19 +196,8 @@ class Match(Part, MatchTable):
         title = "Natural frequencies before and after matching"
         return self.data_table(title, columns, note)
 
-    def _profiles(self, matched: Matched, beam: Beam) -> Figure:
-        """Draw the properties that vary along the beam among those that may change, or the first of these."""
-        from ancf_casadi.plot import properties_figure  # slow to import
-
-        names = [name for name, *_ in ELEMENT_ROWS if name in matched.ranges] or [name for name, *_ in ELEMENT_ROWS]
-        along = [name for name in names if np.ptp(getattr(matched.beam, name)) > 0.0] or names[:1]
-        changes = {name: np.divide(getattr(matched.beam, name), getattr(beam, name)) - 1 for name in along}
-        ranges = {name: matched.ranges.get(name, change[:, None]) for name, change in changes.items()}
-        return properties_figure(beam, beam_from(matched.beam), ranges, width=FIGURE_WIDTH)
-
-    def _errors(self, matched: Matched) -> Drawing:
+    def _errors(self, data: Mapping[str, Any]) -> Drawing:
         """Draw the relative errors on a logarithmic scale, so that those after matching are visible."""
-        data = matched.data
         target = np.array(data["target_hz"])
         columns = {"before": data["standard_hz"], "matched": data["matched_hz"]}
         for key in ("standard", "optimum"):
@@ -234,3 +215,14 @@ class Match(Part, MatchTable):
 
         caption = "Relative errors of the natural frequencies, without their signs, on a logarithmic scale."
         return drawn(caption, draw)
+
+
+def _profiles(beam: Beam, matched: BeamData, ranges: Mapping[str, Array]) -> Figure:
+    """Draw the properties that vary along the beam among those that may change, or the first of these."""
+    from ancf_casadi.plot import properties_figure  # slow to import
+
+    names = [name for name, *_ in ELEMENT_ROWS if name in ranges] or [name for name, *_ in ELEMENT_ROWS]
+    along = [name for name in names if np.ptp(getattr(matched, name)) > 0.0] or names[:1]
+    changes = {name: np.divide(getattr(matched, name), getattr(beam, name)) - 1 for name in along}
+    shown = {name: ranges.get(name, change[:, None]) for name, change in changes.items()}
+    return properties_figure(beam, beam_from(matched), shown, width=FIGURE_WIDTH)

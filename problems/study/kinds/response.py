@@ -153,13 +153,9 @@ def draw_curve(axes: Axes, curve: Curve, values: Array, number: int, label: str 
     """Draw values along a curve in the style of its number: stable parts solid, unstable parts dashed."""
     style: dict[str, Any] = {**series(number), "ms": 4, "lw": 1.4, "linestyle": "-"}
     span = max(1, len(values) // 8)  # markers, which tell the curves apart in grey
-    for first, last, stable in _parts(curve["stable"]):
-        dash = {} if stable else {"linestyle": (0, (3, 2)), "marker": ""}
-        axes.plot(curve["frequency_hz"][first:last], values[first:last], markevery=(span // 2, span),
-                  label=label if first == 0 else None, **style | dash)  # fmt: skip
-
-
-def _parts(stable: Any) -> list[tuple[int, int, bool]]:
-    """Return begin, end and stability of the parts of a curve; neighbouring parts share a point."""
-    ends = [0, *(np.flatnonzero(np.diff(stable)) + 1).tolist(), len(stable)]
-    return [(begin, min(end + 1, len(stable)), bool(stable[begin])) for begin, end in pairwise(ends)]
+    stable = curve["stable"]
+    for begin, end in pairwise([0, *(np.flatnonzero(np.diff(stable)) + 1).tolist(), len(stable)]):
+        part = slice(begin, end + 1)  # neighbouring parts share a point
+        dash = {} if stable[begin] else {"linestyle": (0, (3, 2)), "marker": ""}
+        axes.plot(curve["frequency_hz"][part], values[part], markevery=(span // 2, span),
+                  label=None if begin else label, **style | dash)  # fmt: skip

@@ -74,12 +74,13 @@ def run_inspect(options: argparse.Namespace) -> Output:
     files = figure_writers(options.plot, lambda: _figure(recording, plan))
     data = {
         "file": options.file,
-        "times": [{"columns": numbers, **found} for numbers, found in _times(recording)],
+        "times": _times(recording),
         "channels": summaries,
         "notes": list(recording.notes),
         "fit": plan,
     }
-    return Output(lambda: data, lambda: _text(options, recording, summaries, plan), files)
+    text = _text(options, recording, data)
+    return Output(lambda: data, lambda: text, files)
 
 
 def _summary(channel: RecordedChannel) -> dict[str, Any]:
@@ -160,13 +161,13 @@ def _plan(recording: Recording, options: argparse.Namespace, problem: str) -> di
                    "periods": periods}  # fmt: skip
 
 
-def _times(recording: Recording) -> list[tuple[str, dict[str, float]]]:
+def _times(recording: Recording) -> list[dict[str, Any]]:
     """Return the sampling of each distinct time axis, with the numbers of its channels."""
     groups: dict[bytes, tuple[Array, list[int]]] = {}
     for channel in recording.channels:
         if channel.time is not None:
             groups.setdefault(channel.time.tobytes(), (channel.time, []))[1].append(channel.number)
-    return [(_ranges(numbers), sampling(time)) for time, numbers in groups.values()]
+    return [{"columns": _ranges(numbers), **sampling(time)} for time, numbers in groups.values()]
 
 
 def _ranges(numbers: Sequence[int]) -> str:
@@ -176,13 +177,12 @@ def _ranges(numbers: Sequence[int]) -> str:
     return f"{shown}, ..." if len(numbers) > 8 else shown
 
 
-def _text(
-    options: argparse.Namespace, recording: Recording, summaries: Sequence[Mapping[str, Any]], plan: Mapping[str, Any]
-) -> str:
-    times = _times(recording)
-    lines = [
-        f"times{f' of columns {numbers}' if len(times) > 1 else ''}: {_sampled(found)}" for numbers, found in times
-    ]
+def _text(options: argparse.Namespace, recording: Recording, data: Mapping[str, Any]) -> str:
+    times, summaries = data["times"], data["channels"]
+    lines = []
+    for found in times:
+        columns = f" of columns {found['columns']}" if len(times) > 1 else ""
+        lines.append(f"times{columns}: {_sampled(found)}")
     rows = [
         (
             one["number"], one["name"], one["unit"] if one["quantity"] or not one["unit"] else f"{one['unit']} (?)",
@@ -195,10 +195,10 @@ def _text(
         notes.append(f"{len(summaries) - MOST_CHANNELS_SHOWN} more columns are not shown; --json lists them all")
     heads = ("column", "name", "unit", "samples", "gaps", "lowest", "highest", "strongest frequency, Hz")
     table = Table("channels", recording.name, heads, rows, [*notes, *recording.notes])
-    return "\n".join([table.text(), *([""] if lines else []), *lines, "", *_advice(options, recording, plan)])
+    return "\n".join([table.text(), *([""] if lines else []), *lines, "", *_advice(options, recording, data["fit"])])
 
 
-def _sampled(found: Mapping[str, float]) -> str:
+def _sampled(found: Mapping[str, Any]) -> str:
     text = f"{found['samples']} from {found['begin']:g} to {found['end']:g} s"
     if not math.isfinite(found["rate"]):
         return text

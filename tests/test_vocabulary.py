@@ -20,10 +20,9 @@ import ancf_casadi.export
 import problems
 from problems.cli import COMMANDS, functions_of
 from problems.schema.match import MatchTable
-from problems.schema.motion import AXES, COMPONENTS, READING, SETTINGS
+from problems.schema.motion import AXES, COMPONENTS, READING, SETTINGS, ResponseTable
 from problems.schema.plan import PlanTable
 from problems.schema.records import CHANNEL, FIT, RECORD
-from problems.schema.response import ResponseTable
 from problems.schema.table import FILE_TABLES
 from problems.study.part import LawChoice, Study
 from problems.study.study import KINDS

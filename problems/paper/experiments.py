@@ -30,7 +30,7 @@ from ancf_casadi.support.figures import Figure, plain_log_ticks
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.paper.combined_law import ratio_curves
 from problems.schema.beam import law_of
-from problems.schema.response import RESPONSE_MODES, ResponseTable, ResponseTask
+from problems.schema.motion import RESPONSE_MODES, ResponseTable, ResponseTask
 from problems.study.data_table import columns_of
 from problems.study.drawing import drawn, new_figure, series
 from problems.study.kinds.experiment import FEWEST_MODES, ExperimentResult, RequestedRun, decay_curve

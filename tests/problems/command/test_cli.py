@@ -43,8 +43,7 @@ from problems.command import simulate as simulate_command
 from problems.paper.reproduce import ALL_KINDS, PAPER_FILE
 from problems.schema import records
 from problems.schema.match import MatchTable
-from problems.schema.motion import AXES, READING, SETTINGS, read_simulation
-from problems.schema.response import ResponseTable
+from problems.schema.motion import AXES, READING, SETTINGS, ResponseTable, read_simulation
 from problems.study import runner
 from problems.study import study as study_module
 

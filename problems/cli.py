@@ -19,11 +19,11 @@ from typing import Any, NoReturn
 
 from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.support.interrupts import raised_endings
-from ancf_casadi.support.tables import wrapped
+from ancf_casadi.support.tables import to_json, wrapped
 from ancf_casadi.version import __version__
-from problems.command.output import shortened
+from problems.command.output import Output, shortened
 
-COMMANDS = {  # each in a module of its name in problems.command or its folder fits; reproduce is in that of study
+COMMANDS = {
     "inspect": "show the channels of a file of measurements, and what a fit would use",
     "track": "track markers through a video, and write their positions as a file of measurements",
     "init": "write a commented TOML file that runs as it is, to start from",
@@ -43,6 +43,10 @@ COMMANDS = {  # each in a module of its name in problems.command or its folder f
     "study": "run a study and write its document: an HTML report",
     "reproduce": "run the study of the paper: every table and figure",
 }
+SHARING = {  # commands in the module of another one of problems.command
+    "init": "study", "reproduce": "study", "fit-modes": "fit_decay", "fit-response": "fit", "match": "modes",
+    "response": "simulate",
+}  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -73,16 +77,17 @@ class _Parser(argparse.ArgumentParser):
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Add the options of a subcommand, and parse."""
         if title := self.get_default("title"):
-            module = import_module(module_of(title))
-            module.add_options(self)
-            self.set_defaults(run=module.run)
+            add_options, run = functions_of(title)
+            add_options(self)
+            self.set_defaults(run=run)
         return super().parse_known_args(args, namespace)
 
 
-def module_of(command: str) -> str:
-    """Return the module of a subcommand."""
-    folder = "fits." if command.startswith(("fit", "compare")) else ""
-    return f"problems.command.{folder}{'study' if command == 'reproduce' else command.replace('-', '_')}"
+def functions_of(command: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callable[..., Output]]:
+    """Return the functions that add the options of a subcommand, and that run it."""
+    name = command.replace("-", "_")
+    module = import_module(f"problems.command.{SHARING.get(command, name)}")
+    return getattr(module, f"add_{name}"), getattr(module, f"run_{name}")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -113,7 +118,8 @@ def _run(options: argparse.Namespace) -> int:
         warnings.showwarning = _show_warning
         try:
             with counter(options.title):
-                output = options.run(options)
+                output: Output = options.run(options)
+                text = to_json(output.data()).rstrip() if options.json else output.text()
             if output.files:
                 written = "not all files were written"
             failures = _write(output.files)
@@ -121,9 +127,10 @@ def _run(options: argparse.Namespace) -> int:
             return _stopped(noted, written)
         except Exception as error:
             return _stopped(noted, written) if noted else _reported(error)
-    text = output.text if failures else output.text + output.closing
+    if not options.json:
+        text = wrapped(text if failures else text + output.closing)
     if text:
-        print(text if options.json else wrapped(text), flush=True)
+        print(text, flush=True)
     return max([_reported(failure) for failure in failures], default=0)
 
 

@@ -9,7 +9,6 @@ import inspect
 import re
 from collections import Counter
 from collections.abc import Iterator
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -19,15 +18,13 @@ from msgspec import inspect as types
 import ancf_casadi
 import ancf_casadi.export
 import problems
-from problems.cli import COMMANDS, module_of
+from problems.cli import COMMANDS, functions_of
 from problems.schema.match import MatchTable
-from problems.schema.motion import AXES, COMPONENTS, READING, SETTINGS
+from problems.schema.motion import AXES, COMPONENTS, READING, SETTINGS, ResponseTable
 from problems.schema.plan import PlanTable
 from problems.schema.records import CHANNEL, FIT, RECORD
-from problems.schema.response import ResponseTable
 from problems.schema.table import FILE_TABLES
-from problems.study.part import LawChoice
-from problems.study.reading import StudyTable
+from problems.study.part import LawChoice, Study
 from problems.study.study import KINDS
 
 ROOT = Path(__file__).parents[1]
@@ -104,7 +101,7 @@ def names_in_files() -> Iterator[tuple[str, str]]:
         "[match]": MatchTable,
         "[plan]": PlanTable,
         "[response]": ResponseTable,
-        "[study]": StudyTable,
+        "[study]": Study,
         "[[laws]]": LawChoice,
     }
     for place, kind in {**declared, **{f"part {kind.kind}": kind for kind in KINDS}}.items():
@@ -133,7 +130,7 @@ def names_in_commands() -> Iterator[tuple[str, str]]:
     for command in COMMANDS:
         parser = argparse.ArgumentParser()
         parser.set_defaults(title=command)
-        import_module(module_of(command)).add_options(parser)
+        functions_of(command)[0](parser)
         for action in parser._actions:
             for option in action.option_strings or [action.dest]:
                 if not re.fullmatch("-[a-z]", option):

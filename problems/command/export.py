@@ -33,7 +33,7 @@ from ancf_casadi.export import (
 from ancf_casadi.export.fmu import FmuKind
 from ancf_casadi.support.files import check_folder, read_json
 from ancf_casadi.support.inputs import located
-from problems.command.output import Output, comma_numbers, finite, json_text, new_files, positive_count
+from problems.command.output import Output, comma_numbers, finite, new_files, positive_count
 from problems.schema.beam import DAMPED_HELP, read_damped
 
 FORMATS = {
@@ -55,7 +55,7 @@ SIMULATORS: dict[str, Callable[..., ExportedBeam]] = {
 }
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_export(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.epilog = DAMPED_HELP
     parser.add_argument("file", metavar="BEAM.toml", help="tables [beam] and [damping], or a JSON document")
@@ -97,8 +97,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(options: argparse.Namespace) -> Output:
-    """Run the command."""
+def run_export(options: argparse.Namespace) -> Output:
+    """Write the files."""
     began = time.perf_counter()
     source = read_damped(options.file)
     if options.format == "c":
@@ -112,11 +112,11 @@ def run(options: argparse.Namespace) -> Output:
     beam = _simulator(source, options)
     paths = _export(source, options) if beam is None else [options.out]
     files = [{"path": str(path), "bytes": path.stat().st_size} for path in paths]
-    if options.json:
-        data = {"format": options.format, "files": files, "seconds": time.perf_counter() - began}
-        return Output(json_text(data if beam is None else data | {"beam": beam.to_dict()}))
-    lines = [f"{file['path']}  {file['bytes']} bytes" for file in files]
-    return Output("\n".join(lines if beam is None else [*lines, "", beam.report()]))
+    data = {"format": options.format, "files": files, "seconds": time.perf_counter() - began}
+    text = "\n".join(f"{file['path']}  {file['bytes']} bytes" for file in files)
+    if beam is None:
+        return Output(lambda: data, lambda: text)
+    return Output(lambda: data | {"beam": beam.to_dict()}, lambda: f"{text}\n\n{beam.report()}")
 
 
 def _simulator(source: Document, options: argparse.Namespace) -> ExportedBeam | None:

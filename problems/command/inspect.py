@@ -24,7 +24,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import physical
 from ancf_casadi.support.tables import Table, known
-from problems.command.output import Output, add_plot, figure_writers, json_text, new_files
+from problems.command.output import Output, add_plot, figure_writers, new_files
 from problems.command.record_options import add_record_options
 
 MOST_CHANNELS_SHOWN = 40  # channels in the table
@@ -44,17 +44,17 @@ values over frequency, complex or as amplitude and phase, are fitted by fit-frf
 SPECTRUM_SAMPLES = 10  # samples of a spectrum
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_inspect(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.epilog = EPILOG
     parser.add_argument("file", metavar="FILE", help="file of measurements")
     add_plot(parser, "draw the channels over time, and their spectra")
-    add_record_options(parser)
+    add_record_options(parser, part=False)
 
 
 @np.errstate(all="ignore")  # a file may hold any numbers
-def run(options: argparse.Namespace) -> Output:
-    """Run the command."""
+def run_inspect(options: argparse.Namespace) -> Output:
+    """Look at the file."""
     new_files([options.file], options.plot)
     if options.sample_rate is not None:
         physical(options.sample_rate, "--sample-rate")
@@ -69,16 +69,15 @@ def run(options: argparse.Namespace) -> Output:
     summaries = [_summary(channel) for channel in recording.channels]
     plan = _plan(recording, options, problem)
     files = figure_writers(options.plot, lambda: _figure(recording, plan))
-    if not options.json:
-        return Output(_text(options, recording, summaries, plan), files)
     data = {
         "file": options.file,
-        "times": [{"columns": numbers, **found} for numbers, found in _times(recording)],
+        "times": _times(recording),
         "channels": summaries,
         "notes": list(recording.notes),
         "fit": plan,
     }
-    return Output(json_text(data), files)
+    text = _text(options, recording, data)
+    return Output(lambda: data, lambda: text, files)
 
 
 def _summary(channel: RecordedChannel) -> dict[str, Any]:
@@ -159,13 +158,13 @@ def _plan(recording: Recording, options: argparse.Namespace, problem: str) -> di
                    "periods": periods}  # fmt: skip
 
 
-def _times(recording: Recording) -> list[tuple[str, dict[str, float]]]:
+def _times(recording: Recording) -> list[dict[str, Any]]:
     """Return the sampling of each distinct time axis, with the numbers of its channels."""
     groups: dict[bytes, tuple[Array, list[int]]] = {}
     for channel in recording.channels:
         if channel.time is not None:
             groups.setdefault(channel.time.tobytes(), (channel.time, []))[1].append(channel.number)
-    return [(_ranges(numbers), sampling(time)) for time, numbers in groups.values()]
+    return [{"columns": _ranges(numbers), **sampling(time)} for time, numbers in groups.values()]
 
 
 def _ranges(numbers: Sequence[int]) -> str:
@@ -175,13 +174,12 @@ def _ranges(numbers: Sequence[int]) -> str:
     return f"{shown}, ..." if len(numbers) > 8 else shown
 
 
-def _text(
-    options: argparse.Namespace, recording: Recording, summaries: Sequence[Mapping[str, Any]], plan: Mapping[str, Any]
-) -> str:
-    times = _times(recording)
-    lines = [
-        f"times{f' of columns {numbers}' if len(times) > 1 else ''}: {_sampled(found)}" for numbers, found in times
-    ]
+def _text(options: argparse.Namespace, recording: Recording, data: Mapping[str, Any]) -> str:
+    times, summaries = data["times"], data["channels"]
+    lines = []
+    for found in times:
+        columns = f" of columns {found['columns']}" if len(times) > 1 else ""
+        lines.append(f"times{columns}: {_sampled(found)}")
     rows = [
         (
             one["number"], one["name"], one["unit"] if one["quantity"] or not one["unit"] else f"{one['unit']} (?)",
@@ -194,10 +192,10 @@ def _text(
         notes.append(f"{len(summaries) - MOST_CHANNELS_SHOWN} more columns are not shown; --json lists them all")
     heads = ("column", "name", "unit", "samples", "gaps", "lowest", "highest", "strongest frequency, Hz")
     table = Table("channels", recording.name, heads, rows, [*notes, *recording.notes])
-    return "\n".join([table.text(), *([""] if lines else []), *lines, "", *_advice(options, recording, plan)])
+    return "\n".join([table.text(), *([""] if lines else []), *lines, "", *_advice(options, recording, data["fit"])])
 
 
-def _sampled(found: Mapping[str, float]) -> str:
+def _sampled(found: Mapping[str, Any]) -> str:
     text = f"{found['samples']} from {found['begin']:g} to {found['end']:g} s"
     if not math.isfinite(found["rate"]):
         return text

@@ -1,19 +1,25 @@
-"""``ancf-casadi modes``: natural frequencies and mode shapes of a beam about its equilibrium."""
+"""``ancf-casadi modes`` and ``match``: the modes of a beam, and the nearest beam with the measured frequencies."""
 
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from ancf_casadi.export import Document, Identification, write_document
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.inputs import located
 from ancf_casadi.support.tables import Table
 from ancf_casadi.vibration.modes import STATIONS, Modes, natural_modes
 from problems.command.output import Output, add_plot, file_writers, new_files, positive_count, result_output
+from problems.matching.frequency_matching import match_frequencies
 from problems.schema.beam import BEAM_HELP, read_beam
+from problems.schema.match import MATCH_HELP, read_match
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_modes(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.epilog = BEAM_HELP
     parser.add_argument("file", metavar="BEAM.toml", help="a file with the table [beam], or a JSON document")
@@ -24,12 +30,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_plot(parser, "draw the shapes")
 
 
-def run(options: argparse.Namespace) -> Output:
-    """Run the command."""
+def run_modes(options: argparse.Namespace) -> Output:
+    """Compute the modes."""
     model = read_beam(options.file).model
-    out, plot = new_files([options.file], options.out, options.plot)
+    new_files([options.file], options.out, options.plot)
     modes = natural_modes(model, count=options.modes)
-    return result_output(options, modes, plot, file_writers(out, lambda: _shapes(modes).csv()))
+    return result_output(modes, options.plot, file_writers(options.out, lambda: _shapes(modes).csv()))
 
 
 def _shapes(modes: Modes) -> Table:
@@ -37,3 +43,23 @@ def _shapes(modes: Modes) -> Table:
     names = [f"mode{k}_{axis}" for k in range(1, modes.count + 1) for axis in "xy"]
     rows = np.column_stack([arc, np.moveaxis(modes.along(arc), 0, 1).reshape(len(arc), -1)])
     return Table("shapes", "Mode shapes", ("arc_length_m", *names), rows.tolist())
+
+
+def add_match(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.epilog = MATCH_HELP
+    parser.add_argument("file", metavar="BEAM.toml", help="a file with the tables [beam] and [match]")
+    parser.add_argument("--out", type=Path, metavar="FILE.json", help="write the matched beam as a JSON document")
+    add_plot(parser, "draw the properties along the beam")
+
+
+def run_match(options: argparse.Namespace) -> Output:
+    """Match the beam."""
+    beam, request = read_match(options.file)
+    new_files([options.file], options.out, options.plot)
+    with located(f"{options.file}: [match]"):
+        match = match_frequencies(beam, **request)
+    if options.out is None:
+        return result_output(match, options.plot)
+    document = Document(Model(match.beam), identifications=[Identification.of(match)])
+    return result_output(match, options.plot, [partial(write_document, options.out, document)])

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.files import check_file, write_file
-from ancf_casadi.support.tables import Reported, to_json
+from ancf_casadi.support.tables import Reported
 
 if TYPE_CHECKING:
     from ancf_casadi.estimation.comparison import LawComparison
@@ -26,9 +26,10 @@ PICTURES = (".png", ".svg", ".pdf")
 class Output:
     """Result of a command."""
 
-    text: str  # to print, even if a file cannot be written
+    data: Callable[[], Any]  # the result as plain data, for --json
+    text: Callable[[], str]  # the result to print otherwise, even if a file cannot be written
     files: Sequence[Callable[[], object]] = ()  # write the files, in their order
-    closing: str = ""  # to print below once all files are written
+    closing: str = ""  # to print below the text once all files are written
 
 
 def positive_count(text: str) -> int:
@@ -75,11 +76,6 @@ def _picture(text: str) -> Path:
     return path
 
 
-def json_text(value: Any) -> str:
-    """Return plain data as JSON without the last line break."""
-    return to_json(value).rstrip()
-
-
 def file_writers(path: Path | None, content: Callable[[], str | bytes]) -> list[Callable[[], object]]:
     """Return a function that makes the content of a file and writes it; none without a path."""
     return [] if path is None else [lambda: write_file(path, content())]
@@ -97,17 +93,13 @@ def figure_writers(path: Path | None, draw: Callable[[], Figure]) -> list[Callab
 
 
 def result_output(
-    options: argparse.Namespace,
-    result: Reported | LawComparison[Any],
-    plot: Path | None,
-    files: Sequence[Callable[[], object]] = (),
+    result: Reported | LawComparison[Any], plot: Path | None, files: Sequence[Callable[[], object]] = ()
 ) -> Output:
-    """Return a result as text, or with ``--json`` as data, with its figure after other files."""
-    text = json_text(result.to_dict()) if options.json else result.report()
-    return Output(text, [*files, *figure_writers(plot, result.figure)])
+    """Return a result, with its figure after other files."""
+    return Output(result.to_dict, result.report, [*files, *figure_writers(plot, result.figure)])
 
 
-def new_files(inputs: Sequence[str], *outputs: Path | None) -> tuple[Path | None, ...]:
+def new_files(inputs: Sequence[str], *outputs: Path | None) -> None:
     """Check the output files: each must be writable, different from the others and from every input."""
     taken = {os.path.realpath(path): "is an input, which would be lost; choose another name" for path in inputs}
     for path in outputs:
@@ -118,4 +110,3 @@ def new_files(inputs: Sequence[str], *outputs: Path | None) -> tuple[Path | None
         if place in taken:
             raise InputError(taken[place], str(path))
         taken[place] = "is named for two outputs; choose two names"
-    return outputs

@@ -4,19 +4,11 @@ from __future__ import annotations
 
 import argparse
 
-from problems.command.output import (
-    Output,
-    add_plot,
-    figure_writers,
-    json_text,
-    new_files,
-    positive_count,
-    result_output,
-)
+from problems.command.output import Output, add_plot, figure_writers, new_files, positive_count, result_output
 from problems.schema.plan import PLAN_HELP, read_plan
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_plan(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.epilog = PLAN_HELP
     parser.add_argument(
@@ -35,18 +27,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(options: argparse.Namespace) -> Output:
-    """Run the command."""
+def run_plan(options: argparse.Namespace) -> Output:
+    """Plan the experiments."""
     task = read_plan(options.file)
-    (plot,) = new_files([options.file], options.plot)
+    new_files([options.file], options.plot)
     if options.laws:
-        return result_output(options, task.compared(jobs=options.jobs, progress=True), plot)
+        return result_output(task.compared(jobs=options.jobs, progress=True), options.plot)
     found = task.planned(jobs=options.jobs, progress=True)
-    choice, files = task.chosen(found), figure_writers(plot, found.figure)
-    if options.json:
-        return Output(json_text(found.to_dict() | choice), files)
+    choice = task.chosen(found)
     chosen = ", ".join(f"{count} x {name}" for name, count in choice["best"].items() if count)
     lines = [f"best list within the budget {choice['budget']:g} for {choice['goal']}: {chosen}"]
     errors = choice["standard_errors"]
     lines += [f"  {name}: standard error {error:.3g} {found.units[name]}".rstrip() for name, error in errors.items()]
-    return Output("\n".join([found.report(), "", *lines]), files)
+    text = "\n".join([found.report(), "", *lines])
+    return Output(lambda: found.to_dict() | choice, lambda: text, figure_writers(options.plot, found.figure))

@@ -16,8 +16,8 @@ from ancf_casadi.support.inputs import located
 from problems.command.output import comma_numbers, finite, positive_count
 
 
-def add_record_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say how to read a file."""
+def add_record_options(parser: argparse.ArgumentParser, *, part: bool = True) -> None:
+    """Add the options that say how to read a file, and those that choose a ``part`` of the record."""
     group = parser.add_argument_group("reading the file")
     group.add_argument(
         "--column", type=column, metavar="NAME|N", help="column of the values, by its name or its number from 1"
@@ -32,23 +32,8 @@ def add_record_options(parser: argparse.ArgumentParser) -> None:
         metavar="QUANTITY",
         help=f"what was measured: {', '.join(get_args(Quantity))} (default: as the unit tells)",
     )
-
-
-def add_spectral_options(parser: argparse.ArgumentParser, *, level: bool) -> None:
-    """Add the options that say how to read a file with values over frequency, with the ``level`` of an excitation."""
-    group = parser.add_argument_group("reading the file")
-    columns = {"column": "amplitudes or real parts", "frequency": "frequencies", "phase": "phases"}
-    for name, values in (columns | ({"level": "levels of the excitation"} if level else {})).items():
-        text = f"column of the {values}, by its name or its number from 1, if its name does not tell it"
-        group.add_argument(f"--{name}", type=column, metavar="NAME|N", help=text)
-    group.add_argument("--unit", help="unit of the values, such as mm, g or mm/N, if the file does not say it")
-    group.add_argument("--phase-unit", choices=("deg", "rad"), help="unit of the phases, if the file does not say it")
-    if level:
-        group.add_argument("--level-unit", metavar="UNIT", help="unit of the levels, such as N or g, likewise")
-
-
-def add_part_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that choose a part of the record."""
+    if not part:
+        return
     group = parser.add_argument_group("choosing the part to fit")
     group.add_argument("--begin", type=finite, metavar="S", help="leave out what is before this time (s)")
     group.add_argument("--end", type=finite, metavar="S", help="leave out what is after this time (s)")
@@ -65,6 +50,19 @@ def add_part_options(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="time at which the free decay starts (s; default: detected); with several files S,S,... gives one each",
     )
+
+
+def add_spectral_options(parser: argparse.ArgumentParser, *, level: bool) -> None:
+    """Add the options that say how to read a file with values over frequency, with the ``level`` of an excitation."""
+    group = parser.add_argument_group("reading the file")
+    columns = {"column": "amplitudes or real parts", "frequency": "frequencies", "phase": "phases"}
+    for name, values in (columns | ({"level": "levels of the excitation"} if level else {})).items():
+        text = f"column of the {values}, by its name or its number from 1, if its name does not tell it"
+        group.add_argument(f"--{name}", type=column, metavar="NAME|N", help=text)
+    group.add_argument("--unit", help="unit of the values, such as mm, g or mm/N, if the file does not say it")
+    group.add_argument("--phase-unit", choices=("deg", "rad"), help="unit of the phases, if the file does not say it")
+    if level:
+        group.add_argument("--level-unit", metavar="UNIT", help="unit of the levels, such as N or g, likewise")
 
 
 def read_record(path: str, options: argparse.Namespace) -> Measurement:

@@ -1,23 +1,61 @@
-"""``ancf-casadi study`` and ``ancf-casadi reproduce``: a whole study as one document."""
+"""``ancf-casadi init``, ``study`` and ``reproduce``: a file to start from, and a whole study as one document."""
 
 from __future__ import annotations
 
 import argparse
 import os
 import sys
+from functools import partial
+from importlib.resources import files
 from pathlib import Path
 
-from problems.command.output import Output, json_text, positive_count
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.files import check_file, write_file
+from problems.command.output import Output, positive_count
+
+STUDY = files("problems.command").joinpath("study.toml").read_text(encoding="utf-8")  # runs as it is
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_init(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
+    parser.add_argument(
+        "file",
+        nargs="?",
+        type=Path,
+        default=Path("study.toml"),
+        metavar="STUDY.toml",
+        help="file to write, which must not exist yet (default: study.toml)",
+    )
+
+
+def run_init(options: argparse.Namespace) -> Output:
+    """Write a commented TOML file."""
+    path: Path = options.file
+    if path.suffix.lower() != ".toml":
+        raise InputError("must end in .toml", str(path))
+    if path.exists() or path.is_symlink():
+        raise InputError("exists already; choose another name", str(path))
+    check_file(path)
+    name = path.name if path.name.isprintable() else "study.toml"  # in comments, which a line break would end
+    write = partial(write_file, path, STUDY.replace("study.toml", name))
+    closing = f"wrote {path}; try: ancf-casadi simulate {path} --out motion.csv"
+    return Output(lambda: {"file": str(path)}, str, [write], closing)
+
+
+def add_study(parser: argparse.ArgumentParser) -> None:
+    """Add the options, and the help on the tables of a study."""
     from problems.study.study import study_help
 
-    if parser.get_default("title") == "study":
-        parser.epilog = study_help()
-        parser.add_argument("file", metavar="STUDY.toml", help="the study; init writes a file to start from")
-    parser.set_defaults(unfinished="finished computations are kept, and the same command continues from there")
+    parser.epilog = study_help()
+    parser.add_argument("file", metavar="STUDY.toml", help="the study; init writes a file to start from")
+    add_reproduce(parser)
+
+
+def add_reproduce(parser: argparse.ArgumentParser) -> None:
+    """Add the options, of which ``study`` has some more."""
+    parser.set_defaults(
+        file=None, unfinished="finished computations are kept, and the same command continues from there"
+    )
     parser.add_argument(
         "--out", type=Path, default=Path("results"), metavar="DIR", help="folder of the results (default: results)"
     )
@@ -27,23 +65,24 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(options: argparse.Namespace) -> Output:
-    """Run a study, which may be an edited copy of that of the paper, or that of the paper."""
+def run_reproduce(options: argparse.Namespace) -> Output:
+    """Run a study, which may be an edited copy of that of the paper, or that of the paper itself."""
     from problems.paper.reproduce import ALL_KINDS, PAPER_FILE  # slow to import, and only needed here
     from problems.study.study import write_study
 
-    given = options.title == "study"
-    words = ["ancf-casadi", options.title, *([options.file] if given else []), *(["--quick"] if options.quick else [])]
+    words = ("ancf-casadi", options.title, options.file, "--quick" if options.quick else None)
+    given = [word for word in words if word is not None]
     report = write_study(
-        options.file if given else PAPER_FILE,
+        PAPER_FILE if options.file is None else options.file,
         ALL_KINDS,
         options.out,
         quick=options.quick,
         executor=None,
         jobs=options.jobs,
         progress=sys.stderr.isatty(),
-        command=" ".join(words),
+        command=" ".join(given),
     )
-    if options.json:
-        return Output(json_text(report.results))
-    return Output(f"{report.report()}\n\n{report.page}")
+    return Output(report.to_dict, lambda: f"{report.report()}\n\n{report.page}")
+
+
+run_study = run_reproduce

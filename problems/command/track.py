@@ -13,7 +13,7 @@ from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.video.recorded import track_video
 from ancf_casadi.support.arrays import root_mean_square
 from ancf_casadi.support.tables import Table
-from problems.command.output import Output, comma_numbers, file_writers, finite, json_text, new_files, positive_count
+from problems.command.output import Output, comma_numbers, file_writers, finite, new_files, positive_count
 
 ADVICE = """\
 places in the picture are columns and rows in pixels, from the first pixel at 0,0;
@@ -36,7 +36,7 @@ ONE_NUMBER = {  # options that take one number
 }
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_track(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.epilog = ADVICE
     parser.set_defaults(begin=0.0, end=math.inf)
@@ -51,24 +51,21 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--{name}", type=kind, metavar=metavar, help=text)
 
 
-def run(options: argparse.Namespace) -> Output:
-    """Run the command."""
-    out, preview = new_files([options.file], options.out, options.preview)
+def run_track(options: argparse.Namespace) -> Output:
+    """Track the markers."""
+    new_files([options.file], options.out, options.preview)
     names = [name.replace("-", "_") for name in (*PLACES, *ONE_NUMBER)]
     recording = track_video(
-        options.file, markers=options.marker, preview=preview, **{name: getattr(options, name) for name in names}
+        options.file,
+        markers=options.marker,
+        preview=options.preview,
+        **{name: getattr(options, name) for name in names},
     )
-    files = file_writers(out, lambda: _motion(recording).csv())
-    return Output(
-        _text(options, recording), files, f"\nNext: ancf-casadi inspect {out}" if out and not options.json else ""
-    )
-
-
-def _text(options: argparse.Namespace, recording: Recording) -> str:
-    if not options.json:
-        return _table(recording).text()
-    values = {"time_s": recording.time, **{channel.name: channel.values for channel in recording.channels}}
-    return json_text({"file": options.file, **values, "notes": recording.notes})
+    columns = {channel.name: channel.values for channel in recording.channels}
+    data = {"file": options.file, "time_s": recording.time, **columns, "notes": recording.notes}
+    files = file_writers(options.out, lambda: _motion(recording).csv())
+    closing = f"\nNext: ancf-casadi inspect {options.out}" if options.out else ""
+    return Output(lambda: data, lambda: _table(recording).text(), files, closing)
 
 
 def _motion(recording: Recording) -> Table:
@@ -84,22 +81,9 @@ def _table(recording: Recording) -> Table:
     for k in range(0, len(recording.channels), 3):
         x, y, std = (channel.values for channel in recording.channels[k : k + 3])
         seen = np.isfinite(x)
-        rows.append(
-            (
-                k // 3 + 1,
-                x[seen][0],
-                y[seen][0],
-                np.ptp(x[seen]),
-                np.ptp(y[seen]),
-                root_mean_square(std),
-                int(seen.sum()),
-            )
-        )
-    unit = recording.channels[0].symbol
-    heads = (
-        "marker",
-        *(f"{name}, {unit}" for name in ("first x", "first y", "range of x", "range of y", "std")),
-        "frames",
-    )
+        x, y = x[seen], y[seen]
+        rows.append((k // 3 + 1, x[0], y[0], np.ptp(x), np.ptp(y), root_mean_square(std), len(x)))
+    measured = ("first x", "first y", "range of x", "range of y", "std")
+    heads = ("marker", *(f"{name}, {recording.channels[0].symbol}" for name in measured), "frames")
     title = f"{recording.name}: {len(recording.time)} frames, {recording.time[0]:g} to {recording.time[-1]:.6g} s"
     return Table("markers", title, heads, rows, recording.notes)

@@ -28,8 +28,8 @@ A. C. Aitken, On least squares and linear combination of observations, Proceedin
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -40,7 +40,6 @@ from scipy.special import chdtrc
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping
 from ancf_casadi.export.model_document import beam_from
-from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, Figure
@@ -48,7 +47,7 @@ from ancf_casadi.support.tables import known
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.paper.air import Air, implied_drag_coefficient, viscous_damping_ratios
 from problems.schema.beam import law_of
-from problems.study.data_table import Column, DataTable
+from problems.study.data_table import Column, DataTable, columns_of
 from problems.study.drawing import Drawing, drawn, line, new_figure
 from problems.study.part import Effort, Finding, Found
 
@@ -67,6 +66,11 @@ class ModeCoefficients:
     eta1: float  # 1/s
     eta2: float  # 1/m
     covariance: Array  # of eta1 and eta2, (2, 2)
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Standard errors of eta1 and eta2."""
+        return math.sqrt(self.covariance[0, 0]), math.sqrt(self.covariance[1, 1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +141,7 @@ class CombinedLawFit:
 
     def _implied(self) -> tuple[Array, Array]:
         """Return eta2 of the beam by each mode alone and its standard error, (N,), 1/m."""
-        own = np.array([(one.eta2, math.sqrt(one.covariance[1, 1])) for one in self.measured]).T / self.drag_constants
+        own = np.array([(one.eta2, one.errors[1]) for one in self.measured]).T / self.drag_constants
         return own[0], own[1]
 
 
@@ -175,29 +179,21 @@ def ratio_curves(law: DampingLaw | None, modes: Modes, amplitudes: Sequence[floa
 
 def finding(part: PaperPart, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
     """Return the law, the drag coefficients, and the damping ratio against amplitude."""
-    rows = found[part.decays].data
-    measured = [
-        ModeCoefficients(
-            row["frequency_hz"],
-            row["unbounded"]["eta1"],
-            row["unbounded"]["eta2_per_m"],
-            np.array(row["unbounded"]["covariance"]),
+    measured = []
+    for row in found[part.decays].data:
+        own = row["unbounded"]
+        measured.append(
+            ModeCoefficients(row["frequency_hz"], own["eta1"], own["eta2_per_m"], np.array(own["covariance"]))
         )
-        for row in rows
-    ]
     air = Air(**part.inputs["air"])
     modes = natural_modes(Model(part.beam_in(found)), count=len(measured))
-    fit = fit_combined_law(measured, modes)
-    beam, standard = modes.model.beam, found[""].beam
-    assert standard is not None
-    given = beam_from(standard)
-    drag = [
-        implied_drag_coefficient(one.eta2, beam, air, eta2_error=math.sqrt(one.covariance[1, 1])) for one in measured
-    ]
-    viscous = viscous_damping_ratios(modes, air)
+    fit, beam = fit_combined_law(measured, modes), modes.model.beam
+    drag = [implied_drag_coefficient(one.eta2, beam, air, eta2_error=one.errors[1]) for one in measured]
+    viscous = viscous_damping_ratios(modes, air).tolist()
     total = implied_drag_coefficient(fit.eta2, beam, air, eta2_error=float(np.nan_to_num(fit.errors[-1])))
     *ratio_errors, eta2_error = (known(error) for error in fit.errors)
-    data = {
+    of_modes = zip(drag, fit.drag_constants.tolist(), viscous, strict=True)
+    data: dict[str, Any] = {
         "law": {
             "linear_damping_ratios": list(fit.ratios),
             "linear_damping_ratio_stderr": ratio_errors,
@@ -214,59 +210,59 @@ def finding(part: PaperPart, results: Sequence[Any], found: Found, effort: Effor
         },
         "drag": [
             {
-                "mode": n + 1,
+                "mode": n,
                 "drag_coefficient": value / c,
                 "drag_coefficient_stderr": error / c,
                 "drag_coefficient_by_eq_25": value,
-                "viscous_damping_ratio": float(viscous[n]),
+                "viscous_damping_ratio": ratio,
             }
-            for n, ((value, error), c) in enumerate(zip(drag, fit.drag_constants.tolist(), strict=True))
+            for n, ((value, error), c, ratio) in enumerate(of_modes, start=1)
         ],
     }
-    frequencies = [one.frequency for one in measured]
     terms = (
-        {"law": "modal", "ratios": list(fit.ratios), "frequencies": frequencies},
+        {"law": "modal", "ratios": list(fit.ratios), "frequencies": [one.frequency for one in measured]},
         {"law": "quadratic", "eta2": fit.eta2},
     )
-    tables = (_law(part, fit, total), _drag(part, fit, air, drag, viscous.tolist(), given))
+    rows = [(f"ζ of mode {n}, linear", "%", 100 * ratio) for n, ratio in enumerate(fit.ratios, start=1)]
+    rows += [("η2, all modes", "1/m", fit.eta2), ("drag coefficient", "1", total[0])]
+    *columns, values = columns_of(("", "unit", "value"), rows)
+    errors = (*(100 * error for error in fit.errors[:-1]), fit.errors[-1], total[1])
+    title = "Modal plus quadratic damping for all modes"
+    law = part.data_table(title, [*columns, replace(values, errors=errors)], fit.verdict)
+    tables = (law, _drag(part, fit, air, data["drag"], drag, found))
     return Finding(data, tables, _drawings(part, fit, modes, found), fit.warnings, terms=terms)
-
-
-def _law(part: PaperPart, fit: CombinedLawFit, total: tuple[float, float]) -> DataTable:
-    columns = (
-        Column("", (*(f"ζ of mode {n + 1}, linear" for n in range(len(fit.ratios))), "η2, all modes",
-                    "drag coefficient")),
-        Column("unit", (*["%"] * len(fit.ratios), "1/m", "1")),
-        Column("value", (*(100 * ratio for ratio in fit.ratios), fit.eta2, total[0]),
-               errors=(*(100 * error for error in fit.errors[:-1]), fit.errors[-1], total[1])),
-    )  # fmt: skip
-    return part.data_table("Modal plus quadratic damping for all modes", columns, fit.verdict)
 
 
 def _drag(
     part: PaperPart,
     fit: CombinedLawFit,
     air: Air,
+    rows: Sequence[Mapping[str, Any]],
     drag: Sequence[tuple[float, float]],
-    viscous: Sequence[float],
-    given: Beam,
+    found: Found,
 ) -> DataTable:
-    modes, constants = range(1, len(drag) + 1), fit.drag_constants.tolist()
-    linear = [100 * one.eta1 / (4 * math.pi * one.frequency) for one in fit.measured]
-    linear_errors = [100 * math.sqrt(one.covariance[0, 0]) / (4 * math.pi * one.frequency) for one in fit.measured]
+    """Return the table of drag coefficients: ``rows`` as in ``results.json``, ``drag`` by Eq. (25) with its errors."""
+    standard = found[""].beam
+    assert standard is not None
+    unit = implied_drag_coefficient(1.0, beam_from(standard), air)[0]
+    linear = []
+    for one in fit.measured:
+        rate = 4 * math.pi * one.frequency
+        linear.append((100 * one.eta1 / rate, 100 * one.errors[0] / rate))
+
+    def column(head: str, unit: str, pairs: Iterable[tuple[float, float]]) -> Column:
+        values, errors = zip(*pairs, strict=True)
+        return Column(head, values, unit, errors)
+
     columns = [
-        Column("mode", tuple(modes)),
-        Column("η2", tuple(one.eta2 for one in fit.measured), "1/m",
-               tuple(math.sqrt(one.covariance[1, 1]) for one in fit.measured)),
-        Column("Cd by Eq. (25)", tuple(value for value, _ in drag), "1", tuple(error for _, error in drag)),
-        Column("Cd, true shape", tuple(value / c for (value, _), c in zip(drag, constants, strict=True)), "1",
-               tuple(error / c for (_, error), c in zip(drag, constants, strict=True))),
-        Column("linear part of ζ", tuple(linear), "%", tuple(linear_errors)),
-        Column("of it viscous air", tuple(100 * ratio for ratio in viscous), "%"),
-    ]  # fmt: skip
-    unit = implied_drag_coefficient(1.0, given, air)[0]
-    printed = tuple(unit * one for one in part.inputs["printed_eta2"])
-    columns.append(Column(f"Cd of η2 in the {part.printed_by}", printed, "1"))
+        Column("mode", tuple(row["mode"] for row in rows)),
+        column("η2", "1/m", ((one.eta2, one.errors[1]) for one in fit.measured)),
+        column("Cd by Eq. (25)", "1", drag),
+        column("Cd, true shape", "1", ((row["drag_coefficient"], row["drag_coefficient_stderr"]) for row in rows)),
+        column("linear part of ζ", "%", linear),
+        Column("of it viscous air", tuple(100 * row["viscous_damping_ratio"] for row in rows), "%"),
+        Column(f"Cd of η2 in the {part.printed_by}", tuple(unit * one for one in part.inputs["printed_eta2"]), "1"),
+    ]
     notes = (
         "Cd = 2 ρ h η2 (1183/876)/ρ_air, with the constant of the shape (21), and with that of each mode.",
         f"Air: {air.density:g} kg/m³, {air.viscosity:.3g} Pa s.  Viscous damping: oscillating flow "

@@ -15,7 +15,7 @@ import numpy as np
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure, plain_log_ticks
-from ancf_casadi.support.tables import known
+from ancf_casadi.support.tables import Cell, known
 from problems.paper.effects import (
     HORIZON,
     LEAST_AMPLITUDE,
@@ -27,7 +27,7 @@ from problems.paper.effects import (
     simulate_decay,
 )
 from problems.schema.beam import law_of
-from problems.study.data_table import Column, DataTable
+from problems.study.data_table import DataTable, columns_of
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure, series
 from problems.study.part import Effort, Finding, Found, LawChoice, Task
 
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 CURVE_MARKERS = 12  # markers of a drawn curve
 CHARACTERISTICS = ("gross_motion", "frequency", "residual_motion")  # in Table 6
+LAW_HEADS = ("law", "frequency, Hz", "η1, 1/s", "η2, 1/m")
 
 
 def tasks(part: PaperPart, found: Found, effort: Effort) -> tuple[Task, ...]:
@@ -109,20 +110,14 @@ def _amplitude_left(envelope: Envelope, time: float) -> float | str:
     return 1e3 * amplitude
 
 
-def _law_columns(rows: Sequence[tuple[LawChoice, SimulatedDecay]]) -> list[Column]:
-    return [
-        Column("law", tuple(law.title for law, _ in rows)),
-        Column("frequency", tuple(decay.frequency for _, decay in rows), "Hz"),
-        Column("η1", tuple(decay.law.eta1 for _, decay in rows), "1/s"),
-        Column("η2", tuple(decay.law.eta2 for _, decay in rows), "1/m"),
-    ]
+def _law_cells(law: LawChoice, decay: SimulatedDecay) -> tuple[str, float, float, float]:
+    return law.title, decay.frequency, decay.law.eta1, decay.law.eta2
 
 
 def _times(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]]) -> DataTable:
-    columns = (
-        *_law_columns(rows),
-        Column("time to 10 %, beam", tuple(decay.envelope.time_to(0.1) for _, decay in rows), "s"),
-        Column("by Eq. (27)", tuple(decay.formula.time_to(0.1) for _, decay in rows), "s"),
+    columns = columns_of(
+        (*LAW_HEADS, "time to 10 %, beam, s", "by Eq. (27), s"),
+        [(*_law_cells(*row), row[1].envelope.time_to(0.1), row[1].formula.time_to(0.1)) for row in rows],
     )
     largest = max(decay.other_modes for _, decay in rows)
     notes = (
@@ -134,25 +129,22 @@ def _times(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]]) ->
 
 
 def _left(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]], times: Sequence[float]) -> DataTable:
-    columns = _law_columns(rows)[:2]
+    heads = [*LAW_HEADS[:2]]
+    cells: list[list[Cell]] = [[*_law_cells(*row)[:2]] for row in rows]
     for time in times:
-        beam = tuple(_amplitude_left(decay.envelope, time) for _, decay in rows)
-        formula = tuple(_amplitude_left(decay.formula, time) for _, decay in rows)
-        columns += [Column(f"after {time:g} s, beam", beam, "mm"), Column("by Eq. (27)", formula, "mm")]
+        heads += [f"after {time:g} s, beam, mm", "by Eq. (27), mm"]
+        for own, (_, decay) in zip(cells, rows, strict=True):
+            own += [_amplitude_left(envelope, time) for envelope in (decay.envelope, decay.formula)]
     note = f"The simulation does not resolve less than {1e3 * LEAST_AMPLITUDE:g} mm."
-    return part.data_table("Amplitude that is left", columns, note)
+    return part.data_table("Amplitude that is left", columns_of(heads, cells), note)
 
 
 def _word_table(part: PaperPart, words: Sequence[Mapping[str, Any]], horizon: float) -> DataTable:
-    columns = [
-        Column("law", tuple(law.title for law in part.laws)),
-        *(Column(key.replace("_", " "), tuple(one[key] for one in words)) for key in CHARACTERISTICS),
-    ]
-    same = tuple(
-        "yes" if [one[key] for key in CHARACTERISTICS] == printed else "no"
-        for one, printed in zip(words, part.inputs["words"], strict=True)
-    )
-    columns.append(Column(f"as in the {part.printed_by}", same))
+    rows = []
+    for law, one, printed in zip(part.laws, words, part.inputs["words"], strict=True):
+        own = [one[key] for key in CHARACTERISTICS]
+        rows.append((law.title, *own, "yes" if own == printed else "no"))
+    heads = ("law", *(key.replace("_", " ") for key in CHARACTERISTICS), f"as in the {part.printed_by}")
     rates = [", ".join(f"{rate:.3g}" for rate in one["decay_rates"]) for one in words]
     listed = ", ".join(f"{f:g}" for f in part.inputs["frequencies"])
     notes = (
@@ -161,7 +153,7 @@ def _word_table(part: PaperPart, words: Sequence[Mapping[str, Any]], horizon: fl
         "Rapid: the larger rate at every frequency.  Independent: rates within 10 %.  Controllable: less than 2 % "
         f"of the amplitude left after {horizon:g} s at every frequency.",
     )  # fmt: skip
-    return part.data_table("Characteristics of the laws", columns, *notes)
+    return part.data_table("Characteristics of the laws", columns_of(heads, rows), *notes)
 
 
 def _effect_drawings(law: LawChoice, decays: Sequence[SimulatedDecay], end: float) -> list[Drawing]:
@@ -265,24 +257,21 @@ def ratio_change(part: PaperPart, results: Sequence[SimulatedDecay], found: Foun
 
 
 def _laws(part: PaperPart, decays: Sequence[SimulatedDecay], crossings: Sequence[tuple[float, float]]) -> DataTable:
-    columns = (
-        *_law_columns(list(zip(part.laws, decays, strict=True))),
-        Column("crosses the first, beam", (None, *(beam for beam, _ in crossings)), "s"),
-        Column("by Eq. (27)", (None, *(formula for _, formula in crossings)), "s"),
-    )
+    given = zip(part.laws, decays, [(None, None), *crossings], strict=True)
+    rows: list[tuple[Cell, ...]] = [(*_law_cells(law, decay), *cross) for law, decay, cross in given]
+    columns = columns_of((*LAW_HEADS, "crosses the first, beam, s", "by Eq. (27), s"), rows)
     note = f"Start with the tip at {1e3 * part.amplitude:g} mm.  A dash: the envelopes do not cross."
     return part.data_table("Laws whose damping ratio changes along a decay", columns, note)
 
 
 def _ratios(part: PaperPart, ratios: Sequence[tuple[Array, Array, Array]]) -> DataTable:
-    first, last = (float(ratios[0][0][k]) for k in (0, -1))
-    columns = [Column("law", tuple(law.title for law in part.laws))]
-    for k, time in ((0, first), (-1, last)):
-        columns += [
-            Column(f"after {time:.2g} s, beam", tuple(100 * float(ratio[k]) for _, ratio, _ in ratios), "%"),
-            Column("by Eq. (27)", tuple(100 * float(formula[k]) for *_, formula in ratios), "%"),
-        ]
-    return part.data_table("Damping ratio along the decay", columns, "In windows of two periods.")
+    times = ratios[0][0][[0, -1]].tolist()
+    heads = ["law", *(head for time in times for head in (f"after {time:.2g} s, beam, %", "by Eq. (27), %"))]
+    rows: list[tuple[Cell, ...]] = [
+        (law.title, *(100 * float(one[k]) for k in (0, -1) for one in (ratio, formula)))
+        for law, (_, ratio, formula) in zip(part.laws, ratios, strict=True)
+    ]
+    return part.data_table("Damping ratio along the decay", columns_of(heads, rows), "In windows of two periods.")
 
 
 def _change_figure(

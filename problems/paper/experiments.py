@@ -1,11 +1,17 @@
 """Simulated experiments of the paper, seen in other ways than by the kind ``transients``.
 
 Damping ratio and frequency against amplitude along the decays; deformed shapes over the last period of the excitation;
-and the same experiments by the other integrator, as a check.
+the same experiments by the other integrator, as a check; and their response curves.
+
+An experiment drives a mode for a limited time (``transients``).  The curve shows the steady vibration under
+the same excitation, at its frequency and beside it, by the amplitude of the driven mode as in the experiment: the other
+modes move the tip too, by about the amplitude of the base.  The range extends from the natural frequency by a multiple
+of the relative width of the resonance, which is the damping ratio plus the change of the frequency with the amplitude.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -15,23 +21,32 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.decay.envelope import DampingCurve
 from ancf_casadi.dynamics.simulation import Method
+from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.reduction.stepping import ReducedTrajectory
+from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure, plain_log_ticks
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.paper.combined_law import ratio_curves
 from problems.schema.beam import law_of
-from problems.study.data_table import Column
+from problems.schema.motion import RESPONSE_MODES, ResponseTable, ResponseTask
+from problems.study.data_table import columns_of
 from problems.study.drawing import drawn, new_figure, series
 from problems.study.kinds.experiment import FEWEST_MODES, ExperimentResult, RequestedRun, decay_curve
+from problems.study.kinds.response import curve_numbers, draw_curve, summary_columns
 from problems.study.kinds.transients import experiment_tasks, results_of
-from problems.study.part import Effort, Finding, Found, Task
+from problems.study.part import Effort, Finding, Found, Task, Terms
 
 if TYPE_CHECKING:
     from problems.paper.reproduce import PaperPart
 
 LAW_POINTS = 40  # of a drawn law
 METHODS: tuple[Method, ...] = ("radau", "idas")
+RANGE_WIDTH = 5.0  # half-width of the range of frequencies relative to that of the resonance
+RANGE_MARGIN = 1.3  # of the expected change of frequency
+
+Resonance = tuple[dict[str, Any], Array]  # a curve, and the amplitude of the driven mode at the tip at each point, m
 
 
 def tasks(part: PaperPart, found: Found, effort: Effort, methods: Sequence[Method] = ("radau",)) -> tuple[Task, ...]:
@@ -132,26 +147,109 @@ def integrators(part: PaperPart, results: Sequence[Any], found: Found, effort: E
     """Return the damping ratios by both integrators, and the largest difference around the stop (m)."""
     pairs: list[tuple[ExperimentResult, ExperimentResult]] = list(zip(results[::2], results[1::2], strict=True))
     which = [(run, law) for run in part.runs for law in run.laws]
-    apart = [float(np.abs(ours.stop_motion - other.stop_motion).max()) for ours, other in pairs]
-    columns = (
-        Column("mode", tuple(run.mode for run, _ in which)),
-        Column("law", tuple(law.title for _, law in which)),
-        Column("damping ratio by Radau", tuple(100 * ours.numbers["damping_ratio"] for ours, _ in pairs), "%"),
-        Column("by IDAS", tuple(100 * other.numbers["damping_ratio"] for _, other in pairs), "%"),
-        Column("largest difference of the tip around the stop", tuple(1e3 * value for value in apart), "mm"),
-        Column("amplitude there", tuple(1e3 * float(np.abs(ours.stop_motion).max()) for ours, _ in pairs), "mm"),
-        Column("steps of Radau", tuple(ours.numbers["steps"] for ours, _ in pairs)),
-        Column("of IDAS", tuple(other.numbers["steps"] for _, other in pairs)),
+    data, rows = [], []
+    for (run, law), (radau, idas) in zip(which, pairs, strict=True):
+        ratios = [one.numbers["damping_ratio"] for one in (radau, idas)]
+        steps = [one.numbers["steps"] for one in (radau, idas)]
+        apart, amplitude = (
+            float(np.abs(one).max()) for one in (radau.stop_motion - idas.stop_motion, radau.stop_motion)
+        )
+        data.append({"mode": run.mode, "law": law.name, "radau": ratios[0], "idas": ratios[1],
+                     "largest_difference_m": apart})  # fmt: skip
+        rows.append((run.mode, law.title, *(100 * ratio for ratio in ratios), 1e3 * apart, 1e3 * amplitude, *steps))
+    heads = ("mode", "law", "damping ratio by Radau, %", "by IDAS, %",
+             "largest difference of the tip around the stop, mm", "amplitude there, mm", "steps of Radau",
+             "of IDAS")  # fmt: skip
+    return Finding(data, (part.data_table("The same experiment by both integrators", columns_of(heads, rows)),))
+
+
+def resonance(beam: Beam, terms: Terms, amplitude: float, frequencies: tuple[float, float], mode: int) -> Resonance:
+    """Return the response curve under a base amplitude (m), and the amplitude of the driven mode along it."""
+    model = Model(beam)
+    law, count = law_of(terms, model, "damping"), max(RESPONSE_MODES, mode)
+    task = ResponseTask(model, law, ResponseTable(frequencies, amplitude, points=24), count, {})
+    curve = task.curve(amplitude)
+    return curve_numbers(task, curve), np.array([_amplitude(motion, mode) for motion in curve.motions])
+
+
+def _amplitude(motion: PeriodicMotion, mode: int) -> float:
+    """Return the amplitude of a mode at the tip in the motion relative to the clamp, m."""
+    period = motion.trajectory(64)
+    assert isinstance(period, ReducedTrajectory)
+    modes = period.reduced.modes
+    return float(np.ptp(modes.modal_coordinate(period.relative_coordinates, mode - 1)) / 2)
+
+
+def resonance_tasks(part: PaperPart, found: Found, effort: Effort) -> tuple[Task, ...]:
+    """Return the curve of each experiment under each law."""
+    beam, terms = part.beam_in(found), {law.name: law.of(found) for law in part.laws}
+    return tuple(
+        Task(
+            resonance,
+            (beam, terms[run["law"]], run["base_amplitude_m"], range_of(run), run["mode"]),
+            4.0,  # expected computing time of a curve
+        )
+        for run in _runs(part, found)
     )
-    table = part.data_table("The same experiment by both integrators", columns)
-    data = [
-        {
-            "mode": run.mode,
-            "law": law.name,
-            "radau": ours.numbers["damping_ratio"],
-            "idas": other.numbers["damping_ratio"],
-            "largest_difference_m": difference,
-        }
-        for (run, law), (ours, other), difference in zip(which, pairs, apart, strict=True)
+
+
+def _runs(part: PaperPart, found: Found) -> list[Mapping[str, Any]]:
+    """Return the numbers of the experiments under the laws of this part."""
+    names = {law.name for law in part.laws}
+    return [run for run in found[part.transients].data["runs"] if run["law"] in names]
+
+
+def resonances(part: PaperPart, results: Sequence[Resonance], found: Found, effort: Effort) -> Finding:
+    """Return the curves of each mode in a panel, with the amplitudes that the experiments have reached."""
+    runs = _runs(part, found)
+    titles = {law.name: law.title for law in part.laws}
+    rows = [
+        (run["mode"], titles[run["law"]], *(1e3 * run[key] for key in ("base_amplitude_m", "reached_amplitude_m")))
+        for run in runs
     ]
-    return Finding(data, (table,))
+    columns = columns_of(("mode", "law", "base amplitude, mm", "reached before the stop, mm"), rows)
+    columns += summary_columns([curve for curve, _ in results])
+    table = part.data_table("Steady vibration at the base amplitudes of the experiments", columns)
+    keys = ("mode", "law", "base_amplitude_m", "drive_hz", "reached_amplitude_m")
+    data = [
+        {**{key: run[key] for key in keys}, "amplitude_m": amplitudes.tolist(), "curve": curve}
+        for run, (curve, amplitudes) in zip(runs, results, strict=True)
+    ]
+    figures = []
+    for mode in dict.fromkeys(run["mode"] for run in runs):
+        own = [(run, one) for run, one in zip(runs, results, strict=True) if run["mode"] == mode]
+        caption = (
+            f"Mode {mode}: steady vibration under the base motion of the experiment; dashed: unstable.  "
+            "Larger markers: amplitude that the experiment has reached before its stop."
+        )
+        figures.append(drawn(caption, partial(_resonance_figure, titles, own)))
+    return Finding(data, (table,), tuple(figures))
+
+
+def _resonance_figure(titles: Mapping[str, str], own: Sequence[tuple[Mapping[str, Any], Resonance]]) -> Figure:
+    """Draw the curves of one mode; ``titles`` are those of all laws by name."""
+    figure, (axes,) = new_figure(3.4)
+    for run, (curve, amplitudes) in own:
+        k = list(titles).index(run["law"])
+        draw_curve(axes, curve, 1e3 * amplitudes, k, titles[run["law"]])
+        axes.plot(run["drive_hz"], 1e3 * run["reached_amplitude_m"], ls="", ms=8, mec="black", mew=0.8,
+                  **{key: series(k)[key] for key in ("color", "marker")})  # fmt: skip
+    axes.set(xlabel="frequency, Hz", ylabel="amplitude of the mode\nat the tip, mm", ylim=(0.0, None))
+    axes.set_title(f"mode {own[0][0]['mode']}")
+    axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.2), ncols=2)
+    return figure
+
+
+def range_of(run: Mapping[str, Any]) -> tuple[float, float]:
+    """Return the first and the last frequency of a curve, Hz, from the numbers of an experiment.
+
+    A mode that softens is on the upper branch of its curve above the resonance, where the curve therefore begins.  The
+    amplitude of the steady vibration is estimated by the growth of a linear vibration until the stop, and the change of
+    frequency with the amplitude by the frequency of the decay.
+    """
+    natural, ratio = run["natural_frequency_hz"], run["expected_damping_ratio"]
+    amplitude = run["requested_amplitude_m"] / -math.expm1(-2 * math.pi * natural * ratio * run["stop_s"])
+    change = (run["frequency_hz"] / natural - 1) * (amplitude / run["amplitude_m"]) ** 2
+    # least distance of the last frequency below the natural one, relative to it
+    lowest = 1 - min(RANGE_WIDTH * ratio - RANGE_MARGIN * min(change, 0.0), 0.03)
+    return natural * (1 + RANGE_WIDTH * ratio + RANGE_MARGIN * max(change, 0.0)), natural * lowest

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Self, final
 
 from ancf_casadi.support.inputs import choice
-from problems.paper import combined_law, decays, drawings, experiments, resonances
+from problems.paper import combined_law, decays, drawings, experiments
 from problems.schema.table import Positive
 from problems.study.kinds.experiment import RequestedRun
 from problems.study.kinds.transients import with_laws
@@ -34,7 +34,7 @@ SCRIPTS: dict[str, tuple[Tasks, Result]] = {
     "amplitudes": (experiments.tasks, experiments.amplitudes),
     "shapes": (experiments.tasks, experiments.shapes),
     "integrators": (partial(experiments.tasks, methods=experiments.METHODS), experiments.integrators),
-    "resonances": (resonances.tasks, resonances.finding),
+    "resonances": (experiments.resonance_tasks, experiments.resonances),
     "eta_effects": (decays.tasks, decays.eta_effects),
     "ratio_change": (decays.tasks, decays.ratio_change),
     "combined_law": (Part.tasks, combined_law.finding),

@@ -1,6 +1,7 @@
 """The tables of a motion: [base] of the clamp, [load] at the tip, and [release], the load before time 0.
 
-Those of a simulation also have [simulation] with its settings, and [markers] with points to output.
+Those of a simulation also have [simulation] with its settings, and [markers] with points to output.  The table
+[response] is the steady vibration of the beam under harmonic excitation, over a range of frequencies.
 """
 
 from __future__ import annotations
@@ -8,9 +9,11 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from functools import cached_property
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from msgspec import Meta, Struct
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
@@ -21,11 +24,14 @@ from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.recording import read_recording
 from ancf_casadi.records.sensor import Quantity, Sensor
+from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
+from ancf_casadi.response.curve import ResponseCurve
+from ancf_casadi.response.tracing import CURVE_POINTS, MOST_CURVE_POINTS, frequency_response
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_keys, located, physical, shown
+from ancf_casadi.support.inputs import check_keys, located, physical, shown, unit_vector, whole
 from ancf_casadi.vibration.equilibrium import static_equilibrium
 from problems.schema.beam import DAMPED_HELP, read_damped
-from problems.schema.table import StudyFile, made
+from problems.schema.table import Positive, StudyFile, made, read, told
 
 MOTION_KEYS = """\
   [base]        harmonic: amplitude (m), frequency (Hz), stop (s), direction,
@@ -75,34 +81,23 @@ def read_motion(file: StudyFile, given: Mapping[str, Any], model: Model, where: 
         if table is None:
             continue
         if name != "release":
-            found[name] = (_base if name == "base" else _load)(file, table, place)
+            found[name] = _excitation(file, name, table, place)
         elif "start" not in given:  # the equilibrium under the load at the tip that holds the beam
             found["start"] = made(table, static_equilibrium, place, {"tip_force", "tip_moment"}, model=model)
     return found
 
 
-def _base(file: StudyFile, table: Any, where: str) -> BaseMotion:
-    """Return the motion of the clamp, of one of four kinds that the keys of its table tell apart."""
+def _excitation(file: StudyFile, name: str, table: Any, where: str) -> BaseMotion | TipLoad:
+    """Return a base or a load, each of one of four kinds that the keys of its table tell apart."""
     keys = set(table) if isinstance(table, dict) else set()
     if "file" in keys:
-        time, parts = _columns(file, table, AXES, where)
+        time, (x, y, turning) = _columns(file, table, AXES if name == "base" else COMPONENTS, where)
         with located(where):
-            return SampledBase(time, np.column_stack([parts["x"], parts["y"]]), parts["rotation"])
-    if "frequencies" in keys:
-        return made(table, SweepBase, where)
-    if keys and keys <= {field.name for field in fields(FixedBase)}:
-        return made(table, FixedBase, where)
-    return made(table, HarmonicBase, where)
-
-
-def _load(file: StudyFile, table: Any, where: str) -> TipLoad:
-    """Return the force and the moment at the tip over time, of one of four kinds that the keys tell apart."""
-    keys = set(table) if isinstance(table, dict) else set()
-    if "file" in keys:
-        time, parts = _columns(file, table, COMPONENTS, where)
-        with located(where):
-            return SampledLoad(time, np.column_stack([parts["force_x"], parts["force_y"]]), parts["moment"])
-    return made(table, SampledLoad if "time" in keys else MovingForce if "speed" in keys else HarmonicLoad, where)
+            return (SampledBase if name == "base" else SampledLoad)(time, np.column_stack([x, y]), turning)
+    if name == "load":
+        return made(table, SampledLoad if "time" in keys else MovingForce if "speed" in keys else HarmonicLoad, where)
+    fixed = keys and keys <= {field.name for field in fields(FixedBase)}
+    return made(table, SweepBase if "frequencies" in keys else FixedBase if fixed else HarmonicBase, where)
 
 
 def read_measured(file: StudyFile, given: Mapping[str, Any], where: str) -> Recording:
@@ -114,7 +109,7 @@ def read_measured(file: StudyFile, given: Mapping[str, Any], where: str) -> Reco
 
 def _columns(
     file: StudyFile, table: dict[str, Any], quantities: Mapping[str, Quantity], where: str
-) -> tuple[Array, dict[str, Array]]:
+) -> tuple[Array, list[Array]]:
     """Return the times (s) and the components, in SI units; a component without a column is zero.
 
     The table gives ``file``, the columns by component (name or number from 1), and how to read them; a ``unit`` holds
@@ -139,22 +134,11 @@ def _columns(
             raise InputError(
                 f"has other times or gaps than {named[0]}; give all columns at the same times", f"{where}: {name}"
             )
-    return time, {name: columns[name].values if name in columns else np.zeros(len(time)) for name in quantities}
+    return time, [columns[name].values if name in columns else np.zeros(len(time)) for name in quantities]
 
 
-@dataclass(frozen=True)
-class Simulation:
-    """The arguments of ``simulate`` from a file."""
-
-    model: Model
-    damping: DampingLaw | None
-    base: BaseMotion | None
-    settings: Mapping[str, Any]  # other arguments of ``simulate``
-    markers: Mapping[str, float]  # arc length of each point to output, m
-
-
-def read_simulation(given: str | StudyFile) -> Simulation:
-    """Read a beam, its damping, the motion of its base and the settings of the simulation."""
+def read_simulation(given: str | StudyFile) -> tuple[dict[str, Any], dict[str, float]]:
+    """Read the arguments of ``simulate``, and the points to output: arc length by name, m."""
     file = StudyFile.of(given)
     source, where = read_damped(file), file.where("simulation")
     table = file.needed("simulation")
@@ -162,9 +146,8 @@ def read_simulation(given: str | StudyFile) -> Simulation:
     _check_size(table, source.model, where)
     if "start" in table and "release" in file.tables:
         raise InputError("is given by the table [release]; leave it out", f"{where}: start")
-    settings = table | read_motion(file, table, source.model, where)
-    base = settings.pop("base", None)
-    return Simulation(source.model, source.damping, base, settings, read_markers(file, source.model))
+    motion = table | read_motion(file, table, source.model, where)
+    return {"model": source.model, "damping": source.damping, **motion}, read_markers(file, source.model)
 
 
 def _check_size(settings: Mapping[str, Any], model: Model, where: str) -> None:
@@ -194,3 +177,104 @@ def read_markers(file: StudyFile, model: Model) -> dict[str, float]:
         with located(f"{where}: {name}"):
             model.element_at(point)
     return {name: float(point) for name, point in table.items()}
+
+
+RESPONSE_MODES = 8  # of the reduced model, if the beam has as many
+RESPONSE_TOLERANCE = 1e-4  # few harmonics suffice for it, even under friction
+
+Levels = Positive | Annotated[tuple[Positive, ...], Meta(min_length=1, max_length=20)]
+
+
+class ResponseTable(Struct, frozen=True):
+    """Keys of the table [response]; 0 stands for what is not given."""
+
+    frequencies: Annotated[tuple[Positive, Positive], Meta(description="[FROM, TO], Hz")]
+    base_amplitudes: Annotated[Levels, Meta(description="m, one number or several levels")] = ()
+    tip_forces: Annotated[Levels, Meta(description="N, instead of base_amplitudes")] = ()
+    direction: tuple[float, float] = (1.0, 0.0)
+    model: Literal["reduced", "full"] = "reduced"
+    modes: Annotated[int, Meta(ge=1, description=f"of the reduced model, {RESPONSE_MODES}")] = 0
+    points: Annotated[int, Meta(ge=2, le=MOST_CURVE_POINTS, description=f"least number on a curve, {CURVE_POINTS}")] = (
+        CURVE_POINTS
+    )
+    tolerance: Annotated[
+        float, Meta(gt=0.0, le=0.01, description=f"error of each motion relative to its size, {RESPONSE_TOLERANCE:g}")
+    ] = RESPONSE_TOLERANCE
+
+
+RESPONSE_HELP = DAMPED_HELP + told("[response]", "steady vibration: {}", ResponseTable) + MARKERS_KEYS
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseTask:
+    """The arguments of ``frequency_response`` from a file, one curve per level of the excitation."""
+
+    model: Model
+    damping: DampingLaw | None
+    table: ResponseTable
+    modes: int  # of the reduced model; 0 for the full beam
+    markers: Mapping[str, float]  # arc length of each point to output, m
+
+    @property
+    def driven(self) -> str:
+        """Place of the excitation, "base" or "tip"."""
+        return "base" if self.table.base_amplitudes else "tip"
+
+    @property
+    def levels(self) -> tuple[float, ...]:
+        """Amplitudes of the excitation: of the base, m, or of the force at the tip, N."""
+        levels = self.table.base_amplitudes or self.table.tip_forces
+        return levels if isinstance(levels, tuple) else (levels,)
+
+    @cached_property
+    def body(self) -> Model | ReducedModel:
+        """The full beam, or its reduced model with the damping law."""
+        return reduce_model(self.model, modes=self.modes, damping=self.damping) if self.modes else self.model
+
+    @property
+    def unit(self) -> str:
+        """Unit of the levels."""
+        return "m" if self.driven == "base" else "N"
+
+    def excitation(self, level: float) -> dict[str, Any]:
+        """Return the excitation of a level as the argument ``base`` or ``load`` of ``frequency_response``."""
+        start, direction = self.table.frequencies[0], unit_vector(self.table.direction, "direction")
+        if self.driven == "base":
+            return {"base": HarmonicBase(level, start, direction=direction)}
+        return {"load": HarmonicLoad((level * direction[0], level * direction[1]), start)}
+
+    def curve(self, level: float) -> ResponseCurve:
+        """Return the response curve of a level."""
+        return frequency_response(
+            self.body,
+            self.table.frequencies,
+            damping=None if self.modes else self.damping,  # a reduced model has its law
+            points=self.table.points,
+            tolerance=self.table.tolerance,
+            **self.excitation(level),
+        )
+
+
+def read_response(given: str | StudyFile) -> ResponseTask:
+    """Read a beam, its damping, and its harmonic excitation over a range of frequencies."""
+    file = StudyFile.of(given)
+    source, where = read_damped(file), file.where("response")
+    table = read(file.needed("response"), ResponseTable, where)
+    first, last = table.frequencies
+    if first == last:
+        raise InputError(f"must be [FROM, TO], two different values, got {first:g} twice", f"{where}: frequencies")
+    unit_vector(table.direction, f"{where}: direction")
+    if bool(table.base_amplitudes) == bool(table.tip_forces):
+        raise InputError("give either base_amplitudes (m) or tip_forces (N)", f"{where}: base_amplitudes")
+    modes, markers = _modes(table, source.model, f"{where}: modes"), read_markers(file, source.model)
+    return ResponseTask(source.model, source.damping, table, modes, markers)
+
+
+def _modes(table: ResponseTable, model: Model, where: str) -> int:
+    """Return the number of modes of the reduced model; 0 for the full beam."""
+    most = model.freedoms
+    if table.model == "full":
+        if table.modes:
+            raise InputError("belongs to the reduced model; leave it out", where)
+        return 0
+    return whole(table.modes, where, 1, most) if table.modes else min(RESPONSE_MODES, most // 2)

@@ -7,7 +7,7 @@ hold all digits.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ancf_casadi.support.tables import Cell, Table
@@ -22,6 +22,17 @@ class Column:
     unit: str = ""  # unit of the numbers; none if empty
     errors: tuple[float | None, ...] | None = None  # standard error of each value
     printed: tuple[float | None, ...] | None = None  # value that the source prints in each row
+
+
+def columns_of(
+    heads: Sequence[str], rows: Sequence[Sequence[Cell]], printed: Mapping[str, tuple[float | None, ...]] | None = None
+) -> tuple[Column, ...]:
+    """Return the columns of rows; a head is a quantity, or ``quantity, unit``, and ``printed`` is by quantity."""
+    named = [head.rpartition(", ")[::2] if ", " in head else (head, "") for head in heads]
+    return tuple(
+        Column(head, tuple(row[k] for row in rows), unit, printed=(printed or {}).get(head))
+        for k, (head, unit) in enumerate(named)
+    )
 
 
 @dataclass(frozen=True)

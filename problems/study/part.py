@@ -118,12 +118,6 @@ class Source:
             )
         return model
 
-    @property
-    def most_modes(self) -> int:
-        """Number of modes of the beam."""
-        count: int = self.model.freedoms
-        return count
-
     def law_choice(self, name: Any, where: str) -> LawChoice:
         """Return a law by its name."""
         for law in self.laws:
@@ -208,14 +202,15 @@ class Part(ABC):
 
 @dataclass(frozen=True)
 class Study:
-    """A study: its parts in the order of the document."""
+    """A study: the keys of the table [study], and the parts in the order of the document."""
 
-    title: str
-    parts: tuple[Part, ...] = ()
+    title: str = ""
+    parts: Annotated[tuple[Part, ...], UNLISTED] = ()
     text: str = ""  # introduction, paragraphs separated by empty lines
-    source: str = ""  # reference of the work that the study follows; none if empty
-    seed: int = 0  # of all random numbers
-    beam: Beam | None = None  # of the file, if there is one
+    source: Annotated[str, Meta(description="a reference")] = ""  # of the work that the study follows
+    printed_by: Annotated[str, Meta(description="origin of printed numbers")] = "printed"
+    seed: Annotated[int, Meta(ge=0)] = 0  # of all random numbers
+    beam: Annotated[Beam | None, UNLISTED] = None  # of the file, if there is one
 
     def shortened(self) -> Study:
         """Return the study without the parts that a quick look leaves out, and without those that need them."""

@@ -6,13 +6,12 @@ simulation, the steady vibration, the fit to measured motion, and the plan.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
-from typing import Annotated, Any
-
-from msgspec import Meta, Struct
+from typing import Any
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import shown
@@ -27,20 +26,10 @@ SUGGESTED_KEYS = {  # parts that a table suggests
 STUDY_TABLES = {"study", "timing", "versions", "data"}  # other keys of results.json
 
 
-class StudyTable(Struct, frozen=True):
-    """Keys of the table [study]."""
-
-    title: str = ""
-    text: str = ""
-    source: Annotated[str, Meta(description="a reference")] = ""
-    printed_by: Annotated[str, Meta(description="origin of printed numbers")] = "printed"
-    seed: Annotated[int, Meta(ge=0)] = 0
-
-
 def read_study(path: str | Path, kinds: Sequence[type[Part]]) -> Study:
     """Read a study whose parts are of these kinds."""
     file = StudyFile.of(str(path), required=set())
-    about = read(file.tables.get("study", {}), StudyTable, file.where("study"))
+    about = read(file.tables.get("study", {}), Study, file.where("study"))
     suggested = [{"kind": kind} for name in SUGGESTED_KEYS if name in file.tables for kind in SUGGESTED_KEYS[name]]
     tables = file.several("parts") or suggested
     if not tables:
@@ -53,7 +42,7 @@ def read_study(path: str | Path, kinds: Sequence[type[Part]]) -> Study:
     _check_needs(parts, where)
     _check_labels(parts, where)
     known = source.model.beam if any("" in part.needs for part in parts.values()) else None
-    return Study(about.title or Path(path).stem, tuple(parts.values()), about.text, about.source, about.seed, known)
+    return replace(about, title=about.title or Path(path).stem, parts=tuple(parts.values()), beam=known)
 
 
 def _laws(file: StudyFile) -> tuple[LawChoice, ...]:
@@ -76,7 +65,8 @@ def _part(source: Source, table: Any, kinds: Mapping[str, type[Part]], before: M
     kind = table.get("kind") if isinstance(table, dict) else None
     if not isinstance(kind, str) or kind not in kinds:
         raise InputError(f"kind must be one of {', '.join(kinds)}, got {shown(kind)}", where)
-    name = table.get("name", _free_name(kind, before))
+    free = next(name for k in itertools.count(1) if (name := f"{kind}_{k}" if k > 1 else kind) not in before)
+    name = table.get("name", free)
     if not isinstance(name, str) or not name.isidentifier() or name in STUDY_TABLES:
         taken = ", ".join(sorted(STUDY_TABLES))
         raise InputError(
@@ -112,11 +102,3 @@ def _check_labels(parts: Mapping[str, Part], where: str) -> None:
                 raise InputError(f"a label must have letters or digits, and differ, got {shown(label)}",
                                  f"{where}: {name}")  # fmt: skip
             taken.add(file_name(label))
-
-
-def _free_name(kind: str, before: Mapping[str, Part]) -> str:
-    name, number = kind, 1
-    while name in before:
-        number += 1
-        name = f"{kind}_{number}"
-    return name

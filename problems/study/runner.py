@@ -77,34 +77,27 @@ def run_task(task: Task) -> Kept:
     return Kept(time.perf_counter() - began, encoded(result))
 
 
-class Store:
-    """A folder with the results of finished tasks, created with the first one."""
+def kept_in(folder: Path, key: str, task: Task) -> Kept | None:
+    """Return the result under a key in a folder, or None if there is none that can be used."""
+    try:
+        kept: Kept = decoded((folder / f"{key}{SUFFIX}").read_bytes(), Kept)
+        kept.result(task)
+    except (OSError, ValueError, msgspec.MsgspecError):
+        return None
+    return kept
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
 
-    def get(self, key: str, task: Task) -> Kept | None:
-        """Return the result under a key, or None if there is none that can be used."""
-        try:
-            kept: Kept = decoded(self._path(key).read_bytes(), Kept)
-            kept.result(task)
-        except (OSError, ValueError, msgspec.MsgspecError):
-            return None
-        return kept
+def keep(folder: Path, key: str, kept: Kept) -> None:
+    """Keep a result under a key in a folder, which is created with the first one."""
+    write_file(folder / f"{key}{SUFFIX}", encoded(kept))
 
-    def keep(self, key: str, kept: Kept) -> None:
-        """Keep a result."""
-        write_file(self._path(key), encoded(kept))
 
-    def discard_all_but(self, keys: set[str]) -> None:
-        """Remove the results of earlier studies."""
-        for path in self._folder.glob(f"*{SUFFIX}"):
-            if path.name.removesuffix(SUFFIX) not in keys:
-                with contextlib.suppress(OSError):
-                    path.unlink()
-
-    def _path(self, key: str) -> Path:
-        return self._folder / f"{key}{SUFFIX}"
+def discard_all_but(folder: Path, keys: set[str]) -> None:
+    """Remove the results of earlier studies from a folder."""
+    for path in folder.glob(f"*{SUFFIX}"):
+        if path.name.removesuffix(SUFFIX) not in keys:
+            with contextlib.suppress(OSError):
+                path.unlink()
 
 
 @cache
@@ -166,9 +159,9 @@ def run_parts(
         own = executor is None and jobs > 1
         start = partial(stack.enter_context, processes(jobs)) if own else lambda: executor
         bar = stack.enter_context(tqdm(total=0, disable=not progress, bar_format=COUNT_BAR, desc="study"))
-        queue = stack.enter_context(
-            _Queue(Store(folder / STEPS_FOLDER), start, jobs + 1 if own else math.inf, bar)
-        )  # one task more than there are processes: none waits for this one
+        most = jobs + 1 if own else math.inf  # one task more than there are processes: none waits for this one
+        queue = _Queue(folder / STEPS_FOLDER, start, most, bar)
+        stack.callback(queue.cancel)
 
         def go_on(name: str, steps: _Steps, results: Any) -> None:
             try:
@@ -190,7 +183,7 @@ def run_parts(
                 go_on(name, steps, [queue.kept[key].result(queue.tasks[key]) for key in awaits])
             if not done:
                 queue.finish_one()
-    queue.store.discard_all_but(set(queue.tasks))
+    discard_all_but(queue.folder, set(queue.tasks))
     return {part.name: findings[part.name] for part in study.parts}, tuple(_times(keys, queue))
 
 
@@ -231,15 +224,15 @@ def _finding(kind: str, part: Part, results: Sequence[Any], found: Found, effort
     return finding if part.draw else replace(finding, figures=())
 
 
-class _Queue(contextlib.AbstractContextManager["_Queue"]):
+class _Queue:
     """Tasks by key: those that wait, those that run, and the results, of this run or kept from an earlier one.
 
     ``start`` returns the executor, or None to run the tasks in this process; it may have ``most`` tasks at once.  In
     the progress bar, a task counts by its cost.
     """
 
-    def __init__(self, store: Store, start: Callable[[], Executor | None], most: float, bar: Any) -> None:
-        self.store = store
+    def __init__(self, folder: Path, start: Callable[[], Executor | None], most: float, bar: Any) -> None:
+        self.folder = folder
         self.tasks: dict[str, Task] = {}
         self.kept: dict[str, Kept] = {}
         self.earlier: set[str] = set()
@@ -247,7 +240,7 @@ class _Queue(contextlib.AbstractContextManager["_Queue"]):
         self._waiting: list[tuple[bool, float, int, str]] = []  # a heap: not urgent, -cost, order, key
         self._running: dict[Future[Kept], str] = {}
 
-    def __exit__(self, *_: object) -> None:
+    def cancel(self) -> None:
         """Drop the tasks that an executor has not begun."""
         for future in self._running:
             future.cancel()
@@ -264,7 +257,7 @@ class _Queue(contextlib.AbstractContextManager["_Queue"]):
             if key in self.tasks:
                 continue
             self.tasks[key] = task
-            if (kept := self.store.get(key, task)) is not None:
+            if (kept := kept_in(self.folder, key, task)) is not None:
                 self.kept[key] = kept
                 self.earlier.add(key)
             else:
@@ -286,6 +279,6 @@ class _Queue(contextlib.AbstractContextManager["_Queue"]):
                 self._keep(self._running.pop(future), future.result())
 
     def _keep(self, key: str, kept: Kept) -> None:
-        self.store.keep(key, kept)
+        keep(self.folder, key, kept)
         self.kept[key] = kept
         self._bar.update(self.tasks[key].cost)

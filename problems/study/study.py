@@ -32,13 +32,12 @@ from problems.schema.plan import PLAN_KEYS
 from problems.schema.table import told
 from problems.study.kinds.beam import BeamProperties, Match, ModesOfBeam
 from problems.study.kinds.decays import DecayRecord, Decays
-from problems.study.kinds.motion import Comparison, MotionFit, SimulationPart
-from problems.study.kinds.planning import PlanPart
+from problems.study.kinds.motion import Comparison, MotionFit, PlanPart, SimulationPart
 from problems.study.kinds.rayleigh import Rayleigh
 from problems.study.kinds.response import ResponsePart
 from problems.study.kinds.transients import Transients
 from problems.study.part import FULL, QUICK, LawChoice, Part, Study
-from problems.study.reading import StudyTable, read_study
+from problems.study.reading import read_study
 from problems.study.results import Shown, file_name, labelled, page, results, schema
 from problems.study.runner import PartTime, run_parts
 
@@ -107,7 +106,7 @@ def study_help() -> str:
     """Return the tables of a study file and their keys, for ``--help``."""
     return "".join((
         beam_schema.HEAD,
-        told("[study]", "{}", StudyTable),
+        told("[study]", "{}", Study),
         beam_schema.BEAM_KEYS,
         MATCH_KEYS,
         PLAN_KEYS,

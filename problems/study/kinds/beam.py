@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Self, final
 
@@ -22,7 +22,7 @@ from ancf_casadi.vibration.modes import natural_modes
 from problems.matching.frequency_matching import match_frequencies
 from problems.schema.match import MatchTable, request_of
 from problems.schema.table import Positive, read
-from problems.study.data_table import Column, DataTable
+from problems.study.data_table import Column, DataTable, columns_of
 from problems.study.drawing import FIGURE_WIDTH, Drawing, drawn, new_figure, series
 from problems.study.part import Effort, Finding, Found, Part, Printed, Source, Task, printed_numbers
 
@@ -53,13 +53,8 @@ class BeamProperties(Part):
     def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the table of properties."""
         beam = self.beam_in(found)
-        means = [scale * float(np.mean(getattr(beam, name))) for name, _, scale in BEAM_ROWS]
-        printed = self.printed.get("value")
-        columns = (
-            Column("property", tuple(name.replace("_", " ") for name, *_ in BEAM_ROWS)),
-            Column("unit", tuple(unit for _, unit, _ in BEAM_ROWS)),
-            Column("value", tuple(means), printed=printed),
-        )
+        means = {name: float(np.mean(getattr(beam, name))) for name, *_ in BEAM_ROWS}
+        rows = [(name.replace("_", " "), unit, scale * means[name]) for name, unit, scale in BEAM_ROWS]
         varying = [name for name, *_ in ELEMENT_ROWS if np.ptp(getattr(beam, name)) > 0.0]
         notes = [f"{beam.elements} elements; axis {beam.axis}, gravity {beam.gravity} m/s²."]
         if varying:
@@ -69,6 +64,7 @@ class BeamProperties(Part):
             notes.append(f"{name.replace('_', ' ').capitalize()}: {amount}.")
         if beam.supports != (Clamp(),):
             notes.append(f"Supports: {', '.join(map(repr, beam.supports)) or 'none'}.")
+        columns = columns_of(("property", "unit", "value"), rows, self.printed)
         table = self.data_table("Properties of the beam", columns, *notes)
         data = {
             **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in ELEMENT_ROWS},
@@ -94,7 +90,7 @@ class ModesOfBeam(Part):
 
     def checked(self, source: Source, where: str) -> Self:
         """Return the part with its printed numbers."""
-        whole(self.modes, f"{where}: modes", 1, source.most_modes)
+        whole(self.modes, f"{where}: modes", 1, source.model.freedoms)
         return replace(self, printed=printed_numbers(self.printed, {"frequency": self.modes}, where))
 
     def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
@@ -102,26 +98,17 @@ class ModesOfBeam(Part):
         beam = self.beam_in(found)
         modes = natural_modes(Model(beam), count=self.modes)
         frequencies = modes.frequencies.tolist()
-        columns = (
-            Column("mode", tuple(range(1, self.modes + 1))),
-            Column("frequency", tuple(frequencies), "Hz", printed=self.printed.get("frequency")),
-        )
+        columns = columns_of(("mode", "frequency, Hz"), list(enumerate(frequencies, start=1)), self.printed)
         table = self.data_table("Natural frequencies", columns)
         figure = drawn("Mode shapes about the equilibrium.", modes.figure)
         return Finding({"frequency_hz": frequencies}, (table,), (figure,), beam=beam_data(beam))
 
 
-@dataclass(frozen=True)
-class Matched:
-    """A matched beam as plain data."""
+def match_plain(beam: Beam, request: dict[str, Any]) -> tuple[BeamData, dict[str, Any], dict[str, Array]]:
+    """Return a matched beam, the result for JSON, and what else fits equally well, all as plain data.
 
-    beam: BeamData
-    data: dict[str, Any]  # the result for JSON, as ``FrequencyMatch.to_dict``
-    ranges: dict[str, Array]  # (n, 2), relative changes of a property that fit equally well; empty if out of reach
-
-
-def match_plain(beam: Beam, request: dict[str, Any]) -> Matched:
-    """Match a beam, and return the result as plain data."""
+    The last are relative changes of each property of each element, (n, 2); none if the targets are out of reach.
+    """
     match = match_frequencies(beam, **request_of(MatchTable(**request)))
     space = match.matching.space
     ranges = {} if match.out_of_reach else space.by_property(match.identifiability.spread - 1)
@@ -129,7 +116,7 @@ def match_plain(beam: Beam, request: dict[str, Any]) -> Matched:
     data["elastic_modulus_per_element"] = data["elastic_modulus"]
     data["density_per_element"] = data["density"]
     data["elastic_modulus"], data["density"] = data["elastic_modulus"][0], data["density"][0]
-    return Matched(beam_data(match.beam), data, ranges)
+    return beam_data(match.beam), data, ranges
 
 
 @final
@@ -166,71 +153,51 @@ class Match(Part, MatchTable):
 
     def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the properties, the frequencies, and both as figures."""
-        matched: Matched = results[0]
-        beam = self.beam_in(found)
+        (matched, data, ranges), beam = results[0], self.beam_in(found)
         figures = (
             drawn("Properties of the matched beam along its length, relative to the given beam.  "
                   "Shaded: changes of single elements that fit equally well.",
-                  lambda: self._profiles(matched, beam)),
-            self._errors(matched),
+                  lambda: _profiles(beam, matched, ranges)),
+            self._errors(data),
         )  # fmt: skip
-        tables = (self._properties(matched, beam), self._frequencies(matched, beam))
-        return Finding(matched.data, tables, figures, tuple(matched.data["warnings"]), matched.beam)
+        tables = (self._properties(beam, matched, data), self._frequencies(beam, data))
+        return Finding(data, tables, figures, tuple(data["warnings"]), matched)
 
-    def _properties(self, matched: Matched, beam: Beam) -> DataTable:
-        arrays = {name: scale * np.array(getattr(matched.beam, name)) for name, _, scale in ELEMENT_ROWS}
-        standard = [scale * float(np.mean(getattr(beam, name))) for name, _, scale in ELEMENT_ROWS]
-        columns = (
-            Column("property", tuple(name.replace("_", " ") for name, *_ in ELEMENT_ROWS)),
-            Column("unit", tuple(unit for _, unit, _ in ELEMENT_ROWS)),
-            Column("before", tuple(standard)),
-            Column("mean", tuple(float(values.mean()) for values in arrays.values()),
-                   printed=self.printed.get("value")),
-            Column("smallest", tuple(float(values.min()) for values in arrays.values())),
-            Column("largest", tuple(float(values.max()) for values in arrays.values())),
-        )  # fmt: skip
-        bounds = ", ".join(matched.data["at_bound"]) or "none"
+    def _properties(self, beam: Beam, matched: BeamData, data: Mapping[str, Any]) -> DataTable:
+        rows = []
+        for name, unit, scale in ELEMENT_ROWS:
+            before, values = scale * float(np.mean(getattr(beam, name))), scale * np.array(getattr(matched, name))
+            row = (before, float(values.mean()), float(values.min()), float(values.max()))
+            rows.append((name.replace("_", " "), unit, *row))
+        heads = ("property", "unit", "before", "mean", "smallest", "largest")
+        columns = columns_of(heads, rows, {"mean": self.printed["value"]} if "value" in self.printed else None)
+        bounds = ", ".join(data["at_bound"]) or "none"
         notes = (
-            f"{matched.data['iterations']} iterations of IPOPT; properties at a bound: {bounds}.",
+            f"{data['iterations']} iterations of IPOPT; properties at a bound: {bounds}.",
             "Mean, smallest and largest value along the beam.",
-            *matched.data["identified"],
+            *data["identified"],
         )
         return self.data_table("Properties of the matched beam", columns, *notes)
 
-    def _frequencies(self, matched: Matched, beam: Beam) -> DataTable:
-        data = matched.data
+    def _frequencies(self, beam: Beam, data: Mapping[str, Any]) -> DataTable:
         columns = [
             Column("mode", tuple(data["modes"])),
             Column("measured", tuple(data["target_hz"]), "Hz"),
             Column("before", tuple(data["standard_hz"]), "Hz"),
         ]
-        printed = self.printed.get("standard")
         if self.weightless:
             other = beam.with_(gravity=(0.0, 0.0), density=self.weightless)
             frequencies = natural_modes(Model(other), count=max(data["modes"])).frequencies
             shown = tuple(float(frequencies[mode - 1]) for mode in data["modes"])
-            columns.append(Column(f"{self.weightless:g} kg/m³, no gravity", shown, "Hz", printed=printed))
-        else:
-            columns[-1] = Column("before", tuple(data["standard_hz"]), "Hz", printed=printed)
-        optimum = self.printed.get("optimum")
-        columns.append(Column("matched", tuple(data["matched_hz"]), "Hz", printed=optimum))
+            columns.append(Column(f"{self.weightless:g} kg/m³, no gravity", shown, "Hz"))
+        columns[-1] = replace(columns[-1], printed=self.printed.get("standard"))
+        columns.append(Column("matched", tuple(data["matched_hz"]), "Hz", printed=self.printed.get("optimum")))
         note = f"Largest relative error after matching: {data['max_relative_error']:.1e}."
         title = "Natural frequencies before and after matching"
         return self.data_table(title, columns, note)
 
-    def _profiles(self, matched: Matched, beam: Beam) -> Figure:
-        """Draw the properties that vary along the beam among those that may change, or the first of these."""
-        from ancf_casadi.plot import properties_figure  # slow to import
-
-        names = [name for name, *_ in ELEMENT_ROWS if name in matched.ranges] or [name for name, *_ in ELEMENT_ROWS]
-        along = [name for name in names if np.ptp(getattr(matched.beam, name)) > 0.0] or names[:1]
-        changes = {name: np.divide(getattr(matched.beam, name), getattr(beam, name)) - 1 for name in along}
-        ranges = {name: matched.ranges.get(name, change[:, None]) for name, change in changes.items()}
-        return properties_figure(beam, beam_from(matched.beam), ranges, width=FIGURE_WIDTH)
-
-    def _errors(self, matched: Matched) -> Drawing:
+    def _errors(self, data: Mapping[str, Any]) -> Drawing:
         """Draw the relative errors on a logarithmic scale, so that those after matching are visible."""
-        data = matched.data
         target = np.array(data["target_hz"])
         columns = {"before": data["standard_hz"], "matched": data["matched_hz"]}
         for key in ("standard", "optimum"):
@@ -248,3 +215,14 @@ class Match(Part, MatchTable):
 
         caption = "Relative errors of the natural frequencies, without their signs, on a logarithmic scale."
         return drawn(caption, draw)
+
+
+def _profiles(beam: Beam, matched: BeamData, ranges: Mapping[str, Array]) -> Figure:
+    """Draw the properties that vary along the beam among those that may change, or the first of these."""
+    from ancf_casadi.plot import properties_figure  # slow to import
+
+    names = [name for name, *_ in ELEMENT_ROWS if name in ranges] or [name for name, *_ in ELEMENT_ROWS]
+    along = [name for name in names if np.ptp(getattr(matched, name)) > 0.0] or names[:1]
+    changes = {name: np.divide(getattr(matched, name), getattr(beam, name)) - 1 for name in along}
+    shown = {name: ranges.get(name, change[:, None]) for name, change in changes.items()}
+    return properties_figure(beam, beam_from(matched), shown, width=FIGURE_WIDTH)

@@ -186,8 +186,12 @@ class Decays(Part):
                 given = read(table["synthetic"], SyntheticDecay, f"{place}: synthetic")
                 with located(place):
                     decays.append(self._synthetic(given, source.seed, k))
-            else:
-                decays.append(_measured(source, read(table, DecayRecord, place), place))
+                continue
+            measured = read(table, DecayRecord, place)
+            recording = read_measured(source.file, asdict(measured), place)
+            with located(place):
+                record = Measurement.from_recording(recording, measured.column, unit=measured.unit)
+                decays.append(Decay(record.cut(measured.begin, measured.end), "", measured.release_time))
         printed = printed_numbers(self.printed, dict.fromkeys(PRINTED, len(decays)), where)
         return replace(self, records=None, decays=tuple(decays), printed=printed)
 
@@ -297,11 +301,3 @@ def _decay_figure(decay: Decay, fit: FittedDecay, title: str) -> Figure:
     figure.align_ylabels()
     figure.suptitle(f"{title}{';  SYNTHETIC DATA' if decay.synthetic else ''}", fontsize=9, ha="left", x=0.02)
     return figure
-
-
-def _measured(source: Source, given: DecayRecord, where: str) -> Decay:
-    """Return the decay in a file."""
-    recording = read_measured(source.file, asdict(given), where)
-    with located(where):
-        record = Measurement.from_recording(recording, given.column, unit=given.unit).cut(given.begin, given.end)
-    return Decay(record, "", given.release_time)

@@ -68,7 +68,7 @@ class RequestedRun:
 
     def check(self, source: Source, where: str) -> None:
         """Check the run."""
-        whole(self.mode, f"{where}: mode", 1, source.most_modes)
+        whole(self.mode, f"{where}: mode", 1, source.model.freedoms)
         if not self.laws:
             raise InputError("name at least one of [[laws]]", f"{where}: laws")
         with located(where):

@@ -1,7 +1,7 @@
-"""Parts with motion, computed from the tables of the file as other commands do.
+"""Parts that one computation makes of the tables of the file, as other commands do.
 
 One simulated motion, as ``ancf-casadi simulate``; a fit to measured large motion with predictions of other records, as
-``fit``; a comparison of damping laws on measured motion, as ``compare-laws``.
+``fit``; a comparison of damping laws on measured motion, as ``compare-laws``; planned experiments, as ``plan``.
 """
 
 from __future__ import annotations
@@ -17,11 +17,13 @@ from msgspec import Meta
 from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.model_document import beam_data
+from ancf_casadi.support.tables import known
 from problems.beam.fitting import compare_laws, fit_beam
 from problems.schema.motion import read_simulation
+from problems.schema.plan import PLAN_TABLES, read_plan
 from problems.schema.records import NUMBERS, read_measurements
 from problems.schema.table import UNLISTED, StudyFile
-from problems.study.data_table import Column, DataTable
+from problems.study.data_table import Column, DataTable, columns_of
 from problems.study.drawing import drawn
 from problems.study.part import NO_FILE, Effort, Finding, Found, Part, Source, Task
 
@@ -30,7 +32,7 @@ MOTION_TABLES = {"beam", "damping", "base", "load", "release", "records", *NUMBE
 
 @dataclass(frozen=True, kw_only=True)
 class FilePart(Part, ABC):
-    """Base class of these parts, which one computation makes of tables of the file."""
+    """Base class of these parts."""
 
     wanted: ClassVar[Set[str]]  # names of the tables
     seconds: ClassVar[float]  # expected computing time
@@ -79,8 +81,7 @@ class SimulationPart(FilePart):
     @staticmethod
     def compute(file: StudyFile, animate: bool = False) -> Finding:
         """Simulate the motion of a study file: range and energies, and the figure of the motion."""
-        task = read_simulation(file)
-        run = simulate(task.model, damping=task.damping, base=task.base, **task.settings)
+        run = simulate(**read_simulation(file)[0])
         data: dict[str, Any] = {
             "tip_position_range_m": np.ptp(run.tip, axis=0).tolist(),
             "dissipated_energy_j": float(run.dissipated_energy[-1]),
@@ -88,21 +89,20 @@ class SimulationPart(FilePart):
             "integrators": [use.method for use in run.integrators],
         }
         x, y = data["tip_position_range_m"]
-        rows = (
+        rows: list[tuple[str, str, float]] = [
             ("range of the tip position in x", "mm", 1e3 * x),
             ("range of the tip position in y", "mm", 1e3 * y),
             ("energy taken by damping", "mJ", 1e3 * data["dissipated_energy_j"]),
             ("largest energy balance error", "mJ", 1e3 * data["balance_error_j"]),
-        )
-        heads = ("quantity", "unit", "value")
-        columns = tuple(Column(head, cells) for head, cells in zip(heads, zip(*rows, strict=True), strict=True))
+        ]
         caption = "Motion of the tip relative to the clamp, and shapes of the beam."
         figure = drawn(caption, run.figure)
         if animate:
             from ancf_casadi.animation.motions import moving_pictures  # matplotlib is slow to import
 
             figure = replace(figure, moving=moving_pictures({"": run}, "motion.gif"))
-        return Finding(data, (DataTable("Simulated motion", columns),), (figure,))
+        table = DataTable("Simulated motion", columns_of(("quantity", "unit", "value"), rows))
+        return Finding(data, (table,), (figure,))
 
     def check(self, file: StudyFile, where: str) -> None:
         """Check the simulation."""
@@ -127,11 +127,8 @@ def _errors(predictions: Sequence[Mapping[str, Any]]) -> DataTable:
         for k, one in enumerate(predictions, start=1)
         for channel in one["channels"]
     ]
-    heads = (("record", ""), ("channel", ""), ("unit", ""), ("rms error", ""), ("rms error", "% of the rms motion"))
-    columns = tuple(
-        Column(head, cells, unit) for (head, unit), cells in zip(heads, zip(*rows, strict=True), strict=True)
-    )
-    return DataTable("Errors of the predictions", columns)
+    heads = ("record", "channel", "unit", "rms error", "rms error, % of the rms motion")
+    return DataTable("Errors of the predictions", columns_of(heads, rows))
 
 
 @final
@@ -151,10 +148,8 @@ class MotionFit(FilePart):
         read = read_measurements(file)
         fit = fit_beam(read.model, read.records, read.damping, **read.settings)
         figures = [drawn("Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
-        predictions = []
-        for k, record in enumerate(read.predictions, start=1):
-            prediction = fit.predict(record)
-            predictions.append(prediction)
+        predictions = [fit.predict(record) for record in read.predictions]
+        for k, prediction in enumerate(predictions, start=1):
             caption = f"Record {k} that was predicted, not fitted: measured (dots) and computed (lines), and residuals."
             figures.append(drawn(caption, prediction.figure))
         warnings = (*fit.warnings, *(warning for prediction in predictions for warning in prediction.warnings))
@@ -185,11 +180,9 @@ class Comparison(FilePart):
         data = found.to_dict()
         laws = data["laws"]
         lowest = min(law["bic"] for law in laws)
-        columns = (
-            Column("law", tuple(law["law"] for law in laws)),
-            Column("unknowns", tuple(law["estimated"] for law in laws)),
-            Column("rms residual", tuple(law["residual_rms"] for law in laws)),
-            Column("BIC above the lowest", tuple(law["bic"] - lowest for law in laws)),
+        columns = columns_of(
+            ("law", "unknowns", "rms residual", "BIC above the lowest"),
+            [(law["law"], law["estimated"], law["residual_rms"], law["bic"] - lowest) for law in laws],
         )
         table = DataTable("Damping laws fitted to the measured motion", columns, tuple(found.table().notes))
         return Finding(data, (table,), (drawn(caption, found.figure),), tuple(data["warnings"]))
@@ -201,3 +194,35 @@ class Comparison(FilePart):
             raise InputError("there is only one law; add tables [[damping]]", where)
         if "fixed" in motions.settings:
             raise InputError("all parameters of the laws are compared; leave out fixed", file.where("fit"))
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class PlanPart(FilePart):
+    """The standard errors that candidates will have, and the list that is worth measuring."""
+
+    kind, heading = "plan", "Planned experiments"
+    about = "expected errors of experiments: the tables [[damping]], [[candidates]], [fit] (unknowns), [plan]"
+    seconds = 20.0
+    wanted = PLAN_TABLES
+
+    @staticmethod
+    def compute(file: StudyFile) -> Finding:
+        """Plan the candidates of a study file: the errors of each and of all, and the best list."""
+        task = read_plan(file)
+        found = task.planned()
+        choice = task.chosen(found)
+        own = found.table()
+        rows = [*own.rows, ("best list", None, *map(known, found.relative(choice["standard_errors"]).values()))]
+        bought = ", ".join(f"{count} × {name}" for name, count in choice["best"].items() if count)
+        note = f"Best list within the budget {choice['budget']:g} for {choice['goal']}: {bought}."
+        caption = (
+            "Expected standard errors from one record of each candidate, relative to the guesses; below, those of "
+            "motions against their duration and the place of a single sensor."
+        )
+        tables = (DataTable(own.title, columns_of(own.columns, rows), (note,)),)
+        return Finding(found.to_dict() | choice, tables, (drawn(caption, found.figure),), found.warnings)
+
+    def check(self, file: StudyFile, where: str) -> None:
+        """Check the candidates."""
+        read_plan(file)

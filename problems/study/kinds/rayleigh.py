@@ -15,7 +15,7 @@ from ancf_casadi.support.inputs import located
 from ancf_casadi.support.tables import known
 from problems.modal_damping.rayleigh import RayleighFit, fit_rayleigh, rayleigh_ratio
 from problems.schema.table import Positive
-from problems.study.data_table import Column
+from problems.study.data_table import Column, columns_of
 from problems.study.drawing import drawn, line, new_figure
 from problems.study.part import Effort, Finding, Found, Part, Printed, Source, printed_numbers
 
@@ -70,11 +70,7 @@ class Rayleigh(Part):
         )
         modes = zip((*self.frequencies, *self.others.frequencies), (*self.ratios, *self.others.ratios), strict=True)
         rows = [(f, 100 * z, float(100 * rayleigh_ratio(np.array(f), fit.alpha, fit.beta))) for f, z in modes]
-        law = (
-            Column("frequency", tuple(f for f, *_ in rows), "Hz"),
-            Column("measured", tuple(z for _, z, _ in rows), "%"),
-            Column("Eq. (16)", tuple(z for *_, z in rows), "%"),
-        )
+        law = columns_of(("frequency, Hz", "measured, %", "Eq. (16), %"), rows)
         tables = (
             self.data_table("Coefficients of Rayleigh damping", columns),
             self.data_table("Damping ratios under this law", law),
@@ -118,11 +114,9 @@ class Rayleigh(Part):
         if self.others.ratios:
             panels[0].plot(self.others.frequencies, 100 * np.array(self.others.ratios), "kx", label="other modes")
         panels[0].set_title(f"α = {fit.alpha:.4g} 1/s,  β = {fit.beta:.4g} s")
-        if self.examples:
-            for k, (alpha, beta) in enumerate(self.examples):
-                panels[1].plot(
-                    f, 100 * rayleigh_ratio(f, alpha, beta), **line(k), label=f"α = {alpha:g} 1/s, β = {beta:g} s"
-                )
+        for k, (alpha, beta) in enumerate(self.examples):
+            label = f"α = {alpha:g} 1/s, β = {beta:g} s"
+            panels[1].plot(f, 100 * rayleigh_ratio(f, alpha, beta), **line(k), label=label)
             panels[1].set_title("arbitrary coefficients")
         for axes in panels:
             axes.set(xscale="log", yscale="log", xlabel="frequency, Hz", ylabel="damping ratio, %")

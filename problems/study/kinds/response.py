@@ -27,9 +27,9 @@ from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Axes, Figure
 from ancf_casadi.vibration.modes import natural_modes
-from problems.schema.response import ResponseTask, read_response
+from problems.schema.motion import ResponseTask, read_response
 from problems.schema.table import UNLISTED, StudyFile
-from problems.study.data_table import Column
+from problems.study.data_table import Column, columns_of
 from problems.study.drawing import drawn, new_figure, series
 from problems.study.part import NO_FILE, Effort, Finding, Found, Part, Source, Task
 
@@ -84,17 +84,13 @@ def level_titles(levels: Sequence[float], unit: str) -> tuple[str, ...]:
 
 def summary_columns(curves: Sequence[Curve]) -> tuple[Column, ...]:
     """Return peak, damping and jumps of curves as columns of a table, one row per curve."""
-    return (
-        Column("peak of the tip", tuple(1e3 * curve["peak_amplitude_m"] for curve in curves), "mm"),
-        Column("at", tuple(curve["peak_frequency_hz"] for curve in curves), "Hz"),
-        Column("damping there", tuple(100 * curve["peak_damping_ratio"] for curve in curves), "%"),
-        Column("jump up", tuple(_listed(curve["jumps_up_hz"]) for curve in curves), "Hz"),
-        Column("jump down", tuple(_listed(curve["jumps_down_hz"]) for curve in curves), "Hz"),
-    )
-
-
-def _listed(frequencies: Sequence[float]) -> str:
-    return ", ".join(f"{frequency:.5g}" for frequency in frequencies) or "–"
+    heads = ("peak of the tip, mm", "at, Hz", "damping there, %", "jump up, Hz", "jump down, Hz")
+    rows = []
+    for curve in curves:
+        peak = (1e3 * curve["peak_amplitude_m"], curve["peak_frequency_hz"], 100 * curve["peak_damping_ratio"])
+        jumps = (", ".join(f"{jump:.5g}" for jump in curve[key]) or "–" for key in ("jumps_up_hz", "jumps_down_hz"))
+        rows.append((*peak, *jumps))
+    return columns_of(heads, rows)
 
 
 def level_curve(given: StudyFile, level: float) -> dict[str, Any]:
@@ -157,13 +153,9 @@ def draw_curve(axes: Axes, curve: Curve, values: Array, number: int, label: str 
     """Draw values along a curve in the style of its number: stable parts solid, unstable parts dashed."""
     style: dict[str, Any] = {**series(number), "ms": 4, "lw": 1.4, "linestyle": "-"}
     span = max(1, len(values) // 8)  # markers, which tell the curves apart in grey
-    for first, last, stable in _parts(curve["stable"]):
-        dash = {} if stable else {"linestyle": (0, (3, 2)), "marker": ""}
-        axes.plot(curve["frequency_hz"][first:last], values[first:last], markevery=(span // 2, span),
-                  label=label if first == 0 else None, **style | dash)  # fmt: skip
-
-
-def _parts(stable: Any) -> list[tuple[int, int, bool]]:
-    """Return begin, end and stability of the parts of a curve; neighbouring parts share a point."""
-    ends = [0, *(np.flatnonzero(np.diff(stable)) + 1).tolist(), len(stable)]
-    return [(begin, min(end + 1, len(stable)), bool(stable[begin])) for begin, end in pairwise(ends)]
+    stable = curve["stable"]
+    for begin, end in pairwise([0, *(np.flatnonzero(np.diff(stable)) + 1).tolist(), len(stable)]):
+        part = slice(begin, end + 1)  # neighbouring parts share a point
+        dash = {} if stable[begin] else {"linestyle": (0, (3, 2)), "marker": ""}
+        axes.plot(curve["frequency_hz"][part], values[part], markevery=(span // 2, span),
+                  label=None if begin else label, **style | dash)  # fmt: skip

@@ -20,7 +20,7 @@ from ancf_casadi.support.arrays import Array, maxima
 from ancf_casadi.support.figures import Axes, Figure, plain_log_ticks
 from ancf_casadi.support.tables import known
 from problems.schema.table import keys_of
-from problems.study.data_table import Column, DataTable
+from problems.study.data_table import Column, DataTable, columns_of
 from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, series
 from problems.study.kinds.experiment import ExperimentResult, RequestedRun, run_experiment
 from problems.study.part import Effort, Finding, Found, LawChoice, Part, Printed, Source, Task, printed_numbers
@@ -113,7 +113,7 @@ class Transients(Part):
         return Finding(data, (self._ratios(in_order), self._amplitudes(in_order)), tuple(figures))
 
     def _ratios(self, rows: Sequence[Row]) -> DataTable:
-        columns = _heads(rows)
+        columns = [*columns_of(("mode", "law"), [(row["mode"], law.title) for _, law, row in rows])]
         if any(math.isfinite(run.measured_ratio) for run in self.runs):
             columns.append(Column("measured", tuple(100 * self.runs[k].measured_ratio for k, *_ in rows), "%"))
         printed = tuple(self.printed[law.name][k] if law.name in self.printed else None for k, law, _ in rows)
@@ -126,14 +126,13 @@ class Transients(Part):
         return self.data_table("Damping ratios of the decays after the stop", columns)
 
     def _amplitudes(self, rows: Sequence[Row]) -> DataTable:
-        columns = [
-            *_heads(rows),
-            Column("drive", tuple(row["drive_hz"] for *_, row in rows), "Hz"),
-            Column("base amplitude", tuple(1e3 * row["base_amplitude_m"] for *_, row in rows), "mm"),
-            Column("requested", tuple(1e3 * row["requested_amplitude_m"] for *_, row in rows), "mm"),
-            Column("at the stop", tuple(1e3 * row["reached_amplitude_m"] for *_, row in rows), "mm"),
-            Column("frequency in the decay", tuple(row["frequency_hz"] for *_, row in rows), "Hz"),
-        ]
+        sizes = ("base_amplitude_m", "requested_amplitude_m", "reached_amplitude_m")
+        columns = columns_of(
+            ("mode", "law", "drive, Hz", "base amplitude, mm", "requested, mm", "at the stop, mm",
+             "frequency in the decay, Hz"),
+            [(row["mode"], law.title, row["drive_hz"], *(1e3 * row[name] for name in sizes), row["frequency_hz"])
+             for _, law, row in rows],
+        )  # fmt: skip
         # relative difference from the requested amplitude that the table explains
         short = any(row["reached_amplitude_m"] < (1 - 0.05) * row["requested_amplitude_m"] for *_, row in rows)
         reason = (
@@ -168,13 +167,6 @@ class Transients(Part):
         plain_log_ticks(axes, "y")
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
         return figure
-
-
-def _heads(rows: Sequence[Row]) -> list[Column]:
-    return [
-        Column("mode", tuple(row["mode"] for *_, row in rows)),
-        Column("law", tuple(law.title for _, law, _ in rows)),
-    ]
 
 
 def _drawing(run: RequestedRun, results: Sequence[ExperimentResult]) -> Drawing:

@@ -37,15 +37,13 @@ from ancf_casadi.export import Document, fmu, load_functions, read_document, wri
 from ancf_casadi.support.interrupts import ENDING
 from ancf_casadi.version import __version__
 from problems.cli import COMMANDS, main
-from problems.command import match as match_command
+from problems.command import fit_decay as fit_decay_command
 from problems.command import modes as modes_command
 from problems.command import simulate as simulate_command
-from problems.command.fits import fit_decay as fit_decay_command
 from problems.paper.reproduce import ALL_KINDS, PAPER_FILE
 from problems.schema import records
 from problems.schema.match import MatchTable
-from problems.schema.motion import AXES, READING, SETTINGS, read_simulation
-from problems.schema.response import ResponseTable
+from problems.schema.motion import AXES, READING, SETTINGS, ResponseTable, read_simulation
 from problems.study import runner
 from problems.study import study as study_module
 
@@ -354,10 +352,11 @@ class TestExport:
         written = json.loads(capsys.readouterr().out)
         assert written["format"] == "json"
         assert written["files"] == [{"path": "new/beam.json", "bytes": (files / "new/beam.json").stat().st_size}]
-        study, found = read_simulation("study.toml"), read_document("new/beam.json")
-        assert found.model == study.model
-        assert np.array_equal(found.damping.projection(found.model), study.damping.projection(study.model))
-        assert found.damping.parameters == study.damping.parameters
+        (given, _), found = read_simulation("study.toml"), read_document("new/beam.json")
+        model, law = given["model"], given["damping"]
+        assert found.model == model
+        assert np.array_equal(found.damping.projection(found.model), law.projection(model))
+        assert found.damping.parameters == law.parameters
 
     def test_a_document_is_a_beam_for_the_other_commands(self, files, capsys):
         """The same numbers to the last digit as from the TOML file, whose damping travels with it."""
@@ -748,7 +747,7 @@ class TestFailure:
         def fails(*_, **__):
             raise FitError("no minimum was found;\nstart elsewhere")
 
-        monkeypatch.setattr(match_command, "match_frequencies", fails)
+        monkeypatch.setattr(modes_command, "match_frequencies", fails)
         assert main(["match", "beam.toml", "--json"]) == 1
         assert one_line(capsys) == "ancf-casadi: no minimum was found; start elsewhere"
 
@@ -876,7 +875,7 @@ class TestInterrupted:
         def stopped(*_, **__):
             raise KeyboardInterrupt
 
-        called = {"natural_modes": modes_command, "match_frequencies": match_command, "simulate": simulate_command,
+        called = {"natural_modes": modes_command, "match_frequencies": modes_command, "simulate": simulate_command,
                   "fit_decay": fit_decay_command}  # fmt: skip
         for name, module in called.items():
             monkeypatch.setattr(module, name, stopped)
@@ -916,7 +915,7 @@ class TestInterrupted:
             except KeyboardInterrupt:
                 raise error from None
 
-        monkeypatch.setattr(match_command, "match_frequencies", swallowed)
+        monkeypatch.setattr(modes_command, "match_frequencies", swallowed)
         assert main(["match", "beam.toml"]) == 130
         assert one_line(capsys) == "ancf-casadi: stopped; nothing was written"
 

@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from problems.command.init import STUDY
+from problems.command.study import STUDY
 
 VALUES = [
     "0", "-1", "0.5", "1e300", "-1e300", "1e-300", "nan", "inf", "10000", "99999999999999999999", "true", '"x"', '""',

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from problems.paper.resonances import range_of
+from problems.paper.experiments import range_of
 from problems.study.study import StudyReport
 from tests.problems.conftest import BEAM, run_in
 

@@ -47,31 +47,31 @@ def _measured_motion(tmp_path):
 class TestBase:
     def test_sweep(self, file):
         text = "[base]\namplitude = 1e-3\nfrequencies = [1.0, 3.0]\nstop = 5\n"
-        assert read_simulation(file(BEAM, SIMULATION, text)).base == SweepBase(1e-3, (1.0, 3.0), stop=5.0)
+        assert read_simulation(file(BEAM, SIMULATION, text))[0]["base"] == SweepBase(1e-3, (1.0, 3.0), stop=5.0)
 
     def test_an_amplitude_that_grows(self, file):
         harmonic = "[base]\namplitude = 1e-3\nfrequency = 2.0\nramp = 5\n"
         sweep = "[base]\namplitude = 1e-3\nfrequencies = [1.0, 3.0]\nstop = 9\nramp = 2.5\n"
         load = "[load]\nforce = [1e-3, 0.0]\nfrequency = 2.0\nramp = 4\n"
-        assert read_simulation(file(BEAM, SIMULATION, harmonic)).base == HarmonicBase(1e-3, 2.0, ramp=5.0)
-        assert read_simulation(file(BEAM, SIMULATION, sweep)).base == SweepBase(1e-3, (1.0, 3.0), 9.0, ramp=2.5)
-        found = read_simulation(file(BEAM, SIMULATION, load)).settings["load"]
+        assert read_simulation(file(BEAM, SIMULATION, harmonic))[0]["base"] == HarmonicBase(1e-3, 2.0, ramp=5.0)
+        assert read_simulation(file(BEAM, SIMULATION, sweep))[0]["base"] == SweepBase(1e-3, (1.0, 3.0), 9.0, ramp=2.5)
+        found = read_simulation(file(BEAM, SIMULATION, load))[0]["load"]
         assert found == HarmonicLoad((1e-3, 0.0), 2.0, ramp=4.0)
 
     def test_fixed(self, file):
-        base = read_simulation(file(BEAM, SIMULATION, "[base]\nrotation = 0.1\n")).base
+        base = read_simulation(file(BEAM, SIMULATION, "[base]\nrotation = 0.1\n"))[0]["base"]
         assert base == FixedBase(rotation=0.1)
 
     @pytest.mark.parametrize("columns", ['x = "x_mm"\ny = "y_mm"\nrotation = "turn"', "x = 2\ny = 3\nrotation = 4"])
     def test_sampled_from_a_file_beside_the_study(self, file, columns):
-        base = read_simulation(file(BEAM, SIMULATION, f'[base]\nfile = "clamp.csv"\n{columns}\n')).base
+        base = read_simulation(file(BEAM, SIMULATION, f'[base]\nfile = "clamp.csv"\n{columns}\n'))[0]["base"]
         assert isinstance(base, SampledBase)
         assert base.time == pytest.approx(TIME)
         assert base.displacement == pytest.approx(np.column_stack([np.sin(TIME), np.cos(TIME) - 1]), abs=1e-12)
         assert base.rotation == pytest.approx(0.1 * TIME)
 
     def test_a_direction_without_a_column_rests(self, file):
-        base = read_simulation(file(BEAM, SIMULATION, '[base]\nfile = "clamp.csv"\ny = 3\n')).base
+        base = read_simulation(file(BEAM, SIMULATION, '[base]\nfile = "clamp.csv"\ny = 3\n'))[0]["base"]
         assert not base.displacement[:, 0].any() and not base.rotation.any()
         assert base.displacement[-1, 1] == pytest.approx(np.cos(TIME[-1]) - 1)
 
@@ -100,9 +100,9 @@ class TestBase:
 
 class TestRelease:
     def test_the_beam_is_held_by_the_load(self, file):
-        study = read_simulation(file(BEAM, SIMULATION, "[release]\ntip_force = [1e-2, 0]\ntip_moment = 1e-4\n"))
-        start = study.settings["start"]
-        held = static_equilibrium(study.model, tip_force=(1e-2, 0.0), tip_moment=1e-4)
+        given, _ = read_simulation(file(BEAM, SIMULATION, "[release]\ntip_force = [1e-2, 0]\ntip_moment = 1e-4\n"))
+        start = given["start"]
+        held = static_equilibrium(given["model"], tip_force=(1e-2, 0.0), tip_moment=1e-4)
         assert np.array_equal(start.coordinates, held.coordinates)
 
     @pytest.mark.parametrize(
@@ -125,15 +125,15 @@ class TestRelease:
 class TestLoad:
     def test_harmonic(self, file):
         text = "[load]\nforce = [1e-3, 0.0]\nfrequency = 2.0\nstop = 1.0\n"
-        load = read_simulation(file(BEAM, SIMULATION, text)).settings["load"]
+        load = read_simulation(file(BEAM, SIMULATION, text))[0]["load"]
         assert load == HarmonicLoad((1e-3, 0.0), 2.0, stop=1.0)
 
     def test_values_in_the_table(self, file):
         text = "[load]\nforce = [1e-3, 0.0]\nspeed = 2.0\n"
-        load = read_simulation(file(BEAM, SIMULATION, text)).settings["load"]
+        load = read_simulation(file(BEAM, SIMULATION, text))[0]["load"]
         assert load == MovingForce((1e-3, 0.0), 2.0)
         text = "[load]\ntime = [0, 0.1]\nforce = [[1, 0], [1, 0]]\n"
-        load = read_simulation(file(BEAM, SIMULATION, text)).settings["load"]
+        load = read_simulation(file(BEAM, SIMULATION, text))[0]["load"]
         assert isinstance(load, SampledLoad)
         assert load.time.tolist() == [0.0, 0.1] and load.force.tolist() == [[1.0, 0.0], [1.0, 0.0]]
 
@@ -141,7 +141,7 @@ class TestLoad:
         table = np.column_stack([TIME, 1e3 * TIME, 2.0 * TIME])
         np.savetxt(tmp_path / "load.csv", table, delimiter=",", header="t,f_mN,m_N_m", comments="")
         text = '[load]\nfile = "load.csv"\nforce_y = 2\nunit = "mN"\n'
-        load = read_simulation(file(BEAM, SIMULATION, text)).settings["load"]
+        load = read_simulation(file(BEAM, SIMULATION, text))[0]["load"]
         assert load.force == pytest.approx(np.column_stack([0 * TIME, TIME]))
         assert not load.moment.any()
 
@@ -190,7 +190,7 @@ class TestRecords:
         both = read_measurements(file(BEAM, LAWS, other)).records[0].channels
         assert len(read) == 3
         assert both[1].measurement.time[-1] == pytest.approx(1e-3 * both[0].measurement.time[-1])
-        assert read_simulation(file(BEAM, SIMULATION, text)).base.rotation.any()
+        assert read_simulation(file(BEAM, SIMULATION, text))[0]["base"].rotation.any()
         assert len(read) == 4
 
     def test_tables_of_the_study_hold_unless_a_record_has_its_own(self, file):

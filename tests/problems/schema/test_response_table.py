@@ -4,7 +4,7 @@ import pytest
 
 from ancf_casadi import HarmonicBase, HarmonicLoad, InputError, Model, QuadraticDamping
 from ancf_casadi.reduction import ReducedModel
-from problems.schema.response import read_response
+from problems.schema.motion import read_response
 
 BEAM = """
 [beam]

@@ -22,7 +22,7 @@ from ancf_casadi.export.structs import BeamData
 from ancf_casadi.support.arrays import Array
 from problems.study import runner as store_module
 from problems.study.part import Task
-from problems.study.runner import SUFFIX, Kept, Store, decoded, encoded, key_of, run_task
+from problems.study.runner import SUFFIX, Kept, decoded, discard_all_but, encoded, keep, kept_in, key_of, run_task
 
 
 @dataclass(frozen=True)
@@ -162,11 +162,11 @@ class TestFiles:
     def test_come_back_in_another_store(self, tmp_path):
         task = Task(sample, (2.0,))
         kept = run_task(task)
-        Store(tmp_path / "steps").keep(key_of(task), kept)
-        assert Store(tmp_path / "steps").get(key_of(task), task) == kept
+        keep(tmp_path / "steps", key_of(task), kept)
+        assert kept_in(tmp_path / "steps", key_of(task), task) == kept
 
     def test_that_are_missing_are_none(self, tmp_path):
-        assert Store(tmp_path / "none").get("0" * 24, Task(sample, (2.0,))) is None
+        assert kept_in(tmp_path / "none", "0" * 24, Task(sample, (2.0,))) is None
 
     @pytest.mark.parametrize(
         "kind", ["empty", "cut", "longer", "text", "zeros", "number", "objects", "pickle", "harm", "shape", "dtype"]
@@ -175,37 +175,37 @@ class TestFiles:
         """Truncated files, other types, arrays of objects and pickles: none is used, none is executed."""
         monkeypatch.chdir(tmp_path)
         task = Task(sample, (2.0,))
-        store, key = Store(tmp_path), key_of(task)
-        store.keep(key, run_task(task))
+        key = key_of(task)
+        keep(tmp_path, key, run_task(task))
         path = tmp_path / f"{key}{SUFFIX}"
         good = path.read_bytes()
         path.write_bytes(_damaged(good, kind))
-        assert store.get(key, task) is None
+        assert kept_in(tmp_path, key, task) is None
         assert not (tmp_path / "harm").exists()
         path.write_bytes(good)
-        assert store.get(key, task) is not None
+        assert kept_in(tmp_path, key, task) is not None
 
     def test_of_every_length_are_ignored(self, tmp_path):
         """A file that was cut at any byte."""
         task = Task(sample, (2.0,))
-        store, key = Store(tmp_path), key_of(task)
-        store.keep(key, run_task(task))
+        key = key_of(task)
+        keep(tmp_path, key, run_task(task))
         path = tmp_path / f"{key}{SUFFIX}"
         good = path.read_bytes()
         for size in range(len(good)):
             path.write_bytes(good[:size])
-            assert store.get(key, task) is None, size
+            assert kept_in(tmp_path, key, task) is None, size
 
     def test_of_other_studies_are_removed(self, tmp_path):
-        store, tasks = Store(tmp_path), [Task(sample, (scale,)) for scale in (1.0, 2.0, 3.0)]
+        tasks = [Task(sample, (scale,)) for scale in (1.0, 2.0, 3.0)]
         for task in tasks:
-            store.keep(key_of(task), run_task(task))
+            keep(tmp_path, key_of(task), run_task(task))
         (tmp_path / "notes.txt").write_text("mine")
-        store.discard_all_but({key_of(tasks[1])})
-        assert [store.get(key_of(task), task) is None for task in tasks] == [True, False, True]
+        discard_all_but(tmp_path, {key_of(tasks[1])})
+        assert [kept_in(tmp_path, key_of(task), task) is None for task in tasks] == [True, False, True]
         assert (tmp_path / "notes.txt").read_text() == "mine"
         shutil.rmtree(tmp_path)
-        store.discard_all_but(set())
+        discard_all_but(tmp_path, set())
 
 
 class _Harm:

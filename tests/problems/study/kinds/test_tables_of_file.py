@@ -7,7 +7,7 @@ import pytest
 
 from ancf_casadi import Beam, InputError, Model, StrainMeasures, natural_modes
 from ancf_casadi.export import Document, write_document
-from problems.command.init import STUDY
+from problems.command.study import STUDY
 from problems.study.study import run_study
 from tests.problems.conftest import BEAM, study_in
 

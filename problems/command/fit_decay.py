@@ -1,4 +1,4 @@
-"""``ancf-casadi fit-decay``: frequency and damping of one mode from measured decays.
+"""``ancf-casadi fit-decay`` and ``fit-modes``: frequency and damping of one mode, or of several, from measured decays.
 
 With ``--band`` the other modes are subtracted first (``problems.decay.mode_separation``).  Several files are fitted at
 once and each alone.  The curve of damping against amplitude is computed last.
@@ -7,7 +7,7 @@ once and each alone.  The curve of damping against amplitude is computed last.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args
@@ -18,29 +18,26 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.files import check_file
 from ancf_casadi.support.inputs import located
-from problems.command.fits.fit_modes import modes_output
 from problems.command.output import (
     Output,
     add_plot,
     comma_numbers,
     figure_writers,
     file_writers,
-    json_text,
     new_files,
     positive_count,
+    result_output,
 )
-from problems.command.record_options import add_part_options, add_record_options, read_record, releases
+from problems.command.record_options import add_record_options, read_record, releases
 from problems.decay.comparison import compare_decay_laws, compared
 from problems.decay.fitting import fit_decay, fit_decays
 from problems.decay.law_curve import amplitude_table
 from problems.decay.laws import Law
-from problems.decay.mode_separation import IsolatedMode, isolate_mode
+from problems.decay.mode_separation import MOST_DECAY_MODES, IsolatedMode, fit_modes, isolate_mode
 from problems.decay.result import DecayFit
 
-AUTOMATIC = ("law", "frequency-law", "rest")  # options that may be auto
 
-
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_fit_decay(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument(
         "files", nargs="+", metavar="FILE", help="record of a free decay; several files are takes of the same mode"
@@ -64,7 +61,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="write damping ratio and frequency against amplitude: windows without a law, and the law with its band",
     )
     add_record_options(parser)
-    add_part_options(parser)
 
 
 def add_law_options(parser: argparse.ArgumentParser, *, auto: bool) -> None:
@@ -82,16 +78,15 @@ def add_law_options(parser: argparse.ArgumentParser, *, auto: bool) -> None:
     parser.add_argument("--robust", action="store_true", help="limit the influence of outliers")
 
 
-def run(options: argparse.Namespace) -> Output:
-    """Run the command."""
+def run_fit_decay(options: argparse.Namespace) -> Output:
+    """Fit the decays."""
     _check(options)
     count = len(options.files)
-    plots, curves = _numbered(options.plot, count), _numbered(options.curve, count)
-    new_files(options.files, *plots, *curves)
+    new_files(options.files, *_numbered(options.plot, count), *_numbered(options.curve, count))
     times = releases(options, count)
     records = [read_record(path, options) for path in options.files]
     if options.modes is not None:
-        return modes_output(options, options.files[0], records[0], times[0])
+        return _modes(options, options.files[0], records[0], times[0])
     isolated: list[IsolatedMode] = []
     if options.band is not None:
         for path, record, time in zip(options.files, records, times, strict=True):
@@ -101,15 +96,41 @@ def run(options: argparse.Namespace) -> Output:
     return _fitted(options, records, times, isolated)
 
 
+def add_fit_modes(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("file", metavar="FILE", help="the record; inspect FILE shows its columns and units")
+    parser.add_argument(
+        "--modes",
+        type=positive_count,
+        metavar="N",
+        help=f"largest number of modes (default: as many as the record supports, up to {MOST_DECAY_MODES})",
+    )
+    add_plot(parser, "draw the record, the sum of the modes, and what remains")
+    add_record_options(parser)
+
+
+def run_fit_modes(options: argparse.Namespace) -> Output:
+    """Fit the modes."""
+    new_files([options.file], options.plot)
+    (release,) = releases(options, 1)
+    return _modes(options, options.file, read_record(options.file, options), release)
+
+
+def _modes(options: argparse.Namespace, file: str, record: Measurement, release: float | None) -> Output:
+    """Fit several modes to the record of a file."""
+    with located(file):
+        fits = fit_modes(record, modes=options.modes, release_time=release)
+    return result_output(fits, options.plot)
+
+
 def _check(options: argparse.Namespace) -> None:
     """Refuse options that do not go together."""
     several = len(options.files) > 1
-    if _compares(options):
-        where = next(f"--{name} auto" for name in AUTOMATIC if getattr(options, name.replace("-", "_")) == "auto")
+    if automatic := _automatic(options):
         if options.robust:
-            raise InputError("compares sums of squares; leave out --robust", where)
+            raise InputError("compares sums of squares; leave out --robust", automatic)
         if several:
-            raise InputError("compares the laws on one record; give one file, or choose a law", where)
+            raise InputError("compares the laws on one record; give one file, or choose a law", automatic)
     if options.band is not None and len(options.band) != 2:
         raise InputError("must be two frequencies LOW,HIGH", "--band")
     if options.modes is not None:
@@ -127,9 +148,10 @@ def _check(options: argparse.Namespace) -> None:
                 raise InputError(f"fits modes with linear damping to one record; it does not go with {name}", "--modes")
 
 
-def _compares(options: argparse.Namespace) -> bool:
-    """Return whether several laws are to be compared."""
-    return "auto" in (options.law, options.frequency_law, options.rest)
+def _automatic(options: argparse.Namespace) -> str:
+    """Return the first option that asks to compare laws, with its value; empty if there is none."""
+    given = {"law": options.law, "frequency-law": options.frequency_law, "rest": options.rest}
+    return next((f"--{name} auto" for name, law in given.items() if law == "auto"), "")
 
 
 def _fitted(
@@ -138,29 +160,22 @@ def _fitted(
     times: Sequence[float | None],
     isolated: Sequence[IsolatedMode],
 ) -> Output:
+    laws = {"law": options.law, "frequency_law": options.frequency_law, "rest": options.rest}
     extra: dict[str, Any] = {}
-    if _compares(options):
-        chosen = compared(options.law, options.frequency_law, options.rest)
-        with located(options.files[0]):
-            comparison = compare_decay_laws(records[0], release_time=times[0], **chosen)
-        fits, text = [comparison.best], comparison.report()
-        extra["comparison"] = comparison.to_dict()
-    else:
-        settings: dict[str, Any] = {
-            "law": options.law,
-            "frequency_law": options.frequency_law or "constant",
-            "rest": options.rest or "constant",
-            "robust": options.robust,
-        }
-        if len(records) == 1:
-            with located(options.files[0]):
-                fits = [fit_decay(records[0], release_time=times[0], **settings)]
-            text = fits[0].report()
+    with located(", ".join(options.files)):
+        if _automatic(options):
+            comparison = compare_decay_laws(records[0], release_time=times[0], **compared(**laws))
+            fits, text = [comparison.best], comparison.report()
+            extra["comparison"] = comparison.to_dict()
         else:
-            known = [time for time in times if time is not None]
-            with located(", ".join(options.files)):
-                takes = fit_decays(records, release_times=known or None, **settings)
-            fits, text, extra = list(takes), takes.report(), takes.to_dict()
+            laws = {name: law or "constant" for name, law in laws.items()}
+            if len(records) == 1:
+                fits = [fit_decay(records[0], release_time=times[0], robust=options.robust, **laws)]
+                text = fits[0].report()
+            else:
+                known = [time for time in times if time is not None]
+                takes = fit_decays(records, release_times=known or None, robust=options.robust, **laws)
+                fits, text, extra = list(takes), takes.report(), takes.to_dict()
     lines = [
         f"  subtracted from {path}: {', '.join(f'{other.frequency:.4g}' for other in one.others)} Hz"
         for path, one in zip(options.files, isolated, strict=bool(isolated))
@@ -169,13 +184,12 @@ def _fitted(
     lines += [f"  note: {text}" for one in isolated for text in one.warnings]
     if isolated:
         extra["subtracted_hz"] = [[other.frequency for other in one.others] for one in isolated]
-    plots, curves = (_numbered(path, len(fits)) for path in (options.plot, options.curve))
-    files = [write for path, fit in zip(plots, fits, strict=True) for write in figure_writers(path, fit.figure)]
-    for path, fit in zip(curves, fits, strict=True):
+    files: list[Callable[[], object]] = []
+    for path, fit in zip(_numbered(options.plot, len(fits)), fits, strict=True):
+        files += figure_writers(path, fit.figure)
+    for path, fit in zip(_numbered(options.curve, len(fits)), fits, strict=True):
         files += file_writers(path, partial(_curve, fit))
-    if options.json:
-        return Output(json_text(fits[0].to_dict() | extra), files)
-    return Output("\n".join([text, *lines]), files)
+    return Output(lambda: fits[0].to_dict() | extra, lambda: "\n".join([text, *lines]), files)
 
 
 def _curve(fit: DecayFit) -> str:

@@ -11,18 +11,12 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located
 from problems.beam.fitting import compare_laws
 from problems.command.output import Output, add_plot, new_files, positive_count, result_output
-from problems.command.record_options import (
-    add_part_options,
-    add_record_options,
-    check_no_record_options,
-    read_record,
-    releases,
-)
+from problems.command.record_options import add_record_options, check_no_record_options, read_record, releases
 from problems.decay.comparison import compare_decay_laws
 from problems.schema.records import RECORDS_HELP, read_measurements
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_compare_laws(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.epilog = RECORDS_HELP
     parser.add_argument(
@@ -36,12 +30,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     add_plot(parser, "draw the criteria")
     add_record_options(parser)
-    add_part_options(parser)
 
 
-def run(options: argparse.Namespace) -> Output:
-    """Run the command."""
-    (plot,) = new_files([options.file], options.plot)
+def run_compare_laws(options: argparse.Namespace) -> Output:
+    """Compare the laws."""
+    new_files([options.file], options.plot)
     found: LawComparison[Any]
     if options.file.lower().endswith(".toml"):
         check_no_record_options(options, "a study has them in [[records]]")
@@ -62,4 +55,4 @@ def run(options: argparse.Namespace) -> Output:
         record = read_record(options.file, options)
         with located(options.file):
             found = compare_decay_laws(record, release_time=release)
-    return result_output(options, found, plot)
+    return result_output(found, options.plot)

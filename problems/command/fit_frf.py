@@ -14,7 +14,7 @@ from problems.frf.fitting import fit_frf
 from problems.frf.record import FrfRecord
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_fit_frf(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.epilog = (
         "reads universal files (data set 58, function type 4), and columns of MATLAB, HDF5, NPZ and text files: "
@@ -36,9 +36,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_spectral_options(parser, level=False)
 
 
-def run(options: argparse.Namespace) -> Output:
-    """Run the command."""
-    (plot,) = new_files([options.file], options.plot)
+def run_fit_frf(options: argparse.Namespace) -> Output:
+    """Fit the functions."""
+    new_files([options.file], options.plot)
     if options.band is not None and len(options.band) != 2:
         raise InputError("must be two frequencies LOW,HIGH", "--band")
     names = ("column", "frequency", "phase", "unit", "phase_unit")
@@ -46,4 +46,4 @@ def run(options: argparse.Namespace) -> Output:
     record = FrfRecord.from_file(options.file, options.kind, progress=True, **reading)
     with located(options.file):
         fit = fit_frf(record, modes=options.modes, frequencies=options.frequencies, band=options.band)
-    return result_output(options, fit, plot)
+    return result_output(fit, options.plot)

@@ -8,20 +8,14 @@ from pathlib import Path
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located
 from problems.beam.curves.record import ResponseRecord
-from problems.command.fits.fit_decay import add_law_options
+from problems.command.fit_decay import add_law_options
 from problems.command.output import Output, add_plot, finite, new_files, result_output
-from problems.command.record_options import (
-    add_part_options,
-    add_record_options,
-    check_no_record_options,
-    read_record,
-    releases,
-)
+from problems.command.record_options import add_record_options, check_no_record_options, read_record, releases
 from problems.mode.fitting import fit_mode
 from problems.schema.records import MODE_CURVES_HELP, read_curves
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_fit_mode(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.epilog = MODE_CURVES_HELP
     parser.add_argument(
@@ -46,11 +40,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     add_plot(parser, "draw curves, decays, and frequency and damping ratio against amplitude")
     add_record_options(parser)
-    add_part_options(parser)
 
 
-def run(options: argparse.Namespace) -> Output:
-    """Run the command."""
+def run_fit_mode(options: argparse.Namespace) -> Output:
+    """Fit the mode."""
     given = [*options.files, *options.curve]
     if not given:
         raise InputError("give the file of a decay, or response curves", "FILE")
@@ -73,4 +66,4 @@ def run(options: argparse.Namespace) -> Output:
             release_times=[time for time in times if time is not None] or None,
             robust=options.robust,
         )
-    return result_output(options, fit, options.plot)
+    return result_output(fit, options.plot)

@@ -1,1 +1,0 @@
-"""The subcommands that estimate something from measurements, one file each."""

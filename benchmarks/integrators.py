@@ -37,8 +37,7 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics.start import set_up
-from ancf_casadi.dynamics.tolerance import default_tolerance
+from ancf_casadi.dynamics.start import default_tolerance, set_up
 from tests.problems.paper import numbers as paper
 
 METHODS = ("idas", "radau", "auto")

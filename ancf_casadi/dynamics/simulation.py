@@ -32,9 +32,8 @@ from ancf_casadi.dynamics.placed_load import LOAD_SIZE
 from ancf_casadi.dynamics.radau.collocation import Collocation, first_equal
 from ancf_casadi.dynamics.radau.stepper import integrate_by_radau
 from ancf_casadi.dynamics.segments import ENERGY_STATES, SegmentSolution, divide
-from ancf_casadi.dynamics.start import MotionSetup, Start, set_up
+from ancf_casadi.dynamics.start import MotionSetup, Start, default_tolerance, set_up
 from ancf_casadi.dynamics.tip_load import TipLoad
-from ancf_casadi.dynamics.tolerance import default_tolerance
 from ancf_casadi.dynamics.trajectory import IntegratorUse, State, Trajectory
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import Model
@@ -96,7 +95,7 @@ def simulate(
         IDAS if ``options`` are given; ``integrators`` of the result tells.
     tolerance : float, optional
         Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.  The default
-        depends on the expected motion (``ancf_casadi.dynamics.tolerance``).
+        depends on the expected motion (``ancf_casadi.dynamics.start``).
     largest_step : float
         Largest step, s.  Limit the step if the base motion has short events.  Even steps also follow a steady vibration
         better than the tolerance alone.

@@ -24,8 +24,8 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.dynamics.derivatives import differentiable as module
-from ancf_casadi.dynamics.derivatives.run import MotionRun
 from ancf_casadi.dynamics.derivatives.sensitivity import SensitivityProblem
+from ancf_casadi.dynamics.derivatives.tangent import MotionRun
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.exceptions import SimulationError

@@ -28,8 +28,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import Attachment
-from ancf_casadi.mechanics.beam_table import PART_KINDS, with_parts
-from ancf_casadi.mechanics.lumped import PROPERTIES, Place, changed_parts, lumped_places
+from ancf_casadi.mechanics.lumped import PART_KINDS, PROPERTIES, Place, changed_parts, lumped_places, with_parts
 from ancf_casadi.mechanics.section import Section, check_elements
 from ancf_casadi.mechanics.supports import Clamp, Support, at_first
 from ancf_casadi.support.arrays import Array

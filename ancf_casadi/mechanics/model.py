@@ -30,22 +30,20 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.mechanics.beam import INITIAL, Beam
-from ancf_casadi.mechanics.element import Element, Group, element
-from ancf_casadi.mechanics.lumped import PROPERTIES
-from ancf_casadi.mechanics.nodes import NODE, Nodes
-from ancf_casadi.mechanics.point_elements import (
+from ancf_casadi.mechanics.element import (
+    Element,
+    Group,
     dashpot,
+    element,
     point_mass,
     rotary_inertia,
     rotational_spring,
     slope_length,
     spring,
 )
-from ancf_casadi.mechanics.strain import (
-    StrainMeasures,
-    axial_strain,
-    curvature,
-)
+from ancf_casadi.mechanics.lumped import PROPERTIES
+from ancf_casadi.mechanics.nodes import NODE, Nodes
+from ancf_casadi.mechanics.strain import StrainMeasures, axial_strain, curvature
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import check_instance
 

@@ -4,9 +4,9 @@ The parameters are theta of the law, b of the base motion, the properties P of t
 (mass at the tip, stiffness of the clamp), for a beam released from an unknown load, this load and its rate, s, and the
 shifts d of the clocks by which the motion was sampled.  A start at rest depends on P, m, s and, in a flow, on theta
 through the static equilibrium; unless it is an impact, the beam moves with its clamp as one rigid body
-(``dynamics.start``), so that its velocities depend on b as well.  The derivatives are those of the Radau steps that were
-taken, with fixed lengths: exact for the computed motion, and as accurate as this motion.  They are chained through the
-linearised steps (``tangent``), forward for few parameters and in reverse for few results.  Samples are the quintic
+(``dynamics.start``), so that its velocities depend on b as well.  The derivatives are those of the Radau steps that
+were taken, with fixed lengths: exact for the computed motion, and as accurate as this motion.  They are chained through
+the linearised steps (``tangent``), forward for few parameters and in reverse for few results.  Samples are the quintic
 polynomials through the ends of the steps, and their time derivatives (``tangent``); the correction that ``simulate``
 makes there for the axial forces is below the tolerance.
 

@@ -61,10 +61,9 @@ from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.loads import PointLoad
-from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.model import Model, changed_model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index, Layout
-from ancf_casadi.vibration.changed_model import changed_model
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 STILL_AIR = RayleighDamping()

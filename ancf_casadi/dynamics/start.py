@@ -44,9 +44,8 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
 from ancf_casadi.dynamics.equations import Equations, as_it_is
-from ancf_casadi.dynamics.excitation import Excitation, excitation_pieces
+from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, excitation_pieces
 from ancf_casadi.dynamics.placed_load import TIP, equilibrium_under
-from ancf_casadi.dynamics.segments import SAME_TIME
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import EquilibriumError, InputError

@@ -38,6 +38,7 @@ from ancf_casadi.support.inputs import (
     check_size,
     instances,
     is_sequence,
+    keep_checked,
     located,
     numbers,
     positive,
@@ -116,7 +117,7 @@ class Beam(Displayed):
 
     def __post_init__(self) -> None:
         """Validate, and normalise the axis."""
-        object.__setattr__(self, "length", positive(self.length, "length"))
+        keep_checked(self, length=positive)
         for name in PROPERTIES:
             if not is_sequence(getattr(self, name)):
                 raise InputError("must have one value per element; Beam.uniform also takes one number", name)
@@ -124,8 +125,7 @@ class Beam(Displayed):
             if len(getattr(self, name)) != len(self.width):
                 raise InputError(f"has {len(getattr(self, name))} values for {len(self.width)} elements", name)
         whole(self.elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
-        object.__setattr__(self, "axis", unit_vector(self.axis, "axis"))
-        object.__setattr__(self, "gravity", vector(self.gravity, "gravity"))
+        keep_checked(self, axis=unit_vector, gravity=vector)
         for name in INITIAL:
             own = numbers(getattr(self, name), name)
             if len(own) not in (0, self.elements):

@@ -52,10 +52,9 @@ from ancf_casadi.dynamics.derivatives.tangent import (
     tangent_of,
 )
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.excitation import Excitation, excitation_pieces
+from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, excitation_pieces
 from ancf_casadi.dynamics.placed_load import LOAD_SIZE, TIP, equilibrium_under
 from ancf_casadi.dynamics.radau.stepper import RadauStep, Stepper
-from ancf_casadi.dynamics.segments import SAME_TIME
 from ancf_casadi.dynamics.start import LOAD_NAMES, START_LOAD_NAMES, Start, check_clamp, initial_state, rigid_motion
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.trajectory import State

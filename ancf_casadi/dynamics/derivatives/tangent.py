@@ -38,10 +38,9 @@ import numpy as np
 import scipy.sparse
 
 from ancf_casadi.dynamics.equations import Balance, Equations, as_it_is
-from ancf_casadi.dynamics.excitation import EXCITATION, Excitation
+from ancf_casadi.dynamics.excitation import EXCITATION, SAME_TIME, Excitation
 from ancf_casadi.dynamics.radau.collocation import QUINTIC, RADAU, STAGES, Collocation, powers, stage_motion
 from ancf_casadi.dynamics.radau.stepper import RadauStep
-from ancf_casadi.dynamics.segments import SAME_TIME
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE

@@ -37,9 +37,8 @@ from dataclasses import dataclass, replace
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.excitation import EXCITATION, Excitation
+from ancf_casadi.dynamics.excitation import ENERGY_STATES, EXCITATION, SAME_TIME, Excitation, Segment, SegmentSolution
 from ancf_casadi.dynamics.radau.collocation import RADAU, STAGES, Collocation
-from ancf_casadi.dynamics.segments import ENERGY_STATES, SAME_TIME, Segment, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.nodes import NODE

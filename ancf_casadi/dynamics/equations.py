@@ -244,11 +244,7 @@ class Balance:
     def free_mass(self) -> cs.MX:
         """Return N^T M N, sparse."""
         model = self.equations.model
-        blocks: list[cs.MX] = [
-            group.element.mass.map(group.count)(group.properties(self.properties, self.lumped))
-            for group in model.groups
-        ]
-        return model.free_matrix(cs.vertcat(*map(cs.vec, blocks)))
+        return model.free_matrix(cs.vertcat(*map(cs.vec, model.mapped("mass", self.properties, lumped=self.lumped))))
 
     def inertia(self, e_tt: cs.MX) -> cs.MX:
         """Return M e_tt."""

@@ -26,7 +26,7 @@ refer to, so their displacements and rotations change.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -164,7 +164,7 @@ class Model(Nodes):
     def strain_energy(self) -> cs.Function:
         """(e, P) -> U, J, Eq. (8)."""
         e, p = self._symbols()
-        energies = map(cs.sum2, self._mapped("strain_energy", p, e))
+        energies = map(cs.sum2, self.mapped("strain_energy", p, e))
         return cs.Function("strain_energy", [e, p], [sum(energies, cs.MX(0))], ["e", "P"], ["U"])
 
     elastic_force = _of_elements("(e, P) -> Q_e, Eq. (6).", "elastic_force", "e", output="Q_e")
@@ -173,7 +173,7 @@ class Model(Nodes):
     def tangent_stiffness(self) -> cs.Function:
         """(e, P) -> K = dQ_e/de, sparse."""
         e, p = self._symbols()
-        stiffness = self._matrix(self._mapped("tangent_stiffness", p, e))
+        stiffness = self._matrix(self.mapped("tangent_stiffness", p, e))
         return cs.Function("tangent_stiffness", [e, p], [stiffness], ["e", "P"], ["K"])
 
     tangent_force = _of_elements(
@@ -196,7 +196,7 @@ class Model(Nodes):
     def mass(self) -> cs.Function:
         """P -> M, Eq. (7), sparse."""
         _, p = self._symbols()
-        return cs.Function("mass", [p], [self._matrix(self._mapped("mass", p))], ["P"], ["M"])
+        return cs.Function("mass", [p], [self._matrix(self.mapped("mass", p))], ["P"], ["M"])
 
     line_inertia_force = _of_elements(
         "(e_tt, P) -> int S^T mu r_tt dp, the part of M e_tt from mass along the beam; also for velocities.",
@@ -245,13 +245,20 @@ class Model(Nodes):
         """Symbols of the nodal coordinates e and the properties P."""
         return cs.MX.sym("e", self.size), cs.MX.sym("P", len(PROPERTIES), self.beam.elements)
 
-    def _mapped(self, name: str, p: cs.MX, *vectors: cs.MX, shared: Sequence[cs.MX] = ()) -> list[cs.MX]:
+    def mapped(
+        self,
+        name: str,
+        p: cs.MX,
+        *vectors: cs.MX,
+        shared: Sequence[cs.MX] = (),
+        lumped: Mapping[str, cs.MX] | None = None,
+    ) -> list[cs.MX]:
         """Evaluate an element Function for each group, from vectors at all nodes; its last inputs are ``shared``."""
         results = []
         for group in self.groups:
             function: cs.Function = getattr(group.element, name)
             same = [cs.repmat(symbol, 1, group.count) for symbol in shared]
-            results.append(function.map(group.count)(*map(group.gather, vectors), group.properties(p), *same))
+            results.append(function.map(group.count)(*map(group.gather, vectors), group.properties(p, lumped), *same))
         return results
 
     def _force(self, name: str, *inputs: str, output: str = "Q", **shared: int) -> cs.Function:
@@ -259,7 +266,7 @@ class Model(Nodes):
         vectors = [cs.MX.sym(symbol, self.size) for symbol in inputs]
         same = [cs.MX.sym(symbol, size) for symbol, size in shared.items()]
         _, p = self._symbols()
-        total = self.sum_at_nodes(self._mapped(name, p, *vectors, shared=same))
+        total = self.sum_at_nodes(self.mapped(name, p, *vectors, shared=same))
         return cs.Function(name, [*vectors, p, *same], [total], [*inputs, "P", *shared], [output])
 
     def _matrix(self, blocks: Sequence[cs.MX]) -> cs.MX:

@@ -184,30 +184,23 @@ class Position:
 class EqualElements:
     """Equal elements of a structure, and the places of their coordinates and properties."""
 
+    model: Model  # the beam of the structure
     balance: ElementBalance  # forces and mass of one element
     coordinates: Index  # indices of the coordinates of each element in the structure, (elements, d)
     properties: Index  # indices of the properties of each element in the structure, (elements, k)
     constants: Array  # the constants of each element, (elements, c)
-    numbers: Index  # of the free coordinates that move them, -1 where they are held, (elements, d)
-    weights: Array  # entries of N, (elements, d)
-    freedoms: int  # number of free coordinates of the structure, N
 
     @cached_property
     def bands(self) -> tuple[Index, Array | None]:
         """Places of the entries of element matrices in the diagonals, and N_ik N_jl unless all are 0 or 1."""
-        rows, columns = self.numbers[:, :, None], self.numbers[:, None, :]
-        places = (BANDWIDTH + rows - columns) * self.freedoms + columns
-        places = np.where((rows < 0) | (columns < 0), (2 * BANDWIDTH + 1) * self.freedoms, places)
-        slanted = not np.isin(self.weights, (0.0, 1.0)).all()
-        return places, self.weights[:, :, None] * self.weights[:, None, :] if slanted else None
-
-
-def _placed(
-    model: Model, balance: ElementBalance, coordinates: Index, properties: Index, constants: Array
-) -> EqualElements:
-    """Return equal elements with some coordinates (elements, d), properties and constants."""
-    numbers, weights = model.free_of[coordinates], model.weights[coordinates]
-    return EqualElements(balance, coordinates, properties, constants, numbers, weights, model.freedoms)
+        model, freedoms = self.model, self.model.freedoms
+        numbers: Index = model.free_of[self.coordinates]
+        weights: Array = model.weights[self.coordinates]
+        rows, columns = numbers[:, :, None], numbers[:, None, :]
+        places = (BANDWIDTH + rows - columns) * freedoms + columns
+        places = np.where((rows < 0) | (columns < 0), (2 * BANDWIDTH + 1) * freedoms, places)
+        slanted = not np.isin(weights, (0.0, 1.0)).all()
+        return places, weights[:, :, None] * weights[:, None, :] if slanted else None
 
 
 def structure_properties(model: Model) -> Array:
@@ -231,7 +224,7 @@ def _beam_parts(model: Model) -> tuple[EqualElements, ...]:
         own = columns.reshape(group.count, -1) if columns.size else np.empty((group.count, 0), dtype=np.int64)
         lumped = np.array([places.size + names.index(name) for name in group.lumped], dtype=np.int64)
         properties = np.hstack([own, np.tile(lumped, (group.count, 1))])
-        parts.append(_placed(model, balance, group.coordinates, properties, own_constants))
+        parts.append(EqualElements(model, balance, group.coordinates, properties, own_constants))
     return tuple(parts)
 
 
@@ -267,7 +260,9 @@ class Structure:
             for index, constants in _loaded_elements(model, load):
                 own.append((NODE * (index + model.root) + np.arange(2 * NODE), given, constants))
             properties = np.concatenate([properties, load.values])
-        acting = [_placed(model, balance, *map(np.array, zip(*own, strict=True))) for balance, own in rows.items()]
+        acting = [
+            EqualElements(model, balance, *map(np.array, zip(*own, strict=True))) for balance, own in rows.items()
+        ]
         return cls(model, (*parts, *acting), properties)
 
     def inputs(self, part: EqualElements, at: Position) -> tuple[Array, Array, Array]:

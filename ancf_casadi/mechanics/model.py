@@ -60,8 +60,8 @@ At = Callable[[Array], tuple[Any, Any]]  # multiplies an interpolation by coordi
 
 
 def _of_elements(about: str, name: str, *inputs: str, output: str = "Q", **shared: int) -> cached_property[cs.Function]:
-    """Return the property of a model with the sum of an element force, a Function as of ``Model._force``."""
-    found = cached_property(lambda model: model._force(name, *inputs, output=output, **shared))
+    """Return the property of a model with the sum of an element Function, as of ``Model._summed``."""
+    found = cached_property(lambda model: model._summed(name, *inputs, output=output, **shared))
     found.__doc__ = about
     return found
 
@@ -160,22 +160,9 @@ class Model(Nodes):
         element_of = spring if kind.startswith("spring") else dashpot
         return Group(element_of(), both, none, constants[:, None], lumped)
 
-    @cached_property
-    def strain_energy(self) -> cs.Function:
-        """(e, P) -> U, J, Eq. (8)."""
-        e, p = self._symbols()
-        energies = map(cs.sum2, self.mapped("strain_energy", p, e))
-        return cs.Function("strain_energy", [e, p], [sum(energies, cs.MX(0))], ["e", "P"], ["U"])
-
+    strain_energy = _of_elements("(e, P) -> U, J, Eq. (8).", "strain_energy", "e", output="U")
     elastic_force = _of_elements("(e, P) -> Q_e, Eq. (6).", "elastic_force", "e", output="Q_e")
-
-    @cached_property
-    def tangent_stiffness(self) -> cs.Function:
-        """(e, P) -> K = dQ_e/de, sparse."""
-        e, p = self._symbols()
-        stiffness = self._matrix(self.mapped("tangent_stiffness", p, e))
-        return cs.Function("tangent_stiffness", [e, p], [stiffness], ["e", "P"], ["K"])
-
+    tangent_stiffness = _of_elements("(e, P) -> K = dQ_e/de, sparse.", "tangent_stiffness", "e", output="K")
     tangent_force = _of_elements(
         "(e, e_t, P) -> K e_t, the time derivative of the elastic force.", "tangent_force", "e", "e_t"
     )
@@ -191,13 +178,7 @@ class Model(Nodes):
         v0=1,
     )
     dashpot_force = _of_elements("(e_t, P) -> the force of the dashpots, which resists e_t.", "dashpot_force", "e_t")
-
-    @cached_property
-    def mass(self) -> cs.Function:
-        """P -> M, Eq. (7), sparse."""
-        _, p = self._symbols()
-        return cs.Function("mass", [p], [self._matrix(self.mapped("mass", p))], ["P"], ["M"])
-
+    mass = _of_elements("P -> M, Eq. (7), sparse.", "mass", output="M")
     line_inertia_force = _of_elements(
         "(e_tt, P) -> int S^T mu r_tt dp, the part of M e_tt from mass along the beam; also for velocities.",
         "line_inertia_force",
@@ -234,16 +215,12 @@ class Model(Nodes):
     def matrix(self, values: cs.MX) -> cs.MX:
         """Return the sparse sum of element matrices, ``values`` as in ``entries``."""
         rows, columns = self.entries
-        return _summed(values, np.arange(rows.size), rows, columns, self.size, np.ones(rows.size))
+        return _sparse_sum(values, np.arange(rows.size), rows, columns, self.size, np.ones(rows.size))
 
     def free_matrix(self, values: cs.MX) -> cs.MX:
         """Return N^T A N, sparse, of the sum A of element matrices, ``values`` as in ``entries``."""
         kept, rows, columns, products = self.free_entries
-        return _summed(values, kept, rows, columns, self.freedoms, products)
-
-    def _symbols(self) -> tuple[cs.MX, cs.MX]:
-        """Symbols of the nodal coordinates e and the properties P."""
-        return cs.MX.sym("e", self.size), cs.MX.sym("P", len(PROPERTIES), self.beam.elements)
+        return _sparse_sum(values, kept, rows, columns, self.freedoms, products)
 
     def mapped(
         self,
@@ -261,17 +238,19 @@ class Model(Nodes):
             results.append(function.map(group.count)(*map(group.gather, vectors), group.properties(p, lumped), *same))
         return results
 
-    def _force(self, name: str, *inputs: str, output: str = "Q", **shared: int) -> cs.Function:
-        """Return the sum of an element force as a Function of vectors at all nodes, P, and shared numbers by size."""
+    def _summed(self, name: str, *inputs: str, output: str, **shared: int) -> cs.Function:
+        """Return the sum of an element Function: of vectors at all nodes, P, and shared numbers by size."""
         vectors = [cs.MX.sym(symbol, self.size) for symbol in inputs]
         same = [cs.MX.sym(symbol, size) for symbol, size in shared.items()]
-        _, p = self._symbols()
-        total = self.sum_at_nodes(self.mapped(name, p, *vectors, shared=same))
+        p = cs.MX.sym("P", len(PROPERTIES), self.beam.elements)
+        parts = self.mapped(name, p, *vectors, shared=same)
+        if output == "U":
+            total = sum(map(cs.sum2, parts), cs.MX(0))
+        elif output in ("K", "M"):
+            total = self.matrix(cs.vertcat(*map(cs.vec, parts)))
+        else:
+            total = self.sum_at_nodes(parts)
         return cs.Function(name, [*vectors, p, *same], [total], [*inputs, "P", *shared], [output])
-
-    def _matrix(self, blocks: Sequence[cs.MX]) -> cs.MX:
-        """Return the sum of the element matrices of each group as one sparse matrix."""
-        return self.matrix(cs.vertcat(*map(cs.vec, blocks)))
 
     def _summary(self) -> str:
         measures = "" if self.measures == StrainMeasures() else f", {self.measures}"
@@ -348,7 +327,7 @@ def check_curvature(beam: Beam) -> None:
             )
 
 
-def _summed(values: cs.MX, kept: Index, rows: Index, columns: Index, size: int, factors: Array) -> cs.MX:
+def _sparse_sum(values: cs.MX, kept: Index, rows: Index, columns: Index, size: int, factors: Array) -> cs.MX:
     """Return the sparse matrix (size, size) with the sums of entries of ``values``, each times its factor."""
     pairs, target = np.unique(np.column_stack([columns, rows]), axis=0, return_inverse=True)
     pattern = cs.Sparsity.triplet(size, size, pairs[:, 1].tolist(), pairs[:, 0].tolist())

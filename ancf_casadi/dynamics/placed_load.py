@@ -1,18 +1,13 @@
 """The generalized force of a load over time on the nodes of a beam, at a fixed point or on its way along the beam.
 
-With position r = S e and slope tau = S' e at the point, the virtual work F.dr + m dtheta of a load (Fx, Fy, m), theta =
-atan2(tau_y, tau_x), gives the generalized force
-
-    Q = S^T F + S'^T h,    h = m (-tau_y, tau_x)/|tau|^2,
-
-and the power Q . e_t.  A force on its way along the beam has its place s(t) as a fourth component.  Then
-Q = S(s)^T F is a function of time alone, and its rate is continuous at the nodes, as S' is.
+A load (Fx, Fy, m) at a fixed point has the generalized force Q of ``mechanics.strain`` and the power Q . e_t.  A force
+on its way along the beam has its place s(t) as a fourth component.  Then Q = S(s)^T F is a function of time alone, and
+its rate is continuous at the nodes, as S' is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeVar
 
 import casadi as cs
 import numpy as np
@@ -20,25 +15,12 @@ import numpy as np
 from ancf_casadi.mechanics.loads import LineLoad, PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
-from ancf_casadi.mechanics.strain import hermite
+from ancf_casadi.mechanics.strain import hermite, point_force
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 
-S = TypeVar("S", cs.SX, cs.MX)
 LOAD_SIZE = 3  # components of a load: force x and y, N, and moment, N m
 TIP = PointLoad()  # point and frame of a load at the tip
-
-
-def point_force(slope: S, load: S, *, follower: bool) -> tuple[S, S]:
-    """Return F and h, (2, s), of loads (3 or 4, s) at a point with slopes (2, s)."""
-    x, y = slope[0, :], slope[1, :]
-    turn = load[2, :] / (x * x + y * y)
-    h = cs.vertcat(-y * turn, x * turn)
-    if not follower:
-        return load[:2, :], h
-    length = cs.sqrt(x * x + y * y)
-    along, across = load[0, :] / length, load[1, :] / length
-    return cs.vertcat(along * x - across * y, along * y + across * x), h
 
 
 def load_force(model: Model, place: PointLoad | None, e: cs.MX, load: cs.MX) -> cs.MX:

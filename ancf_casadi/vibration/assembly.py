@@ -35,7 +35,7 @@ from ancf_casadi.mechanics.element import Element
 from ancf_casadi.mechanics.loads import Load, PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
-from ancf_casadi.mechanics.strain import gauss_pairs, hermite, hermite_slope
+from ancf_casadi.mechanics.strain import gauss_pairs, hermite, hermite_slope, point_force
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import Buffered
 
@@ -125,10 +125,9 @@ def element_balance(
 def load_balance(*, follower: bool) -> ElementBalance:
     """Return the balance of an element with c = (xi, l) under a load p = (Fx, Fy, m) at xi; m follows its slope."""
     e, load, c = cs.SX.sym("e", 2 * NODE), cs.SX.sym("load", 3), cs.SX.sym("c", 2)
-    tangent = _interpolation(hermite_slope, *cs.vertsplit(c)) @ e
-    turn = cs.gradient(cs.atan2(tangent[1], tangent[0]), e)
-    force = _interpolation(hermite, *cs.vertsplit(c)).T @ _directed(load[:2], tangent, follower) + load[2] * turn
-    return _loaded(e, load, c, force)
+    S, slope = (_interpolation(functions, *cs.vertsplit(c)) for functions in (hermite, hermite_slope))
+    F, h = point_force(slope @ e, load, follower=follower)
+    return _loaded(e, load, c, S.T @ F + slope.T @ h)
 
 
 @lru_cache(maxsize=2)
@@ -139,7 +138,7 @@ def line_balance(*, follower: bool) -> ElementBalance:
     force = cs.SX.zeros(2 * NODE)
     for node, weight in gauss_pairs(4):  # approximate for a follower, whose direction is no polynomial
         xi = first + node * (last - first)
-        own = _directed(load, _interpolation(hermite_slope, xi, l) @ e, follower)
+        own, _ = point_force(_interpolation(hermite_slope, xi, l) @ e, cs.vertcat(load, 0), follower=follower)
         force += weight * (last - first) * l * _interpolation(hermite, xi, l).T @ own
     return _loaded(e, load, c, force)
 
@@ -147,14 +146,6 @@ def line_balance(*, follower: bool) -> ElementBalance:
 def _interpolation(functions: Callable[[Any, Any], tuple[Any, ...]], xi: cs.SX, l: cs.SX) -> cs.SX:
     """Return S of Eq. (2), or S', (2, 8)."""
     return cs.SX(cs.kron(cs.vertcat(*functions(xi, l)).T, cs.SX.eye(2)))
-
-
-def _directed(force: cs.SX, slope: cs.SX, follower: bool) -> cs.SX:
-    """Return a force in the laboratory frame; a follower is given along and across the slope."""
-    if not follower:
-        return force
-    x, y = cs.vertsplit(slope / cs.norm_2(slope))
-    return cs.vertcat(force[0] * x - force[1] * y, force[0] * y + force[1] * x)
 
 
 def _loaded(e: cs.SX, load: cs.SX, c: cs.SX, force: cs.SX) -> ElementBalance:

@@ -244,7 +244,9 @@ class Balance:
     def free_mass(self) -> cs.MX:
         """Return N^T M N, sparse."""
         model = self.equations.model
-        return model.free_matrix(cs.vertcat(*map(cs.vec, model.mapped("mass", self.properties, lumped=self.lumped))))
+        return model.free_matrix(
+            cs.vertcat(*map(cs.vec, model.of_elements("mass", self.properties, lumped=self.lumped)))
+        )
 
     def inertia(self, e_tt: cs.MX) -> cs.MX:
         """Return M e_tt."""

@@ -221,19 +221,19 @@ class Model(Nodes):
         kept, rows, columns, products = self.free_entries
         return _sparse_sum(values, kept, rows, columns, self.freedoms, products)
 
-    def mapped(
+    def of_elements(
         self,
         name: str,
         p: cs.MX,
         *vectors: cs.MX,
-        shared: Sequence[cs.MX] = (),
+        numbers: Sequence[cs.MX] = (),
         lumped: Mapping[str, cs.MX] | None = None,
     ) -> list[cs.MX]:
-        """Evaluate an element Function for each group, from vectors at all nodes; its last inputs are ``shared``."""
+        """Evaluate an element Function for each group, from vectors at all nodes; its last inputs are ``numbers``."""
         results = []
         for group in self.groups:
             function: cs.Function = getattr(group.element, name)
-            same = [cs.repmat(symbol, 1, group.count) for symbol in shared]
+            same = [cs.repmat(symbol, 1, group.count) for symbol in numbers]
             results.append(function.map(group.count)(*map(group.gather, vectors), group.properties(p, lumped), *same))
         return results
 
@@ -242,7 +242,7 @@ class Model(Nodes):
         vectors = [cs.MX.sym(symbol, self.size) for symbol in inputs]
         same = [cs.MX.sym(symbol, size) for symbol, size in shared.items()]
         p = cs.MX.sym("P", len(PROPERTIES), self.beam.elements)
-        parts = self.mapped(name, p, *vectors, shared=same)
+        parts = self.of_elements(name, p, *vectors, numbers=same)
         if output == "U":
             total = sum(map(cs.sum2, parts), cs.MX(0))
         elif output in ("K", "M"):

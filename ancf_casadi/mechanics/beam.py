@@ -57,7 +57,8 @@ from ancf_casadi.support.inputs import (
 from ancf_casadi.support.tables import Displayed, counted
 
 INITIAL = ("natural_curvature", "prestress")  # one value per element, or none; the largest is a lumped property
-MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS = 2, 10_000  # a larger number is taken for a typing error
+MINIMUM_ELEMENTS = 2
+MAXIMUM_ELEMENTS = 10_000  # a larger number is taken for a typing error
 SAME_POINT, SHORTEST_ELEMENT = 1e-9, 1e-5  # distances relative to the length; shorter elements drown in rounding
 
 
@@ -123,7 +124,7 @@ class Beam(Displayed):
 
     def __post_init__(self) -> None:
         """Validate, and normalise the axis."""
-        keep_checked(self, length=positive, axis=unit_vector, gravity=vector)
+        keep_checked(self, length=positive)
         for name in PROPERTIES:
             if not is_sequence(getattr(self, name)):
                 raise InputError("must have one value per element; Beam.uniform also takes one number", name)
@@ -131,6 +132,7 @@ class Beam(Displayed):
             if len(getattr(self, name)) != len(self.width):
                 raise InputError(f"has {len(getattr(self, name))} values for {len(self.width)} elements", name)
         whole(self.elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
+        keep_checked(self, axis=unit_vector, gravity=vector)
         for name in INITIAL:
             own = numbers(getattr(self, name), name)
             if len(own) not in (0, self.elements):
@@ -349,7 +351,8 @@ class Beam(Displayed):
         """Return a copy with other lumped properties; curvatures and prestresses of all elements keep their ratios."""
         changes: dict[str, Any] = dict(values)
         for name in changes.keys() & {*INITIAL}:
-            changes[name] = [changes[name] / self.lumped[name] * own for own in getattr(self, name)]
+            ratio = changes[name] / self.lumped[name]
+            changes[name] = [ratio * own for own in getattr(self, name)]
         return self.with_(**changes)
 
     @cached_property
@@ -362,8 +365,8 @@ class Beam(Displayed):
         for name in ("supports", "attachments"):
             for one in getattr(self, name):
                 if one.point > self.length:
-                    where = f"the beam, which is {self.length:g} m long"
-                    raise InputError(f"the point {shown(one.point)} m is not on {where}", name)
+                    place, length = shown(one.point), f"{self.length:g} m"
+                    raise InputError(f"the point {place} m is not on the beam, which is {length} long", name)
         points = [one.point for one in self.supports]
         if twice := [point for point in points if points.count(point) > 1]:
             raise InputError(f"two supports hold the point at {twice[0]:g} m; give one that holds both", "supports")
@@ -371,7 +374,8 @@ class Beam(Displayed):
             if far - near < SHORTEST_ELEMENT * self.length:
                 ends = f"{shown(near)} and {shown(far)} m"
                 raise InputError(f"{ends} are too close for an element; give both one point", "supports, attachments")
-        if (inner := len(self._inner_points)) > self.elements - 1:
+        inner = len(self._inner_points)
+        if inner > self.elements - 1:
             raise InputError(
                 f"supports and attachments are at {inner} points between the ends, but the beam has "
                 f"{self.elements - 1} nodes there; use more elements",

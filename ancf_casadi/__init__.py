@@ -31,23 +31,13 @@ if TYPE_CHECKING:
         NumericsError,
         SimulationError,
     )
+    from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, RotationalSpring, Spring
     from ancf_casadi.mechanics.beam import Beam
     from ancf_casadi.mechanics.loads import LineLoad, PointLoad
-    from ancf_casadi.mechanics.lumped import Section
     from ancf_casadi.mechanics.model import Model
+    from ancf_casadi.mechanics.section import Section
     from ancf_casadi.mechanics.strain import StrainMeasures
-    from ancf_casadi.mechanics.supports import (
-        Attachment,
-        Clamp,
-        Dashpot,
-        Guide,
-        Pin,
-        PointMass,
-        Roller,
-        RotationalSpring,
-        Spring,
-        Support,
-    )
+    from ancf_casadi.mechanics.supports import Clamp, Guide, Pin, Roller, Support
     from ancf_casadi.records.measurement import Measurement
     from ancf_casadi.records.recording import Recording, read_recording
     from ancf_casadi.records.sensor import Sensor

@@ -20,9 +20,10 @@ from matplotlib.markers import MarkerStyle
 from matplotlib.path import Path
 from matplotlib.transforms import Affine2D
 
+from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, RotationalSpring, Spring
 from ancf_casadi.mechanics.loads import Load, PointLoad
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.supports import Attachment, Clamp, Dashpot, PointMass, RotationalSpring, Spring, Support
+from ancf_casadi.mechanics.supports import Clamp, Support
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import MEASURED
 

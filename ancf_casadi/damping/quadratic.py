@@ -48,7 +48,7 @@ from ancf_casadi.damping.law import (
 )
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.loads import LineLoad
-from ancf_casadi.mechanics.lumped import masses_per_length
+from ancf_casadi.mechanics.section import masses_per_length
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, keep_checked, not_negative, positive, sized_vector
 from ancf_casadi.vibration.modes import Modes

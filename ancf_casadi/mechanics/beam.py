@@ -27,17 +27,10 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.lumped import (
-    PART_KINDS,
-    PROPERTIES,
-    Place,
-    Section,
-    changed_parts,
-    check_elements,
-    lumped_places,
-    with_parts,
-)
-from ancf_casadi.mechanics.supports import Attachment, Clamp, Support, at_first
+from ancf_casadi.mechanics.attachments import Attachment
+from ancf_casadi.mechanics.lumped import PART_KINDS, PROPERTIES, Place, changed_parts, lumped_places, with_parts
+from ancf_casadi.mechanics.section import Section, check_elements
+from ancf_casadi.mechanics.supports import Clamp, Support, at_first
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import read_toml
 from ancf_casadi.support.inputs import (

@@ -1,4 +1,4 @@
-"""Properties of a beam: its section, names and units, the lumped ones, which are not given per element, and tables.
+"""Properties of a beam: names and units, the lumped ones, which a beam does not have once per element, and tables.
 
     tip_mass, mass                     of a ``PointMass`` at the tip, or elsewhere, kg
     rotary_inertia                     of a ``PointMass``, if it is not 0, kg m^2
@@ -29,28 +29,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, replace
 from typing import Any, Literal
 
-import numpy as np
-
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.supports import (
-    Attachment,
-    Clamp,
-    Dashpot,
-    Guide,
-    Pin,
-    PointMass,
-    Roller,
-    RotationalSpring,
-    Spring,
-    Support,
-)
-from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_keys, is_one_of, is_sequence, located, positive, shown
-from ancf_casadi.support.tables import Displayed
+from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, RotationalSpring, Spring
+from ancf_casadi.mechanics.supports import Clamp, Guide, Pin, Roller, Support
+from ancf_casadi.support.inputs import check_keys, is_one_of, is_sequence, located, shown
 
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
 BEAM_UNITS = {
@@ -80,77 +66,6 @@ ATTACHMENTS: Mapping[str, type[Attachment]] = {
     "dashpot": Dashpot,
 }
 PART_KINDS: Mapping[str, Mapping[str, type]] = {"supports": SUPPORTS, "attachments": ATTACHMENTS}
-# bounds in SI units; products of values beyond them overflow or vanish
-SMALLEST_PROPERTY, LARGEST_PROPERTY = 1e-100, 1e100
-
-
-@dataclass(frozen=True)
-class Section(Displayed):
-    """A rectangular cross-section.
-
-    Parameters
-    ----------
-    width : float
-        Extent out of the plane of motion, m.
-    thickness : float
-        Extent in the plane of motion, m.
-
-    Raises
-    ------
-    InputError
-        If a side is not a positive number, or exceeds 1e100 m.
-
-    Examples
-    --------
-    >>> from ancf_casadi import Section
-    >>> section = Section(width=5e-3, thickness=0.5e-3)
-    >>> print(f"{section.area:.3g} m^2, {section.second_moment:.3g} m^4")
-    2.5e-06 m^2, 5.21e-14 m^4
-    """
-
-    width: float
-    thickness: float
-
-    def __post_init__(self) -> None:
-        """Validate."""
-        for name in ("width", "thickness"):
-            if positive(getattr(self, name), name) > LARGEST_PROPERTY:
-                raise InputError(f"{getattr(self, name):g} m is beyond the range of numbers; check the unit", name)
-
-    @property
-    def area(self) -> float:
-        """Area A = b h, m^2."""
-        return self.width * self.thickness
-
-    @property
-    def second_moment(self) -> float:
-        """Second moment of area I = b h^3 / 12, m^4."""
-        return self.width * self.thickness**3 / 12
-
-
-def masses_per_length(densities: Iterable[float], sections: Iterable[Section]) -> Array:
-    """Return the mass per length rho A of elements, (n,), kg/m."""
-    return np.array([rho * section.area for rho, section in zip(densities, sections, strict=True)])
-
-
-def check_elements(lengths: Array, properties: Iterable[tuple[float, float, float, float]]) -> None:
-    """Reject elements whose mass or stiffness overflows or vanishes; the usual cause is a wrong unit.
-
-    Their properties are width, thickness, density and elastic modulus.
-    """
-    if not lengths.min():
-        raise InputError(f"{lengths.sum():g} m is beyond the range of numbers; check the units", "length")
-    for k, (l, (b, h, rho, modulus)) in enumerate(zip(lengths.tolist(), properties, strict=True)):
-        terms = {
-            "mass": rho * b * h * l,
-            "axial stiffness": modulus * b * h / l,
-            "bending stiffness": modulus * (b * h * h * h) / 12 / l / l / l,
-        }
-        for name, value in terms.items():
-            if not SMALLEST_PROPERTY <= value <= LARGEST_PROPERTY:
-                raise InputError(
-                    f"the {name} of element {k + 1} is {value:g}, beyond the range of numbers; check the units"
-                )
 
 
 def lumped_kind(name: str) -> str:

@@ -35,6 +35,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.attachments import PointMass
 from ancf_casadi.mechanics.beam import INITIAL, Beam
 from ancf_casadi.mechanics.element import (
     Element,
@@ -50,7 +51,7 @@ from ancf_casadi.mechanics.element import (
 from ancf_casadi.mechanics.lumped import PROPERTIES
 from ancf_casadi.mechanics.nodes import NODE, Nodes
 from ancf_casadi.mechanics.strain import StrainMeasures, axial_strain, curvature
-from ancf_casadi.mechanics.supports import Clamp, Guide, PointMass, Support
+from ancf_casadi.mechanics.supports import Clamp, Guide, Support
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import check_instance, number
 

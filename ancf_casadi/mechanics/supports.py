@@ -1,4 +1,4 @@
-"""Supports of a beam, the directions of motion that they hold at a point, exactly, and what is attached to it.
+"""Supports of a beam: the directions of motion that they hold at a point, exactly.
 
 A support at arc length s holds some components of the position r(s), and perhaps the direction of r'(s), at the place
 where the beam has them without load, in a frame that moves with the base.  The direction of a ``Roller`` or ``Guide``
@@ -10,31 +10,19 @@ keeps its angle in the laboratory.
     Guide    holds the position across a direction, and the direction of the beam; the beam may slide
 
 A support may sit away from the place of the unloaded beam: a displacement along the beam prestresses or buckles it.
-
-Springs and dashpots join a point of the beam to the base, with which their other ends move.  They are free of force
-where the beam is without load, and in rest.  A mass is attached to a point of the beam alone.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, final
 
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import (
-    keep_checked,
-    not_negative,
-    number,
-    positive_or_infinite,
-    sized,
-    sized_vector,
-    unit_vector,
-    vector,
-)
+from ancf_casadi.support.inputs import keep_checked, number, positive_or_infinite, sized_vector, unit_vector
 from ancf_casadi.support.tables import Displayed
 
 
@@ -204,148 +192,6 @@ class Guide(Support):
     rotation: float = field(default=0.0, kw_only=True)
 
 
-@dataclass(frozen=True)
-class Attachment(Displayed):
-    """Base class of what is attached to a beam.
-
-    Parameters
-    ----------
-    point : float
-        Arc length of the point, m.
-
-    Raises
-    ------
-    InputError
-        If the point is negative or not finite.
-
-    Examples
-    --------
-    >>> from ancf_casadi import Attachment, PointMass
-    >>> isinstance(PointMass(0.25, 5e-3), Attachment)
-    True
-    """
-
-    point: float
-
-    def __post_init__(self) -> None:
-        """Validate; the fields of a kind are amounts, or pairs of amounts along x and y."""
-        amounts = {own.name: _amount if own.type == "float" else _pair for own in fields(self)[1:]}
-        keep_checked(self, point=checked_point, **amounts)
-
-
-@final
-@dataclass(frozen=True)
-class PointMass(Attachment):
-    """A mass at a point, such as an accelerometer.
-
-    Parameters
-    ----------
-    point : float
-        Arc length of the point, m.
-    mass : float
-        Mass, kg.
-    rotary_inertia : float
-        Moment of inertia about the point, kg m^2.
-
-    Raises
-    ------
-    InputError
-        If the point, the mass or the inertia is negative or not finite.
-
-    Examples
-    --------
-    >>> from ancf_casadi import Beam, Model, PointMass, natural_modes
-    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9,
-    ...                     elements=8, attachments=(PointMass(0.25, 5e-3),))
-    >>> natural_modes(Model(beam), count=2).frequencies.round(2)
-    array([1.76, 7.85])
-    """
-
-    mass: float
-    rotary_inertia: float = 0.0
-
-
-@final
-@dataclass(frozen=True)
-class Spring(Attachment):
-    """A spring that joins a point to the base.
-
-    Parameters
-    ----------
-    point : float
-        Arc length of the point, m.
-    stiffness : (float, float)
-        Stiffness along x and y, N/m.
-
-    Raises
-    ------
-    InputError
-        If the point or a stiffness is negative or not finite.
-
-    Examples
-    --------
-    >>> from ancf_casadi import Spring
-    >>> Spring(0.3, (0.0, 80.0))
-    Spring(point=0.3, stiffness=(0, 80))
-    """
-
-    stiffness: tuple[float, float]
-
-
-@final
-@dataclass(frozen=True)
-class RotationalSpring(Attachment):
-    """A torsional spring that resists the rotation of the beam at a point.
-
-    Parameters
-    ----------
-    point : float
-        Arc length of the point, m.
-    stiffness : float
-        Torsional stiffness, N m/rad.
-
-    Raises
-    ------
-    InputError
-        If the point or the stiffness is negative or not finite.
-
-    Examples
-    --------
-    >>> from ancf_casadi import RotationalSpring
-    >>> RotationalSpring(0.0, 2.0).stiffness
-    2.0
-    """
-
-    stiffness: float
-
-
-@final
-@dataclass(frozen=True)
-class Dashpot(Attachment):
-    """A viscous damper that joins a point to the base.
-
-    Parameters
-    ----------
-    point : float
-        Arc length of the point, m.
-    coefficient : (float, float)
-        Force per velocity along x and y, N s/m.
-
-    Raises
-    ------
-    InputError
-        If the point or a coefficient is negative or not finite.
-
-    Examples
-    --------
-    >>> from ancf_casadi import Dashpot
-    >>> Dashpot(0.5, (0.0, 0.1)).coefficient
-    (0.0, 0.1)
-    """
-
-    coefficient: tuple[float, float]
-
-
 def checked_point(point: float, where: str = "point") -> float:
     """Return the arc length of a point, m, 0 or more."""
     point = number(point, where)
@@ -358,13 +204,3 @@ def at_first(part: Any, places: Array, rounding: float) -> Any:
     """Return a support or attachment at the first of the places that only rounding parts from its point."""
     first = float(places[np.abs(places - part.point) <= rounding][0])
     return part if first == part.point else replace(part, point=first)
-
-
-def _amount(value: Any, where: str) -> float:
-    """Return a number of 0 or more whose powers are finite."""
-    return sized(not_negative(value, where), where)
-
-
-def _pair(values: Any, where: str) -> tuple[float, float]:
-    x, y = vector(values, where)
-    return _amount(x, where), _amount(y, where)

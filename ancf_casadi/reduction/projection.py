@@ -49,9 +49,10 @@ import numpy as np
 import scipy.linalg
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.attachments import Dashpot, PointMass, RotationalSpring, Spring
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import gauss
-from ancf_casadi.mechanics.supports import Clamp, Dashpot, PointMass, RotationalSpring, Spring
+from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.modes import Modes
 

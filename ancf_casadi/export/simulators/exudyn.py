@@ -33,11 +33,12 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.simulators.dampers import dampers, same_speed
 from ancf_casadi.export.simulators.result import ExportedBeam
 from ancf_casadi.export.simulators.settings import InProgram, header, listed, prepared, settled
-from ancf_casadi.mechanics.lumped import masses_per_length
+from ancf_casadi.mechanics.attachments import PointMass
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.mechanics.section import masses_per_length
 from ancf_casadi.mechanics.strain import StrainMeasures
-from ancf_casadi.mechanics.supports import Clamp, PointMass
+from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import write_file
 

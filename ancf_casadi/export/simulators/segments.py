@@ -26,9 +26,10 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.simulators.small_motion import Discrete, Energy
+from ancf_casadi.mechanics.attachments import PointMass
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.lumped import masses_per_length
-from ancf_casadi.mechanics.supports import Clamp, Pin, PointMass
+from ancf_casadi.mechanics.section import masses_per_length
+from ancf_casadi.mechanics.supports import Clamp, Pin
 from ancf_casadi.support.arrays import Array, Index
 
 GREGORY = 5 / 12  # part of a segment for which the joint at the clamp stands

@@ -22,10 +22,10 @@ from ancf_casadi.damping import DampingLaw, Parameter
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.placed_load import LOAD_SIZE, TIP, load_force
 from ancf_casadi.dynamics.signals import Signal, parameter_signals
+from ancf_casadi.mechanics.attachments import Dashpot, Spring
 from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
-from ancf_casadi.mechanics.supports import Dashpot, Spring
 from ancf_casadi.reduction.forces import BASE_SIZE, Expression
 from ancf_casadi.reduction.reduced import Reduction, reduced_motion, reduced_parameters
 from ancf_casadi.response.harmonic_balance.system import (

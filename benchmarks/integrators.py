@@ -37,7 +37,8 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics.start import default_tolerance, set_up
+from ancf_casadi.dynamics.start import set_up
+from ancf_casadi.dynamics.tolerance import default_tolerance
 from tests.problems.paper import numbers as paper
 
 METHODS = ("idas", "radau", "auto")

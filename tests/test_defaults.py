@@ -19,7 +19,7 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics.start import LARGEST_TOLERANCE, TOLERANCE_PER_TRAVEL, expected_travel
+from ancf_casadi.dynamics.tolerance import LARGEST_TOLERANCE, TOLERANCE_PER_TRAVEL, expected_travel
 from ancf_casadi.dynamics.trajectory import State
 
 L = 0.5

@@ -31,8 +31,9 @@ from ancf_casadi.dynamics.idas import integrate_by_idas
 from ancf_casadi.dynamics.placed_load import LOAD_SIZE
 from ancf_casadi.dynamics.radau.collocation import Collocation, first_equal
 from ancf_casadi.dynamics.radau.stepper import integrate_by_radau
-from ancf_casadi.dynamics.start import MotionSetup, Start, default_tolerance, set_up
+from ancf_casadi.dynamics.start import MotionSetup, Start, set_up
 from ancf_casadi.dynamics.tip_load import TipLoad
+from ancf_casadi.dynamics.tolerance import default_tolerance
 from ancf_casadi.dynamics.trajectory import IntegratorUse, State, Trajectory
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import Model

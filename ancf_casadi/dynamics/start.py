@@ -1,4 +1,4 @@
-"""Setup of a motion: excitation and its limits, samples, initial state, and the default tolerance.
+"""Setup of a motion: excitation, samples and initial state.
 
 ``set_up`` makes the checks and the setup that ``simulate`` and ``motion`` share.
 
@@ -9,24 +9,6 @@ manufactured, moves with its clamp as one rigid body.  With the velocity v_0 of 
 
 so that a base motion that begins with a velocity causes no impact on the clamp.  With the start ``impact`` the beam is
 at rest instead, and the clamp strikes it.
-
-Tolerance.  An integrator with the local error tau relative to the length L of the beam damps a small motion of
-amplitude A, and shifts its frequency, by amounts that depend on tau L/A alone.  Three causes move the beam:
-
-    the base, by the larger of its travel and L times its rotation,
-    the start, by a tenth of the larger of the distance from rest under gravity and the first load, and v/w_1, v the
-        velocity relative to the clamp: a release sets all modes in motion, and fast modes soon lose their phase,
-    the load, by the static deflection under its largest change since the start (under all of it if it travels), or, if
-        it changes for a short time, by that under w_1 times its impulse,
-
-with w_1 = 1.8751^2 (E I/mu)^1/2/L^2 of the mean section.  If only one of them moves the beam, A is its travel.  If
-several do, A is the smallest travel, but at least a tenth of the largest, so that a fast small motion on top of a slow
-large one is resolved too.  At a resonance the travel is larger than expected, and the result more accurate than
-required.  The tolerances below keep the error of the tip under 1e-4 of its travel for 6 s, numerical damping under 1e-5
-and the frequency within 3e-5 in the first five modes (``docs/accuracy.md``).
-
-An excitation beyond the limits would keep an integrator busy for minutes before it fails, so that it is refused before
-the first step.  The limits are far beyond experiments: a gantry travels some tens of lengths of its beam.
 """
 
 from __future__ import annotations
@@ -47,8 +29,9 @@ from ancf_casadi.dynamics.equations import Equations, as_it_is
 from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, excitation_pieces
 from ancf_casadi.dynamics.placed_load import TIP, equilibrium_under
 from ancf_casadi.dynamics.tip_load import TipLoad
+from ancf_casadi.dynamics.tolerance import check_speed, checked_excitation, expected_travel
 from ancf_casadi.dynamics.trajectory import State
-from ancf_casadi.exceptions import EquilibriumError, InputError
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.loads import LineLoad, PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
@@ -63,14 +46,6 @@ MOST_TRAJECTORY_SAMPLES = 2e6  # coordinates and velocities take 2.7 GB at 20 el
 START_TOLERANCE = 1e-6  # deviation of a state from its base, relative to length, unit slope and largest velocity
 LOAD_NAMES = ("force_x", "force_y", "moment")  # N, N, N m
 START_LOAD_NAMES = (*LOAD_NAMES, *(f"{name}_rate" for name in LOAD_NAMES))
-TOLERANCE_PER_TRAVEL = {"idas": 6e-8, "radau": 2e-5}  # per expected travel A/L
-LARGEST_TOLERANCE = {"idas": 1e-9, "radau": 3e-7}  # limits for large motion
-SMALLEST_TOLERANCE = {"idas": 1e-10, "radau": 1e-12}  # limits set by rounding
-NEGLIGIBLE = 1e-6  # A/L below which a cause is taken not to move the beam
-PART_OF_START = 0.1  # of the travel of a start that counts
-LEAST_OF_LARGEST = 0.1  # smallest expected travel, relative to the largest travel
-MOST_LENGTHS = 1000.0  # of travel of the clamp, and of deflection under the load by the theory of small deflections
-MOST_WAVE_SPEEDS = 10.0  # of velocity; a body that meets another at one wave speed is stretched by its own length
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,108 +229,3 @@ def _rotation(model: Model, node: Array) -> float:
 
 def _point(values: Array) -> str:
     return f"({values[0] + 0.0:.6g}, {values[1] + 0.0:.6g})"  # no negative zero
-
-
-def default_tolerance(method: str, travel: float) -> float:
-    """Return the tolerance of ``idas`` or ``radau`` for an expected travel (relative to the length)."""
-    wanted, smallest = TOLERANCE_PER_TRAVEL[method] * travel, SMALLEST_TOLERANCE[method]
-    largest = LARGEST_TOLERANCE[method]
-    return largest if travel < NEGLIGIBLE else min(max(wanted, smallest), largest)
-
-
-def expected_travel(
-    model: Model,
-    times: Array,
-    excitations: Array,
-    start: State,
-    place: PointLoad | None = TIP,
-    further: Sequence[LineLoad] = (),
-) -> float:
-    """Return the expected travel of a motion, relative to the length of the beam, from the excitations (k, 16)."""
-    length = model.beam.length
-    position, slope, velocity = excitations[:, :2], excitations[:, 2:NODE], excitations[0, NODE : 2 * NODE]
-    travel = np.linalg.norm(position - position[0], axis=1).max()
-    turn = np.abs(np.unwrap(np.arctan2(slope[:, 1], slope[:, 0])) - math.atan2(slope[0, 1], slope[0, 0])).max()
-    rest, nodes = _rest(model, excitations[0], place, further), start.coordinates.reshape(-1, NODE)[:, :2]
-    distance = np.linalg.norm(nodes - rest, axis=1).max()
-    arms = nodes - position[0]
-    spin = slope[0, 0] * velocity[3] - slope[0, 1] * velocity[2]
-    rigid = velocity[:2] + spin * np.column_stack([-arms[:, 1], arms[:, 0]])
-    swing = np.linalg.norm(start.velocities.reshape(-1, NODE)[:, :2] - rigid, axis=1).max() / _first_frequency(model)
-    loads = excitations[:, 3 * NODE :]
-    loaded = deflection(model, times, loads if place is None else loads - loads[0])
-    causes = max(travel, length * turn) / length, PART_OF_START * max(distance, swing) / length, loaded
-    smallest = min((cause for cause in causes if cause >= NEGLIGIBLE), default=0.0)
-    return float(max(smallest, LEAST_OF_LARGEST * max(causes)) if smallest else max(causes))
-
-
-def _rest(model: Model, excitation: Array, place: PointLoad | None, further: Sequence[LineLoad]) -> Array:
-    """Return the node positions (k, 2) at rest under gravity and the loads; straight if there is no equilibrium."""
-    turned = Model(model.beam.with_(axis=(float(excitation[2]), float(excitation[3]))), model.measures)
-    try:
-        coordinates = equilibrium_under(turned, excitation[3 * NODE :], place, further).coordinates
-    except EquilibriumError:
-        coordinates = turned.straight
-    return np.asarray(coordinates.reshape(-1, NODE)[:, :2] + excitation[:2])
-
-
-def checked_excitation(model: Model, pieces: Sequence[Excitation]) -> tuple[Array, Array]:
-    """Return instants throughout a motion, (k,), s, and the excitation there, (k, 16), after a check of its size."""
-    instants = [np.linspace(piece.begin, piece.end, 1001) for piece in pieces]
-    values = [piece.function(own[None, :]).full().T for piece, own in zip(pieces, instants, strict=True)]
-    times, excitations = np.concatenate(instants), np.vstack(values)
-    length, clamp = model.beam.length, excitations[:, : 3 * NODE]
-    finite = np.isfinite(clamp).all(axis=1)
-    if not finite.all():
-        raise InputError(f"its position, velocity or acceleration is not finite at {times[~finite][0]:g} s", "base")
-    travel = np.hypot(*(clamp[:, :2] - clamp[0, :2]).T)
-    if travel.max() > MOST_LENGTHS * length:
-        raise InputError(
-            f"moves the clamp by {travel.max():.3g} m until {times[travel.argmax()]:g} s, but the beam is {length:g} m "
-            f"long; at most {MOST_LENGTHS:g} lengths are possible. Check the unit",
-            "base",
-        )
-    velocity = clamp[:, NODE : 2 * NODE]
-    speed = np.hypot(velocity[:, 0], velocity[:, 1]) + length * np.hypot(velocity[:, 2], velocity[:, 3])
-    check_speed(model, float(speed.max()), f"at {times[speed.argmax()]:g} s", "base")
-    load = excitations[:, 3 * NODE :]
-    bent = max(deflection(model, times, load - load[0]), deflection(model, times, np.broadcast_to(load[0], load.shape)))
-    if not bent <= MOST_LENGTHS:
-        raise InputError(
-            f"would bend the beam by {bent:.3g} of its lengths, if the deflection were small; at most {MOST_LENGTHS:g} "
-            "are possible. Check the unit",
-            "load",
-        )
-    return times, excitations
-
-
-def check_speed(model: Model, speed: float, at: str, where: str) -> None:
-    """Refuse a velocity, m/s, of more than ten times that of longitudinal waves in the beam, (E/rho)^1/2."""
-    _, _, density, modulus = model.properties
-    waves = math.sqrt(float((modulus / density).max()))
-    if not speed <= MOST_WAVE_SPEEDS * waves:
-        raise InputError(
-            f"moves at {speed:.3g} m/s {at}, more than {MOST_WAVE_SPEEDS:g} times as fast as longitudinal waves in the "
-            f"beam, {waves:.3g} m/s. Check the unit",
-            where,
-        )
-
-
-def deflection(model: Model, times: Array, loads: Array) -> float:
-    """Return the small deflection of the tip under a load (k, 3) that begins at once, relative to the length."""
-    length, frequency = model.beam.length, _first_frequency(model)
-    stiffness, _ = _mean_section(model)
-    bending = np.hypot(loads[:, 0], loads[:, 1]) * length / 3 + np.abs(loads[:, 2]) / 2
-    return float(min(bending.max(), frequency * np.trapezoid(bending, times)) * length / stiffness)
-
-
-def _first_frequency(model: Model) -> float:
-    """Return w_1 of the mean section, rad/s."""
-    stiffness, line_density = _mean_section(model)
-    return 1.8751040687**2 * math.sqrt(stiffness / line_density) / model.beam.length**2  # beta_1 L of a cantilever
-
-
-def _mean_section(model: Model) -> tuple[float, float]:
-    """Return E I, N m^2, and mu, kg/m, of the mean section."""
-    width, thickness, density, modulus = model.properties.mean(axis=1).tolist()
-    return modulus * width * thickness**3 / 12, density * width * thickness

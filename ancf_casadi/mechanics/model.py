@@ -37,19 +37,17 @@ import numpy as np
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import PointMass
 from ancf_casadi.mechanics.beam import INITIAL, Beam
-from ancf_casadi.mechanics.element import (
-    Element,
-    Group,
+from ancf_casadi.mechanics.element import Element, Group, element
+from ancf_casadi.mechanics.lumped import PROPERTIES
+from ancf_casadi.mechanics.nodes import NODE, Nodes
+from ancf_casadi.mechanics.point_elements import (
     dashpot,
-    element,
     point_mass,
     rotary_inertia,
     rotational_spring,
     slope_length,
     spring,
 )
-from ancf_casadi.mechanics.lumped import PROPERTIES
-from ancf_casadi.mechanics.nodes import NODE, Nodes
 from ancf_casadi.mechanics.strain import StrainMeasures, axial_strain, curvature
 from ancf_casadi.mechanics.supports import Clamp, Guide, Support
 from ancf_casadi.support.arrays import Array, Index

@@ -4,27 +4,14 @@ The method is stable for all oscillations and damps those that its steps do not 
 decay, and the steps adapt to the other modes.  ``collocation`` states the equations of a step.  A step is
 
     predicted       by the collocation polynomial of the last one,
-    solved          by Newton's method, whose matrices are kept as long as it converges fast,
+    solved          by Newton's method (``newton``), whose matrices are kept as long as it converges fast,
     accepted        if the error of positions and slopes is within the tolerance, else repeated,
     sampled         at the instants of the result.
 
-Newton's method.  Each iteration solves a real and a complex system.  With the norm |.| relative to the tolerance and
-the contraction theta = |dW_k|/|dW_k-1|, the iteration ends when theta/(1 - theta) |dW_k| is below ``NEWTON_RATIO``.
-
-Step length.  With the error estimate err relative to the tolerance, k iterations and at most k_max of them, the step h
-is followed by the smaller of
-
-    SAFETY (2 k_max + 1)/(2 k_max + k) h err^(-1/4),    SAFETY h (h/h_last) (err_last/err^2)^(1/4),
-
-the second of which extrapolates the trend of the error.  If Newton's method converges fast and the new length would
-differ little from the old one, the next step keeps both the length and the matrices.
-
-Samples.  The error estimate does not include the velocities.  A sample is taken from the quintic polynomial through
-positions, velocities and accelerations at both ends of the step, corrected by one Newton iteration on the equation of
-motion, because the polynomial may stretch the beam more than the axial forces do.  The powers lost to damping and
-supplied by the base and the tip load are integrated by the quadrature of the stages.
-
-CasADi's ``buffer`` binds a Function to arrays, so that a call copies nothing and costs half a microsecond.
+The error estimate does not include the velocities.  A sample is taken from the quintic polynomial through positions,
+velocities and accelerations at both ends of the step, corrected by one Newton iteration on the equation of motion,
+because the polynomial may stretch the beam more than the axial forces do.  The powers lost to damping and supplied by
+the base and the tip load are integrated by the quadrature of the stages.
 """
 
 from __future__ import annotations
@@ -32,13 +19,14 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.excitation import ENERGY_STATES, EXCITATION, SAME_TIME, Excitation, Segment, SegmentSolution
 from ancf_casadi.dynamics.radau.collocation import RADAU, STAGES, Collocation
+from ancf_casadi.dynamics.radau.newton import Newton, StepControl
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.nodes import NODE
@@ -46,17 +34,6 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import Buffered
 
 SAMPLES_PER_CALL = 8  # largest number of samples evaluated in one call
-NEWTON_RATIO = 0.001  # relative to the tolerance of the step; with a larger one, the errors of many steps add up
-MIDDLE = STAGES // 2  # stage in which the matrices are taken
-ERROR_ORDER = 4  # of the error estimate in the step length
-NEWTON_ITERATIONS = 10  # k_max
-STEADY = 3e-4  # contraction of Newton's method below which matrices may be kept
-KEEP = (0.9, 1.2)  # factors of the length in this range are not applied, so that the matrices can be kept
-SAFETY = 0.9
-GROWTH = (0.2, 5.0)  # smallest and largest factor of the length
-AFTER_FAILURE = 1.05  # largest factor of the length after Newton's method has failed
-RECOVERY = 1.02  # factor by which each step relaxes the limit set by a failure
-LEAST_ERROR, LEAST_TREND = 1e-10, 1e-2  # lower limits of err and err_last
 
 
 def integrate_by_radau(
@@ -93,130 +70,6 @@ def integrate_by_radau(
             steps=stepper.steps - steps,
         )
         steps, energies = stepper.steps, end_energies
-
-
-class Newton:
-    """Newton's method for the stage equations of the step being tried, and the arrays that the Functions read in place.
-
-    N is the number of free coordinates.  ``Stepper`` writes ``start`` and ``end``, q, v and a at both ends of the last
-    step, and ``nodes``, all coordinates at its start and its stages, when a step is accepted.  For the step being
-    tried, it writes ``time``, its start, s, ``length``, s, ``ratio``, relative to that of the last step, and the
-    ``excitations`` at the stages, and predicts the ``increments`` Z of the free coordinates.  Here their last
-    ``corrections`` dW and the ``turns`` of the stages from the reference of the matrices are written, and, where the
-    matrices are taken, all and the free coordinates and the excitation of this ``reference``, and the factors of the
-    ``real`` and the complex matrix, the ``pair``.
-
-    ``iterations`` and ``factorisations`` count the work of the run.  ``contraction`` is the last theta that was
-    measured, in an earlier step if the last step took a single iteration.
-    """
-
-    def __init__(self, form: Collocation, parameters: Array, tolerance: float) -> None:
-        model = form.equations.model
-        size, free = model.size, form.equations.free
-        self.start, self.end, self.nodes = np.zeros((3, free)), np.zeros((3, free)), np.zeros((STAGES + 1, size))
-        self.time, self.length, self.ratio = np.zeros(1), np.zeros(1), np.zeros(1)
-        self.excitations = np.zeros((STAGES, EXCITATION))
-        self.increments, self.corrections = np.zeros((STAGES, free)), np.zeros((STAGES, free))
-        self.turns = np.zeros(form.stages.numel_out(2))
-        self.reference, self.reference_q, self.reference_excitation = (np.zeros(k) for k in (size, free, EXCITATION))
-        self.real, self.pair = (np.zeros(form.factors.numel_out(k)) for k in range(2))
-        self.parameters = parameters
-        self.iterations = self.factorisations = 0
-        self.contraction = 1.0
-        self._model = model
-        self._weights = 1 / (model.free_scale * tolerance * math.sqrt(free))
-        self._stage_weights = np.tile(self._weights / math.sqrt(STAGES), STAGES)
-        state = self.reference_q, self.end[1], self.length, self.reference_excitation
-        self._stages = Buffered(form.stages, *self.of_stages)
-        self._factors = Buffered(form.factors, *state, parameters)
-
-    @property
-    def of_stages(self) -> list[Array]:
-        """The inputs of ``Collocation.stages``, in order."""
-        trial = [self.increments, self.corrections, *self.end[:2], self.length, self.excitations, self.turns]
-        return [*trial, self.reference, self.parameters, self.real, self.pair]
-
-    def factorise(self) -> None:
-        """Evaluate and factorise the matrices in the predicted configuration of the middle stage."""
-        self.factorisations += 1
-        self.reference_excitation[:] = self.excitations[MIDDLE]
-        self.reference_q[:] = self.end[0] + self.increments[MIDDLE]
-        self.reference[:] = self._model.whole(self.reference_q, self.reference_excitation[:NODE])
-        self.real[:], self.pair[:] = self._factors()
-
-    def converge(self) -> int:
-        """Solve the stage equations, and return the number of iterations; 0 if they do not converge."""
-        increments, corrections, turns = self.increments.ravel(), self.corrections.ravel(), self.turns
-        corrections[:] = 0.0
-        size = math.inf
-        for iteration in range(1, NEWTON_ITERATIONS + 1):
-            self.iterations += 1
-            corrections[:], increments[:], turns[:] = self._stages()
-            weighted = corrections * self._stage_weights
-            before, size = size, math.sqrt(weighted.dot(weighted))
-            if iteration == 1:
-                contraction = 0.0 if size < NEWTON_RATIO else 1.0
-            else:
-                contraction = self.contraction = size / before
-            if not math.isfinite(size) or contraction > 2.0:  # theta above which the iteration is given up
-                return 0
-            if contraction < 1.0 and contraction / (1.0 - contraction) * size < NEWTON_RATIO:
-                return iteration
-        return 0
-
-    def error(self, estimate: Array) -> float:
-        """Return the size of an error estimate relative to the tolerance."""
-        weighted = estimate * self._weights
-        return math.sqrt(weighted.dot(weighted))
-
-
-@dataclass(frozen=True)
-class StepControl:
-    """The state on which the next step length depends."""
-
-    proposal: float = 1e-5  # length to try next, s
-    keep: bool = False  # whether a step of the same length as the last one keeps its matrices
-    largest_growth: float = GROWTH[1]  # largest factor of the length after the next step
-    length: float = 0.0  # of the last step, s; 0 before the first step
-    error: float = 1.0  # of the last step, relative to the tolerance
-
-    def trial_length(self, left: float, largest_step: float) -> float:
-        """Return the length of the step to try, s, given the time ``left``, so that no tiny last step remains."""
-        h = min(self.proposal, largest_step)
-        return left if h > (1 - SAME_TIME) * left else min(h, left / 2)
-
-    def not_converged(self, h: float, *, kept: bool) -> StepControl:
-        """Return the state after Newton's method failed: new matrices if it had kept some, else half the length."""
-        if kept:
-            return replace(self, proposal=h, keep=False)
-        return replace(self, proposal=h / 2, keep=False, largest_growth=AFTER_FAILURE)
-
-    def inaccurate(self, h: float, error: float, iterations: int) -> StepControl:
-        """Return the state after a step whose error exceeds the tolerance: repeat it with a smaller length."""
-        return replace(self, proposal=h * _growth(error, iterations), keep=False)
-
-    def accepted(self, h: float, error: float, iterations: int, contraction: float, largest_step: float) -> StepControl:
-        """Return the state after an accepted step of length h."""
-        growth = _growth(error, iterations)
-        if self.length:
-            trend = h / self.length * (self.error / max(error, LEAST_ERROR) ** 2) ** (1 / ERROR_ORDER)
-            growth = min(growth, max(SAFETY * trend, GROWTH[0]), self.largest_growth)
-        growth = min(growth, largest_step / h)
-        keep = contraction <= STEADY and KEEP[0] <= growth < KEEP[1]
-        return StepControl(
-            proposal=h if keep else h * growth,
-            keep=keep,
-            largest_growth=min(self.largest_growth * RECOVERY, GROWTH[1]),
-            length=h,
-            error=max(error, LEAST_TREND),
-        )
-
-
-def _growth(error: float, iterations: int) -> float:
-    """Return the factor of the length that the error of a step allows."""
-    effort = (2 * NEWTON_ITERATIONS + 1) / (2 * NEWTON_ITERATIONS + iterations)
-    growth = SAFETY * effort * max(error, LEAST_ERROR) ** (-1 / ERROR_ORDER)
-    return float(min(max(growth, GROWTH[0]), GROWTH[1]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,13 +33,12 @@ from ancf_casadi.damping.law import (
     Forces,
     Parameter,
     S,
-    check_coefficients,
     nonzero,
     ratios_over_a_period,
     weighted_sum,
 )
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, positive
+from ancf_casadi.support.inputs import check_instance, keep_checked, not_negative, positive
 from ancf_casadi.vibration.modes import Modes
 
 FRICTION_CONSTANT = 52 / 81  # exact: int S^2 dp / int S dp for the shape S of Eq. (21)
@@ -81,8 +80,7 @@ class FrictionDamping(DampingLaw):
 
     def __post_init__(self) -> None:
         """Validate."""
-        check_coefficients(self, "eta0")
-        object.__setattr__(self, "smoothing_speed", positive(self.smoothing_speed, "smoothing_speed"))
+        keep_checked(self, eta0=not_negative, smoothing_speed=positive)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -28,7 +28,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.strain import gauss
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, not_negative, numbers
+from ancf_casadi.support.inputs import check_instance, numbers
 from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.modes import Modes
 
@@ -260,12 +260,6 @@ def checked_values(law: DampingLaw, values: Sequence[float] | Array) -> tuple[fl
     if len(found) != len(law.parameters):
         raise InputError(f"has {len(found)} values for {len(law.parameters)} parameters", "values")
     return found
-
-
-def check_coefficients(law: DampingLaw, *names: str) -> None:
-    """Check the coefficients of a law, and keep them as floats."""
-    for name in names:
-        object.__setattr__(law, name, not_negative(getattr(law, name), name))
 
 
 def at_tip_amplitudes(modes: Modes, amplitudes: Sequence[float] | Array) -> tuple[Array, Array, Array]:

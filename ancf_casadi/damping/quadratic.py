@@ -41,7 +41,6 @@ from ancf_casadi.damping.law import (
     Parameter,
     S,
     at_tip_amplitudes,
-    check_coefficients,
     checked_values,
     nonzero,
     ratios_over_a_period,
@@ -51,7 +50,7 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.loads import LineLoad
 from ancf_casadi.mechanics.section import masses_per_length
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, check_size, not_negative, positive, vector
+from ancf_casadi.support.inputs import check_instance, keep_checked, not_negative, positive, sized_vector
 from ancf_casadi.vibration.modes import Modes
 
 DRAG_CONSTANT = 1183 / 876  # exact in Eqs. (24) and (25), where the paper rounds its inverse to 0.74
@@ -96,9 +95,7 @@ class QuadraticDamping(DampingLaw):
 
     def __post_init__(self) -> None:
         """Validate."""
-        check_coefficients(self, "eta1", "eta2")
-        object.__setattr__(self, "flow", vector(self.flow, "flow"))
-        check_size(self.flow, "flow")
+        keep_checked(self, eta1=not_negative, eta2=not_negative, flow=sized_vector)
 
     @classmethod
     def from_drag(

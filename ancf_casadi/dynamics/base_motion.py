@@ -28,6 +28,7 @@ from ancf_casadi.support.inputs import (
     array,
     check_size,
     choice,
+    keep_checked,
     number,
     physical,
     positive,
@@ -119,8 +120,7 @@ class FixedBase(BaseMotion):
 
     def __post_init__(self) -> None:
         """Validate."""
-        object.__setattr__(self, "displacement", vector(self.displacement, "displacement"))
-        object.__setattr__(self, "rotation", number(self.rotation, "rotation"))
+        keep_checked(self, displacement=vector, rotation=number)
 
     def pieces(self) -> tuple[Piece, ...]:
         """Return one piece at rest."""
@@ -181,7 +181,7 @@ class _Oscillation(BaseMotion):
             physical(self.stop, "stop")
         check_ramp(self.ramp, self._instant, self.stop)
         choice(self.stop_at, get_args(StopAt), "stop_at")
-        object.__setattr__(self, "direction", unit_vector(self.direction, "direction"))
+        keep_checked(self, direction=unit_vector)
 
 
 @final

@@ -35,7 +35,7 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import turned
-from ancf_casadi.dynamics.placed_load import TIP, PlacedLoad, TravellingLoad
+from ancf_casadi.dynamics.placed_load import TIP, load_force, load_stiffness
 from ancf_casadi.mechanics.element import Element
 from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
@@ -45,57 +45,33 @@ from ancf_casadi.support.arrays import Array, Layout
 ELEMENTS_PER_CALL = 10  # elements per call of a compiled Function
 
 
-@dataclass(frozen=True, eq=False)
-class ElementFunctions:
-    """The Functions of one element under a damping law, of e (d), e_t, e_tt, the properties p of the element, and c."""
+def element_function(
+    name: str, element: Element, law: DampingLaw, make: Callable[[cs.Function], cs.Function]
+) -> cs.Function:
+    """Return a Function of one element under a damping law, for columns, one per element of a call, made by ``make``.
 
-    element: Element
-    law: DampingLaw
-    make: Callable[[cs.Function], cs.Function]  # compiles a Function, or leaves it to the virtual machine
-
-    @cached_property
-    def balance(self) -> cs.Function:
-        """(e, e_t, e_tt, p, c) -> Q (d,), and the power lost to damping."""
-        e, e_t, e_tt, p, c = self._symbols
-        damping = self._damping
-        weight = self.element.gravity_force(p, c[:2])
-        force = self.element.inertia_force(e_tt, p) + damping + self.element.elastic_force(e, p) - weight
-        return self._function("balance", [e, e_t, e_tt, p, c], [force, cs.dot(e_t, damping)])
-
-    @cached_property
-    def tangents(self) -> cs.Function:
-        """(e, e_t, p, c) -> K = dQ/de, D = dQ/de_t and M, (d, d)."""
-        e, e_t, _, p, c = self._symbols
-        damping = self._damping
-        k = self.element.tangent_stiffness(e, p) + cs.jacobian(damping, e)
-        outputs = [k, cs.jacobian(damping, e_t), self.element.mass(p)]
-        fixed = {} if self.make is as_it_is else {"is_diff_in": [False] * 4}
-        return self._function("tangents", [e, e_t, p, c], outputs, **fixed)
-
-    @cached_property
-    def resistance(self) -> cs.Function:
-        """(e, e_t, u, w, p, c) -> D u + M w."""
-        e, e_t, w, p, c = self._symbols
-        u = cs.SX.sym("u", e.numel())
-        force = cs.jtimes(self._damping, e_t, u) + self.element.inertia_force(w, p)
-        return self._function("resistance", [e, e_t, u, w, p, c], [force], is_diff_in=[False] * 6)
-
-    @cached_property
-    def _symbols(self) -> tuple[cs.SX, cs.SX, cs.SX, cs.SX, cs.SX]:
-        d, k = self.element.elastic_force.size1_in(0), self.element.elastic_force.size1_in(1)
-        sizes = {"e": d, "e_t": d, "e_tt": d, "p": k, "c": 2 + len(self.law.parameters)}
-        e, e_t, e_tt, p, c = (cs.SX.sym(name, size) for name, size in sizes.items())
-        return e, e_t, e_tt, p, c
-
-    @cached_property
-    def _damping(self) -> cs.SX:
-        e, e_t, _, p, c = self._symbols
-        return self.law.local_force(self.element, e, e_t, p, c[2:]) + self.element.dashpot_force(e_t, p)
-
-    def _function(self, name: str, inputs: list[cs.SX], outputs: list[cs.SX], **options: Any) -> cs.Function:
-        """Return a Function of columns, one per element of a call."""
-        one = cs.Function(name, inputs, [cs.densify(output) for output in outputs], {"cse": True, **options})
-        return self.make(side_by_side(one, **options))
+    balance      (e, e_t, e_tt, p, c) -> Q (d,), and the power lost to damping
+    tangents     (e, e_t, p, c) -> K = dQ/de, D = dQ/de_t and M, (d, d)
+    resistance   (e, e_t, u, w, p, c) -> D u + M w
+    """
+    d, k = element.elastic_force.size1_in(0), element.elastic_force.size1_in(1)
+    e, e_t, e_tt, u = (cs.SX.sym(symbol, d) for symbol in ("e", "e_t", "e_tt", "u"))
+    p, c = cs.SX.sym("p", k), cs.SX.sym("c", 2 + len(law.parameters))
+    damping = law.local_force(element, e, e_t, p, c[2:]) + element.dashpot_force(e_t, p)
+    if name == "balance":
+        weight = element.gravity_force(p, c[:2])
+        force = element.inertia_force(e_tt, p) + damping + element.elastic_force(e, p) - weight
+        inputs, outputs = [e, e_t, e_tt, p, c], [force, cs.dot(e_t, damping)]
+    elif name == "tangents":
+        stiffness = element.tangent_stiffness(e, p) + cs.jacobian(damping, e)
+        inputs, outputs = [e, e_t, p, c], [stiffness, cs.jacobian(damping, e_t), element.mass(p)]
+    else:
+        force = cs.jtimes(damping, e_t, u) + element.inertia_force(e_tt, p)
+        inputs, outputs = [e, e_t, u, e_tt, p, c], [force]
+    fixed = name == "resistance" or (name == "tangents" and make is not as_it_is)
+    options: Any = {"is_diff_in": [False] * len(inputs)} if fixed else {}
+    one = cs.Function(name, inputs, [cs.densify(output) for output in outputs], {"cse": True, **options})
+    return make(side_by_side(one, **options))
 
 
 def side_by_side(one: cs.Function, **options: Any) -> cs.Function:
@@ -136,9 +112,9 @@ class Equations:
     place: PointLoad | None = TIP  # where the load acts; None if it travels
 
     @cached_property
-    def load(self) -> PlacedLoad | TravellingLoad:
-        """The load at its place."""
-        return TravellingLoad(self.model) if self.place is None else PlacedLoad(self.model, self.place)
+    def _element_functions(self) -> dict[str, list[cs.Function]]:
+        """The Functions of an element of each group by name, as far as used; those of a single one are not compiled."""
+        return {}
 
     @property
     def free(self) -> int:
@@ -193,14 +169,6 @@ class Equations:
             lumped=dict(zip(model.lumped, cs.vertsplit(lumped), strict=True)),
         )
 
-    @cached_property
-    def element_functions(self) -> tuple[ElementFunctions, ...]:
-        """The Functions of an element of each group of the model; those of a single element are not compiled."""
-        return tuple(
-            ElementFunctions(group.element, self.law, self.make if group.count > 1 else as_it_is)
-            for group in self.model.groups
-        )
-
     def mapped(self, name: str, balance: Balance, *vectors: cs.MX) -> list[list[cs.MX]]:
         """Evaluate an element Function for all elements, from coordinates and so on at all nodes, (4 n + 4, s) each.
 
@@ -208,9 +176,14 @@ class Equations:
         elements of each group, side by side, state by state.
         """
         states, c = vectors[0].size2(), cs.vertcat(balance.gravity, balance.coefficients)
-        results = []
-        for group, functions in zip(self.model.groups, self.element_functions, strict=True):
-            function: cs.Function = getattr(functions, name)
+        groups, results = self.model.groups, []
+        if name not in self._element_functions:
+            made = [
+                element_function(name, own.element, self.law, self.make if own.count > 1 else as_it_is)
+                for own in groups
+            ]
+            self._element_functions[name] = made
+        for group, function in zip(groups, self._element_functions[name], strict=True):
             count = states * group.count
             p = cs.repmat(group.properties(balance.properties, balance.lumped), 1, states)
             results.append(mapped(function, *map(group.gather, vectors), p, cs.repmat(c, 1, count)))
@@ -271,11 +244,9 @@ class Balance:
     def free_mass(self) -> cs.MX:
         """Return N^T M N, sparse."""
         model = self.equations.model
-        blocks: list[cs.MX] = [
-            group.element.mass.map(group.count)(group.properties(self.properties, self.lumped))
-            for group in model.groups
-        ]
-        return model.free_matrix(cs.vertcat(*map(cs.vec, blocks)))
+        return model.free_matrix(
+            cs.vertcat(*map(cs.vec, model.of_elements("mass", self.properties, lumped=self.lumped)))
+        )
 
     def inertia(self, e_tt: cs.MX) -> cs.MX:
         """Return M e_tt."""
@@ -297,8 +268,9 @@ class Balance:
         equations = self.equations
         forces, powers = equations.mapped("balance", self, e, e_t, e_tt)
         lost = [cs.sum1(cs.reshape(power, -1, e.size2())) for power in powers]
-        total = equations.model.sum_at_nodes(forces) - equations.load.force(e, load)
-        return total, sum(lost[1:], lost[0]), equations.load.power(e, e_t, load)
+        acting = load_force(equations.model, equations.place, e, load)
+        total = equations.model.sum_at_nodes(forces) - acting
+        return total, sum(lost[1:], lost[0]), cs.sum1(acting * e_t)
 
     def forces(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX]:
         """Return the forces at all nodes, (4 n + 4, s), and three powers, (3, s), from the same as ``local``.
@@ -323,10 +295,9 @@ class Balance:
         """
         k, d, m = self.equations.mapped("tangents", self, e, e_t)
         columns = [cs.vertcat(*(cs.reshape(block, -1, e.size2()) for block in blocks)) for blocks in (k, d, m)]
-        acting = self.equations.load
-        if isinstance(acting, PlacedLoad):
-            places, stiffness = acting.stiffness
-            columns[0][places, :] -= stiffness(e, load)
+        if (place := self.equations.place) is not None:
+            places, stiffness = load_stiffness(self.equations.model, place, e, load)
+            columns[0][places, :] -= stiffness
         return columns[0], columns[1], columns[2]
 
     def resistance(self, e: cs.MX, e_t: cs.MX, u: cs.MX, w: cs.MX) -> cs.MX:

@@ -41,8 +41,7 @@ import numpy as np
 import scipy.sparse.linalg
 
 from ancf_casadi.dynamics.equations import Balance, Equations, scaled_matrix
-from ancf_casadi.dynamics.excitation import EXCITATION, Excitation
-from ancf_casadi.dynamics.segments import ENERGY_STATES, Segment, SegmentSolution
+from ancf_casadi.dynamics.excitation import ENERGY_STATES, EXCITATION, Excitation, Segment, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.nodes import NODE

@@ -1,20 +1,13 @@
 """The generalized force of a load over time on the nodes of a beam, at a fixed point or on its way along the beam.
 
-With position r = S e and slope tau = S' e at the point, the virtual work F.dr + m dtheta of a load (Fx, Fy, m), theta =
-atan2(tau_y, tau_x), gives the generalized force
-
-    Q = S^T F + S'^T h,    h = m (-tau_y, tau_x)/|tau|^2,
-
-and the power F.r_t + h.tau_t.  A force on its way along the beam has its place s(t) as a fourth component.  Then
-Q = S(s)^T F is a function of time alone, and its rate is continuous at the nodes, as S' is.
+A load (Fx, Fy, m) at a fixed point has the generalized force Q of ``mechanics.strain`` and the power Q . e_t.  A force
+on its way along the beam has its place s(t) as a fourth component.  Then Q = S(s)^T F is a function of time alone, and
+its rate is continuous at the nodes, as S' is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from typing import TypeVar
+from collections.abc import Sequence
 
 import casadi as cs
 import numpy as np
@@ -22,100 +15,60 @@ import numpy as np
 from ancf_casadi.mechanics.loads import LineLoad, PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
-from ancf_casadi.mechanics.strain import hermite
+from ancf_casadi.mechanics.strain import hermite, point_force
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 
-S = TypeVar("S", cs.SX, cs.MX)
 LOAD_SIZE = 3  # components of a load: force x and y, N, and moment, N m
 TIP = PointLoad()  # point and frame of a load at the tip
 
 
-def point_force(slope: S, load: S, *, follower: bool) -> tuple[S, S]:
-    """Return F and h, (2, s), of loads (3 or 4, s) at a point with slopes (2, s)."""
-    x, y = slope[0, :], slope[1, :]
-    turn = load[2, :] / (x * x + y * y)
-    h = cs.vertcat(-y * turn, x * turn)
-    if not follower:
-        return load[:2, :], h
-    length = cs.sqrt(x * x + y * y)
-    along, across = load[0, :] / length, load[1, :] / length
-    return cs.vertcat(along * x - across * y, along * y + across * x), h
+def load_force(model: Model, place: PointLoad | None, e: cs.MX, load: cs.MX) -> cs.MX:
+    """Return Q of loads (3 or 4, s) at a place on the nodes, (4 n + 4, s), for coordinates e of s states.
+
+    The place holds the point and the frame of the load; None if the load travels.
+    """
+    if place is None:
+        return _travelling_force(model, load)
+    shape, slope = _interpolations(model, place)
+    F, h = point_force(slope @ e, load, follower=place.follower)
+    return shape.T @ F + slope.T @ h
 
 
-@dataclass(frozen=True, eq=False)
-class PlacedLoad:
-    """A load at a point of a model: its generalized force, power and stiffness."""
-
-    model: Model
-    place: PointLoad  # point and frame of the load
-
-    def force(self, e: cs.MX, load: cs.MX) -> cs.MX:
-        """Return Q of loads (3 or 4, s) on the nodes, (4 n + 4, s), for coordinates e of s states."""
-        F, h = self._pair(e, load)
-        return self._shape.T @ F + self._slope.T @ h
-
-    def power(self, e: cs.MX, e_t: cs.MX, load: cs.MX) -> cs.MX:
-        """Return the power F.r_t + h.tau_t, (1, s)."""
-        F, h = self._pair(e, load)
-        return cs.sum1((self._shape @ e_t) * F) + cs.sum1((self._slope @ e_t) * h)
-
-    @cached_property
-    def stiffness(self) -> tuple[list[int], Callable[[cs.MX, cs.MX], cs.MX]]:
-        """Places in ``Model.entries`` of the entries of dQ/de that are not zero, and (e, loads) -> them, (k, s)."""
-        index, _ = self.model.place_at(self.place.place(self.model.beam))
-        own = self.model.groups[0].coordinates[index]
-        slope, shape = (part.full()[:, own] for part in (self._slope, self._shape))
-        weights = np.hstack([np.kron(slope.T, slope.T), np.kron(slope.T, shape.T)][: 1 + self.place.follower])
-        used = np.flatnonzero(weights.any(axis=1))
-        places = own.size**2 * index + used  # ``entries`` start with those of one element of the beam after another
-        W = cs.sparsify(cs.DM(weights[used]))
-        return places.tolist(), lambda e, load: W @ self._derivatives(e, load)
-
-    def _derivatives(self, e: cs.MX, load: cs.MX) -> cs.MX:
-        """Return dh/dtau and, of a follower, dF/dtau, column by column, one below the other, (4, s) each."""
-        tau = cs.SX.sym("tau", 2)
-        p = cs.SX.sym("p", LOAD_SIZE)
-        F, h = point_force(tau, p, follower=self.place.follower)
-        parts = [h, F][: 1 + self.place.follower]
-        outputs = [cs.densify(cs.vertcat(*(cs.vec(cs.jacobian(part, tau)) for part in parts)))]
-        return cs.Function("of_slope", [tau, p], outputs).map(e.shape[1])(self._slope @ e, load[:LOAD_SIZE, :])
-
-    def _pair(self, e: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX]:
-        return point_force(self._slope @ e, load, follower=self.place.follower)
-
-    @cached_property
-    def _shape(self) -> cs.DM:
-        """S, sparse."""
-        return cs.sparsify(cs.DM(self.model.interpolation(self.place.place(self.model.beam))))
-
-    @cached_property
-    def _slope(self) -> cs.DM:
-        """S', sparse."""
-        return cs.sparsify(cs.DM(self.model.slope_interpolation(self.place.place(self.model.beam))))
+def load_stiffness(model: Model, place: PointLoad, e: cs.MX, load: cs.MX) -> tuple[list[int], cs.MX]:
+    """Return the places in ``Model.entries`` of the entries of dQ/de that are not zero, and these entries, (k, s)."""
+    index, _ = model.place_at(place.place(model.beam))
+    own, interpolations = model.groups[0].coordinates[index], _interpolations(model, place)
+    shape, slope = (part.full()[:, own] for part in interpolations)
+    weights = np.hstack([np.kron(slope.T, slope.T), np.kron(slope.T, shape.T)][: 1 + place.follower])
+    used = np.flatnonzero(weights.any(axis=1))
+    places = own.size**2 * index + used  # ``entries`` start with those of one element of the beam after another
+    tau, p = cs.SX.sym("tau", 2), cs.SX.sym("p", LOAD_SIZE)
+    F, h = point_force(tau, p, follower=place.follower)
+    # dh/dtau and, of a follower, dF/dtau, column by column, one below the other
+    by_slope = cs.vertcat(*(cs.vec(cs.jacobian(part, tau)) for part in [h, F][: 1 + place.follower]))
+    derivatives = cs.Function("of_slope", [tau, p], [cs.densify(by_slope)]).map(e.shape[1])
+    W = cs.sparsify(cs.DM(weights[used]))
+    return places.tolist(), W @ derivatives(interpolations[1] @ e, load[:LOAD_SIZE, :])
 
 
-@dataclass(frozen=True, eq=False)
-class TravellingLoad:
-    """A force (Fx, Fy) at the place s that is the fourth component of the load: its generalized force and power."""
+def _interpolations(model: Model, place: PointLoad) -> tuple[cs.DM, cs.DM]:
+    """Return S and S' at a place, sparse."""
+    point = place.place(model.beam)
+    return cs.sparsify(cs.DM(model.interpolation(point))), cs.sparsify(cs.DM(model.slope_interpolation(point)))
 
-    model: Model
 
-    def force(self, e: cs.MX, load: cs.MX) -> cs.MX:
-        """Return S(s)^T F of loads (4, k) on the nodes, (4 n + 4, k)."""
-        beam, count = self.model.beam, self.model.beam.elements + 1
-        lengths, way = beam.element_lengths, cs.repmat(load[LOAD_SIZE, :], count, 1) - cs.DM(beam.node_points)
-        position, slope = cs.MX(-1.0), cs.MX(0.0)
-        for sign, own in ((1.0, np.append(lengths, 1.0)), (-1.0, np.append(1.0, lengths))):  # beyond a node, before it
-            of_position, of_slope, *_ = hermite(cs.fmin(cs.fmax(sign * way / cs.DM(own), 0.0), 1.0), 1.0)
-            position, slope = position + of_position, slope + sign * cs.DM(own) * of_slope
-        forces = [cs.repmat(load[c, :], count, 1) for c in (0, 1)]
-        rows = [cs.vec(weights * force).T for weights in (position, slope) for force in forces]
-        return cs.vertcat(cs.MX(NODE * self.model.root, load.shape[1]), cs.reshape(cs.vertcat(*rows), NODE * count, -1))
-
-    def power(self, e: cs.MX, e_t: cs.MX, load: cs.MX) -> cs.MX:
-        """Return the power F.r_t, (1, k), of the point of the beam under the force."""
-        return cs.sum1(self.force(e, load) * e_t)
+def _travelling_force(model: Model, load: cs.MX) -> cs.MX:
+    """Return S(s)^T F of forces (Fx, Fy) at the place s that is the fourth component of the loads (4, k)."""
+    beam, count = model.beam, model.beam.elements + 1
+    lengths, way = beam.element_lengths, cs.repmat(load[LOAD_SIZE, :], count, 1) - cs.DM(beam.node_points)
+    position, slope = cs.MX(-1.0), cs.MX(0.0)
+    for sign, own in ((1.0, np.append(lengths, 1.0)), (-1.0, np.append(1.0, lengths))):  # beyond a node, before it
+        of_position, of_slope, *_ = hermite(cs.fmin(cs.fmax(sign * way / cs.DM(own), 0.0), 1.0), 1.0)
+        position, slope = position + of_position, slope + sign * cs.DM(own) * of_slope
+    forces = [cs.repmat(load[c, :], count, 1) for c in (0, 1)]
+    rows = [cs.vec(weights * force).T for weights in (position, slope) for force in forces]
+    return cs.vertcat(cs.MX(NODE * model.root, load.shape[1]), cs.reshape(cs.vertcat(*rows), NODE * count, -1))
 
 
 def equilibrium_under(

@@ -1,7 +1,7 @@
 """Simulation of the large motion of a beam.
 
 ``simulate`` checks its arguments, sets up the motion (``start``), integrates it piece by piece of the excitation and
-segment by segment (``segments``), and collects the solution.  In every motion that was measured, under every law, Radau
+segment by segment, and collects the solution.  In every motion that was measured, under every law, Radau
 reaches the wanted accuracy at a smaller cost than IDAS (``docs/accuracy.md``): it damps the vibrations of the mesh that
 its steps do not resolve, while IDAS resolves all of them, however small.  If there is a C compiler, the forces of an
 element are compiled, which does not change any digit of the result.
@@ -26,12 +26,11 @@ from tqdm import tqdm
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
-from ancf_casadi.dynamics.excitation import Excitation
+from ancf_casadi.dynamics.excitation import ENERGY_STATES, Excitation, SegmentSolution, divide
 from ancf_casadi.dynamics.idas import integrate_by_idas
 from ancf_casadi.dynamics.placed_load import LOAD_SIZE
 from ancf_casadi.dynamics.radau.collocation import Collocation, first_equal
 from ancf_casadi.dynamics.radau.stepper import integrate_by_radau
-from ancf_casadi.dynamics.segments import ENERGY_STATES, SegmentSolution, divide
 from ancf_casadi.dynamics.start import MotionSetup, Start, set_up
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.tolerance import default_tolerance
@@ -96,7 +95,7 @@ def simulate(
         IDAS if ``options`` are given; ``integrators`` of the result tells.
     tolerance : float, optional
         Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.  The default
-        depends on the expected motion (``ancf_casadi.dynamics.tolerance``).
+        depends on the expected motion (``ancf_casadi.dynamics.start``).
     largest_step : float
         Largest step, s.  Limit the step if the base motion has short events.  Even steps also follow a steady vibration
         better than the tolerance alone.

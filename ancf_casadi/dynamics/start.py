@@ -1,4 +1,4 @@
-"""Setup of a motion: excitation, samples and initial state; release from a load at the tip.
+"""Setup of a motion: excitation, samples and initial state.
 
 ``set_up`` makes the checks and the setup that ``simulate`` and ``motion`` share.
 
@@ -9,21 +9,6 @@ manufactured, moves with its clamp as one rigid body.  With the velocity v_0 of 
 
 so that a base motion that begins with a velocity causes no impact on the clamp.  With the start ``impact`` the beam is
 at rest instead, and the clamp strikes it.
-
-Release.  A load p = (Fx, Fy, m) at the tip holds the beam in q(p, x), where the forces R(q, p, x) on the free
-coordinates vanish; x are the parameters of the law if it has a flow, the properties P of the elements and the lumped
-properties that the model has.  If the load
-changes slowly, at the rate p', the beam moves through these shapes with the velocity v,
-
-    R(q, p, x) = 0,    h = R_q v + R_p p' = 0,    K = R_q,
-
-and is released with this shape and velocity, which bend the beam without stretching it, unlike a linear mode shape.
-For a hanging beam, Fx and Fx' set the amplitude and phase of the first mode; force and moment set those of the first
-two.  By the implicit function theorem,
-
-    dq = -K^-1 (R_p dp + R_x dx),    dv = -K^-1 (h_q dq + h_p dp + h_x dx + R_p dp'),
-
-in which h_q, h_p and h_x are the derivatives of K, R_p and R_x along the change (v, p') of q and p.
 """
 
 from __future__ import annotations
@@ -33,19 +18,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import NoneType
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import casadi as cs
 import numpy as np
-import scipy.sparse
-import scipy.sparse.linalg
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
 from ancf_casadi.dynamics.equations import Equations, as_it_is
-from ancf_casadi.dynamics.excitation import Excitation, excitation_pieces
+from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, excitation_pieces
 from ancf_casadi.dynamics.placed_load import TIP, equilibrium_under
-from ancf_casadi.dynamics.segments import SAME_TIME
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.tolerance import check_speed, checked_excitation, expected_travel
 from ancf_casadi.dynamics.trajectory import State
@@ -63,7 +45,6 @@ Start = Literal["equilibrium", "straight", "impact"]
 MOST_TRAJECTORY_SAMPLES = 2e6  # coordinates and velocities take 2.7 GB at 20 elements
 START_TOLERANCE = 1e-6  # deviation of a state from its base, relative to length, unit slope and largest velocity
 LOAD_NAMES = ("force_x", "force_y", "moment")  # N, N, N m
-STILL_AIR = RayleighDamping()
 START_LOAD_NAMES = (*LOAD_NAMES, *(f"{name}_rate" for name in LOAD_NAMES))
 
 
@@ -201,56 +182,6 @@ def rigid_motion(model: Model) -> cs.Function:
     turning = cs.vertcat(-arms[1, :], arms[0, :], -arms[3, :], arms[2, :])
     moved = turn * turning + cs.vertcat(velocity[:2], 0.0, 0.0)
     return cs.Function("rigid_motion", [e, velocity], [cs.vec(moved)])
-
-
-def flowing(law: DampingLaw, model: Model, start: Start | Equilibrium | State) -> DampingLaw:
-    """Return the law whose flow acts on a beam in a start at rest; if there is none, a law without a force."""
-    return law if start in ("equilibrium", "impact") and law.loads(model.beam) else STILL_AIR
-
-
-def held_start(
-    model: Model,
-    jacobians: tuple[cs.Function, cs.Function],
-    load: Array,
-    place: PointLoad = TIP,
-    law: DampingLaw = STILL_AIR,
-) -> tuple[State, Array]:
-    """Return the state in which a beam is released from (p, p') in the order of ``START_LOAD_NAMES``, and its Jacobian.
-
-    ``jacobians`` are those of the beam, or of one that differs in its properties P and its lumped properties alone.
-    The Jacobian (2 N, l + 4 n + k + 6) is that of the free coordinates and velocities with respect to the parameters of
-    the law, P, element by element, the lumped properties, and (p, p').
-    """
-    p, rate = np.split(load, [len(LOAD_NAMES)])
-    coordinates = equilibrium_under(model, p, place, law.loads(model.beam)).coordinates
-    theta = np.array([own.value for own in law.parameters])
-    given: Any = coordinates, p, theta, model.properties, *model.lumped.values()
-    found = stiffness, by_p, by_x = jacobians[0](*given)
-    factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse()))
-    q_p, q_x = -factors.solve(by_p.full()), -factors.solve(by_x.full())
-    velocities = model.moved(q_p @ rate)
-    change = velocities, rate, *(np.zeros_like(x) for x in given[2:])
-    h_q, h_p, h_x = (part.full() for part in jacobians[1](*given, *found, *change))
-    v_p, v_x = -factors.solve(h_q @ q_p + h_p), -factors.solve(h_q @ q_x + h_x)
-    return State(coordinates, velocities), np.block([[q_x, q_p, np.zeros_like(q_p)], [v_x, v_p, q_p]])
-
-
-def start_jacobians(
-    model: Model, place: PointLoad = TIP, law: DampingLaw = STILL_AIR
-) -> tuple[cs.Function, cs.Function]:
-    """(e, p, law, P, each lumped property) -> K, R_p, R_x of the free coordinates; its forward derivative."""
-    theta = cs.MX.sym("theta", len(law.parameters))
-    e, load, still = cs.MX.sym("e", model.size), cs.MX.sym("load", len(LOAD_NAMES)), cs.MX.zeros(model.size)
-    properties, lumped = cs.MX.sym("P", *model.properties.shape), [cs.MX.sym(name) for name in model.lumped]
-    equations = Equations(model, law, place=place)
-    parameters = equations.given(law=theta, properties=cs.vec(properties), lumped=cs.vertcat(cs.MX(0, 1), *lumped))
-    forces = equations.balance(parameters).local(e, still, still, load)[0]
-    forces = model.of_free(forces)
-    by_x = cs.horzcat(*(cs.jacobian(forces, x) for x in (theta, properties, *lumped)))
-    outputs = [cs.jacobian(forces, e) @ model.whole_of_free, cs.jacobian(forces, load), by_x]
-    names = ["e", "load", "law", "P", *model.lumped], ["K", "R_p", "R_x"]
-    jacobians = cs.Function("start_jacobians", [e, load, theta, properties, *lumped], outputs, *names)
-    return jacobians, jacobians.forward(1)
 
 
 def _check_state(model: Model, excitation: Array, state: State) -> None:

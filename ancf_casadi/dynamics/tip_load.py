@@ -28,7 +28,15 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.loads import LineLoad, PointLoad
 from ancf_casadi.mechanics.supports import checked_point
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_size, not_negative, number, physical, positive_or_infinite, vector
+from ancf_casadi.support.inputs import (
+    check_size,
+    keep_checked,
+    not_negative,
+    physical,
+    positive_or_infinite,
+    sized,
+    sized_vector,
+)
 from ancf_casadi.support.tables import Displayed
 
 
@@ -129,12 +137,9 @@ class HarmonicLoad(TipLoad):
 
     def __post_init__(self) -> None:
         """Validate."""
-        object.__setattr__(self, "force", vector(self.force, "force"))
         _ = self.place  # which is checked
         physical(self.frequency, "frequency")
-        object.__setattr__(self, "moment", number(self.moment, "moment"))
-        for name in ("force", "moment"):
-            check_size(getattr(self, name), name)
+        keep_checked(self, force=sized_vector, moment=sized)
         positive_or_infinite(self.stop, "stop")
         check_ramp(self.ramp, lambda cycles: cycles / self.frequency, self.stop)
 
@@ -271,8 +276,7 @@ class MovingForce(TipLoad):
 
     def __post_init__(self) -> None:
         """Validate."""
-        object.__setattr__(self, "force", vector(self.force, "force"))
-        check_size(self.force, "force")
+        keep_checked(self, force=sized_vector)
         physical(self.speed, "speed")
         not_negative(self.begin, "begin")
         LineLoad((0.0, 0.0), checked_point(self.point), self.end)  # which checks the end

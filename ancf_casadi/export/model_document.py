@@ -39,7 +39,7 @@ from ancf_casadi.export.structs import (
     read,
 )
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.beam_table import PART_KINDS, table_of, with_parts
+from ancf_casadi.mechanics.lumped import PART_KINDS, table_of, with_parts
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.arrays import Array

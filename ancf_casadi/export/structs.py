@@ -2,7 +2,7 @@
 
     {"format": "ancf-casadi", "schema": 1,
      "beam": {...}, "strain_measures": {...},      SI units; properties as one value per element; supports and
-                                                  attachments as in ``mechanics.beam_table``
+                                                  attachments as in ``mechanics.lumped``
      "damping": {...} or null,                     the key ``law`` names the law
      "identifications": [...],                     results of fits, and the files that they were made from
      "provenance": {...}}                          time, versions of the programs, and a note
@@ -41,7 +41,7 @@ from ancf_casadi.damping import (
     RayleighDamping,
 )
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam_table import ATTACHMENTS, PART_KINDS, SUPPORTS
+from ancf_casadi.mechanics.lumped import ATTACHMENTS, PART_KINDS, SUPPORTS
 from ancf_casadi.mechanics.strain import AxialStrain, Curvature
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.files import check, opened

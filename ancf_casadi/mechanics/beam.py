@@ -28,8 +28,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import Attachment
-from ancf_casadi.mechanics.beam_table import PART_KINDS, with_parts
-from ancf_casadi.mechanics.lumped import PROPERTIES, Place, changed_parts, lumped_places
+from ancf_casadi.mechanics.lumped import PART_KINDS, PROPERTIES, Place, changed_parts, lumped_places, with_parts
 from ancf_casadi.mechanics.section import Section, check_elements
 from ancf_casadi.mechanics.supports import Clamp, Support, at_first
 from ancf_casadi.support.arrays import Array
@@ -39,6 +38,7 @@ from ancf_casadi.support.inputs import (
     check_size,
     instances,
     is_sequence,
+    keep_checked,
     located,
     numbers,
     positive,
@@ -117,7 +117,7 @@ class Beam(Displayed):
 
     def __post_init__(self) -> None:
         """Validate, and normalise the axis."""
-        object.__setattr__(self, "length", positive(self.length, "length"))
+        keep_checked(self, length=positive)
         for name in PROPERTIES:
             if not is_sequence(getattr(self, name)):
                 raise InputError("must have one value per element; Beam.uniform also takes one number", name)
@@ -125,8 +125,7 @@ class Beam(Displayed):
             if len(getattr(self, name)) != len(self.width):
                 raise InputError(f"has {len(getattr(self, name))} values for {len(self.width)} elements", name)
         whole(self.elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
-        object.__setattr__(self, "axis", unit_vector(self.axis, "axis"))
-        object.__setattr__(self, "gravity", vector(self.gravity, "gravity"))
+        keep_checked(self, axis=unit_vector, gravity=vector)
         for name in INITIAL:
             own = numbers(getattr(self, name), name)
             if len(own) not in (0, self.elements):

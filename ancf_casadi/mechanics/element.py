@@ -55,7 +55,7 @@ class Element:
 
     But for the first, they are those of ``Model`` with the same names, for coordinates e (d), velocities e_t (d) and
     the properties p of one element, in SI units; the matrices are (d, d).  A beam element has d = 8 and p = (width,
-    thickness, density, elastic modulus, length, x and y of the axis); for the others see ``point_elements``.  The force
+    thickness, density, elastic modulus, length, x and y of the axis).  The force
     with the tangent stiffness, that with the stiffness of the undeformed element and the strain-rate force are to be
     multiplied by a time (s), the drag by a coefficient in 1/m, and the friction by one in m/s^2.
     """
@@ -89,7 +89,7 @@ def element(measures: StrainMeasures, *, curved: bool = False, prestressed: bool
     of the beam, that of its prestress, then the largest curvature, 1/m, and prestress, Pa.
     """
     more = curved + prestressed
-    e, e_t, p = cs.SX.sym("e", 8), cs.SX.sym("e_t", 8), cs.SX.sym("p", ELEMENT_PROPERTIES + 2 * more)
+    e, e_t, p = symbols(8, ELEMENT_PROPERTIES + 2 * more)
     own = p[ELEMENT_PROPERTIES : ELEMENT_PROPERTIES + more] * p[ELEMENT_PROPERTIES + more :]
     width, thickness, density, elastic_modulus, l, *axis = cs.vertsplit(p[:ELEMENT_PROPERTIES])
     area, units = width * thickness, cs.vertcat(1, 1, l, l, 1, 1, l, l)  # units * e: for a length of 1
@@ -131,6 +131,11 @@ def element(measures: StrainMeasures, *, curved: bool = False, prestressed: bool
     )
 
 
+def symbols(coordinates: int, properties: int) -> tuple[cs.SX, cs.SX, cs.SX]:
+    """Return symbols of the coordinates, velocities and properties of an element."""
+    return cs.SX.sym("e", coordinates), cs.SX.sym("e_t", coordinates), cs.SX.sym("p", properties)
+
+
 def _arc(l: cs.SX, curvature: cs.SX) -> cs.SX:
     """Return the coordinates of an arc of length ``l``, scaled to an element of length 1, seen from its middle."""
     half = l * curvature / 2
@@ -143,15 +148,15 @@ def _arc(l: cs.SX, curvature: cs.SX) -> cs.SX:
 def derived_element(
     inputs: tuple[cs.SX, cs.SX, cs.SX],
     straight: cs.SX,
-    strains: cs.SX,
-    weights: cs.SX,
-    mass: cs.SX,
-    line_mass: cs.SX,
-    gravity: cs.SX,
+    strains: cs.SX | None = None,
+    weights: cs.SX | None = None,
+    mass: cs.SX | None = None,
+    line_mass: cs.SX | None = None,
+    gravity: cs.SX | None = None,
     surface: Sequence[tuple[cs.SX, cs.SX]] = (),
     dashpot: cs.SX | None = None,
 ) -> Element:
-    """Derive the Functions of an element with a mass and the strain energy U = 1/2 sum_i d_i s_i^2.
+    """Derive the Functions of an element with a mass and the strain energy U = 1/2 sum_i d_i s_i^2, both 0 by default.
 
     The inputs are symbols of e (d), e_t (d) and the properties p; ``straight`` (d,) are the coordinates of the
     undeformed element, ``strains`` and ``weights`` its s(e) and d(p).  ``line_mass`` is the part of the mass M (d, d)
@@ -159,7 +164,9 @@ def derived_element(
     and the mass at each point where drag and friction act.  ``dashpot`` (d,) is a force that resists e_t.
     """
     e, e_t, p = inputs
-    s, d = strains, weights
+    s, d = (cs.SX(0, 1) if part is None else part for part in (strains, weights))
+    mass, line_mass = (cs.SX.zeros(e.numel(), e.numel()) if part is None else part for part in (mass, line_mass))
+    weight = cs.SX.zeros(e.numel(), 2) if gravity is None else gravity
     elastic_force = cs.jtimes(s, e, d * s, True)
     strain_rate_force = cs.jtimes(s, e, d * cs.jtimes(s, e, e_t), True)
     tangent_force = cs.jtimes(elastic_force, e, e_t)
@@ -180,7 +187,7 @@ def derived_element(
         "mass": ([p], mass),
         "inertia_force": ([e_t, p], mass @ e_t),
         "line_inertia_force": ([e_t, p], line_mass @ e_t),
-        "gravity_force": ([p, g], gravity @ g),
+        "gravity_force": ([p, g], weight @ g),
         "drag_force": ([e_t, p], drag_force),
         "friction_force": ([e_t, p, v0], friction_force),
         "dashpot_force": ([e_t, p], 0 * e_t if dashpot is None else dashpot),

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.supports import checked_point
-from ancf_casadi.support.inputs import check_size, flag, number, positive, vector
+from ancf_casadi.support.inputs import flag, keep_checked, number, positive, sized, sized_vector, vector
 from ancf_casadi.support.tables import Displayed
 
 
@@ -57,11 +57,7 @@ class PointLoad(Displayed):
 
     def __post_init__(self) -> None:
         """Validate."""
-        object.__setattr__(self, "follower", flag(self.follower, "follower"))
-        object.__setattr__(self, "force", vector(self.force, "force"))
-        object.__setattr__(self, "moment", number(self.moment, "moment"))
-        check_size(self.force, "force")
-        check_size(self.moment, "moment")
+        keep_checked(self, follower=flag, force=sized_vector, moment=sized)
         if self.point is not None:
             checked_point(self.point)
 
@@ -149,9 +145,7 @@ class LineLoad(Displayed):
 
     def __post_init__(self) -> None:
         """Validate."""
-        object.__setattr__(self, "force", vector(self.force, "force"))
-        check_size(self.force, "force")
-        object.__setattr__(self, "follower", flag(self.follower, "follower"))
+        keep_checked(self, force=sized_vector, follower=flag)
         checked_point(self.begin, "begin")
         if self.end is not None and number(self.end, "end") <= self.begin:
             raise InputError(f"must be beyond the beginning at {self.begin:g} m, got {self.end:g}", "end")

@@ -16,19 +16,26 @@ here is symbolic in P; ``Model.properties`` holds the values of the beam.
 The curvature of a cubic element is accurate at its two Gauss points; elsewhere it is taken from the straight line
 through these values.  Of the axial strain, only the mean over an element is accurate; elsewhere the straight line
 through the means of two elements is used.
+
+Another model has other values of its properties, as fits and matches find them.  A name stands for one lumped property,
+as in ``Beam.lumped``, and ``spring_stiffness`` for all springs together.  Supports hold the beam where they are,
+whatever its natural curvature becomes.  A beam of other curvature is elsewhere without load, which is what supports
+refer to, so their displacements and rotations change.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import casadi as cs
 import numpy as np
 
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.attachments import PointMass
 from ancf_casadi.mechanics.beam import INITIAL, Beam
 from ancf_casadi.mechanics.element import Element, Group, element
 from ancf_casadi.mechanics.lumped import PROPERTIES
@@ -41,21 +48,18 @@ from ancf_casadi.mechanics.point_elements import (
     slope_length,
     spring,
 )
-from ancf_casadi.mechanics.strain import (
-    StrainMeasures,
-    axial_strain,
-    curvature,
-)
+from ancf_casadi.mechanics.strain import StrainMeasures, axial_strain, curvature
+from ancf_casadi.mechanics.supports import Clamp, Guide, Support
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.inputs import check_instance
+from ancf_casadi.support.inputs import check_instance, number
 
 POINT_INERTIAS = {"tip_mass": point_mass, "mass": point_mass, "rotary_inertia": rotary_inertia}
 At = Callable[[Array], tuple[Any, Any]]  # multiplies an interpolation by coordinates, numbers or symbols: x and y
 
 
 def _of_elements(about: str, name: str, *inputs: str, output: str = "Q", **shared: int) -> cached_property[cs.Function]:
-    """Return the property of a model with the sum of an element force, a Function as of ``Model._force``."""
-    found = cached_property(lambda model: model._force(name, *inputs, output=output, **shared))
+    """Return the property of a model with the sum of an element Function, as of ``Model._summed``."""
+    found = cached_property(lambda model: model._summed(name, *inputs, output=output, **shared))
     found.__doc__ = about
     return found
 
@@ -154,22 +158,9 @@ class Model(Nodes):
         element_of = spring if kind.startswith("spring") else dashpot
         return Group(element_of(), both, none, constants[:, None], lumped)
 
-    @cached_property
-    def strain_energy(self) -> cs.Function:
-        """(e, P) -> U, J, Eq. (8)."""
-        e, p = self._symbols()
-        energies = map(cs.sum2, self._mapped("strain_energy", p, e))
-        return cs.Function("strain_energy", [e, p], [sum(energies, cs.MX(0))], ["e", "P"], ["U"])
-
+    strain_energy = _of_elements("(e, P) -> U, J, Eq. (8).", "strain_energy", "e", output="U")
     elastic_force = _of_elements("(e, P) -> Q_e, Eq. (6).", "elastic_force", "e", output="Q_e")
-
-    @cached_property
-    def tangent_stiffness(self) -> cs.Function:
-        """(e, P) -> K = dQ_e/de, sparse."""
-        e, p = self._symbols()
-        stiffness = self._matrix(self._mapped("tangent_stiffness", p, e))
-        return cs.Function("tangent_stiffness", [e, p], [stiffness], ["e", "P"], ["K"])
-
+    tangent_stiffness = _of_elements("(e, P) -> K = dQ_e/de, sparse.", "tangent_stiffness", "e", output="K")
     tangent_force = _of_elements(
         "(e, e_t, P) -> K e_t, the time derivative of the elastic force.", "tangent_force", "e", "e_t"
     )
@@ -185,13 +176,7 @@ class Model(Nodes):
         v0=1,
     )
     dashpot_force = _of_elements("(e_t, P) -> the force of the dashpots, which resists e_t.", "dashpot_force", "e_t")
-
-    @cached_property
-    def mass(self) -> cs.Function:
-        """P -> M, Eq. (7), sparse."""
-        _, p = self._symbols()
-        return cs.Function("mass", [p], [self._matrix(self._mapped("mass", p))], ["P"], ["M"])
-
+    mass = _of_elements("P -> M, Eq. (7), sparse.", "mass", output="M")
     line_inertia_force = _of_elements(
         "(e_tt, P) -> int S^T mu r_tt dp, the part of M e_tt from mass along the beam; also for velocities.",
         "line_inertia_force",
@@ -228,37 +213,42 @@ class Model(Nodes):
     def matrix(self, values: cs.MX) -> cs.MX:
         """Return the sparse sum of element matrices, ``values`` as in ``entries``."""
         rows, columns = self.entries
-        return _summed(values, np.arange(rows.size), rows, columns, self.size, np.ones(rows.size))
+        return _sparse_sum(values, np.arange(rows.size), rows, columns, self.size, np.ones(rows.size))
 
     def free_matrix(self, values: cs.MX) -> cs.MX:
         """Return N^T A N, sparse, of the sum A of element matrices, ``values`` as in ``entries``."""
         kept, rows, columns, products = self.free_entries
-        return _summed(values, kept, rows, columns, self.freedoms, products)
+        return _sparse_sum(values, kept, rows, columns, self.freedoms, products)
 
-    def _symbols(self) -> tuple[cs.MX, cs.MX]:
-        """Symbols of the nodal coordinates e and the properties P."""
-        return cs.MX.sym("e", self.size), cs.MX.sym("P", len(PROPERTIES), self.beam.elements)
-
-    def _mapped(self, name: str, p: cs.MX, *vectors: cs.MX, shared: Sequence[cs.MX] = ()) -> list[cs.MX]:
-        """Evaluate an element Function for each group, from vectors at all nodes; its last inputs are ``shared``."""
+    def of_elements(
+        self,
+        name: str,
+        p: cs.MX,
+        *vectors: cs.MX,
+        numbers: Sequence[cs.MX] = (),
+        lumped: Mapping[str, cs.MX] | None = None,
+    ) -> list[cs.MX]:
+        """Evaluate an element Function for each group, from vectors at all nodes; its last inputs are ``numbers``."""
         results = []
         for group in self.groups:
             function: cs.Function = getattr(group.element, name)
-            same = [cs.repmat(symbol, 1, group.count) for symbol in shared]
-            results.append(function.map(group.count)(*map(group.gather, vectors), group.properties(p), *same))
+            same = [cs.repmat(symbol, 1, group.count) for symbol in numbers]
+            results.append(function.map(group.count)(*map(group.gather, vectors), group.properties(p, lumped), *same))
         return results
 
-    def _force(self, name: str, *inputs: str, output: str = "Q", **shared: int) -> cs.Function:
-        """Return the sum of an element force as a Function of vectors at all nodes, P, and shared numbers by size."""
+    def _summed(self, name: str, *inputs: str, output: str, **shared: int) -> cs.Function:
+        """Return the sum of an element Function: of vectors at all nodes, P, and shared numbers by size."""
         vectors = [cs.MX.sym(symbol, self.size) for symbol in inputs]
         same = [cs.MX.sym(symbol, size) for symbol, size in shared.items()]
-        _, p = self._symbols()
-        total = self.sum_at_nodes(self._mapped(name, p, *vectors, shared=same))
+        p = cs.MX.sym("P", len(PROPERTIES), self.beam.elements)
+        parts = self.of_elements(name, p, *vectors, numbers=same)
+        if output == "U":
+            total = sum(map(cs.sum2, parts), cs.MX(0))
+        elif output in ("K", "M"):
+            total = self.matrix(cs.vertcat(*map(cs.vec, parts)))
+        else:
+            total = self.sum_at_nodes(parts)
         return cs.Function(name, [*vectors, p, *same], [total], [*inputs, "P", *shared], [output])
-
-    def _matrix(self, blocks: Sequence[cs.MX]) -> cs.MX:
-        """Return the sum of the element matrices of each group as one sparse matrix."""
-        return self.matrix(cs.vertcat(*map(cs.vec, blocks)))
 
     def _summary(self) -> str:
         measures = "" if self.measures == StrainMeasures() else f", {self.measures}"
@@ -288,7 +278,54 @@ def axial_strains_near(model: Model, s: float, at: At) -> list[tuple[float, int,
     return found
 
 
-def _summed(values: cs.MX, kept: Index, rows: Index, columns: Index, size: int, factors: Array) -> cs.MX:
+def lumped_places(beam: Beam, name: str) -> list[int]:
+    """Return the places in ``Beam.lumped`` of what a name stands for; none if the beam does not have it."""
+    together = name == "spring_stiffness"
+    return [k for k, own in enumerate(beam.lumped) if own == name or (together and own.startswith("spring_"))]
+
+
+def lumped_value(beam: Beam, name: str) -> float:
+    """Return a lumped property, the mean of several; 0 if the beam does not have it."""
+    values, places = [*beam.lumped.values()], lumped_places(beam, name)
+    return sum(values[k] for k in places) / len(places) if places else 0.0
+
+
+def changed_model(model: Model, properties: Array) -> Model:
+    """Return the model with other properties, P row by row, then the lumped ones."""
+    rows: Any = properties[: model.properties.size].reshape(model.properties.shape).tolist()
+    given = zip(model.lumped, properties[model.properties.size :].tolist(), strict=True)
+    lumped = {name: number(value, name) for name, value in given}
+    beam = model.beam.with_(**dict(zip(PROPERTIES, rows, strict=True))).with_lumped(lumped)
+    if "natural_curvature" in lumped:
+        after = Model(beam)
+        beam = beam.with_(supports=[_in_place(one, model, after) for one in beam.supports])
+    return Model(beam, model.measures)
+
+
+def _in_place(support: Support, model: Model, after: Model) -> Support:
+    """Return a support of a beam, ``after``, where it holds another one."""
+    node = int(np.abs(model.beam.node_points - support.point).argmin())
+    (places, slopes), (others, turns) = model.natural_nodes, after.natural_nodes
+    place, slope, other, turned = places[node], slopes[node], others[node], turns[node]
+    changes: dict[str, Any] = {"displacement": tuple((support.displacement + place - other).tolist())}
+    if isinstance(support, Clamp | Guide):
+        sine, cosine = turned[0] * slope[1] - turned[1] * slope[0], turned @ slope
+        changes["rotation"] = support.rotation + math.atan2(sine, cosine)
+    return replace(support, **changes)
+
+
+def check_curvature(beam: Beam) -> None:
+    """Refuse to estimate the natural curvature of a beam with springs or dashpots away from its beginning."""
+    for one in beam.attachments:
+        if one.point and not isinstance(one, PointMass):
+            raise InputError(
+                f"cannot be estimated for a beam with a {type(one).__name__} at {one.point:g} m: it is free of force "
+                "where the beam is without load, and would move with the curvature",
+                "natural_curvature",
+            )
+
+
+def _sparse_sum(values: cs.MX, kept: Index, rows: Index, columns: Index, size: int, factors: Array) -> cs.MX:
     """Return the sparse matrix (size, size) with the sums of entries of ``values``, each times its factor."""
     pairs, target = np.unique(np.column_stack([columns, rows]), axis=0, return_inverse=True)
     pattern = cs.Sparsity.triplet(size, size, pairs[:, 1].tolist(), pairs[:, 0].tolist())

@@ -26,27 +26,11 @@ does, at one node.  It takes part in no stretching or bending of the beam.
 
 from __future__ import annotations
 
-from functools import lru_cache
-from typing import Any
+from functools import cache
 
 import casadi as cs
 
-from ancf_casadi.mechanics.element import ELEMENT_PROPERTIES, Element, derived_element
-
-
-def _symbols(coordinates: int, properties: int) -> tuple[cs.SX, cs.SX, cs.SX]:
-    return cs.SX.sym("e", coordinates), cs.SX.sym("e_t", coordinates), cs.SX.sym("p", properties)
-
-
-def _attached(inputs: tuple[cs.SX, cs.SX, cs.SX], strains: cs.SX, weights: cs.SX, **parts: Any) -> Element:
-    """Derive the Functions of a massless element, unless ``parts`` say otherwise."""
-    size = inputs[0].numel()
-    none: dict[str, Any] = {
-        "mass": cs.SX.zeros(size, size),
-        "line_mass": cs.SX.zeros(size, size),
-        "gravity": cs.SX.zeros(size, 2),
-    }
-    return derived_element(inputs=inputs, strains=strains, weights=weights, **{**none, **parts})
+from ancf_casadi.mechanics.element import ELEMENT_PROPERTIES, Element, derived_element, symbols
 
 
 def _away(e: cs.SX, alpha: cs.SX, beta: cs.SX) -> cs.SX:
@@ -55,32 +39,31 @@ def _away(e: cs.SX, alpha: cs.SX, beta: cs.SX) -> cs.SX:
     return position - base - alpha * slope - beta * cs.vertcat(-slope[1], slope[0])
 
 
-@lru_cache(maxsize=1)
+@cache
 def spring() -> Element:
     """Derive the Functions of a spring for e = (r_b, tau_b, r, tau) and p = (alpha, beta, x, y, k)."""
-    e, e_t, p = _symbols(8, 5)
+    e, e_t, p = symbols(8, 5)
     along = cs.dot(_away(e, p[0], p[1]), p[2:4])
-    return _attached((e, e_t, p), along, p[4], straight=cs.SX([0, 0, 1, 0, 0, 0, 1, 0]))
+    return derived_element((e, e_t, p), cs.SX([0, 0, 1, 0, 0, 0, 1, 0]), along, p[4])
 
 
-@lru_cache(maxsize=1)
+@cache
 def dashpot() -> Element:
     """Derive the Functions of a dashpot; as ``spring``, with the coefficient c (N s/m) in place of k."""
-    e, e_t, p = _symbols(8, 5)
+    e, e_t, p = symbols(8, 5)
     along = cs.dot(_away(e_t, p[0], p[1]), p[2:4])
     force = p[4] * cs.gradient(along, e_t) * along
-    straight = cs.SX([0, 0, 1, 0, 0, 0, 1, 0])
-    return _attached((e, e_t, p), cs.SX(0, 1), cs.SX(0, 1), straight=straight, dashpot=force)
+    return derived_element((e, e_t, p), cs.SX([0, 0, 1, 0, 0, 0, 1, 0]), dashpot=force)
 
 
-@lru_cache(maxsize=1)
+@cache
 def rotational_spring() -> Element:
     """Derive the Functions of a torsional spring for e = (r_b, tau_b, r, tau).
 
     Its properties are cosine and sine of the angle from the axis of the beam to the slope without load, the axis, and
     the stiffness k, N m/rad.
     """
-    e, e_t, p = _symbols(8, 5)
+    e, e_t, p = symbols(8, 5)
     cosine, sine, *axis, stiffness = cs.vertsplit(p)
 
     def turned(slope: cs.SX) -> cs.SX:
@@ -89,37 +72,29 @@ def rotational_spring() -> Element:
     base, slope = turned(e[2:4]), e[6:8]
     theta = cs.atan2(base[0] * slope[1] - base[1] * slope[0], cs.dot(base, slope))
     straight = cs.vertcat(0, 0, *axis, 0, 0, turned(cs.vertcat(*axis)))
-    return _attached((e, e_t, p), theta, stiffness, straight=straight)
+    return derived_element((e, e_t, p), straight, theta, stiffness)
 
 
-@lru_cache(maxsize=1)
+@cache
 def slope_length() -> Element:
     """Derive the Functions of the element that fixes the length of the slopes, for e = (r, tau)."""
-    e, e_t, p = _symbols(4, ELEMENT_PROPERTIES)
+    e, e_t, p = symbols(4, ELEMENT_PROPERTIES)
     width, thickness, _, elastic_modulus, l, *axis = cs.vertsplit(p)
     sigma = cs.norm_2(e[2:]) - 1
-    return _attached((e, e_t, p), sigma, elastic_modulus * width * thickness * l, straight=cs.vertcat(0, 0, *axis))
+    return derived_element((e, e_t, p), cs.vertcat(0, 0, *axis), sigma, elastic_modulus * width * thickness * l)
 
 
-@lru_cache(maxsize=1)
+@cache
 def point_mass() -> Element:
     """Derive the Functions of a mass m (kg), its only property, at a node with coordinates e = (r, tau)."""
-    e, e_t, m = _symbols(4, 1)
+    e, e_t, m = symbols(4, 1)
     position = cs.DM([[1, 0], [0, 1], [0, 0], [0, 0]])  # r = position^T e
-    return _attached(
-        (e, e_t, m),
-        cs.SX(0, 1),
-        cs.SX(0, 1),
-        straight=cs.SX.zeros(4),
-        mass=m * position @ position.T,
-        gravity=m * position,
-    )
+    return derived_element((e, e_t, m), cs.SX.zeros(4), mass=m * position @ position.T, gravity=m * position)
 
 
-@lru_cache(maxsize=1)
+@cache
 def rotary_inertia() -> Element:
     """Derive the Functions of a moment of inertia J (kg m^2), its only property, at a node with e = (r, tau)."""
-    e, e_t, inertia = _symbols(4, 1)
+    e, e_t, inertia = symbols(4, 1)
     slope = cs.DM([[0, 0], [0, 0], [1, 0], [0, 1]])
-    straight = cs.SX([0, 0, 1, 0])
-    return _attached((e, e_t, inertia), cs.SX(0, 1), cs.SX(0, 1), straight=straight, mass=inertia * slope @ slope.T)
+    return derived_element((e, e_t, inertia), cs.SX([0, 0, 1, 0]), mass=inertia * slope @ slope.T)

@@ -1,4 +1,4 @@
-"""Shape functions of one element, Eqs. (2) and (3), the strain measures of its strain energy, Eq. (8), and Gauss rules.
+"""Shape functions of one element, Eqs. (2) and (3), its strain measures in Eq. (8), Gauss rules, and loads at a point.
 
 With xi = p/l from 0 to 1 along the element, the position is r(p) = s1 r_0 + s2 tau_0 + s3 r_l + s4 tau_l = S e,
 Eq. (2), with Hermite's cubics, Eq. (3):
@@ -13,6 +13,11 @@ components of r'' along r' and normal to r' are two separate strains, because th
 
 Each term has two Gauss points.  Three or more in the axial term over-constrain the cubic in bending: the element locks.
 
+A load (Fx, Fy, m) at a point with position r = S e and slope tau = S' e does the virtual work F.dr + m dtheta, theta =
+atan2(tau_y, tau_x), and so has the generalized force
+
+    Q = S^T F + S'^T h,    h = m (-tau_y, tau_x)/|tau|^2.
+
 References
 ----------
 "Comparison of external damping models in a large deformation problem", Section 2.
@@ -24,7 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeVar, get_args
 
 import casadi as cs
 import numpy as np
@@ -33,6 +38,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import choice, whole
 from ancf_casadi.support.tables import Displayed
 
+S = TypeVar("S", cs.SX, cs.MX)
 AxialStrain = Literal["engineering", "green"]
 Curvature = Literal["material", "geometric", "small"]
 
@@ -142,3 +148,15 @@ def bending_strains(e: cs.SX, l: cs.SX, measures: StrainMeasures) -> list[tuple[
             along = (slope[0] * second[0] + slope[1] * second[1]) / (slope[0] ** 2 + slope[1] ** 2) ** 0.5
             strains.append((along, w))
     return strains
+
+
+def point_force(slope: S, load: S, *, follower: bool) -> tuple[S, S]:
+    """Return F and h, (2, s), of loads (3 or 4, s) at a point with slopes (2, s)."""
+    x, y = slope[0, :], slope[1, :]
+    turn = load[2, :] / (x * x + y * y)
+    h = cs.vertcat(-y * turn, x * turn)
+    if not follower:
+        return load[:2, :], h
+    length = cs.sqrt(x * x + y * y)
+    along, across = load[0, :] / length, load[1, :] / length
+    return cs.vertcat(along * x - across * y, along * y + across * x), h

@@ -22,7 +22,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_size, number, positive_or_infinite, unit_vector, vector
+from ancf_casadi.support.inputs import keep_checked, number, positive_or_infinite, sized_vector, unit_vector
 from ancf_casadi.support.tables import Displayed
 
 
@@ -57,13 +57,9 @@ class Support(Displayed):
 
     def __post_init__(self) -> None:
         """Validate."""
-        object.__setattr__(self, "point", checked_point(self.point))
-        object.__setattr__(self, "displacement", vector(self.displacement, "displacement"))
-        check_size(self.displacement, "displacement")
-        if hasattr(self, "rotation"):
-            object.__setattr__(self, "rotation", number(self.rotation, "rotation"))
-        if hasattr(self, "direction"):
-            object.__setattr__(self, "direction", unit_vector(self.direction, "direction"))
+        keep_checked(self, point=checked_point, displacement=sized_vector)
+        further = {"rotation": number, "direction": unit_vector, "stiffness": positive_or_infinite}
+        keep_checked(self, **{name: check for name, check in further.items() if hasattr(self, name)})
 
     @property
     def sliding(self) -> tuple[float, float] | None:
@@ -111,11 +107,6 @@ class Clamp(Support):
     point: float = 0.0
     stiffness: float = math.inf
     rotation: float = field(default=0.0, kw_only=True)
-
-    def __post_init__(self) -> None:
-        """Validate."""
-        super().__post_init__()
-        object.__setattr__(self, "stiffness", positive_or_infinite(self.stiffness, "stiffness"))
 
 
 @final

@@ -40,12 +40,11 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.dynamics.placed_load import point_force
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import Dashpot, PointMass, Spring
 from ancf_casadi.mechanics.element import SMOOTHING_SPEED
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.strain import gauss
+from ancf_casadi.mechanics.strain import gauss, point_force
 from ancf_casadi.support.arrays import Array
 
 Expression = Any  # SX or MX

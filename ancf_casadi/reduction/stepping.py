@@ -22,7 +22,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.base_motion import BaseMotion
-from ancf_casadi.dynamics.segments import SAME_TIME
+from ancf_casadi.dynamics.excitation import SAME_TIME
 from ancf_casadi.dynamics.start import Start, set_up
 from ancf_casadi.dynamics.trajectory import Motion, State
 from ancf_casadi.exceptions import InputError, SimulationError

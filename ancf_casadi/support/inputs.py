@@ -9,7 +9,7 @@ import contextlib
 import math
 import re
 import reprlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from numbers import Integral
 from types import NoneType
 from typing import Any
@@ -59,6 +59,12 @@ def located(where: str) -> Iterator[None]:
         yield
     except InputError as error:
         raise InputError(str(error), where) from None
+
+
+def keep_checked(owner: Any, **checks: Callable[[Any, str], Any]) -> None:
+    """Check fields of a frozen dataclass, and keep what their checks return."""
+    for name, check in checks.items():
+        object.__setattr__(owner, name, check(getattr(owner, name), name))
 
 
 def number(value: Any, where: str) -> float:
@@ -175,6 +181,20 @@ def check_size(values: ArrayLike, where: str) -> None:
     largest = float(np.abs(values).max())
     if largest:
         physical(largest, where)
+
+
+def sized(value: Any, where: str) -> float:
+    """Return a finite number whose powers are finite."""
+    result = number(value, where)
+    check_size(result, where)
+    return result
+
+
+def sized_vector(value: Any, where: str) -> tuple[float, float]:
+    """Return a pair of finite numbers whose powers are finite."""
+    result = vector(value, where)
+    check_size(result, where)
+    return result
 
 
 def positive_or_infinite(value: Any, where: str) -> float:

@@ -35,7 +35,7 @@ from ancf_casadi.mechanics.element import Element
 from ancf_casadi.mechanics.loads import Load, PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
-from ancf_casadi.mechanics.strain import gauss_pairs, hermite, hermite_slope
+from ancf_casadi.mechanics.strain import gauss_pairs, hermite, hermite_slope, point_force
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import Buffered
 
@@ -125,10 +125,9 @@ def element_balance(
 def load_balance(*, follower: bool) -> ElementBalance:
     """Return the balance of an element with c = (xi, l) under a load p = (Fx, Fy, m) at xi; m follows its slope."""
     e, load, c = cs.SX.sym("e", 2 * NODE), cs.SX.sym("load", 3), cs.SX.sym("c", 2)
-    tangent = _interpolation(hermite_slope, *cs.vertsplit(c)) @ e
-    turn = cs.gradient(cs.atan2(tangent[1], tangent[0]), e)
-    force = _interpolation(hermite, *cs.vertsplit(c)).T @ _directed(load[:2], tangent, follower) + load[2] * turn
-    return _loaded(e, load, c, force)
+    S, slope = (_interpolation(functions, *cs.vertsplit(c)) for functions in (hermite, hermite_slope))
+    F, h = point_force(slope @ e, load, follower=follower)
+    return _loaded(e, load, c, S.T @ F + slope.T @ h)
 
 
 @lru_cache(maxsize=2)
@@ -139,7 +138,7 @@ def line_balance(*, follower: bool) -> ElementBalance:
     force = cs.SX.zeros(2 * NODE)
     for node, weight in gauss_pairs(4):  # approximate for a follower, whose direction is no polynomial
         xi = first + node * (last - first)
-        own = _directed(load, _interpolation(hermite_slope, xi, l) @ e, follower)
+        own, _ = point_force(_interpolation(hermite_slope, xi, l) @ e, cs.vertcat(load, 0), follower=follower)
         force += weight * (last - first) * l * _interpolation(hermite, xi, l).T @ own
     return _loaded(e, load, c, force)
 
@@ -147,14 +146,6 @@ def line_balance(*, follower: bool) -> ElementBalance:
 def _interpolation(functions: Callable[[Any, Any], tuple[Any, ...]], xi: cs.SX, l: cs.SX) -> cs.SX:
     """Return S of Eq. (2), or S', (2, 8)."""
     return cs.SX(cs.kron(cs.vertcat(*functions(xi, l)).T, cs.SX.eye(2)))
-
-
-def _directed(force: cs.SX, slope: cs.SX, follower: bool) -> cs.SX:
-    """Return a force in the laboratory frame; a follower is given along and across the slope."""
-    if not follower:
-        return force
-    x, y = cs.vertsplit(slope / cs.norm_2(slope))
-    return cs.vertcat(force[0] * x - force[1] * y, force[0] * y + force[1] * x)
 
 
 def _loaded(e: cs.SX, load: cs.SX, c: cs.SX, force: cs.SX) -> ElementBalance:
@@ -184,30 +175,23 @@ class Position:
 class EqualElements:
     """Equal elements of a structure, and the places of their coordinates and properties."""
 
+    model: Model  # the beam of the structure
     balance: ElementBalance  # forces and mass of one element
     coordinates: Index  # indices of the coordinates of each element in the structure, (elements, d)
     properties: Index  # indices of the properties of each element in the structure, (elements, k)
     constants: Array  # the constants of each element, (elements, c)
-    numbers: Index  # of the free coordinates that move them, -1 where they are held, (elements, d)
-    weights: Array  # entries of N, (elements, d)
-    freedoms: int  # number of free coordinates of the structure, N
 
     @cached_property
     def bands(self) -> tuple[Index, Array | None]:
         """Places of the entries of element matrices in the diagonals, and N_ik N_jl unless all are 0 or 1."""
-        rows, columns = self.numbers[:, :, None], self.numbers[:, None, :]
-        places = (BANDWIDTH + rows - columns) * self.freedoms + columns
-        places = np.where((rows < 0) | (columns < 0), (2 * BANDWIDTH + 1) * self.freedoms, places)
-        slanted = not np.isin(self.weights, (0.0, 1.0)).all()
-        return places, self.weights[:, :, None] * self.weights[:, None, :] if slanted else None
-
-
-def _placed(
-    model: Model, balance: ElementBalance, coordinates: Index, properties: Index, constants: Array
-) -> EqualElements:
-    """Return equal elements with some coordinates (elements, d), properties and constants."""
-    numbers, weights = model.free_of[coordinates], model.weights[coordinates]
-    return EqualElements(balance, coordinates, properties, constants, numbers, weights, model.freedoms)
+        model, freedoms = self.model, self.model.freedoms
+        numbers: Index = model.free_of[self.coordinates]
+        weights: Array = model.weights[self.coordinates]
+        rows, columns = numbers[:, :, None], numbers[:, None, :]
+        places = (BANDWIDTH + rows - columns) * freedoms + columns
+        places = np.where((rows < 0) | (columns < 0), (2 * BANDWIDTH + 1) * freedoms, places)
+        slanted = not np.isin(weights, (0.0, 1.0)).all()
+        return places, weights[:, :, None] * weights[:, None, :] if slanted else None
 
 
 def structure_properties(model: Model) -> Array:
@@ -231,7 +215,7 @@ def _beam_parts(model: Model) -> tuple[EqualElements, ...]:
         own = columns.reshape(group.count, -1) if columns.size else np.empty((group.count, 0), dtype=np.int64)
         lumped = np.array([places.size + names.index(name) for name in group.lumped], dtype=np.int64)
         properties = np.hstack([own, np.tile(lumped, (group.count, 1))])
-        parts.append(_placed(model, balance, group.coordinates, properties, own_constants))
+        parts.append(EqualElements(model, balance, group.coordinates, properties, own_constants))
     return tuple(parts)
 
 
@@ -267,7 +251,9 @@ class Structure:
             for index, constants in _loaded_elements(model, load):
                 own.append((NODE * (index + model.root) + np.arange(2 * NODE), given, constants))
             properties = np.concatenate([properties, load.values])
-        acting = [_placed(model, balance, *map(np.array, zip(*own, strict=True))) for balance, own in rows.items()]
+        acting = [
+            EqualElements(model, balance, *map(np.array, zip(*own, strict=True))) for balance, own in rows.items()
+        ]
         return cls(model, (*parts, *acting), properties)
 
     def inputs(self, part: EqualElements, at: Position) -> tuple[Array, Array, Array]:

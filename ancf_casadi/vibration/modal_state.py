@@ -1,4 +1,4 @@
-"""The modes of a beam with varied properties, as fast as an optimiser needs them, and their linearisation.
+"""The modes of a beam with varied properties, as fast as an optimiser needs them, and their exact derivatives.
 
 ``natural_modes`` follows the equilibrium from the straight beam.  Here Newton's method starts from a neighbouring
 equilibrium, and the properties are numerical inputs of Functions that are derived once.  Newton's method and the
@@ -14,12 +14,46 @@ does, or the equilibrium moves too far, the change is divided into smaller steps
 axial modes, cross without changing shape.  Coupled modes veer away from the crossing; there, in the smallest step, the
 assignment with the largest sum of MAC values decides.
 
-The derivatives of a mode need solutions with the matrix K - lambda M, which is singular in the direction of the mode
-shape phi alone.  Rows and columns are scaled to give K a unit diagonal.  If the unknown is held at zero in the
-coordinate in which phi, scaled likewise, is largest, the system is regular and keeps its band (Nelson).
+First and second derivatives.  The equilibrium q and the eigenpairs (lambda, phi) depend on the properties p through
+
+    R(q, p) = Q_e - Q_g = 0,    (K(q, p) - lambda M(p)) phi = 0,    phi^T M phi = 1,    K = dR/dq.
+
+Along a change dp the equilibrium moves by K dq = -R_p dp.  With f = (K phi)_q dq + ((K - lambda M) phi)_p dp,
+
+    dlambda = phi^T f,    (K - lambda M) dphi = -f + dlambda M phi,    phi^T M dphi = -1/2 (phi^T M phi)_p dp.
+
+The derivative of one combination y = sum_k (b_k lambda_k + c_k^T phi_k) costs one solution per mode for any number of
+properties.  Each mode k has multipliers a_k and beta_k, written here without the index,
+
+    (K - lambda M) a = -c + beta M phi,    beta = phi^T c,    phi^T M a = b,
+
+the equilibrium has the multiplier z with K z = -sum_k ((K phi_k)_q)^T a_k, and
+
+    y_p = z^T R_p + sum_k (a_k^T ((K - lambda_k M) phi_k)_p - beta_k/2 (phi_k^T M phi_k)_p).
+
+All matrices are banded, so the work grows linearly with the number of elements for each direction or combination.
+
+The matrix K - lambda M is singular in the direction of the mode shape phi alone.  Rows and columns are scaled to give
+K a unit diagonal.  If the unknown is held at zero in the coordinate in which phi, scaled likewise, is largest, the
+system is regular and keeps its band (Nelson).
+
+For second derivatives, the combination y has the Lagrangian
+
+    L = y + z^T R + sum_k (a_k^T (K - lambda_k M) phi_k - beta_k/2 (phi_k^T M phi_k - 1)).
+
+Let u = (q, p) and v = (phi, lambda), with the first derivatives u_p and v_p.  The second derivatives are
+
+    y_pp = B + B^T + v_p^T L_vv v_p,    B = u_p^T (1/2 L_uu u_p + L_uv v_p),    u_p^T Y = Y_p - R_p^T K^-1 Y_q,
+
+    v_p^T L_vv v_p = -sum_k (beta_k phi_p^T M phi_p + lambda_p^T (a_k^T M phi_p) + (a_k^T M phi_p)^T lambda_p),
+
+in which Y_q and Y_p are the rows of any matrix Y that belong to q and to p, and phi and lambda those of mode k.  L is a
+sum over the elements, so its Hessian is needed for one element and one mode only.  The work grows with the square
+of the number of elements if each element has properties of its own.
 
 References
 ----------
+R. L. Fox, M. P. Kapoor, Rates of change of eigenvalues and eigenvectors, AIAA Journal 6 (1968).
 R. B. Nelson, Simplified calculation of eigenvector derivatives, AIAA Journal 14 (1976).
 Allemang 2003, "The modal assurance criterion: twenty years of use and abuse" (MAC).
 """
@@ -38,12 +72,13 @@ from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.banded import BandedFactors, factorised, sparse
-from ancf_casadi.vibration.assembly import BANDWIDTH, EqualElements, Position, Structure, per_element
+from ancf_casadi.vibration.assembly import BANDWIDTH, EqualElements, Position, Structure, per_element, scatter
 from ancf_casadi.vibration.eigensolver import lowest_modes, shift_of
 from ancf_casadi.vibration.equilibrium import neighbour
 from ancf_casadi.vibration.modes import Modes
 
 SMALLEST_STEP = 1e-3  # relative to the whole change of the properties
+DIRECTIONS_AT_ONCE = 128  # directions at once: few enough that the products of small matrices stay in the cache
 
 
 def pencil_solver(pencil: Array, diagonal: Array, phi: Array) -> Callable[[Array], Array]:
@@ -207,3 +242,129 @@ def _correlations(before: ModalState, after: ModalState) -> Array:
     shapes = before.model.of_free(before.shapes)
     inertia = after.inertia @ shapes
     return np.asarray(after.model.of_free(after.shapes).T @ inertia / np.sqrt(np.sum(shapes * inertia, axis=0)))
+
+
+def coordinate_derivatives(state: ModalState, directions: Array) -> Array:
+    """Return the derivatives of the coordinates at rest along N changes of the properties, (4 n + 4, N)."""
+    model, force = state.model, np.zeros((state.model.size, directions.shape[1]))
+    for part, force_jacobian in state.force_jacobians:
+        force += scatter(part.coordinates, force_jacobian @ directions[part.properties], model.size)
+    return np.asarray(model.moved(-state.stiffness_factors.solve(model.of_free(force))))
+
+
+def sensitivities(state: ModalState, directions: Array) -> tuple[Array, Array, Array]:
+    """Return the derivatives of equilibrium and modes along N changes of the properties, (properties, N).
+
+    They are those of the coordinates at rest (4 n + 4, N), of the squared angular frequencies (m, N), and of the
+    mass-normalised mode shapes (m, 4 n + 4, N).
+    """
+    model, size, m, N = state.model, state.model.size, len(state.eigenvalues), directions.shape[1]
+    coordinates = coordinate_derivatives(state, directions)
+    f, half_norm = np.zeros((m, size, N)), np.zeros((m, N))
+    for part, by_coordinate, by_property, of_norm in state.pencil_jacobians:
+        dq, dp = coordinates[part.coordinates], directions[part.properties]
+        for k in range(m):
+            f[k] += scatter(part.coordinates, by_coordinate[k] @ dq + by_property[k] @ dp, size)
+            half_norm[k] += (of_norm[k] @ dp).sum(axis=(0, 1))
+    eigenvalues, shapes = np.zeros((m, N)), np.zeros((m, size, N))
+    for k, phi in enumerate(model.of_free(state.shapes).T):
+        inertia, own = state.inertia @ phi, model.of_free(f[k])
+        eigenvalues[k] = phi @ own
+        particular = state.pencil_solvers[k](np.outer(inertia, eigenvalues[k]) - own)
+        shapes[k] = model.moved(particular - np.outer(phi, inertia @ particular + half_norm[k]))
+    return coordinates, eigenvalues, shapes
+
+
+def gradient(state: ModalState, b: Array, c: Array) -> Array:
+    """Return the derivatives, (properties, C), of C combinations with weights b (m, C) and c (m, 4 n + 4, C)."""
+    a, beta, z = multipliers(state, b, c)
+    total = np.zeros((state.properties.size, b.shape[1]))
+    for (part, force_jacobian), (_, _, by_property, of_norm) in zip(
+        state.force_jacobians, state.pencil_jacobians, strict=True
+    ):
+        terms = force_jacobian.transpose(0, 2, 1) @ z[part.coordinates]
+        for k in range(len(beta)):
+            terms += by_property[k].transpose(0, 2, 1) @ a[k, part.coordinates]
+            terms -= of_norm[k].transpose(0, 2, 1) * beta[k]
+        total += scatter(part.properties, terms, len(total))
+    return total
+
+
+def multipliers(state: ModalState, b: Array, c: Array) -> tuple[Array, Array, Array]:
+    """Return a (m, 4 n + 4, C), beta (m, C) and z (4 n + 4, C) for combinations as in ``gradient``."""
+    model = state.model
+    a, beta, force = np.zeros_like(c), np.zeros_like(b), np.zeros(c.shape[1:])
+    for k, phi in enumerate(model.of_free(state.shapes).T):
+        inertia, own = state.inertia @ phi, model.of_free(c[k])
+        beta[k] = phi @ own
+        particular = state.pencil_solvers[k](np.outer(inertia, beta[k]) - own)
+        a[k] = model.moved(particular + np.outer(phi, b[k] - inertia @ particular))
+    for part, by_coordinate, _, _ in state.pencil_jacobians:
+        for k, block in enumerate(by_coordinate):
+            force += scatter(part.coordinates, block.transpose(0, 2, 1) @ a[k, part.coordinates], len(force))
+    return a, beta, model.moved(-state.stiffness_factors.solve(model.of_free(force)))
+
+
+def hessian(state: ModalState, directions: Array, b: Array, c: Array) -> Array:
+    """Return the second derivatives, (N, N), of one combination, b (m,) and c (m, 4 n + 4), along N directions."""
+    of_free, N = state.model.of_free, directions.shape[1]
+    transposed = scipy.sparse.csr_array(directions).T
+    a, beta, z = multipliers(state, b[:, None], c[:, :, None])
+    blocks = _lagrangian_hessians(state, a[:, :, 0], beta[:, 0], z[:, 0])
+    half, normalisation = np.empty((N, N)), np.zeros((N, N))
+    eigenvalues, projections = np.empty((2, len(beta), N))  # lambda_p and a^T M phi_p
+    shapes: list[Array] = []
+    for begin in range(0, N, DIRECTIONS_AT_ONCE):
+        columns = slice(begin, begin + DIRECTIONS_AT_ONCE)
+        first = sensitivities(state, directions[:, columns])
+        half[:, columns] = np.asarray(transposed @ _b_of_all_properties(state, directions[:, columns], first, blocks))
+        eigenvalues[:, columns] = first[1]
+        own = np.array([of_free(shape) for shape in first[2]])
+        for k, shape in enumerate(own):
+            projections[k, columns] = (state.inertia @ of_free(a[k, :, 0])) @ shape
+        if beta.any():
+            shapes.append(own)
+    if shapes:
+        for k, shape in enumerate(np.concatenate(shapes, axis=2)):
+            normalisation -= beta[k] * shape.T @ (state.inertia @ shape)
+    half -= eigenvalues.T @ projections
+    return half + half.T + normalisation
+
+
+def _lagrangian_hessians(state: ModalState, a: Array, beta: Array, z: Array) -> list[tuple[EqualElements, Array]]:
+    """Return 1/2 L_uu and L_uv of the elements of each part side by side, (elements, d + k, d + k + m (d + 1))."""
+    m, found = len(beta), []
+    for part in state.structure.parts:
+        elements, shared = len(part.coordinates), sum(part.balance.sizes)
+        (of_forces,) = per_element(part.balance.force_hessian, *state.inputs(part), z[part.coordinates])
+        inputs = a[:, part.coordinates].reshape(m * elements, -1), np.repeat(beta, elements)[:, None]
+        (of_modes,) = per_element(part.balance.pencil_hessian, *state.inputs_of_modes(part), *inputs)
+        of_modes = of_modes.reshape(m, elements, *of_modes.shape[1:])[:, :, :shared]
+        of_u = (of_forces + of_modes[:, :, :, :shared].sum(axis=0)) / 2
+        found.append((part, np.concatenate([of_u, *of_modes[:, :, :, shared:]], axis=2)))
+    return found
+
+
+def _b_of_all_properties(
+    state: ModalState,
+    directions: Array,
+    first: tuple[Array, Array, Array],
+    blocks: list[tuple[EqualElements, Array]],
+) -> Array:
+    """Return B with all properties as its rows and the directions, with their derivatives ``first``, as its columns."""
+    model, N = state.model, directions.shape[1]
+    coordinates, eigenvalues, shapes = first
+    by_coordinate, by_property = np.zeros_like(coordinates), np.zeros_like(directions)
+    for part, block in blocks:
+        d = part.balance.sizes[0]
+        rows = [coordinates[part.coordinates], directions[part.properties]]
+        for shape, eigenvalue in zip(shapes, eigenvalues, strict=True):
+            rows += [shape[part.coordinates], np.broadcast_to(eigenvalue, (len(block), 1, N))]
+        terms = block @ np.concatenate(rows, axis=1)
+        by_coordinate += scatter(part.coordinates, terms[:, :d], len(by_coordinate))
+        by_property += scatter(part.properties, terms[:, d:], len(by_property))
+    z = model.moved(-state.stiffness_factors.solve(model.of_free(by_coordinate)))
+    for part, force_jacobian in state.force_jacobians:
+        terms = force_jacobian.transpose(0, 2, 1) @ z[part.coordinates]
+        by_property += scatter(part.properties, terms, len(by_property))
+    return by_property

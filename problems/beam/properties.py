@@ -27,11 +27,10 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.lumped import BEAM_UNITS, PROPERTIES, lumped_kind
-from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.model import Model, changed_model, check_curvature, lumped_places, lumped_value
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.assembly import structure_properties
-from ancf_casadi.vibration.changed_model import changed_model, check_curvature, lumped_places, lumped_value
 
 CLAMP_STIFFNESS = "clamp_stiffness"
 PROPERTY_POWERS: Mapping[str, Mapping[str, int]] = {

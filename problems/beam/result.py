@@ -13,7 +13,7 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import SumOfLaws
-from ancf_casadi.dynamics.start import flowing, held_start, start_jacobians
+from ancf_casadi.dynamics.derivatives.sensitivity import flowing, held_start, start_jacobians
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.estimation.block import Block
 from ancf_casadi.estimation.determination import certainty

@@ -33,12 +33,11 @@ from ancf_casadi.estimation.solver.least_squares import AT_BOUND
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.lumped import PROPERTIES, lumped_kind
-from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.model import Model, changed_model, check_curvature, lumped_places, lumped_value
 from ancf_casadi.support.arrays import Array, Index, Mask
 from ancf_casadi.support.inputs import check_instance, is_sequence, numbers, positive, shown
 from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.assembly import structure_properties
-from ancf_casadi.vibration.changed_model import changed_model, check_curvature, lumped_places, lumped_value
 from problems.matching.unknowns import PAPER_UNKNOWNS, Global, PerElement, PropertyUnknown, Smooth, check_bounds
 
 SMALLEST_FACTOR = 1e-7  # factor: a property never vanishes

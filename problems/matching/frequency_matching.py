@@ -19,7 +19,7 @@ The auxiliary unknowns t keep r(m) in the constraints, which are met to rounding
 magnify the rounding by 1/w.
 
 Equilibrium and modes are computed at each m, with exact first and second derivatives
-(``ancf_casadi.vibration.sensitivities``).  With equilibrium and eigenpairs as unknowns too, the program would need no
+(``ancf_casadi.vibration.modal_state``).  With equilibrium and eigenpairs as unknowns too, the program would need no
 inner solver.  But it would have 527 unknowns instead of 47 at 20 elements, take 23 iterations instead of 10, find no
 solution in 200 iterations at 80 elements, and could end at the wrong mode.
 

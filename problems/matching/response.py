@@ -28,9 +28,8 @@ from ancf_casadi.estimation.solver.unknown import Priors, Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.vibration.modal_state import ModalState, follow, followed_modes
+from ancf_casadi.vibration.modal_state import ModalState, follow, followed_modes, gradient, hessian
 from ancf_casadi.vibration.modes import Modes, natural_modes, rigid_modes
-from ancf_casadi.vibration.sensitivities import gradient, hessian
 from problems.matching.design_space import WEIGHT, DesignSpace, LeastChange
 from problems.matching.measured_modes import MeasuredModes
 

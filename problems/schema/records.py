@@ -21,8 +21,8 @@ from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.model_document import Document
-from ancf_casadi.mechanics.beam_table import PART_KINDS, with_parts
 from ancf_casadi.mechanics.loads import PointLoad
+from ancf_casadi.mechanics.lumped import PART_KINDS, with_parts
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.measurement import Measurement

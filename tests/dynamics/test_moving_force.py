@@ -17,7 +17,7 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics.placed_load import PlacedLoad, TravellingLoad
+from ancf_casadi.dynamics.placed_load import load_force
 from ancf_casadi.mechanics.loads import PointLoad
 
 LENGTH, LINE_DENSITY, BENDING = 0.5, 8000.0 * 2.5e-6, 210e9 * 5e-3 * 0.5e-3**3 / 12
@@ -63,10 +63,10 @@ def test_the_generalized_force_is_that_of_a_load_at_the_same_place():
     model = Model(BRIDGE.beam.with_(supports=[Pin(0.0), Roller(0.21), Roller(LENGTH)]))
     places = np.array([0.0, 0.03, 0.21, 0.3, LENGTH])
     e, load = cs.MX.sym("e", model.size, places.size), cs.MX.sym("load", 4, places.size)
-    found = cs.Function("Q", [load], [TravellingLoad(model).force(e, load)])
+    found = cs.Function("Q", [load], [load_force(model, None, e, load)])
     columns = np.vstack([np.full(5, 0.3), np.full(5, -0.2), np.zeros(5), places])
     for place, Q in zip(places.tolist(), found(columns).full().T, strict=True):
-        fixed = PlacedLoad(model, PointLoad(point=place)).force(cs.DM(model.straight), cs.DM([0.3, -0.2, 0.0]))
+        fixed = load_force(model, PointLoad(point=place), cs.DM(model.straight), cs.DM([0.3, -0.2, 0.0]))
         np.testing.assert_allclose(Q, cs.evalf(fixed).full().ravel(), atol=1e-15)
 
 

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, InputError, Model, QuadraticDamping, motion, simulate, static_equilibrium
-from ancf_casadi.dynamics.start import START_LOAD_NAMES, held_start, start_jacobians
+from ancf_casadi.dynamics.derivatives.sensitivity import held_start, start_jacobians
+from ancf_casadi.dynamics.start import START_LOAD_NAMES
 
 LOAD = np.array([4e-3, -1e-3, 1e-4, 0.03, 0.01, 2e-3])  # N, N, N m, and the same per second
 

@@ -24,12 +24,12 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.dynamics.derivatives import differentiable as module
-from ancf_casadi.dynamics.derivatives.run import MotionRun
 from ancf_casadi.dynamics.derivatives.sensitivity import SensitivityProblem
+from ancf_casadi.dynamics.derivatives.tangent import MotionRun
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.exceptions import SimulationError
-from ancf_casadi.vibration.changed_model import changed_model
+from ancf_casadi.mechanics.model import changed_model
 
 BASE = HarmonicBase(0.02, 3.0, stop=0.15)
 SETTINGS = {"duration": 0.24, "sample_rate": 100.0, "tolerance": 1e-7}
@@ -233,9 +233,9 @@ def test_a_trial_is_given_up_by_the_steps_of_the_first_run(model, monkeypatch):
         times=np.arange(6) / 100,
         tolerance=1e-7,
     )
-    first, far = ([cs.DM([0.1]), cs.DM(b), cs.DM(model.properties)] for b in (2e-4, 0.02))
+    first, far = (np.array([0.1, b, *model.properties.ravel(order="F")]) for b in (2e-4, 0.02))
     runs = module.Runs(problem, patience=2.0)
-    assert problem.solve(np.array([0.1, 0.02, *model.properties.ravel(order="F")])).steps > 2 * runs.run(first).steps
+    assert problem.solve(far).steps > 2 * runs.run(first).steps
     with pytest.raises(SimulationError, match="too many steps"):
         runs.run(far)
     assert isinstance(runs.failure, SimulationError)

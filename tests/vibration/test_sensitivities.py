@@ -7,8 +7,15 @@ import pytest
 
 from ancf_casadi import Beam, Model, natural_modes
 from ancf_casadi.vibration.assembly import Position, Structure, structure_properties
-from ancf_casadi.vibration.modal_state import ModalState, follow, followed_modes, modes_near
-from ancf_casadi.vibration.sensitivities import gradient, hessian, sensitivities
+from ancf_casadi.vibration.modal_state import (
+    ModalState,
+    follow,
+    followed_modes,
+    gradient,
+    hessian,
+    modes_near,
+    sensitivities,
+)
 
 ELEMENTS = 5
 COUNT = 3

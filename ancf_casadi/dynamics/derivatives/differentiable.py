@@ -21,8 +21,8 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
-from ancf_casadi.dynamics.derivatives.run import MotionRun
 from ancf_casadi.dynamics.derivatives.sensitivity import MOST_KEPT_STEPS, SensitivityProblem
+from ancf_casadi.dynamics.derivatives.tangent import MotionRun
 from ancf_casadi.dynamics.start import Start, set_up
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.tolerance import default_tolerance
@@ -133,17 +133,19 @@ class Runs:
 
     def function(self) -> cs.Function:
         """Return the motion as a Function (damping, base, properties, *OPTIONAL) -> samples (orders N, k)."""
-        sizes, model = dict(self.problem.layout.sizes), self.problem.equations.model
-        inputs = {"damping": (sizes["damping"], 1), "base": (sizes["base"], 1), "properties": model.properties.shape}
-        inputs |= {name: (sizes[name], 1) for name in OPTIONAL if sizes[name]}
-        output = cs.Sparsity.dense(self.problem.orders * model.size, self.problem.times.size)
-        patterns = {name: cs.Sparsity.dense(*shape) for name, shape in inputs.items()}
-        return kept(_Motion(self, patterns, output), "motion")
+        problem = self.problem
+        sizes, model = dict(problem.layout.sizes), problem.equations.model
+        names = ["damping", "base", "properties", *(name for name in OPTIONAL if sizes[name])]
+        shapes = {"properties": model.properties.shape}
+        inputs = [cs.MX.sym(name, *shapes.get(name, (sizes[name], 1))) for name in names]
+        rows, columns = problem.orders * model.size, problem.times.size
+        run = kept(_Motion(self, problem.layout.size, rows * columns), "run")
+        samples = cs.reshape(run(cs.vertcat(*map(cs.vec, inputs))), rows, columns)
+        return cs.Function("motion", inputs, [samples], names, ["coordinates"], {"never_inline": True})
 
-    def run(self, inputs: Sequence[cs.DM]) -> MotionRun:
-        """Return the run for some inputs; if they equal the last inputs up to rounding, the run that is kept."""
-        values = np.concatenate([part.full().ravel(order="F") for part in inputs])
-        # relative difference that a solver may cause by rounding; such inputs are the same
+    def run(self, values: Array) -> MotionRun:
+        """Return the run for some values; if they equal the last ones up to rounding, the run that is kept."""
+        # relative difference that a solver may cause by rounding; such values are the same
         if self._last is None or not np.allclose(self._last[0], values, rtol=1e-14, atol=0.0):
             self._last = values, self._solve(values)
         found = self._last[1]
@@ -183,90 +185,51 @@ class Runs:
 
 
 class _Motion(cs.Callback):
-    """A motion as CasADi evaluates it, or its derivatives: (inputs, output, seeds) -> derivatives.
+    """Samples of a motion, one after the other, or their derivatives: (values, samples, seeds) -> derivatives.
 
-    With d directions, seeds and derivatives are those of each direction side by side: ``forward`` along directions of
-    the inputs, else of weighted sums of the samples; without directions, this is the motion itself.
+    With some directions, seeds and derivatives are those of each direction side by side: ``forward`` along directions
+    of the values, else of weighted sums of the samples; without directions, this is (values) -> samples.
     """
 
-    def __init__(
-        self, runs: Runs, inputs: dict[str, cs.Sparsity], output: cs.Sparsity, directions: int = 0, forward: bool = True
-    ) -> None:
+    def __init__(self, runs: Runs, values: int, samples: int, directions: int = 0, *, forward: bool = True) -> None:
         cs.Callback.__init__(self)
-        self._runs, self._inputs, self._output, self._count, self._forward = runs, inputs, output, directions, forward
-        own = [*inputs.values()]
-        self._given, self._found = own, [output]
-        if directions:
-            seeds, found = ([cs.repmat(one, 1, directions) for one in shapes] for shapes in (own, [output]))
-            self._given = [*own, output, *(seeds if forward else found)]
-            self._found = found if forward else seeds
+        self._runs, self._sizes, self._count, self._forward = runs, (values, samples), directions, forward
         self.construct("sensitivity" if directions else "integration", {})
 
     def get_n_in(self) -> int:
-        return len(self._given)
-
-    def get_n_out(self) -> int:
-        return len(self._found)
+        return 3 if self._count else 1
 
     def get_sparsity_in(self, i: int) -> cs.Sparsity:
-        return self._given[i]
+        values, samples = self._sizes
+        seeds = values if self._forward else samples
+        return cs.Sparsity.dense((values, samples, seeds)[i], self._count if i == 2 else 1)
 
     def get_sparsity_out(self, i: int) -> cs.Sparsity:
-        return self._found[i]
-
-    def get_name_in(self, i: int) -> str:
-        return [*self._inputs][i] if i < len(self._inputs) else f"i{i}"
-
-    def get_name_out(self, i: int) -> str:
-        return f"o{i}" if self._count else "coordinates"
+        return cs.Sparsity.dense(self._sizes[self._forward], self._count or 1)
 
     def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
         """Return the samples or their derivatives; if there is no motion, nan, and samples with a warning."""
-        inputs = len(self._inputs)
         try:
-            run = self._runs.run(arg[:inputs])
+            run = self._runs.run(arg[0].full().ravel())
             if not self._count:
-                return [cs.DM(run.samples.reshape(len(run.samples), -1).T)]
-            seeds = [self._unstacked(part) for part in arg[inputs + 1 :]]
-            found = self._along(run, seeds) if self._forward else self._of_sums(run, seeds[0])
-            return [self._stacked(part) for part in found]
+                return [cs.DM(run.samples.ravel())]
+            seeds = arg[2].full()
+            if self._forward:
+                return [cs.DM(self._runs.forward(run, seeds).reshape(-1, self._count))]
+            return [cs.DM(self._runs.problem.reverse(run, seeds.reshape(*run.samples.shape, self._count)))]
         except AncfError as error:
             if not (self._count or interrupted()):
                 warnings.warn(str(error), RuntimeWarning, stacklevel=2)
-            return [cs.DM.nan(shape) for shape in self._found]
+            return [cs.DM.nan(self.sparsity_out(0))]
 
     def has_forward(self, nfwd: int) -> bool:
         return not self._count
 
     def get_forward(self, nfwd: int, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
-        return kept(_Motion(self._runs, self._inputs, self._output, nfwd, forward=True), name)
+        return kept(_Motion(self._runs, *self._sizes, nfwd), name)
 
     def has_reverse(self, nadj: int) -> bool:
         return not self._count
 
     def get_reverse(self, nadj: int, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
-        return kept(_Motion(self._runs, self._inputs, self._output, nadj, forward=False), name)
-
-    def _along(self, run: MotionRun, seeds: Sequence[Array]) -> list[Array]:
-        """Return the derivatives of the samples along directions of the inputs."""
-        directions = np.vstack([part.reshape(-1, self._count) for part in seeds])
-        return [self._runs.forward(run, directions).reshape(len(run.samples), -1, self._count)]
-
-    def _of_sums(self, run: MotionRun, weights: Array) -> list[Array]:
-        """Return the derivatives of weighted sums of the samples with respect to the inputs."""
-        problem = self._runs.problem
-        found = problem.reverse(run, weights.reshape(*run.samples.shape, self._count))
-        parts = problem.layout.split(found)
-        parts = parts[:3] + [part for part in parts[3:] if len(part)]
-        sizes = [(shape.size2(), shape.size1(), self._count) for shape in self._inputs.values()]
-        return [part.reshape(size) for part, size in zip(parts, sizes, strict=True)]
-
-    def _unstacked(self, matrix: cs.DM) -> Array:
-        """Return d matrices (r, c) side by side, (r, d c), as an array (c, r, d)."""
-        rows, columns = matrix.shape
-        return np.asarray(matrix.full().reshape(rows, self._count, columns // self._count).transpose(2, 0, 1))
-
-    def _stacked(self, array: Array) -> cs.DM:
-        """Return an array (c, r, d) as d matrices (r, c) side by side, (r, d c)."""
-        columns, rows, count = array.shape
-        return cs.DM(array.transpose(1, 2, 0).reshape(rows, count * columns))
+        return kept(_Motion(self._runs, *self._sizes, nadj, forward=False), name)

@@ -1,14 +1,29 @@
-"""A motion that depends on parameters, and its exact derivatives, forward and in reverse.
+"""A motion that depends on parameters, and its exact derivatives, forward and in reverse; release from a load.
 
 The parameters are theta of the law, b of the base motion, the properties P of the elements, the lumped properties m
 (mass at the tip, stiffness of the clamp), for a beam released from an unknown load, this load and its rate, s, and the
 shifts d of the clocks by which the motion was sampled.  A start at rest depends on P, m, s and, in a flow, on theta
-through the static equilibrium; unless it is an impact, the beam moves with its clamp as one rigid body (both in
-``dynamics.start``), so that its velocities depend on b as well.  The derivatives are those of the Radau steps that were
-taken, with fixed lengths: exact for the computed motion, and as accurate as this motion.  They are chained through the
-linearised steps (``tangent``), forward for few parameters and in reverse for few results.  Samples are the quintic
-polynomials through the ends of the steps, and their time derivatives (``run``); the correction that ``simulate`` makes
-there for the axial forces is below the tolerance.
+through the static equilibrium; unless it is an impact, the beam moves with its clamp as one rigid body
+(``dynamics.start``), so that its velocities depend on b as well.  The derivatives are those of the Radau steps that
+were taken, with fixed lengths: exact for the computed motion, and as accurate as this motion.  They are chained through
+the linearised steps (``tangent``), forward for few parameters and in reverse for few results.  Samples are the quintic
+polynomials through the ends of the steps, and their time derivatives (``tangent``); the correction that ``simulate``
+makes there for the axial forces is below the tolerance.
+
+Release.  A load p = (Fx, Fy, m) at the tip holds the beam in q(p, x), where the forces R(q, p, x) on the free
+coordinates vanish; x are the parameters of the law if it has a flow, the properties P of the elements and the lumped
+properties that the model has.  If the load changes slowly, at the rate p', the beam moves through these shapes with the
+velocity v,
+
+    R(q, p, x) = 0,    h = R_q v + R_p p' = 0,    K = R_q,
+
+and is released with this shape and velocity, which bend the beam without stretching it, unlike a linear mode shape.
+For a hanging beam, Fx and Fx' set the amplitude and phase of the first mode; force and moment set those of the first
+two.  By the implicit function theorem,
+
+    dq = -K^-1 (R_p dp + R_x dx),    dv = -K^-1 (h_q dq + h_p dp + h_x dx + R_p dp'),
+
+in which h_q, h_p and h_x are the derivatives of K, R_p and R_x along the change (v, p') of q and p.
 """
 
 from __future__ import annotations
@@ -16,40 +31,41 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import casadi as cs
 import numpy as np
+import scipy.sparse
 import scipy.sparse.linalg
 
-from ancf_casadi.damping import DampingLaw
+from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.base_motion import BaseMotion
-from ancf_casadi.dynamics.derivatives.run import MotionRun, Passage, sampled, samples_of, stop_if_interrupted
-from ancf_casadi.dynamics.derivatives.tangent import Tangent, forward, reverse, tangent_of
-from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.excitation import Excitation, excitation_pieces
-from ancf_casadi.dynamics.placed_load import LOAD_SIZE, TIP
-from ancf_casadi.dynamics.radau.stepper import RadauStep, Stepper
-from ancf_casadi.dynamics.segments import SAME_TIME
-from ancf_casadi.dynamics.start import (
-    START_LOAD_NAMES,
-    Start,
-    check_clamp,
-    flowing,
-    held_start,
-    initial_state,
-    rigid_motion,
-    start_jacobians,
+from ancf_casadi.dynamics.derivatives.tangent import (
+    MotionRun,
+    Passage,
+    Tangent,
+    forward,
+    reverse,
+    sampled,
+    samples_of,
+    stop_if_interrupted,
+    tangent_of,
 )
+from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, excitation_pieces
+from ancf_casadi.dynamics.placed_load import LOAD_SIZE, TIP, equilibrium_under
+from ancf_casadi.dynamics.radau.stepper import RadauStep, Stepper
+from ancf_casadi.dynamics.start import LOAD_NAMES, START_LOAD_NAMES, Start, check_clamp, initial_state, rigid_motion
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.loads import PointLoad
-from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.model import Model, changed_model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index, Layout
-from ancf_casadi.vibration.changed_model import changed_model
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
+STILL_AIR = RayleighDamping()
 MOST_KEPT_STEPS = 100_000  # these take a minute or two, and 0.4 GB at 20 elements
 
 
@@ -233,3 +249,53 @@ class SensitivityProblem:
         forces = self._tangent.force_jacobian(first.q, first.v, first.a, node, parameters).full()
         jacobian = -scipy.sparse.linalg.splu(self._tangent.form.mass(parameters).sparse()).solve(forces)
         return steps, jacobian, stepper.state
+
+
+def flowing(law: DampingLaw, model: Model, start: Start | Equilibrium | State) -> DampingLaw:
+    """Return the law whose flow acts on a beam in a start at rest; if there is none, a law without a force."""
+    return law if start in ("equilibrium", "impact") and law.loads(model.beam) else STILL_AIR
+
+
+def held_start(
+    model: Model,
+    jacobians: tuple[cs.Function, cs.Function],
+    load: Array,
+    place: PointLoad = TIP,
+    law: DampingLaw = STILL_AIR,
+) -> tuple[State, Array]:
+    """Return the state in which a beam is released from (p, p') in the order of ``START_LOAD_NAMES``, and its Jacobian.
+
+    ``jacobians`` are those of the beam, or of one that differs in its properties P and its lumped properties alone.
+    The Jacobian (2 N, l + 4 n + k + 6) is that of the free coordinates and velocities with respect to the parameters of
+    the law, P, element by element, the lumped properties, and (p, p').
+    """
+    p, rate = np.split(load, [len(LOAD_NAMES)])
+    coordinates = equilibrium_under(model, p, place, law.loads(model.beam)).coordinates
+    theta = np.array([own.value for own in law.parameters])
+    given: Any = coordinates, p, theta, model.properties, *model.lumped.values()
+    found = stiffness, by_p, by_x = jacobians[0](*given)
+    factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse()))
+    q_p, q_x = -factors.solve(by_p.full()), -factors.solve(by_x.full())
+    velocities = model.moved(q_p @ rate)
+    change = velocities, rate, *(np.zeros_like(x) for x in given[2:])
+    h_q, h_p, h_x = (part.full() for part in jacobians[1](*given, *found, *change))
+    v_p, v_x = -factors.solve(h_q @ q_p + h_p), -factors.solve(h_q @ q_x + h_x)
+    return State(coordinates, velocities), np.block([[q_x, q_p, np.zeros_like(q_p)], [v_x, v_p, q_p]])
+
+
+def start_jacobians(
+    model: Model, place: PointLoad = TIP, law: DampingLaw = STILL_AIR
+) -> tuple[cs.Function, cs.Function]:
+    """(e, p, law, P, each lumped property) -> K, R_p, R_x of the free coordinates; its forward derivative."""
+    theta = cs.MX.sym("theta", len(law.parameters))
+    e, load, still = cs.MX.sym("e", model.size), cs.MX.sym("load", len(LOAD_NAMES)), cs.MX.zeros(model.size)
+    properties, lumped = cs.MX.sym("P", *model.properties.shape), [cs.MX.sym(name) for name in model.lumped]
+    equations = Equations(model, law, place=place)
+    parameters = equations.given(law=theta, properties=cs.vec(properties), lumped=cs.vertcat(cs.MX(0, 1), *lumped))
+    forces = equations.balance(parameters).local(e, still, still, load)[0]
+    forces = model.of_free(forces)
+    by_x = cs.horzcat(*(cs.jacobian(forces, x) for x in (theta, properties, *lumped)))
+    outputs = [cs.jacobian(forces, e) @ model.whole_of_free, cs.jacobian(forces, load), by_x]
+    names = ["e", "load", "law", "P", *model.lumped], ["K", "R_p", "R_x"]
+    jacobians = cs.Function("start_jacobians", [e, load, theta, properties, *lumped], outputs, *names)
+    return jacobians, jacobians.forward(1)

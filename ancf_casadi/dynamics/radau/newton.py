@@ -21,9 +21,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ancf_casadi.dynamics.excitation import EXCITATION
+from ancf_casadi.dynamics.excitation import EXCITATION, SAME_TIME
 from ancf_casadi.dynamics.radau.collocation import STAGES, Collocation
-from ancf_casadi.dynamics.segments import SAME_TIME
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import Buffered
@@ -41,31 +40,40 @@ RECOVERY = 1.02  # factor by which each step relaxes the limit set by a failure
 LEAST_ERROR, LEAST_TREND = 1e-10, 1e-2  # lower limits of err and err_last
 
 
-class StepArrays:
-    """The arrays that the Functions of a step read in place; N is the number of free coordinates.
+class Newton:
+    """Newton's method for the stage equations of the step being tried, and the arrays that the Functions read in place.
 
-    ``Stepper`` writes ``start`` and ``end``, q, v and a at both ends of the last step, and ``nodes``, all coordinates
-    at its start and its stages, when a step is accepted.  For the step being tried, it writes ``time``, its start, s,
-    ``length``, s, ``ratio``, relative to that of the last step, and the ``excitations`` at the stages, and predicts the
-    ``increments`` Z of the free coordinates.  ``Newton`` writes their last ``corrections`` dW, the ``turns`` of the
-    stages from the reference of the matrices, and, where it takes the matrices, all and the free coordinates and the
-    excitation of this ``reference``, and the factors of the ``real`` and the complex matrix, the ``pair``.
+    N is the number of free coordinates.  ``Stepper`` writes ``start`` and ``end``, q, v and a at both ends of the last
+    step, and ``nodes``, all coordinates at its start and its stages, when a step is accepted.  For the step being
+    tried, it writes ``time``, its start, s, ``length``, s, ``ratio``, relative to that of the last step, and the
+    ``excitations`` at the stages, and predicts the ``increments`` Z of the free coordinates.  Here their last
+    ``corrections`` dW and the ``turns`` of the stages from the reference of the matrices are written, and, where the
+    matrices are taken, all and the free coordinates and the excitation of this ``reference``, and the factors of the
+    ``real`` and the complex matrix, the ``pair``.
+
+    ``iterations`` and ``factorisations`` count the work of the run.  ``contraction`` is the last theta that was
+    measured, in an earlier step if the last step took a single iteration.
     """
 
-    def __init__(self, form: Collocation, parameters: Array) -> None:
-        size, free = form.equations.model.size, form.equations.free
+    def __init__(self, form: Collocation, parameters: Array, tolerance: float) -> None:
+        model = form.equations.model
+        size, free = model.size, form.equations.free
         self.start, self.end, self.nodes = np.zeros((3, free)), np.zeros((3, free)), np.zeros((STAGES + 1, size))
         self.time, self.length, self.ratio = np.zeros(1), np.zeros(1), np.zeros(1)
         self.excitations = np.zeros((STAGES, EXCITATION))
         self.increments, self.corrections = np.zeros((STAGES, free)), np.zeros((STAGES, free))
         self.turns = np.zeros(form.stages.numel_out(2))
-        self.reference, self.reference_q, self.reference_excitation = (
-            np.zeros(size),
-            np.zeros(free),
-            np.zeros(EXCITATION),
-        )
+        self.reference, self.reference_q, self.reference_excitation = (np.zeros(k) for k in (size, free, EXCITATION))
         self.real, self.pair = (np.zeros(form.factors.numel_out(k)) for k in range(2))
         self.parameters = parameters
+        self.iterations = self.factorisations = 0
+        self.contraction = 1.0
+        self._model = model
+        self._weights = 1 / (model.free_scale * tolerance * math.sqrt(free))
+        self._stage_weights = np.tile(self._weights / math.sqrt(STAGES), STAGES)
+        state = self.reference_q, self.end[1], self.length, self.reference_excitation
+        self._stages = Buffered(form.stages, *self.of_stages)
+        self._factors = Buffered(form.factors, *state, parameters)
 
     @property
     def of_stages(self) -> list[Array]:
@@ -73,38 +81,17 @@ class StepArrays:
         trial = [self.increments, self.corrections, *self.end[:2], self.length, self.excitations, self.turns]
         return [*trial, self.reference, self.parameters, self.real, self.pair]
 
-
-class Newton:
-    """Newton's method for the stage equations of the step being tried, whose error may be ``tolerance``.
-
-    ``iterations`` and ``factorisations`` count the work of the run.  ``contraction`` is the last theta that was
-    measured, in an earlier step if the last step took a single iteration.
-    """
-
-    def __init__(self, form: Collocation, arrays: StepArrays, tolerance: float) -> None:
-        model = form.equations.model
-        self.iterations = self.factorisations = 0
-        self.contraction = 1.0
-        self._arrays, self._model = arrays, model
-        self._weights = 1 / (model.free_scale * tolerance * math.sqrt(form.equations.free))
-        self._stage_weights = np.tile(self._weights / math.sqrt(STAGES), STAGES)
-        state = arrays.reference_q, arrays.end[1], arrays.length, arrays.reference_excitation
-        self._stages = Buffered(form.stages, *arrays.of_stages)
-        self._factors = Buffered(form.factors, *state, arrays.parameters)
-
     def factorise(self) -> None:
         """Evaluate and factorise the matrices in the predicted configuration of the middle stage."""
         self.factorisations += 1
-        arrays = self._arrays
-        arrays.reference_excitation[:] = arrays.excitations[MIDDLE]
-        arrays.reference_q[:] = arrays.end[0] + arrays.increments[MIDDLE]
-        arrays.reference[:] = self._model.whole(arrays.reference_q, arrays.reference_excitation[:NODE])
-        arrays.real[:], arrays.pair[:] = self._factors()
+        self.reference_excitation[:] = self.excitations[MIDDLE]
+        self.reference_q[:] = self.end[0] + self.increments[MIDDLE]
+        self.reference[:] = self._model.whole(self.reference_q, self.reference_excitation[:NODE])
+        self.real[:], self.pair[:] = self._factors()
 
     def converge(self) -> int:
         """Solve the stage equations, and return the number of iterations; 0 if they do not converge."""
-        arrays = self._arrays
-        increments, corrections, turns = arrays.increments.ravel(), arrays.corrections.ravel(), arrays.turns
+        increments, corrections, turns = self.increments.ravel(), self.corrections.ravel(), self.turns
         corrections[:] = 0.0
         size = math.inf
         for iteration in range(1, NEWTON_ITERATIONS + 1):

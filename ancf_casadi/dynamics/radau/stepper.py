@@ -24,10 +24,9 @@ from dataclasses import dataclass
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.excitation import EXCITATION, Excitation
+from ancf_casadi.dynamics.excitation import ENERGY_STATES, EXCITATION, SAME_TIME, Excitation, Segment, SegmentSolution
 from ancf_casadi.dynamics.radau.collocation import RADAU, STAGES, Collocation
-from ancf_casadi.dynamics.radau.newton import Newton, StepArrays, StepControl
-from ancf_casadi.dynamics.segments import ENERGY_STATES, SAME_TIME, Segment, SegmentSolution
+from ancf_casadi.dynamics.radau.newton import Newton, StepControl
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.nodes import NODE
@@ -110,14 +109,13 @@ class Stepper:
         # energies at the start of the last step, and coefficients of x, x^2 and x^3 of those added within it
         self._energies, self._added = np.zeros(ENERGY_STATES), np.zeros((STAGES, ENERGY_STATES))
 
-        self._arrays = arrays = StepArrays(form, parameters)
+        self.newton = arrays = Newton(form, parameters, tolerance)
         arrays.excitations[:] = first
         q, v, a = arrays.end
         q[:], v[:] = model.of_free(start.coordinates), model.of_free(start.velocities)
         arrays.nodes[:] = model.whole(q, first[:NODE])
         a[:] = form.accelerations(q, v, first, parameters)
 
-        self.newton = Newton(form, arrays, tolerance)
         self._finish = Buffered(form.finish, *arrays.of_stages[:-1], a)
         self._predict = Buffered(form.prediction, arrays.nodes, arrays.ratio, arrays.excitations, q)
         self._excite = Buffered(_at_stages(piece.function), arrays.time, arrays.length)
@@ -126,17 +124,17 @@ class Stepper:
     @property
     def state(self) -> State:
         """The state at the end of the last step."""
-        arrays = self._arrays
-        velocities = self._form.equations.model.whole(arrays.end[1], arrays.excitations[-1, NODE : 2 * NODE])
-        return State(arrays.nodes[-1].copy(), velocities, self.now)
+        newton = self.newton
+        velocities = self._form.equations.model.whole(newton.end[1], newton.excitations[-1, NODE : 2 * NODE])
+        return State(newton.nodes[-1].copy(), velocities, self.now)
 
     @property
     def last_step(self) -> RadauStep:
         """The last step."""
-        arrays, h = self._arrays, self._control.length
-        q, v, a = arrays.start.copy()
-        stages = self._form.equations.model.of_free(arrays.nodes[1:].T).T
-        return RadauStep(self.now - h, h, q, v, a, stages - q, arrays.excitations.copy())
+        newton, h = self.newton, self._control.length
+        q, v, a = newton.start.copy()
+        stages = self._form.equations.model.of_free(newton.nodes[1:].T).T
+        return RadauStep(self.now - h, h, q, v, a, stages - q, newton.excitations.copy())
 
     def reach(self, instant: float) -> None:
         """Take steps until an instant is passed."""
@@ -150,7 +148,7 @@ class Stepper:
         """Return e, e_t (k, 4 n + 4), forces of the base (k, 4), energies (k, 3) at instants (k,) of the last step."""
         count = len(instants)
         if count not in self._samplers:
-            self._samplers[count] = _sampler(count, self._form, self._arrays, self._piece.function)
+            self._samplers[count] = _sampler(count, self._form, self.newton, self._piece.function)
         return *self._samplers[count](instants, self._places_of(instants)), self.energies_at(instants)
 
     def energies_at(self, instants: Array) -> Array:
@@ -160,7 +158,7 @@ class Stepper:
 
     def advance(self) -> None:
         """Take one step, as long as the tolerance and Newton's method allow."""
-        control, newton, arrays = self._control, self.newton, self._arrays
+        control, newton = self._control, self.newton
         while True:
             h = control.trial_length(self._piece.end - self.now, self._largest_step)
             if not h > 1e-11 * max(1.0, self.now):  # s; after the first second, relative to the time
@@ -182,24 +180,24 @@ class Stepper:
         self._control = control.accepted(h, error, iterations, newton.contraction, self._largest_step)
         self._energies = self._energies + self._added.sum(axis=0)
         self._added = h * RADAU.integral @ powers.reshape(STAGES, ENERGY_STATES)
-        arrays.nodes[0], arrays.nodes[1:] = arrays.nodes[-1], nodes.reshape(STAGES, -1)
-        arrays.start[:] = arrays.end
-        last = self._form.equations.model.of_free(arrays.nodes[-1])
-        arrays.end[0], arrays.end[1], arrays.end[2] = last, velocities, accelerations
+        newton.nodes[0], newton.nodes[1:] = newton.nodes[-1], nodes.reshape(STAGES, -1)
+        newton.start[:] = newton.end
+        last = self._form.equations.model.of_free(newton.nodes[-1])
+        newton.end[0], newton.end[1], newton.end[2] = last, velocities, accelerations
         self.now += h
         self.steps += 1
 
     def _begin(self, h: float) -> None:
         """Set up the trial of a step of length h: evaluate the excitation and predict the increments."""
-        arrays, (_, v, a) = self._arrays, self._arrays.end
-        arrays.length[0], arrays.time[0] = h, self.now
-        arrays.excitations.ravel()[:] = self._excite()[0]
+        newton, (_, v, a) = self.newton, self.newton.end
+        newton.length[0], newton.time[0] = h, self.now
+        newton.excitations.ravel()[:] = self._excite()[0]
         if self.steps:
-            arrays.ratio[0] = h / self._control.length
-            arrays.increments.ravel()[:] = self._predict()[0]
+            newton.ratio[0] = h / self._control.length
+            newton.increments.ravel()[:] = self._predict()[0]
         else:
             times = h * RADAU.nodes[:, None]
-            arrays.increments[:] = times * v + times**2 / 2 * a
+            newton.increments[:] = times * v + times**2 / 2 * a
 
     def _places_of(self, instants: Array) -> Array:
         """Return the places of instants in the last step, 0 to 1."""
@@ -207,12 +205,12 @@ class Stepper:
 
 
 def _sampler(
-    count: int, form: Collocation, arrays: StepArrays, excitation: cs.Function
+    count: int, form: Collocation, newton: Newton, excitation: cs.Function
 ) -> Callable[[Array, Array], list[Array]]:
     """Return the function (times (k,), s, places in the last step, 0 to 1) -> e, e_t and forces of the base there."""
     instants, places, excitations = np.zeros(count), np.zeros(count), np.zeros((count, EXCITATION))
-    step = [arrays.length, *arrays.start, *arrays.end]
-    inputs = [places, *step, excitations, arrays.reference, arrays.parameters, arrays.real]
+    step = [newton.length, *newton.start, *newton.end]
+    inputs = [places, *step, excitations, newton.reference, newton.parameters, newton.real]
     shared = [k for k in range(len(inputs)) if k not in (0, 1 + len(step))]
     excite = Buffered(excitation.map(count), instants)
     evaluate = Buffered(form.sample.map("samples", "serial", count, shared, []), *inputs)

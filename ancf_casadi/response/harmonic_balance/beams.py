@@ -20,7 +20,7 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw, Parameter
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.placed_load import LOAD_SIZE, TIP
+from ancf_casadi.dynamics.placed_load import LOAD_SIZE, TIP, load_force
 from ancf_casadi.dynamics.signals import Signal, parameter_signals
 from ancf_casadi.mechanics.attachments import Dashpot, Spring
 from ancf_casadi.mechanics.loads import PointLoad
@@ -82,7 +82,7 @@ def _one_sample(model: Model, law: DampingLaw, place: PointLoad) -> tuple[tuple[
     if B.shape[1]:
         D += B @ cs.diag(terms.modal_coefficients) @ B.T
     by_base = [cs.horzcat(model.of_base(matrix.T)[:2, :].T, cs.MX(model.size, 1)) for matrix in (K, D, M)]
-    at_tip = cs.jacobian(equations.load.force(e, load), u)
+    at_tip = cs.jacobian(load_force(model, equations.place, e, load), u)
     U = model.of_free(cs.horzcat(*by_base, cs.MX(model.size, LOAD_SIZE)) - at_tip)
     free = [model.of_free(model.of_free(matrix).T).T for matrix in (K, D, M)]
     pattern = free[0].sparsity() + free[1].sparsity()

@@ -3,7 +3,7 @@
 Each factor multiplies the properties that it owns (``problems.beam.properties``); the loads stay as they are.  Every
 response starts from the given beam: Newton's method starts from its equilibrium, and its modes are followed by their
 shapes.  The result therefore depends on the factors alone, and not on the path of an optimiser.  The derivatives are
-those of ``ancf_casadi.vibration.sensitivities``; with f the generalized forces on the clamped coordinates,
+those of ``ancf_casadi.vibration.modal_state``; with f the generalized forces on the clamped coordinates,
 
     K dq = -R_p dp,    dy = y_q dq + y_f (f_q dq + f_p dp) + y_p dp.
 
@@ -30,9 +30,8 @@ from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.assembly import per_element, scatter, structure_properties
 from ancf_casadi.vibration.equilibrium import Equilibrium, neighbour, static_equilibrium
-from ancf_casadi.vibration.modal_state import ModalState, follow, followed_modes
+from ancf_casadi.vibration.modal_state import ModalState, coordinate_derivatives, follow, followed_modes, gradient
 from ancf_casadi.vibration.modes import natural_modes
-from ancf_casadi.vibration.sensitivities import coordinate_derivatives, gradient
 from problems.beam.properties import Owners
 
 Respond = Callable[[Array], tuple[Array, Array]]  # factors (p,) -> values (m,) and their Jacobian (m, p)

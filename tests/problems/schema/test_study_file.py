@@ -26,7 +26,7 @@ from ancf_casadi import (
     natural_modes,
 )
 from ancf_casadi.export import Document, write_document
-from ancf_casadi.mechanics.beam_table import PART_KINDS
+from ancf_casadi.mechanics.lumped import PART_KINDS
 from ancf_casadi.support.inputs import numbers
 from problems import Global, MeasuredModes, PerElement, Smooth
 from problems.schema.beam import BEAM_HELP, read_beam, read_damped

@@ -18,7 +18,7 @@ SOURCES = sorted(path for folder in ("ancf_casadi", "problems") for path in (ROO
 
 FIELDS = {"warnings", "warning", "notes", "note", "noted"}
 OUTPUT = set(
-    "table _table tables account report to_dict _text _run _show_warning header".split()
+    "table _table tables account report to_dict _text _run _show_warning _filled run_track".split()
 )  # these print, and make none
 ERRORS = ("remove the row", "name another column", "is earlier than", "or nothing oscillates", "subtracted from")
 LONG = 13  # characters of a sentence that count as text

@@ -22,12 +22,14 @@ from ancf_casadi.support.figures import SERIES, literal_text
 
 BIFURCATION_MARKERS = {"fold": "o", "branch point": "D", "period doubling": "s", "Neimark-Sacker": "^"}
 UNSTABLE_DASH = (0, (4, 2))
+FIGURE_SIZE = (6.4, 5.6)  # inches
 
 
 @literal_text
 def response_figure(curves: Mapping[str, ResponseCurve], point: float | None = None) -> Figure:
     """Draw amplitude and phase of a point along curves, by label; unstable motions are dashed, bifurcations marked."""
-    figure, above, below = _pair(sharex=True, height_ratios=(2, 1))
+    figure = Figure(figsize=FIGURE_SIZE, layout="constrained")
+    above, below = _pair(figure, sharex=True, height_ratios=(2, 1))
     first = next(iter(curves.values()))
     name, unit = first.quantity
     if any(curve.quantity != first.quantity for curve in curves.values()):
@@ -50,13 +52,12 @@ def response_figure(curves: Mapping[str, ResponseCurve], point: float | None = N
     return figure
 
 
-def _pair(**settings: Any) -> tuple[Figure, Axes, Axes]:
-    """Return a figure with two diagrams, one below the other."""
-    figure = Figure(figsize=(6.4, 5.6), layout="constrained")
+def _pair(figure: Figure, **settings: Any) -> tuple[Axes, Axes]:
+    """Return two diagrams of a figure, one below the other."""
     above, below = figure.subplots(2, 1, **settings)
     for axes in (above, below):
         axes.grid(alpha=0.3)
-    return figure, above, below
+    return above, below
 
 
 def _draw(axes: Axes, x: Array, y: Array, stable: NDArray[np.bool_], colour: str, label: str) -> None:
@@ -87,7 +88,8 @@ def _legend(axes: Axes, kinds: set[str], unstable: bool) -> None:
 @literal_text
 def backbone_figure(backbones: Mapping[str, Backbone]) -> Figure:
     """Draw frequency and damping ratio against amplitude, by label."""
-    figure, above, below = _pair(sharex=True)
+    figure = Figure(figsize=FIGURE_SIZE, layout="constrained")
+    above, below = _pair(figure, sharex=True)
     beam = next(iter(backbones.values())).motions[0].excited.model is not None
     for (label, curve), (colour, dash, _) in zip(backbones.items(), SERIES * len(backbones), strict=False):
         x = (1e3 if beam else 1.0) * curve.amplitudes
@@ -106,7 +108,8 @@ def backbone_figure(backbones: Mapping[str, Backbone]) -> Figure:
 @literal_text
 def periodic_figure(motions: Mapping[str, PeriodicMotion]) -> Figure:
     """Draw the displacement of the tip, or of the first coordinate, over a period, and the size of its harmonics."""
-    figure, above, below = _pair()
+    figure = Figure(figsize=FIGURE_SIZE, layout="constrained")
+    above, below = _pair(figure)
     beam = bool(next(iter(motions.values())).excited.unit)
     scale, phases = 1e3 if beam else 1.0, np.linspace(0.0, 1.0, FINE + 1)
     for (label, motion), (colour, dash, marker) in zip(motions.items(), SERIES * len(motions), strict=False):

@@ -291,7 +291,7 @@ def ends(understated: float) -> Case:
 
     first = clamped(4.0, 1e6)
     record = tones(clamped(*truth.values()), first, 6, understated, relative=5e-4)
-    return Case(Model(first), None, truth, record, {"unknowns": [*truth]})
+    return Case(Model(first), None, truth, record, {"unknowns": [*truth]}, white=understated == 1.0)
 
 
 def curvature(understated: float) -> Case:
@@ -306,7 +306,7 @@ def curvature(understated: float) -> Case:
         measured = sags + understated * noise * rng.standard_normal(4)
         return StaticRecord(Model(first), [case or [PointLoad()] for case in cases], measured, height, std=noise)
 
-    return Case(Model(first), None, truth, record, {"unknowns": [*truth]})
+    return Case(Model(first), None, truth, record, {"unknowns": [*truth]}, white=understated == 1.0)
 
 
 def suspension(understated: float) -> Case:
@@ -317,7 +317,14 @@ def suspension(understated: float) -> Case:
         return plain(modulus, supports=[], attachments=[Spring(s, (k, k)) for s in (0.112, 0.388)])
 
     first = free(60e9, 40.0)
-    return Case(Model(first), None, truth, tones(free(*truth.values()), first, 6, understated), {"unknowns": [*truth]})
+    return Case(
+        Model(first),
+        None,
+        truth,
+        tones(free(*truth.values()), first, 6, understated),
+        {"unknowns": [*truth]},
+        white=understated == 1.0,
+    )
 
 
 def clamped(*, curve: bool) -> Case:
@@ -402,8 +409,8 @@ class FirstOrder:
 
     residuals: np.ndarray
     jacobian: np.ndarray
-    places: list[int]  # of the unknowns with a true value; nan for all if the truth of one is at its bound
-    inside: bool
+    places: list[int]  # of the unknowns with a true value
+    inside: bool  # whether no true value is at a bound
     size: float  # standard deviation of residuals that are as stated
     fit: Fit
     stated: np.ndarray
@@ -429,7 +436,7 @@ class FirstOrder:
         return np.linalg.qr(self.jacobian)
 
     def covered(self, noise: np.ndarray) -> list[float]:
-        """Return whether the interval of each unknown covers the truth for residuals (m,) at the truth; nan at a bound."""
+        """Return whether the interval of each unknown covers the truth, for residuals (m,) there; nan at a bound."""
         if not self.inside:
             return [math.nan] * len(self.places)
         q, triangle = self.basis

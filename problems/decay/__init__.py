@@ -1,7 +1,6 @@
 """Fits of free decays: one mode, several modes at once, and the comparison of damping laws.
 
 ``laws`` states the laws, Eqs. (9), (27), as estimation problems, ``start`` gives their starting values, and
-``solution`` solves them.  ``fitting`` has ``fit_decay``, Eq. (10);
-``mode_separation`` has ``fit_modes``, ``comparison`` has ``compare_decay_laws``, and ``proportional`` fits alpha and
-beta to measured damping ratios, Eqs. (16), (17).
+``solution`` solves them.  ``fitting`` has ``fit_decay``, Eq. (10); ``mode_separation`` has ``fit_modes``, and
+``comparison`` has ``compare_decay_laws``.
 """

@@ -271,9 +271,9 @@ def _warn_of_short_elements(run: Trajectory) -> None:
     model = run.model
     if model.measures.axial_points > 2:
         return
-    nodes = [e.reshape(-1, model.size // NODE, NODE)[:, model.root :] for e in (run.coordinates, model.straight)]
-    angles, natural = (np.unwrap(np.arctan2(own[..., 3], own[..., 2]), axis=1) for own in nodes)
-    bent = float(np.ptp(angles - natural, axis=1).max())
+    turned, natural = (_turns(e.reshape(-1, model.size // NODE, NODE)[:, model.root :, 2:])
+                       for e in (run.coordinates, model.straight))  # fmt: skip
+    bent = float(np.ptp(np.cumsum(turned - natural, axis=1), axis=1).max())
     shortest = float((model.beam.element_lengths / model.beam.thickness).min())
     least = SHORTEST_PER_BEND * bent
     if shortest >= least:
@@ -283,3 +283,11 @@ def _warn_of_short_elements(run: Trajectory) -> None:
         f"{least:.2g} the motion may be wrong; use fewer elements, or StrainMeasures(axial_points=3)",
         stacklevel=3,
     )
+
+
+def _turns(slopes: np.ndarray) -> np.ndarray:
+    """Return the angles by which the slopes (n, nodes, 2) turn along each element, from 0 at the first node."""
+    x, y = slopes[..., 0], slopes[..., 1]
+    turns = np.zeros_like(x)
+    turns[:, 1:] = np.arctan2(x[:, :-1] * y[:, 1:] - y[:, :-1] * x[:, 1:], x[:, :-1] * x[:, 1:] + y[:, :-1] * y[:, 1:])
+    return turns

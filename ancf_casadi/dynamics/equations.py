@@ -25,7 +25,7 @@ padded with copies of the last element.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -36,7 +36,7 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import turned
 from ancf_casadi.dynamics.placed_load import TIP, load_force, load_stiffness
-from ancf_casadi.mechanics.element import Element
+from ancf_casadi.mechanics.element import Element, Group
 from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
@@ -169,21 +169,26 @@ class Equations:
             lumped=dict(zip(model.lumped, cs.vertsplit(lumped), strict=True)),
         )
 
-    def mapped(self, name: str, balance: Balance, *vectors: cs.MX) -> list[list[cs.MX]]:
+    def mapped(
+        self, name: str, balance: Balance, *vectors: cs.MX, groups: Mapping[int, Group] | None = None
+    ) -> list[list[cs.MX]]:
         """Evaluate an element Function for all elements, from coordinates and so on at all nodes, (4 n + 4, s) each.
+
+        With ``groups``, by their numbers, it is evaluated for their elements alone.
 
         Each of the s columns is a state of the beam.  For each output of the Function, a list has the values for the
         elements of each group, side by side, state by state.
         """
         states, c = vectors[0].size2(), cs.vertcat(balance.gravity, balance.coefficients)
-        groups, results = self.model.groups, []
+        results = []
         if name not in self._element_functions:
             made = [
                 element_function(name, own.element, self.law, self.make if own.count > 1 else as_it_is)
-                for own in groups
+                for own in self.model.groups
             ]
             self._element_functions[name] = made
-        for group, function in zip(groups, self._element_functions[name], strict=True):
+        for k, group in (dict(enumerate(self.model.groups)) if groups is None else groups).items():
+            function = self._element_functions[name][k]
             count = states * group.count
             p = cs.repmat(group.properties(balance.properties, balance.lumped), 1, states)
             results.append(mapped(function, *map(group.gather, vectors), p, cs.repmat(c, 1, count)))
@@ -282,6 +287,14 @@ class Balance:
             low_rank = self.of_low_rank(e, e_t)
             forces, lost = forces + low_rank, lost + cs.sum1(e_t * low_rank)
         return forces, cs.vertcat(lost, cs.sum1(e_t[:NODE, :] * self.equations.model.of_base(forces)), supplied)
+
+    def on_base(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> cs.MX:
+        """Return the generalized force of the base on the beam, (4, s), from the same as ``local``."""
+        equations, groups = self.equations, self.equations.model.groups_at_base
+        parts, _ = equations.mapped("balance", self, e, e_t, e_tt, groups=groups)
+        forces = equations.model.sum_at_nodes(parts, groups.values())
+        forces -= load_force(equations.model, equations.place, e, load)
+        return equations.model.of_base(forces + self.of_low_rank(e, e_t) if self.projection.numel() else forces)
 
     def of_low_rank(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the low-rank part R B diag(d) B^T R^T e_t of the damping force, (4 n + 4, s)."""

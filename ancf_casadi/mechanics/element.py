@@ -33,7 +33,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -215,6 +215,11 @@ class Group:
     def count(self) -> int:
         """Number k of elements."""
         return len(self.coordinates)
+
+    def first(self, count: int) -> Group:
+        """Return the first elements of the group."""
+        columns, constants = slice(min(self.columns.stop, count)), self.constants[:, :count]
+        return replace(self, coordinates=self.coordinates[:count], columns=columns, constants=constants)
 
     def properties(self, P: Any, lumped: Mapping[str, Any] | None = None) -> Any:
         """Return the properties of each element as columns, from P (4, n) and, if given, other lumped ones by name."""

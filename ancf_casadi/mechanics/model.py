@@ -26,7 +26,7 @@ refer to, so their displacements and rotations change.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -129,6 +129,14 @@ class Model(Nodes):
         return (*groups, *(self._attached(name) for name in beam.lumped_places))
 
     @cached_property
+    def groups_at_base(self) -> dict[int, Group]:
+        """The elements that may act on the base, by the number of their group."""
+        if not self.held_at_base_alone:
+            return dict(enumerate(self.groups))
+        counts = [int((group.coordinates < NODE).any(axis=1).sum()) for group in self.groups]
+        return {k: self.groups[k].first(count) for k, count in enumerate(counts) if count}
+
+    @cached_property
     def _constants(self) -> Array:
         """Length and axis of each element, and the ratios of its curvature and prestress, if any, to the largest."""
         beam = self.beam
@@ -187,9 +195,10 @@ class Model(Nodes):
         "(P, g) -> Q_g, Eq. (7); g is the acceleration of gravity (2), m/s^2.", "gravity_force", output="Q_g", g=2
     )
 
-    def sum_at_nodes(self, forces: Sequence[cs.MX]) -> cs.MX:
+    def sum_at_nodes(self, forces: Sequence[cs.MX], groups: Iterable[Group] | None = None) -> cs.MX:
         """Return the sums at all nodes, (4 n + 4, s), of the element forces of each group, (d, k s), in s states."""
-        sums = [group.scatter(columns, self.size) for group, columns in zip(self.groups, forces, strict=True)]
+        pairs = zip(self.groups if groups is None else groups, forces, strict=True)
+        sums = [group.scatter(columns, self.size) for group, columns in pairs]
         return sum(sums[1:], sums[0])
 
     @cached_property

@@ -201,9 +201,9 @@ class Collocation:
         turns = frames.turns(s.reference, e)
         correction = self._solved(self._real, s.real, frames.back(residual, turns))
         corrected = e - model.moved(frames.forth(correction, turns))
-        forces, _ = balance.forces(corrected, e_t, e_tt, load)
+        force = balance.on_base(corrected, e_t, e_tt, load)
         inputs = [x, s.h, s.q, s.v, a, q1, v1, a1, excitation, s.reference, s.parameters, s.real]
-        return _function("sample", inputs, [corrected, e_t, model.of_base(forces)])
+        return _function("sample", inputs, [corrected, e_t, force])
 
     def accelerations(self, q: Array, v: Array, excitation: Array, parameters: Array) -> Array:
         """Return the accelerations a in a state (q, v) under an excitation (16,)."""

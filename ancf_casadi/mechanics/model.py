@@ -130,11 +130,13 @@ class Model(Nodes):
 
     @cached_property
     def groups_at_base(self) -> dict[int, Group]:
-        """The elements that may act on the base, by the number of their group."""
+        """The elements that may act on the base, one at least, by the number of their group."""
         if not self.held_at_base_alone:
             return dict(enumerate(self.groups))
         counts = [int((group.coordinates < NODE).any(axis=1).sum()) for group in self.groups]
-        return {k: self.groups[k].first(count) for k, count in enumerate(counts) if count}
+        return {k: self.groups[k].first(count) for k, count in enumerate(counts) if count} or {
+            0: self.groups[0].first(1)
+        }
 
     @cached_property
     def _constants(self) -> Array:

@@ -4,7 +4,7 @@ Each function returns the numbers of the case of its name in ``references.json``
 """
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from numpy.polynomial import Chebyshev
 
 from ancf_casadi import Beam, Clamp, LineLoad, Model, Pin, PointLoad, Roller, static_equilibrium
 from tests.boundary.unit_beam import HERE, unit_beam
@@ -19,6 +19,13 @@ def section_of(bending, axial):
     """Return width, thickness and elastic modulus of a section with the stiffnesses E I and E A."""
     thickness = np.sqrt(12 * bending / axial)
     return {"width": 1.0, "thickness": thickness, "elastic_modulus": axial / thickness}
+
+
+def limit_point(load, begin, end):
+    """Return the displacement in an interval where the load neither grows nor falls, and the load there."""
+    curve = Chebyshev.interpolate(np.vectorize(load), 8, (begin, end))
+    (place,) = [x.real for x in curve.deriv().roots() if not x.imag and begin < x.real < end]
+    return place, curve(place)
 
 
 def nodal_force(rest, point):
@@ -92,9 +99,7 @@ def williams_toggle(n):
         return -2 * nodal_force(static_equilibrium(Model(beam)), length)[1]
 
     loads = [load(w) for w in np.arange(1, 8) / 10]
-    top = minimize_scalar(lambda w: -load(w), bounds=(0.2, 0.3), method="bounded", options={"xatol": 1e-6})
-    low = minimize_scalar(load, bounds=(0.35, 0.45), method="bounded", options={"xatol": 1e-6})
-    return [*loads, top.x, -top.fun, low.x, low.fun]
+    return [*loads, *limit_point(load, 0.2, 0.3), *limit_point(load, 0.35, 0.45)]
 
 
 def deep_arch_clamped_hinged(n):
@@ -117,10 +122,10 @@ def deep_arch_clamped_hinged(n):
     def load(down):
         return -nodal_force(pushed(down), length / 2)[1]
 
-    top = minimize_scalar(lambda down: -load(down), bounds=(105.0, 120.0), method="bounded", options={"xatol": 1e-3})
-    crown = pushed(top.x)
+    top, largest = limit_point(load, 112.5, 115.0)
+    crown = pushed(top)
     across = crown.position(length / 2)[0] - (crown.model.interpolation(length / 2) @ crown.model.straight)[0]
-    return [-top.fun, abs(across), top.x]
+    return [largest, abs(across), top]
 
 
 def initially_curved_straightened(n):

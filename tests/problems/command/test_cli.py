@@ -682,7 +682,10 @@ class TestUnusableInput:
             ("# a note", "a.csv: has no rows"),
             (b"\x00\xff\xfe", "a.csv: is not text, and no other format that is known"),
             ("".join(f"{0.01 * k},1\n" for k in range(300)), "a.csv: record: is constant, nothing oscillates"),
-            ("t,x\n" + "".join(f"{0.01 * k},{k}\n" for k in range(300)), "a.csv: record: has fewer than two periods"),
+            (
+                "t,x\n" + "".join(f"{0.01 * k},{k}\n" for k in range(300)),
+                "a.csv: record: is a straight line, nothing oscillates",
+            ),
         ],
     )
     def test_record(self, files, capsys, content, what):

@@ -38,7 +38,6 @@ MOST_GAPS = 20.0  # length of a record, in lengths of its samples without the ga
 FEW_SAMPLES = 3.0  # per period, below which a note warns of aliasing
 COLOURED = 0.5  # share of the samples that count as independent beside an oscillation; few sensors have white noise
 CLOSE = 0.1  # relative distance of two frequencies, below which they may be of one mode
-ROUNDING = 64 * np.finfo(float).eps  # of samples, relative to the largest (``tests/problems/command/test_cli.py``)
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ def first_guess(record: Measurement, *, release_time: float | None = None, rest:
     if np.ptp(y) == 0.0:
         since = f" from {time[begin]:g} s on" if begin else ""
         raise InputError(f"is constant{since}, nothing oscillates", "record")
-    if np.ptp(without_line(t, y)) <= ROUNDING * np.abs(y).max():
+    if np.ptp(without_line(t, y)) <= len(y) * np.spacing(np.abs(y).max()):  # all that rounding leaves
         raise InputError("is a straight line, nothing oscillates", "record")
     line = np.array([np.ones(len(t)), t])  # a drift that is not asked for must not hide the oscillation
     candidates = _candidates(t, y, line)

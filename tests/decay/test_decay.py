@@ -187,7 +187,7 @@ NOTHING = "record: has fewer than two periods of free decay in the .*, or nothin
         (np.exp(-TIME), NOTHING),
         (np.exp(-30 * TIME), NOTHING),
         (np.exp(-3 * TIME) + 0.01 * np.random.default_rng(7).standard_normal(len(TIME)), NOTHING),
-        (TIME, NOTHING),
+        (TIME, "record: is a straight line, nothing oscillates"),
         (np.where(TIME < 2.0, 0.0, 1.0), "record: is constant from 2 s on, nothing oscillates"),
         (np.cos(2 * math.pi * 0.2 * TIME), NOTHING),
         (np.cos(np.arange(9)), "record: has 9 samples of free decay; a fit needs at least 10"),

@@ -104,14 +104,14 @@ class LawComparison(Displayed, Generic[F]):
         second = next((k for k in others if not np.allclose(self.fits[k].fit.residuals, fitted, atol=0.0)), None)
         if self.verdict.settled or second is None:
             return {}
-        found: dict[str, float] = {}
-        weights = self.verdict.probabilities[[first, second]]
-        weights /= weights.sum()
-        for weight, pair in zip(weights.tolist(), ((first, second), (second, first)), strict=True):
-            expected = self._repeated(*pair) | dict(self.other_records(*pair) if self.other_records else {})
-            for name, one in expected.items():
-                found[name] = found.get(name, 0.0) + weight * one.right
-        return found
+        p, q = self.verdict.probabilities[[first, second]].tolist()
+        if_first, if_second = (self._expected(*pair) for pair in ((first, second), (second, first)))
+        both = [name for name in if_first if name in if_second]
+        return {name: (p * if_first[name].right + q * if_second[name].right) / (p + q) for name in both}
+
+    def _expected(self, truth: int, rival: int) -> dict[str, Expectation]:
+        """Return what other records would show if one law is true, as far as both laws can be fitted to them."""
+        return self._repeated(truth, rival) | dict(self.other_records(truth, rival) if self.other_records else {})
 
     def _repeated(self, truth: int, rival: int) -> dict[str, Expectation]:
         """Return what several records like the fitted ones would show if one law is true."""

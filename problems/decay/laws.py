@@ -207,6 +207,11 @@ class DecayModel:
         phase = self._damped(ω, damping) * turned + φ
         return self._swing(amplitude(t), phase, ω, damping, bending) + rest_position(t, rest)
 
+    def amplitude(self, time: Array, *x: cs.MX) -> cs.MX:
+        """Return the amplitude (m) at times (s) after the release."""
+        ω, damping, _, (e0, _), _ = self._split(x)
+        return self._amplitude(_column(time), e0, ω, damping)
+
     def _amplitude(self, time: cs.MX, e0: cs.MX, ω: cs.MX, damping: Symbols) -> cs.MX:
         """Return the amplitude at times (s), which is ``e0`` at the release."""
         if self.law == "linear":

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import casadi as cs
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.stats import chi2, ncx2, norm
 
 from ancf_casadi.decay.closed_forms import friction_decay
 from ancf_casadi.estimation.comparison import mixed_ends
-from ancf_casadi.estimation.criteria import Candidate, expectation, judge
+from ancf_casadi.estimation.criteria import Candidate, Expectation, expectation, judge
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
@@ -298,3 +299,8 @@ def test_an_open_choice_names_the_record_that_decides(open_choice):
     assert chances["5 records"] > chances["2 records"]
     assert open_choice.to_dict()["deciding"] == chances
     assert "right choice of the two most probable, with other records: 2 records 0." in open_choice.table().text()
+
+
+def test_a_record_to_which_a_law_cannot_be_fitted_decides_nothing(open_choice):
+    half = replace(open_choice, other_records=lambda truth, rival: {"half": Expectation(1.0, 1.0)} if truth else {})
+    assert [*half.deciding] == ["2 records", "5 records"]

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import DecayGuess, first_guess
-from ancf_casadi.decay.phase import NODE_OF_OMEGA, FrequencyLaw, smooth_nodes
+from ancf_casadi.decay.phase import NODE_OF_OMEGA, FrequencyLaw, smooth_nodes, smooth_steps
 from ancf_casadi.decay.spectrum import is_even
 from ancf_casadi.estimation.agreement import allowing_for_later_starts
 from ancf_casadi.estimation.fit import Fit
@@ -249,7 +249,7 @@ def _match(
     """
     unknowns, columns = _unknowns(model, guesses)
     unknowns = with_priors(unknowns, priors, model)
-    held = [k for k, unknown in enumerate(unknowns) if unknown.prior]
+    known = _prior_residuals(model, unknowns)
     if model.frequency_law == "smooth" and start is None:
         near = _bent_starts(model, decays, guesses)
     times, measured = [decay.time for decay in decays], cs.DM(np.concatenate([decay.values for decay in decays]))
@@ -259,8 +259,7 @@ def _match(
 
     def solved(start: Sequence[Unknown], noise: float, huber: float = math.inf) -> Fit:
         def residuals(*x: cs.MX) -> cs.MX:
-            known = (noise * unknowns[k].prior_residual(x[k]) for k in held)
-            return cs.vertcat(curves(cs.vertcat(*x)) - measured, *known)
+            return cs.vertcat(curves(cs.vertcat(*x)) - measured, noise * known(cs.vertcat(*x)))
 
         return least_squares(residuals, start, huber=huber, deviation=noise, **settings)
 
@@ -272,10 +271,11 @@ def _match(
         starts = sorted([unknowns, tracked, *([started(tracked, near)] if near else [])], key=misfit)
     else:
         starts = [started(unknowns, start)]
+    held = known.numel_out()
     settings: dict[str, Any] = {
-        "series": [*(len(t) for t in times), *[1] * len(held)],
-        "times": np.concatenate([*times, np.zeros(len(held))]),
-        "stated": np.repeat([False, True], [measured.numel(), len(held)]),
+        "series": [*(len(t) for t in times), *[1] * held],
+        "times": np.concatenate([*times, np.zeros(held)]),
+        "stated": np.repeat([False, True], [measured.numel(), held]),
         "advice": "check the time of the release, or fit a law with fewer terms",
     }
     least = NOISE_FREE * _swing(model, guesses)
@@ -288,13 +288,23 @@ def _match(
             errors.append(error)
     if fit is None:
         raise errors[0]
-    for _ in range(3 if robust else min(len(held), 1)):  # robust fits, in which the estimate of the noise settles
+    for _ in range(3 if robust else min(held, 1)):  # robust fits, in which the estimate of the noise settles
         own = fit.residuals[: measured.numel()]
         noise = noise_of(own) if robust else math.sqrt(float(own @ own) / max(len(own) - fit.rank, 1))
         if noise <= least:
             break
         fit = solved(started(fit.unknowns, fit.estimates), noise, HUBER * noise if robust else math.inf)
     return fit, columns
+
+
+def _prior_residuals(model: DecayModel, unknowns: Sequence[Unknown]) -> cs.Function:
+    """Return x -> distances from the priors of unknowns and of a smooth frequency, in standard deviations."""
+    x = cs.MX.sym("x", len(unknowns))
+    known = [unknown.prior_residual(x[k]) for k, unknown in enumerate(unknowns) if unknown.prior]
+    if model.frequency_law == "smooth":
+        names = [unknown.name for unknown in unknowns]
+        known.append(smooth_steps([x[names.index(name)] for name in model.frequency_terms]))
+    return cs.Function("prior", [x], [cs.vertcat(cs.MX(0, 1), *known)], {"always_inline": True})
 
 
 def _unknowns(model: DecayModel, guesses: Sequence[DecayGuess]) -> tuple[list[Unknown], list[tuple[int, ...]]]:

@@ -28,7 +28,6 @@ Modelica Association, "Functional Mock-up Interface Specification", version 3.0.
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import io
 import platform
 import re
@@ -55,6 +54,7 @@ from ancf_casadi.reduction.reduced import ReducedFunctions
 from ancf_casadi.support.compilation import LIBRARY, c_compiler, compiler_failure
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import check_instance, choice
+from ancf_casadi.support.optional import installed
 from ancf_casadi.support.tables import to_json
 from ancf_casadi.version import __version__
 
@@ -167,10 +167,7 @@ def write_fmu(
 
 def _fmi_headers() -> Path:
     """Return the folder of the FMI 3.0 headers, which the package fmpy contains."""
-    found = importlib.util.find_spec("fmpy")
-    if found is None or found.origin is None:
-        raise InputError("is not installed, but an FMU needs its FMI headers; pip install fmpy", "fmpy")
-    folder = Path(found.origin).parent / "c-code"
+    folder = Path(str(installed("fmpy", "an FMU needs its FMI headers").origin)).parent / "c-code"
     if not (folder / "fmi3Functions.h").is_file():
         raise InputError(f"has no FMI 3.0 headers: {folder} lacks fmi3Functions.h; install another version", "fmpy")
     return folder

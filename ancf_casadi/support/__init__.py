@@ -3,5 +3,6 @@
 ``inputs`` checks arguments, ``files`` reads and writes files, ``tables`` shows objects and results, ``figures`` has
 what drawings share, ``arrays`` names the array types and the parts of a vector, ``banded`` stores and factorises banded
 matrices, and ``tall`` those with many more rows than columns.  ``compilation`` compiles CasADi Functions, ``parallel``
-runs tasks in processes, ``interrupts`` handles Ctrl-C, and ``lazy`` imports public names on first use.
+runs tasks in processes, ``interrupts`` handles Ctrl-C, ``lazy`` imports public names on first use, and ``optional``
+libraries that may be missing.
 """

@@ -29,15 +29,15 @@ G. Schwarz, Estimating the dimension of a model, Annals of Statistics 6 (1978).
 
 from __future__ import annotations
 
-import importlib
 import math
 import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ancf_casadi.exceptions import FitError, InputError
+from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, ComplexArray, Index, Mask
+from ancf_casadi.support.optional import library
 from ancf_casadi.support.tall import inner, tall_qr, tall_times, tall_triangle
 from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, TrialFit, quick_fit, stacked
 from problems.frf.refinement import fitted_deviations
@@ -46,7 +46,7 @@ VERY_STRONG = 10.0  # difference of BIC that leaves no doubt
 RATIO_RANGE = (1e-5, 0.6)  # least and largest damping ratio of a candidate
 RATIO_GRID = (3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.25)  # damping ratios to try at a given frequency
 POLE_WIDTHS, POLE_DISTANCE = 0.3, 2e-3  # distance of equal poles, relative to their half-width, and to their frequency
-MODULE, MISSING = "sdypy.EMA", "sdypy-EMA"
+MODULE = "sdypy.EMA"
 MOST_FRF_MODES = 20
 # Tests that fail if these are changed to 0.75 or 0.99, or to 3.5 or 10:
 # test_two_poles_within_a_bandwidth_are_two_modes_if_their_shapes_differ,
@@ -66,12 +66,7 @@ class Candidates:
 
 def candidate_poles(frequencies: Array, values: ComplexArray) -> Candidates:
     """Return the poles of all orders in the band, and those among them that recur."""
-    try:
-        ema = importlib.import_module(MODULE)
-    except ModuleNotFoundError:
-        raise InputError(
-            "is not installed, but finds the poles; pip install sdypy-EMA, or give approximate frequencies", MISSING
-        ) from None
+    ema = library(MODULE, "finds the poles", "sdypy-EMA, or give approximate frequencies", "sdypy-EMA")
     f, rows = _equally_spaced(frequencies, values.T)
     order = max(2, min(40, len(f) // 3))  # at least three lines per order
     with warnings.catch_warnings():

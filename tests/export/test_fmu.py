@@ -1,6 +1,7 @@
 """The FMU: validity, description, and its motion in fmpy against ``simulate``."""
 
 import dataclasses
+import importlib.util
 import math
 import shutil
 import types
@@ -340,13 +341,13 @@ class TestRefusals:
         assert [path for path in tmp_path.iterdir() if path.suffix != ".h"] == []
 
     def test_without_fmpy(self, functions, monkeypatch):
-        monkeypatch.setattr(fmu.importlib.util, "find_spec", lambda name: None)
+        monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
         with pytest.raises(InputError, match=r"^fmpy: is not installed, but .*FMI headers; pip install fmpy$"):
             write_fmu(functions, "beam.fmu")
 
     def test_without_its_headers(self, functions, monkeypatch, tmp_path):
         found = types.SimpleNamespace(origin=str(tmp_path / "__init__.py"))
-        monkeypatch.setattr(fmu.importlib.util, "find_spec", lambda name: found)
+        monkeypatch.setattr(importlib.util, "find_spec", lambda name: found)
         with pytest.raises(InputError, match=r"lacks fmi3Functions\.h"):
             write_fmu(functions, "beam.fmu")
 

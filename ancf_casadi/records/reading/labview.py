@@ -14,16 +14,17 @@ import numpy as np
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording
 from ancf_casadi.records.reading.arrays import MOST_CHANNELS, seconds_from_first
-from ancf_casadi.records.reading.libraries import library, readable
+from ancf_casadi.records.reading.libraries import readable
 from ancf_casadi.records.reading.text.reader import decoded
 from ancf_casadi.records.reading.worker import MOST_DATA_BYTES
 from ancf_casadi.records.units import parse_unit, unit_of
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.optional import library
 
 
 def read_lvm(path: Path) -> Recording:
     """Read the channels of an LVM file; refuse one with several segments."""
-    lvm_read = library("lvm_read", "LVM")
+    lvm_read = library("lvm_read", "LVM files need it")
     with readable(str(path), "LVM"):
         found = lvm_read.read_str(decoded(path.read_bytes()))
         if found["Segments"] != 1:
@@ -68,7 +69,7 @@ def _even(start: Any, step: Any, count: int) -> Array | None:
 
 def read_tdms(path: Path) -> Recording:
     """Read the channels of a TDMS file; those with a waveform increment have their own times."""
-    nptdms = library("nptdms", "TDMS")
+    nptdms = library("nptdms", "TDMS files need it")
     notes: list[str] = []
     channels: list[RecordedChannel] = []
     with readable(str(path), "TDMS"), open(path, "rb") as stream, nptdms.TdmsFile.open(stream) as file:

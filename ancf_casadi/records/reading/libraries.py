@@ -1,11 +1,10 @@
-"""Libraries for file formats, imported on demand; whatever they raise becomes an ``InputError``.
+"""Libraries for file formats; whatever they raise becomes an ``InputError``.
 
 Compiled libraries read in a process of their own (``worker``), which they may crash.
 """
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import logging
 import math
@@ -24,24 +23,9 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.reading import worker
 from ancf_casadi.records.reading.worker import Unusable
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.optional import installed
 
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}  # threads reserve memory
-
-
-def library(module: str, format_name: str, package: str = "") -> Any:
-    """Return the module that reads a format; refuse the file if it is not installed, perhaps by another name."""
-    check_installed(module, format_name, package)
-    return importlib.import_module(module)
-
-
-def check_installed(module: str, format_name: str, package: str = "") -> None:
-    """Check that the module that reads a format is installed."""
-    try:
-        found = importlib.util.find_spec(module)
-    except ValueError:  # a module that was switched off
-        found = None
-    if found is None:
-        raise InputError(f"is not installed, but {format_name} files need it; pip install {package or module}", module)
 
 
 @contextmanager
@@ -65,7 +49,7 @@ def readable(path: str, format_name: str) -> Iterator[None]:
 
 def read_isolated(kind: str, module: str, path: Path, format_name: str) -> tuple[dict[str, Array], dict[str, Any]]:
     """Return the arrays and the properties that the reader ``kind`` of ``worker`` finds in a file with its library."""
-    check_installed(module, format_name)
+    installed(module, f"{format_name} files need it")
     command = [sys.executable, "-P", "-W", "ignore", worker.__file__, kind, os.path.abspath(path)]
     try:
         # s: what a loaded machine may take, and 1 MB/s, which it reads at least

@@ -15,8 +15,9 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording
-from ancf_casadi.records.reading.libraries import library, readable
+from ancf_casadi.records.reading.libraries import readable
 from ancf_casadi.records.units import Unit, parse_unit
+from ancf_casadi.support.optional import library
 
 DATA_TYPES = {
     8: ("length", "m"), 9: ("force", "N"), 11: ("velocity", "m/s"), 12: ("acceleration", "m/s^2"), 13: ("force", "N"),
@@ -27,7 +28,7 @@ DIRECTIONS = dict(zip(range(-6, 7), "-RZ -RY -RX -Z -Y -X . X Y Z RX RY RZ".spli
 
 def read_uff(path: Path) -> Recording:
     """Read the time responses and the frequency response functions of a universal file."""
-    pyuff = library("pyuff", "UFF")
+    pyuff = library("pyuff", "UFF files need it")
     notes: list[str] = []
     channels: list[RecordedChannel] = []
     spectra: list[Mapping[str, Any]] = []

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording
-from ancf_casadi.records.reading.libraries import library
 from ancf_casadi.records.units import parse_unit
 from ancf_casadi.records.video.detection import marks_in
 from ancf_casadi.records.video.frames import Picture, Video, decoded
@@ -32,6 +31,7 @@ from ancf_casadi.support.inputs import (
     positive_or_infinite,
     whole,
 )
+from ancf_casadi.support.optional import library
 from ancf_casadi.support.progress import counter
 
 SMOOTHING = 1.0  # px; edges that are sharper than a pixel are interpolated with errors that follow the motion
@@ -121,7 +121,7 @@ def track_video(
     >>> bool(np.abs(x - 0.015 * np.cos(np.arange(40) / 20)).max() < 1e-4)
     True
     """
-    cv2 = library("cv2", "video", "opencv-python-headless")
+    cv2 = library("cv2", "video files need it", "opencv-python-headless")
     places = None if markers is None else array(markers, "markers")
     if places is not None and (places.ndim != 2 or places.shape[1] != 2 or not len(places)):
         raise InputError(f"must have the shape (m, 2), got {places.shape}", "markers")

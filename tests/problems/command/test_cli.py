@@ -2,6 +2,7 @@
 
 import errno
 import hashlib
+import importlib.util
 import json
 import os
 import re
@@ -513,7 +514,7 @@ class TestExport:
         assert "strain measures" in refused(["match", "match.toml"], files, capsys)
 
     def test_an_fmu_without_fmpy(self, files, capsys, monkeypatch):
-        monkeypatch.setattr(fmu.importlib.util, "find_spec", lambda name: None)
+        monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
         call = ["export", "beam.toml", "--format", "fmu", "--out", "beam.fmu"]
         assert "is not installed, but an FMU needs its FMI headers" in refused(call, files, capsys)
 

@@ -1,0 +1,29 @@
+"""Libraries that not every installation has, imported where they are needed."""
+
+from __future__ import annotations
+
+import importlib.util
+from importlib.machinery import ModuleSpec
+from typing import Any
+
+from ancf_casadi.exceptions import InputError
+
+
+def library(module: str, need: str, package: str = "", name: str = "") -> Any:
+    """Return a module; as ``installed``, refuse what needs it if it is not installed."""
+    installed(module, need, package, name)
+    return importlib.import_module(module)
+
+
+def installed(module: str, need: str, package: str = "", name: str = "") -> ModuleSpec:
+    """Return the place of a module, which ``pip install package`` installs; refuse what needs it if there is none.
+
+    ``need`` completes "is not installed, but"; the error names the module by ``name``.
+    """
+    try:
+        found = importlib.util.find_spec(module)
+    except (ModuleNotFoundError, ValueError):  # without the package that holds it, or switched off
+        found = None
+    if found is None or found.origin is None:  # or a mere folder of this name
+        raise InputError(f"is not installed, but {need}; pip install {package or module}", name or module)
+    return found

@@ -26,7 +26,7 @@ from problems.decay.laws import DecayModel
 from problems.decay.limitations import NOISE_FREE
 from problems.decay.result import DecayFit
 from problems.decay.solution import fitted_part
-from problems.mode.oscillator import POINTS_CLOSE, ModeCurve
+from problems.mode.oscillator import POINTS_CLOSE, closest_motions, response_curve
 
 # factor on standard deviations below which rounding hides the closest points (test_known_values_are_recovered...)
 LEAST_FACTOR = 1e-4
@@ -159,11 +159,11 @@ class ModeCurveBlock(ResponseBlock):
     systematic = 10 * POINTS_CLOSE  # error of the closest points: without noise, it ends the fit
 
     @cached_property
-    def curves(self) -> list[ModeCurve]:
-        """The curves of each record; other weights share their Functions."""
+    def curves(self) -> list[cs.Function]:
+        """The curve of each record; other weights share them."""
         if self.before:
             return list(self.before.curves)
-        return [ModeCurve(self.model, record, len(self.law_names)) for record in self.records]
+        return [response_curve(self.model, record, len(self.law_names)) for record in self.records]
 
     @cached_property
     def last(self) -> list[Array]:
@@ -172,10 +172,10 @@ class ModeCurveBlock(ResponseBlock):
 
     def motions(self, values: Mapping[str, float]) -> list[CurvePoints]:
         """Return the motions closest to the points of each record, for values of the unknowns by name."""
-        given = {**self.known, **values}
+        given, rows = {**self.known, **values}, zip(self.curves, self.records, self.measured(values), strict=True)
         found = [
-            curve.closest(points, np.array([given[name] for name in (*self.law_names, constant)]))
-            for curve, points, constant in zip(self.curves, self.measured(values), self.constants, strict=True)
+            closest_motions(*row, np.array([given[name] for name in (*self.law_names, constant)]))
+            for row, constant in zip(rows, self.constants, strict=True)
         ]
         self.last[:] = [by_x for _, by_x in found]
         return [motions for motions, _ in found]

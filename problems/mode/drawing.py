@@ -18,7 +18,7 @@ from ancf_casadi.estimation.prediction import TIME_AXIS
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text, prefixed
 from problems.beam.curves.record import ResponseRecord
-from problems.mode.oscillator import ModeCurve, motion_amplitudes
+from problems.mode.oscillator import motion_amplitudes, motions_at, response_curve
 from problems.mode.result import ModeFit
 
 GRID = 240  # frequencies and amplitudes at which levels are computed
@@ -101,9 +101,9 @@ def _draw_branches(
     block = fit.curve_block
     assert block is not None
     x = np.array([{**block.known, **fit.fit.estimates}[own] for own in (*fit.law_names, constant)])
-    curve = ModeCurve(fit.model, grid, len(fit.law_names))
+    curve = response_curve(fit.model, grid, len(fit.law_names))
     sizes = np.geomspace(0.3 * A.min(), 1.2 * A.max(), GRID)
-    Y, phase, level = np.array([curve.at(size * ones, x)[0].T for size in sizes]).swapaxes(0, 1)
+    Y, phase, level = np.array([motions_at(curve, size * ones, x)[0].T for size in sizes]).swapaxes(0, 1)
     wide = np.broadcast_to(f, Y.shape)
     if name == "level":
         axes.contour(wide, level / scale, Y, [float(fixed.mean())], colors=colour, linewidths=1.0)

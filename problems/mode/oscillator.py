@@ -44,8 +44,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 
 import casadi as cs
 import numpy as np
@@ -84,75 +82,73 @@ def base_factor(record: ResponseRecord) -> ComplexArray:
     return force_factor(record.excitation_unit, omega) / omega**2
 
 
-@dataclass(frozen=True, eq=False)
-class ModeCurve:
-    """The response curves of a mode at the frequencies of a record."""
+def response_curve(model: DecayModel, record: ResponseRecord, count: int) -> cs.Function:
+    """Return the curve of a mode at the frequencies of a record, for ``count`` unknowns of the laws.
 
-    model: DecayModel  # laws of the mode, without an equilibrium
-    record: ResponseRecord
-    count: int  # unknowns of the laws; the modal constant follows
+    (A (m,), unknowns) -> Y, phi and level, (3 m,), their first and second derivatives by A, and those by the unknowns,
+    of which the last one is the modal constant.
+    """
+    m, W, d = record.f.size, 2 * math.pi * record.f, record.sensor.derivatives
+    A, x = cs.MX.sym("A", m), cs.MX.sym("x", count + 1)
+    *law, kappa = cs.vertsplit(x)
+    ratio, frequency = model.against_amplitude(A, *law, cs.MX(1), cs.MX(0))
+    real, imaginary = (2 * math.pi * frequency) ** 2 - cs.DM(W**2), 2 * ratio * law[0] * cs.DM(W)
+    factor = force_factor(record.excitation_unit, W)
+    level = A * cs.hypot(real, imaginary) / (kappa * cs.DM(np.abs(factor)))
+    angle = cs.DM(np.angle(factor)) - cs.atan2(imaginary, real)
+    base = base_factor(record)
+    sine = A * cs.sin(angle) + level * cs.DM(base.imag)
+    cosine = A * cs.cos(angle) + level * cs.DM(base.real)
+    amplitude = cs.hypot(cosine, sine) * cs.DM(W**d)
+    g = cs.vertcat(amplitude, cs.atan2(sine, cosine) + d * math.pi / 2, level)
+    one = cs.DM.ones(m)
+    first = cs.jtimes(g, A, one)
+    results = [g, first, cs.jtimes(first, A, one), cs.jacobian(g, x)]
+    return cs.Function("curve", [A, x], [cs.densify(part) for part in results])
 
-    @cached_property
-    def function(self) -> cs.Function:
-        """(A (m,), unknowns) -> Y, phi and level, (3 m,), their first and second derivatives by A, and those by x."""
-        record, m = self.record, self.record.f.size
-        W, d = 2 * math.pi * record.f, record.sensor.derivatives
-        A, x = cs.MX.sym("A", m), cs.MX.sym("x", self.count + 1)
-        *law, kappa = cs.vertsplit(x)
-        ratio, frequency = self.model.against_amplitude(A, *law, cs.MX(1), cs.MX(0))
-        real, imaginary = (2 * math.pi * frequency) ** 2 - cs.DM(W**2), 2 * ratio * law[0] * cs.DM(W)
-        factor = force_factor(record.excitation_unit, W)
-        level = A * cs.hypot(real, imaginary) / (kappa * cs.DM(np.abs(factor)))
-        angle = cs.DM(np.angle(factor)) - cs.atan2(imaginary, real)
-        base = base_factor(record)
-        sine = A * cs.sin(angle) + level * cs.DM(base.imag)
-        cosine = A * cs.cos(angle) + level * cs.DM(base.real)
-        amplitude = cs.hypot(cosine, sine) * cs.DM(W**d)
-        g = cs.vertcat(amplitude, cs.atan2(sine, cosine) + d * math.pi / 2, level)
-        one = cs.DM.ones(m)
-        first = cs.jtimes(g, A, one)
-        results = [g, first, cs.jtimes(first, A, one), cs.jacobian(g, x)]
-        return cs.Function("curve", [A, x], [cs.densify(part) for part in results])
 
-    def at(self, amplitude: Array, x: Array) -> tuple[Array, Array, Array, Array]:
-        """Return g (m, 3), its derivatives by A, once and twice, and those by the unknowns, (m, 3, n)."""
-        values, first, second, by_x = evaluated(self.function, amplitude, x)
-        g, once, twice = (part.reshape(3, -1).T for part in (values, first, second))
-        return g, once, twice, by_x.reshape(3, len(amplitude), -1).transpose(1, 0, 2)
+def motions_at(curve: cs.Function, amplitude: Array, x: Array) -> tuple[Array, Array, Array, Array]:
+    """Return g (m, 3), its derivatives by A, once and twice, and those by the unknowns, (m, 3, n)."""
+    values, first, second, by_x = evaluated(curve, amplitude, x)
+    g, once, twice = (part.reshape(3, -1).T for part in (values, first, second))
+    return g, once, twice, by_x.reshape(3, len(amplitude), -1).transpose(1, 0, 2)
 
-    def closest(self, points: Measured, x: Array) -> tuple[CurvePoints, Array]:
-        """Return the motions closest to points, and their derivatives by the unknowns (m, 3, n)."""
-        log_a, d = np.log(motion_amplitudes(self.record)), self.record.sensor.derivatives
-        log_a = np.maximum(log_a, np.log(1e-6 * self.record.amplitudes / (2 * math.pi * self.record.f) ** d))
-        g, first, second, by_x = self.at(np.exp(log_a), x)
-        resting = np.zeros(len(log_a), dtype=bool)  # points that no step brings closer
-        last = np.full(len(log_a), math.inf)  # step before, in standard deviations
-        for _ in range(MOST_STEPS):
-            A, rest, weight = np.exp(log_a)[:, None], points.distance(g), points.deviations.copy()
-            if not points.has_phase:
-                weight[:, 1] = math.inf
-            slope, bend = A * first / weight, (A * first + A**2 * second) / weight
-            square, before = np.sum(slope**2, axis=1), np.sum(rest**2, axis=1)
-            step = -np.sum(slope * rest, axis=1) / np.maximum(square + np.sum(bend * rest, axis=1), 0.1 * square)
-            size = np.abs(step) * np.sqrt(square)
-            resting |= (size <= POINTS_CLOSE) | ((size > last / 2) & (size <= POINTS_CLOSE_ENOUGH))
-            if resting.all():
-                return (g, first), by_x
-            last = size
-            step = np.where(resting, 0.0, np.clip(step, -LONGEST_STEP, LONGEST_STEP))
-            for _ in range(20):  # halvings
-                g, first, second, by_x = self.at(np.exp(log_a + step), x)
-                # increase of a squared distance that counts as none, relative and absolute
-                worse = np.sum(points.distance(g) ** 2, axis=1) > before * (1 + 1e-9) + 1e-9
-                if not worse.any():
-                    break
-                step = np.where(worse, step / 2, step)
-            else:
-                resting |= worse
-                step = np.where(worse, 0.0, step)
-                g, first, second, by_x = self.at(np.exp(log_a + step), x)
-            log_a = log_a + step
-        raise NumericsError(f"{self.record.label}: the motion closest to the measured points is not found")
+
+def closest_motions(
+    curve: cs.Function, record: ResponseRecord, points: Measured, x: Array
+) -> tuple[CurvePoints, Array]:
+    """Return the motions closest to the points of a record, and their derivatives by the unknowns (m, 3, n)."""
+    log_a, d = np.log(motion_amplitudes(record)), record.sensor.derivatives
+    log_a = np.maximum(log_a, np.log(1e-6 * record.amplitudes / (2 * math.pi * record.f) ** d))
+    g, first, second, by_x = motions_at(curve, np.exp(log_a), x)
+    resting = np.zeros(len(log_a), dtype=bool)  # points that no step brings closer
+    last = np.full(len(log_a), math.inf)  # step before, in standard deviations
+    for _ in range(MOST_STEPS):
+        A, rest, weight = np.exp(log_a)[:, None], points.distance(g), points.deviations.copy()
+        if not points.has_phase:
+            weight[:, 1] = math.inf
+        slope, bend = A * first / weight, (A * first + A**2 * second) / weight
+        square, before = np.sum(slope**2, axis=1), np.sum(rest**2, axis=1)
+        step = -np.sum(slope * rest, axis=1) / np.maximum(square + np.sum(bend * rest, axis=1), 0.1 * square)
+        size = np.abs(step) * np.sqrt(square)
+        resting |= (size <= POINTS_CLOSE) | ((size > last / 2) & (size <= POINTS_CLOSE_ENOUGH))
+        if resting.all():
+            return (g, first), by_x
+        last = size
+        step = np.where(resting, 0.0, np.clip(step, -LONGEST_STEP, LONGEST_STEP))
+        for _ in range(20):  # halvings
+            g, first, second, by_x = motions_at(curve, np.exp(log_a + step), x)
+            # increase of a squared distance that counts as none, relative and absolute
+            worse = np.sum(points.distance(g) ** 2, axis=1) > before * (1 + 1e-9) + 1e-9
+            if not worse.any():
+                break
+            step = np.where(worse, step / 2, step)
+        else:
+            resting |= worse
+            step = np.where(worse, 0.0, step)
+            g, first, second, by_x = motions_at(curve, np.exp(log_a + step), x)
+        log_a = log_a + step
+    raise NumericsError(f"{record.label}: the motion closest to the measured points is not found")
 
 
 def motion_amplitudes(record: ResponseRecord) -> Array:

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from ancf_casadi import FitError, InputError, Measurement, Sensor
 from problems import ResponseRecord, fit_decay, fit_mode
 from problems.decay.laws import DecayModel
-from problems.mode.oscillator import ModeCurve
+from problems.mode.oscillator import motions_at, response_curve
 from tests.coverage import covers
 from tests.problems.mode import oscillators
 from tests.problems.mode.oscillators import CASES, OMEGA, cubic, noisy, records, truth_of
@@ -65,17 +65,17 @@ def forced(name, control="force"):
 def test_the_curve_is_the_balance_and_its_derivatives_are_exact(unit, relative, quantity):
     amplitudes = np.linspace(0.01, 0.03, F.size)
     levels, values = steady(unit, relative, quantity, amplitudes)
-    own = ModeCurve(QUADRATIC, curve(unit, relative, quantity, amplitudes), 4)
-    g, first, second, by_x = own.at(amplitudes, X)
+    own = response_curve(QUADRATIC, curve(unit, relative, quantity, amplitudes), 4)
+    g, first, second, by_x = motions_at(own, amplitudes, X)
     np.testing.assert_allclose(g[:, 2], levels, rtol=1e-12)
     np.testing.assert_allclose(g[:, 0] * np.exp(1j * g[:, 1]), values, rtol=1e-10)
     h = 1e-6
-    above, below = (own.at(amplitudes + side * h, X) for side in (1, -1))
+    above, below = (motions_at(own, amplitudes + side * h, X) for side in (1, -1))
     np.testing.assert_allclose(first, (above[0] - below[0]) / (2 * h), rtol=1e-5, atol=1e-6 * np.abs(first).max())
     np.testing.assert_allclose(second, (above[1] - below[1]) / (2 * h), rtol=1e-5, atol=1e-6 * np.abs(second).max())
     for k in range(len(X)):
         step = np.where(np.arange(len(X)) == k, 1e-6 * X, 0.0)
-        slope = (own.at(amplitudes, X + step)[0] - own.at(amplitudes, X - step)[0]) / (2e-6 * X[k])
+        slope = (motions_at(own, amplitudes, X + step)[0] - motions_at(own, amplitudes, X - step)[0]) / (2e-6 * X[k])
         np.testing.assert_allclose(by_x[:, :, k], slope, rtol=1e-5, atol=1e-6 * np.abs(slope).max())
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self
 
@@ -96,6 +96,14 @@ class SeriesWeights:
                 size = (noise_of(noise) if robust else math.sqrt(float(np.mean(noise**2)))) if noise.size else 0.0
                 deviations[own] = np.maximum(size, self.floors[own])
         return replace(self, deviations=deviations)
+
+
+def alike(kinds: Iterable[Hashable]) -> tuple[tuple[int, ...], ...]:
+    """Return groups of series of one kind, as their places, for the kind of each."""
+    groups: dict[Hashable, list[int]] = {}
+    for k, kind in enumerate(kinds):
+        groups.setdefault(kind, []).append(k)
+    return tuple(map(tuple, groups.values()))
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,7 +38,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import PointMass
 from ancf_casadi.mechanics.beam import INITIAL, Beam
 from ancf_casadi.mechanics.element import Element, Group, element
-from ancf_casadi.mechanics.lumped import PROPERTIES
+from ancf_casadi.mechanics.lumped import PROPERTIES, lumped_kind
 from ancf_casadi.mechanics.nodes import NODE, Nodes
 from ancf_casadi.mechanics.point_elements import (
     dashpot,
@@ -293,6 +293,13 @@ def lumped_places(beam: Beam, name: str) -> list[int]:
     """Return the places in ``Beam.lumped`` of what a name stands for; none if the beam does not have it."""
     together = name == "spring_stiffness"
     return [k for k, own in enumerate(beam.lumped) if own == name or (together and own.startswith("spring_"))]
+
+
+def property_rows(beam: Beam, name: str, elements: slice = slice(None)) -> Index:
+    """Return the rows of a property, or of that of some elements, among all: P row by row, then the lumped ones."""
+    if lumped_kind(name):
+        return len(PROPERTIES) * beam.elements + np.array(lumped_places(beam, name), dtype=np.int64)
+    return PROPERTIES.index(name) * beam.elements + np.arange(beam.elements)[elements]
 
 
 def lumped_value(beam: Beam, name: str) -> float:

@@ -27,7 +27,7 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.lumped import BEAM_UNITS, PROPERTIES, lumped_kind
-from ancf_casadi.mechanics.model import Model, changed_model, check_curvature, lumped_places, lumped_value
+from ancf_casadi.mechanics.model import Model, changed_model, check_curvature, lumped_value, property_rows
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.assembly import structure_properties
@@ -100,16 +100,11 @@ class Owners:
     @classmethod
     def of(cls, beam: Beam, names: Sequence[str]) -> Owners:
         """Return the factors of unknown properties on those of a beam, which may lack some of the lumped ones."""
-        n = beam.elements
         if CURVATURE in names:
             check_curvature(beam)
-        index = np.full(len(PROPERTIES) * n + len(beam.lumped), -1)
+        index = np.full(len(PROPERTIES) * beam.elements + len(beam.lumped), -1)
         for k, name in enumerate(names):
-            if lumped_kind(name):
-                own = len(PROPERTIES) * n + np.array(lumped_places(beam, name), dtype=np.int64)
-            else:
-                elements, row = elements_of(name, beam), PROPERTIES.index(kind_of(name))
-                own = row * n + np.arange(elements.start, elements.stop)
+            own = property_rows(beam, kind_of(name), elements_of(name, beam))
             if (index[own] >= 0).any():
                 other = names[int(index[own].max())]
                 raise InputError(f"{name} changes the same property as {other}; estimate one or the other", "unknowns")

@@ -32,9 +32,9 @@ import scipy  # its packages are imported on first use
 from ancf_casadi.estimation.solver.least_squares import AT_BOUND
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.lumped import PROPERTIES, lumped_kind
-from ancf_casadi.mechanics.model import Model, changed_model, check_curvature, lumped_places, lumped_value
-from ancf_casadi.support.arrays import Array, Index, Mask
+from ancf_casadi.mechanics.lumped import lumped_kind
+from ancf_casadi.mechanics.model import Model, changed_model, check_curvature, lumped_value, property_rows
+from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.inputs import check_instance, is_sequence, numbers, positive, shown
 from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.assembly import structure_properties
@@ -142,7 +142,7 @@ class DesignSpace:
     @cached_property
     def given_values(self) -> Array:
         """Values in the given beam of the properties with a factor, (F,); the mean of those that change as a whole."""
-        own = ((unknown, self.given[self._rows_of(unknown.name)]) for unknown in self.unknowns)
+        own = ((unknown, self.given[property_rows(self.beam, unknown.name)]) for unknown in self.unknowns)
         return np.concatenate([[p.mean()] if isinstance(unknown, Global) else p for unknown, p in own])
 
     def by_property(self, values: Array) -> dict[str, Array]:
@@ -156,15 +156,8 @@ class DesignSpace:
         found, columns = np.zeros((len(self.given), self.size)), iter(range(self.size))
         for unknown, shape in zip(self.unknowns, self.shapes, strict=True):
             for column in shape.T:
-                found[self._rows_of(unknown.name), next(columns)] = column
+                found[property_rows(self.beam, unknown.name), next(columns)] = column
         return self.given[:, None] * found
-
-    def _rows_of(self, name: str) -> Index:
-        """Return the rows of a property among all properties, in the order of ``structure_properties``."""
-        n = self.beam.elements
-        if lumped_kind(name):
-            return n * len(PROPERTIES) + np.array(lumped_places(self.beam, name))
-        return n * PROPERTIES.index(name) + np.arange(n)
 
     def changes(self, m: Array) -> Array:
         """Return the relative changes of the factors, (F,)."""

@@ -14,7 +14,7 @@ from functools import cached_property
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.block import Account, Block, Fitted, SeriesWeights
+from ancf_casadi.estimation.block import Account, Block, Fitted, SeriesWeights, alike
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.records.measurement import Measurement
@@ -113,20 +113,19 @@ class DecayBlock(Block):
 
 def decay_block(decays: Sequence[ModeDecay]) -> DecayBlock:
     """Return decays as a block, whose first weights are the residuals of each decay alone."""
-    groups: dict[tuple[str, float], list[int]] = {}
-    for k, one in enumerate(decays):  # the noise of fewer samples is smaller
-        ratio = round(one.alone.fitted_samples / one.alone.samples, 3)
-        groups.setdefault((one.decay.sensor.quantity, ratio), []).append(k)
+    # the noise of fewer samples is smaller
+    shares = [round(one.alone.fitted_samples / one.alone.samples, 3) for one in decays]
+    groups = alike((one.decay.sensor.quantity, share) for one, share in zip(decays, shares, strict=True))
     sizes = np.array([root_mean_square(one.decay.values) for one in decays])
     own = np.maximum([one.alone.residual_rms for one in decays], NOISE_FREE * sizes)
     deviations = own.copy()
-    for group in groups.values():
+    for group in map(list, groups):
         deviations[group] = np.sqrt(np.mean(own[group] ** 2))
     weights = SeriesWeights(
         lengths=np.array([len(one.decay.time) for one in decays]),
         deviations=deviations,
         floors=NOISE_FREE * sizes,
-        groups=tuple(map(tuple, groups.values())),
+        groups=groups,
         known=(False,) * len(groups),
     )
     return DecayBlock(tuple(decays), weights=weights)

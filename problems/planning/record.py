@@ -213,10 +213,6 @@ def filled(template: R, values: Array) -> R:
     elif isinstance(found, MotionRecord):
         ends = np.cumsum([one.measurement.time.size for one in found.own_channels])[:-1]
         pairs = zip(found.own_channels, np.split(values, ends), strict=True)
-        found = replace(found, channels=[_with(channel, own) for channel, own in pairs])
+        channels = [replace(one, measurement=replace(one.measurement, values=own)) for one, own in pairs]
+        found = replace(found, channels=channels)
     return cast("R", found)
-
-
-def _with(channel: Channel, values: Array) -> Channel:
-    one = channel.measurement
-    return replace(channel, measurement=Measurement(one.time, values, one.name, one.sensor))

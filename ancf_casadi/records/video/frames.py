@@ -28,7 +28,6 @@ class Video:
 
     frame_rate: float  # as the file states it, 1/s
     count: int  # of frames, as the file states it
-    shape: tuple[int, int]  # rows and columns
     frames: Iterator[tuple[float, Picture]]  # times, s, and pictures
 
 
@@ -48,7 +47,7 @@ def decoded(path: str | Path) -> Iterator[Video]:
                 raise InputError("is no video that can be read, or is damaged", str(path))
             head = json.loads(line)
             rows, columns = head["shape"]
-            yield Video(head["rate"], head["count"], (rows, columns), _frames(child.stdout, (rows, columns)))
+            yield Video(head["rate"], head["count"], _frames(child.stdout, (rows, columns)))
         finally:
             child.kill()
 

@@ -42,12 +42,12 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.block import Account, Block, Fitted, SeriesWeights
+from ancf_casadi.estimation.block import Account, Block, Fitted, SeriesWeights, alike
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.exceptions import FitError, NumericsError
@@ -61,24 +61,20 @@ FREE = (1e4, 1e4, 1.0)  # factors on the standard deviations of a prediction, in
 
 def first_weights(records: Sequence[ResponseRecord]) -> SeriesWeights:
     """Return the factors c of the amplitudes and, if they were measured, of the phases of each record before a fit."""
-    lengths: list[int] = []
-    groups: dict[tuple[object, ...], list[int]] = {}
-    known: list[bool] = []
+    lengths, kinds = list[int](), list[tuple[Any, ...]]()
     for record in records:
         measured = record.level_std if record.control == "response" else record.amplitude_std
-        given = measured, record.phase_std
+        known = measured is not None, record.phase_std is not None
         for row in range(1 if record.phases is None else 2):
-            kind = (record.sensor, record.control, *(own is None for own in given), row)
-            if kind not in groups:
-                known.append(given[row] is not None)
-            groups.setdefault(kind, []).append(len(lengths))
+            kinds.append((known[row], record.sensor, record.control, known, row))
             lengths.append(record.f.size)
+    groups = alike(kinds)
     return SeriesWeights(
         lengths=np.array(lengths),
         deviations=np.ones(len(lengths)),
         floors=np.full(len(lengths), 1e-6),  # below this factor, residuals are those of the computation
-        groups=tuple(map(tuple, groups.values())),
-        known=tuple(known),
+        groups=groups,
+        known=tuple(kinds[own[0]][0] for own in groups),
     )
 
 

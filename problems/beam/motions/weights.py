@@ -47,7 +47,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ancf_casadi.estimation.block import SeriesWeights
+from ancf_casadi.estimation.block import SeriesWeights, alike
 from ancf_casadi.estimation.solve import LARGEST_SHIFT
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
@@ -64,7 +64,11 @@ MODEL_STD = 2e-5  # systematic error of a record, relative to its travel
 def first_weights(records: Sequence[MotionRecord], *, robust: bool = False) -> SeriesWeights:
     """Return the weights of records, from the third differences of the samples where the noise is not given."""
     channels = [channel for record in records for channel in record.own_channels]
-    groups = _groups(records)
+    groups = alike(  # the positions in a record share a standard deviation, and any other channel has its own
+        number if one.sensor.quantity == "position" and one.std is None else (number, k)
+        for number, record in enumerate(records)
+        for k, one in enumerate(record.own_channels)
+    )
     for group in groups:
         first = channels[group[0]]
         if first.std is None and sum(channels[k].measurement.time.size for k in group) < FEWEST_SAMPLES:
@@ -104,19 +108,6 @@ def third_differences(channel: Channel) -> Array:
     gaps = (times[:, :, None] - times[:, None, :]) / span[kept][:, None, None] + np.eye(4)
     weights = 1 / gaps.prod(axis=2)
     return np.asarray((weights * samples).sum(axis=1) / np.linalg.norm(weights, axis=1))
-
-
-def _groups(records: Sequence[MotionRecord]) -> tuple[tuple[int, ...], ...]:
-    """Return the channels that share a standard deviation: the positions in a record, and any other one alone."""
-    groups: list[tuple[int, ...]] = []
-    first = 0
-    for record in records:
-        channels = record.own_channels
-        shared = [k for k, one in enumerate(channels) if one.sensor.quantity == "position" and one.std is None]
-        groups += [tuple(first + k for k in shared)] if shared else []
-        groups += [(first + k,) for k in range(len(channels)) if k not in shared]
-        first += len(channels)
-    return tuple(groups)
 
 
 def first_tolerance(records: Sequence[MotionRecord], weights: SeriesWeights, length: float) -> float:

@@ -19,14 +19,14 @@ from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array, root_mean_square
-from problems.beam.curves.points import CurvePoints
+from problems.beam.curves.points import POINTS_CLOSE, CurvePoints
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
 from problems.beam.curves.response_block import ResponseBlock, first_weights
 from problems.decay.laws import DecayModel
 from problems.decay.limitations import NOISE_FREE
 from problems.decay.result import DecayFit
 from problems.decay.solution import fitted_part
-from problems.mode.oscillator import POINTS_CLOSE, closest_motions, response_curve
+from problems.mode.oscillator import closest_motions, response_curve
 
 # factor on standard deviations below which rounding hides the closest points (test_known_values_are_recovered...)
 LEAST_FACTOR = 1e-4

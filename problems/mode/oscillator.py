@@ -53,13 +53,11 @@ from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.compilation import evaluated
-from problems.beam.curves.points import CurvePoints, Measured
+from problems.beam.curves.points import MOST_STEPS, POINTS_CLOSE, CurvePoints, Measured
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
 from problems.decay.laws import DECAY_TERMS, DecayModel
 from problems.decay.start import SHAPES
 
-MOST_STEPS = 60  # of the search for the closest points
-POINTS_CLOSE = 1e-6  # step along a curve, in standard deviations, at which the search ends
 POINTS_CLOSE_ENOUGH = 1e-3  # the same, where rounding keeps further steps from shrinking
 LONGEST_STEP = 0.2  # of log A
 LEAST_RATIO = 1e-5  # damping ratio that a start assumes at least, for the scales of the unknowns
@@ -124,13 +122,8 @@ def closest_motions(
     resting = np.zeros(len(log_a), dtype=bool)  # points that no step brings closer
     last = np.full(len(log_a), math.inf)  # step before, in standard deviations
     for _ in range(MOST_STEPS):
-        A, rest, weight = np.exp(log_a)[:, None], points.distance(g), points.deviations.copy()
-        if not points.has_phase:
-            weight[:, 1] = math.inf
-        slope, bend = A * first / weight, (A * first + A**2 * second) / weight
-        square, before = np.sum(slope**2, axis=1), np.sum(rest**2, axis=1)
-        step = -np.sum(slope * rest, axis=1) / np.maximum(square + np.sum(bend * rest, axis=1), 0.1 * square)
-        size = np.abs(step) * np.sqrt(square)
+        A, before = np.exp(log_a)[:, None], np.sum(points.distance(g) ** 2, axis=1)
+        step, size = points.step(g, A * first, A * first + A**2 * second, 0.1)
         resting |= (size <= POINTS_CLOSE) | ((size > last / 2) & (size <= POINTS_CLOSE_ENOUGH))
         if resting.all():
             return (g, first), by_x

@@ -48,7 +48,8 @@ from ancf_casadi.response.onset import crossing, linear_response, small_motion_a
 from ancf_casadi.support.arrays import Array
 from problems.beam.curves.driven import Driven
 
-POINT_STEP_ERROR = 1e-6  # step along the curve, in standard deviations
+MOST_STEPS = 60  # of the search for the closest points
+POINTS_CLOSE = 1e-6  # step along a curve, in standard deviations, at which the search ends
 # shares of the measured amplitude at which the continuation from rest begins: the first where the response is nearly
 # linear; with friction, which holds a small motion, only the smaller ones are (test_laws_are_told_apart)
 FIRST_SHARES = (0.1, 1e-2, 1e-3, 1e-4, 1e-6)
@@ -75,6 +76,20 @@ class Measured:
         rest, turn = found - self.values, 2 * math.pi
         rest[..., 1] = rest[..., 1] - turn * np.round(rest[..., 1] / turn) if self.has_phase else 0.0
         return np.asarray(rest / self.deviations)
+
+    def step(self, values: Array, slopes: Array, bends: Array, least: float) -> tuple[Array, Array]:
+        """Return Newton's steps of the parameter of a curve to the closest motions, and their sizes in deviations.
+
+        The motions have the values and their first and second derivatives, (..., 3).  The second derivative of half the
+        squared distance counts as no less than ``least`` times that of a straight curve.
+        """
+        rest, slope = self.distance(values), slopes / self.deviations
+        if not self.has_phase:
+            slope[..., 1] = 0.0
+        square = np.sum(slope**2, axis=-1)
+        second = np.maximum(square + np.sum(bends / self.deviations * rest, axis=-1), least * square)
+        step = -np.sum(slope * rest, axis=-1) / second
+        return step, np.abs(step) * np.sqrt(square)
 
     def each(self) -> list[Measured]:
         """Return the points of a record."""
@@ -182,21 +197,25 @@ def _half_period_later(motion: PointMotion) -> PointMotion:
 
 
 def closest(driven: Driven, measured: Measured, s: Array, near: PointMotion) -> PointMotion:
-    """Return the motion closest to a measured point, from one nearby, by steps that each reduce the distance."""
+    """Return the motion closest to a measured point, from one nearby, by steps that each reduce the distance.
+
+    The curvature l'' is that of the last two points, and counts where it increases the second derivative.
+    """
     try:
         here = _again(driven, driven.curve(measured.omega, s), near)
     except NotFound:
         raise NumericsError("Newton's method does not converge to a steady motion") from None
-    last: tuple[float, Array] | None = None
-    for _ in range(60):  # steps along the curve to the closest point
+    bends = np.zeros(3)
+    for _ in range(MOST_STEPS):
         values, slopes = here.values, here.slopes
-        along, size = _step(measured, values, slopes, last)
-        if abs(along) * size <= POINT_STEP_ERROR:
+        along, size = map(float, measured.step(values, slopes, bends, 1.0))
+        if size <= POINTS_CLOSE:
             return here
-        last = float(values[0]), slopes
         # longest step along the curve, relative to the amplitude, and as a phase, rad
         farthest = min(0.2 * values[0], 0.3 / max(abs(slopes[1]), np.finfo(float).tiny))
         here = _nearer(measured, here, math.copysign(min(abs(along), farthest), along))
+        moved = float(here.values[0] - values[0])
+        bends[2] = (here.slopes[2] - slopes[2]) / moved if moved else 0.0
     raise NumericsError("the motion closest to the measured point is not found")
 
 
@@ -227,17 +246,3 @@ def _nearer(measured: Measured, here: PointMotion, along: float) -> PointMotion:
             return found
         along /= 2
     raise NumericsError("the curve cannot be followed to the measured point")
-
-
-def _step(measured: Measured, values: Array, slopes: Array, last: tuple[float, Array] | None) -> tuple[float, float]:
-    """Return the step of the amplitude towards the closest point, and the size of a unit step in standard deviations.
-
-    Newton's method with the curvature l'' from the last two points, where this increases the second derivative.
-    """
-    distance, slope = measured.distance(values), slopes / measured.deviations
-    slope[1] = slope[1] if measured.has_phase else 0.0
-    gradient, second = float(distance @ slope), float(slope @ slope)
-    if last is not None and last[0] != values[0]:
-        curvature = (slopes - last[1]) / (values[0] - last[0]) / measured.deviations
-        second += max(0.0, float(curvature[2] * distance[2]))
-    return -gradient / second, math.sqrt(float(slope @ slope))

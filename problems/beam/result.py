@@ -100,7 +100,8 @@ class BeamFit(BlocksResult):
             If ``model`` is not a model, or is of another beam.
         """
         check_instance(model, "model", Model)
-        return Owners.of(model.beam, tuple(self.first)).changed(self._started(model), self._factors)
+        own = self._started(model)
+        return Owners.of(own.beam, tuple(self.first)).changed(own, self._factors)
 
     @property
     def _factors(self) -> Array:

@@ -95,6 +95,14 @@ class TestRecovery:
         assert found.elastic_modulus[0] == pytest.approx(fit.estimates["elastic_modulus"])
         assert found.clamp_stiffness == pytest.approx(fit.estimates["clamp_stiffness"])
 
+    def test_a_configuration_given_with_a_rigid_clamp_gets_the_estimated_stiffness(self, given):
+        """It had the first value of the fit instead, because the rigid clamp is no lumped property."""
+        model = given(clamp_stiffness=20.0)
+        fit = fitted(static(model, changed(model, clamp_stiffness=0.5)), ["clamp_stiffness"])
+        for other in (given(), given(0.8, tip_mass=0.01)):
+            assert fit.configured(other).beam.clamp_stiffness == pytest.approx(fit.estimates["clamp_stiffness"])
+        assert fit.estimates["clamp_stiffness"] == pytest.approx(10.0, rel=1e-4)
+
     def test_a_rigid_clamp_is_found_to_be_rigid(self, given):
         """The model has no clamp stiffness, so the fit starts from its own first value; E I/L = 1.2 N m."""
         fit = fitted(static(given(), noise=0.005, seed=2), ["bending_stiffness", "clamp_stiffness"])

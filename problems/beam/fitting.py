@@ -55,7 +55,7 @@ from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.block import MotionBlock, motion_block
 from problems.beam.motions.marker_record import MarkerRecord, motion_record
 from problems.beam.motions.record import MotionRecord
-from problems.beam.properties import CLAMP_STIFFNESS, Owners, first_values, is_property, property_unknown, with_clamp
+from problems.beam.properties import CLAMP_STIFFNESS, first_values, is_property, owners_of, property_unknown, with_clamp
 from problems.beam.result import BeamFit, law_name
 from problems.beam.unknowns import (
     BASE_AMPLITUDE,
@@ -214,7 +214,7 @@ def beam_problem(
     models = dict(zip(found, clamped, strict=True))
     first = first_values(list(models.values()), [name for name in wanted if is_property(name)])
     for one in models.values():
-        Owners.of(one.beam, tuple(first))  # check
+        owners_of(one.beam, tuple(first))  # check
     frequencies = sought_frequencies(model) if curves else np.zeros(0)
     listed = [
         *of_law(damping, fixed),

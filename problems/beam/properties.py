@@ -19,7 +19,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -90,44 +89,41 @@ def value_of(beam: Beam, name: str) -> float:
     return float(CONSTANTS.get(kind, 1.0) * np.mean(np.prod(powers, axis=0)[elements_of(name, beam)]))
 
 
-@dataclass(frozen=True, eq=False)
-class Owners:
-    """The factors that multiply the properties of a beam."""
+def owners_of(beam: Beam, names: Sequence[str]) -> Index:
+    """Return which of unknown properties each property of a beam changes with, (4 n + lumped,); -1 for none.
 
-    count: int  # p factors
-    index: Index  # (4 n + lumped,): factor of each property, in the order of ``structure_properties``; -1 for none
+    The properties are in the order of ``structure_properties``; a beam may lack some of the lumped ones.
+    """
+    if CURVATURE in names:
+        check_curvature(beam)
+    owners = np.full(len(PROPERTIES) * beam.elements + len(beam.lumped), -1)
+    for k, name in enumerate(names):
+        own = property_rows(beam, kind_of(name), elements_of(name, beam))
+        if (owners[own] >= 0).any():
+            other = names[int(owners[own].max())]
+            raise InputError(f"{name} changes the same property as {other}; estimate one or the other", "unknowns")
+        owners[own] = k
+    for name in set(names) & set(PROPERTY_POWERS):
+        rivals = sorted(set(map(kind_of, names)) & set(PROPERTY_POWERS[name]) - {DRIVEN_BY[name]})
+        if rivals:
+            raise InputError(f"{name} contains {', '.join(rivals)}; estimate one or the other", "unknowns")
+    return owners
 
-    @classmethod
-    def of(cls, beam: Beam, names: Sequence[str]) -> Owners:
-        """Return the factors of unknown properties on those of a beam, which may lack some of the lumped ones."""
-        if CURVATURE in names:
-            check_curvature(beam)
-        index = np.full(len(PROPERTIES) * beam.elements + len(beam.lumped), -1)
-        for k, name in enumerate(names):
-            own = property_rows(beam, kind_of(name), elements_of(name, beam))
-            if (index[own] >= 0).any():
-                other = names[int(index[own].max())]
-                raise InputError(f"{name} changes the same property as {other}; estimate one or the other", "unknowns")
-            index[own] = k
-        for name in set(names) & set(PROPERTY_POWERS):
-            rivals = sorted(set(map(kind_of, names)) & set(PROPERTY_POWERS[name]) - {DRIVEN_BY[name]})
-            if rivals:
-                raise InputError(f"{name} contains {', '.join(rivals)}; estimate one or the other", "unknowns")
-        return cls(len(names), index)
 
-    def applied(self, properties: Array, factors: Array) -> tuple[Array, Array]:
-        """Return properties, possibly followed by others, times the factors, and their Jacobian by the factors."""
-        found, directions = properties.copy(), np.zeros((len(properties), self.count))
-        own = np.flatnonzero(self.index >= 0)
-        directions[own, self.index[own]] = properties[own]
-        found[own] *= factors[self.index[own]]
-        return found, directions
+def scaled(properties: Array, owners: Index, factors: Array) -> tuple[Array, Array]:
+    """Return properties, possibly followed by others, times the factors (p,), and their Jacobian by the factors."""
+    found, directions = properties.copy(), np.zeros((len(properties), len(factors)))
+    own = np.flatnonzero(owners >= 0)
+    directions[own, owners[own]] = properties[own]
+    found[own] *= factors[owners[own]]
+    return found, directions
 
-    def changed(self, model: Model, factors: Array) -> Model:
-        """Return a model with the factors on its properties."""
-        if (factors == 1.0).all():
-            return model
-        return changed_model(model, self.applied(structure_properties(model), factors)[0])
+
+def scaled_model(model: Model, owners: Index, factors: Array) -> Model:
+    """Return a model with the factors (p,) on its properties."""
+    if (factors == 1.0).all():
+        return model
+    return changed_model(model, scaled(structure_properties(model), owners, factors)[0])
 
 
 def with_clamp(models: Sequence[Model]) -> list[Model]:

@@ -33,9 +33,10 @@ from problems.beam.properties import (
     PROPERTY_POWERS,
     PROPERTY_UNITS,
     SAME_PROPERTY,
-    Owners,
     clamped,
     kind_of,
+    owners_of,
+    scaled_model,
     unit_of,
     value_of,
 )
@@ -101,7 +102,7 @@ class BeamFit(BlocksResult):
         """
         check_instance(model, "model", Model)
         own = self._started(model)
-        return Owners.of(own.beam, tuple(self.first)).changed(own, self._factors)
+        return scaled_model(own, owners_of(own.beam, tuple(self.first)), self._factors)
 
     @property
     def _factors(self) -> Array:

@@ -28,14 +28,14 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction import ReducedModel, reduce_model
 from ancf_casadi.reduction.reduced import Reduction, rebuilt
 from ancf_casadi.response.harmonic_balance.system import beam_drive
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.tables import known
 from problems.beam.curves.checks import checked
 from problems.beam.curves.driven import Driven, analysed, driven, small_response
 from problems.beam.curves.points import CurvePoints, Measured, PointMotion, closest, motion_from_rest
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.curves.response_block import ResponseBlock, first_weights
-from problems.beam.properties import ELASTIC, SIGNED, Owners, value_of
+from problems.beam.properties import ELASTIC, SIGNED, owners_of, scaled_model, value_of
 from problems.beam.unknowns import frequency_name, mode_of
 
 MODULUS = ("elastic_modulus", "bending_stiffness")  # the strain energy of all elements is proportional to each
@@ -204,13 +204,13 @@ class CurveBlock(ResponseBlock):
     def reduction(self, values: Mapping[str, float]) -> Reduction:
         """Return the reduction of the beam for values of the unknowns by name."""
         factors = [values.get(name, one) / one if name in self.of_model else 1.0 for name, one in self.first.items()]
-        model = self._owners.changed(self.model, np.array(factors))
+        model = scaled_model(self.model, self._owners, np.array(factors))
         first = _reduced(self.model, self.modes, self.law)
         return first if model is self.model else rebuilt(first, model)
 
     @cached_property
-    def _owners(self) -> Owners:
-        return Owners.of(self.model.beam, tuple(self.first))
+    def _owners(self) -> Index:
+        return owners_of(self.model.beam, tuple(self.first))
 
     @property
     def of_model(self) -> tuple[str, ...]:

@@ -49,7 +49,7 @@ from problems.beam.motions.weights import (
     first_weights,
     tighter,
 )
-from problems.beam.properties import Owners
+from problems.beam.properties import owners_of
 from problems.beam.unknowns import base_name, load_name, loads
 
 MOST_STEP_RATIO = 20.0  # most steps of a run, relative to the first run
@@ -335,15 +335,15 @@ def _has_lumped(block: MotionBlock) -> bool:
 
 def _properties(block: MotionBlock, given: Mapping[str, cs.MX]) -> tuple[cs.MX, cs.MX]:
     """Return the properties of the elements, (4, n), and the lumped ones that the beam has."""
-    values, index = block.model.properties, Owners.of(block.model.beam, tuple(block.first)).index
+    values, owners = block.model.properties, owners_of(block.model.beam, tuple(block.first))
     factors = [*(given[name] / first for name, first in block.first.items()), cs.MX(1.0)]  # the last for the place -1
-    rows = index[: values.size].reshape(values.shape)
+    rows = owners[: values.size].reshape(values.shape)
     scaled = [
         cs.DM(own).T * (cs.horzcat(*(factors[k] for k in row)) if row.max() >= 0 else factors[-1])
         for own, row in zip(values, rows, strict=True)
     ]
-    owners = index[values.size :].tolist()
-    lumped = [value * factors[k] for value, k in zip(block.model.lumped.values(), owners, strict=True)]
+    pairs = zip(block.model.lumped.values(), owners[values.size :].tolist(), strict=True)
+    lumped = [value * factors[k] for value, k in pairs]
     return cs.vertcat(*scaled), cs.vertcat(cs.MX(0, 1), *lumped)
 
 

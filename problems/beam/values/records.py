@@ -44,7 +44,7 @@ from ancf_casadi.support.inputs import (
 )
 from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.modes import rigid_modes
-from problems.beam.properties import Owners
+from problems.beam.properties import owners_of
 from problems.beam.values.response import Respond, modal_response, place, readings, static_response
 
 ACCURACY = 1e-6  # relative accuracy of computed values; in standard deviations if these are given
@@ -106,7 +106,7 @@ class PropertyRecord(Displayed, ABC):
         return tuple(units.get(quantity, "Hz") for quantity in self.quantities)
 
     @abstractmethod
-    def response(self, owners: Owners) -> Respond:
+    def response(self, owners: Index) -> Respond:
         """Return the function from factors on the properties to the computed values (m,) and their Jacobian (m, p)."""
 
     def with_model(self, model: Model) -> Self:
@@ -221,7 +221,7 @@ class StaticRecord(PropertyRecord):
                 found.append((label, sensor.quantity, size))
         return [found[k] for k in self.present.tolist()]
 
-    def response(self, owners: Owners) -> Respond:
+    def response(self, owners: Index) -> Respond:
         """Return the function from factors on the properties to the computed values (m,) and their Jacobian (m, p)."""
         return static_response(self.model, self.cases, self.columns, self.tared, owners, self.present)
 
@@ -295,7 +295,7 @@ class FrequencyRecord(PropertyRecord):
     def _described(self) -> list[tuple[str, str, float]]:
         return [(f"mode {k}", "frequency", float(k)) for k in self.modes or ()]
 
-    def response(self, owners: Owners) -> Respond:
+    def response(self, owners: Index) -> Respond:
         """Return the function from factors on the properties to the computed values (m,) and their Jacobian (m, p)."""
         return modal_response(self.model, np.array(self.modes) - 1, owners)
 
@@ -365,7 +365,7 @@ class ValueBlock(Block):
     @cached_property
     def _computed(self) -> Differentiable:
         """The values as a differentiable function of the factors on the unknown properties."""
-        respond = self.record.response(Owners.of(self.record.model.beam, tuple(self.first)))
+        respond = self.record.response(owners_of(self.record.model.beam, tuple(self.first)))
         return Differentiable(respond, len(self.record.measured), len(self.first))
 
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:

@@ -32,19 +32,19 @@ from ancf_casadi.vibration.assembly import per_element, scatter, structure_prope
 from ancf_casadi.vibration.equilibrium import Equilibrium, neighbour, static_equilibrium
 from ancf_casadi.vibration.modal_state import ModalState, coordinate_derivatives, follow, followed_modes, gradient
 from ancf_casadi.vibration.modes import natural_modes
-from problems.beam.properties import Owners
+from problems.beam.properties import scaled, scaled_model
 
 Respond = Callable[[Array], tuple[Array, Array]]  # factors (p,) -> values (m,) and their Jacobian (m, p)
 
 STATIC_QUANTITIES = ("position", "displacement", "slope", "strain", "force", "moment")
 
 
-def modal_response(model: Model, numbers: Index, owners: Owners) -> Respond:
+def modal_response(model: Model, numbers: Index, owners: Index) -> Respond:
     """Return the function from factors to the natural frequencies (Hz) of modes, from 0, and their Jacobian."""
     standard = followed_modes(natural_modes(model, count=int(numbers.max()) + 1), numbers)
 
     def respond(factors: Array) -> tuple[Array, Array]:
-        properties, directions = owners.applied(standard.properties, factors)
+        properties, directions = scaled(standard.properties, owners, factors)
         state = follow(standard, properties)
         count = len(numbers)
         of_eigenvalues = gradient(state, np.eye(count), np.zeros((count, model.size, count)))
@@ -59,7 +59,7 @@ def static_response(
     cases: Sequence[Sequence[PointLoad]],
     sensors: Sequence[Sensor],
     tared: bool,
-    owners: Owners,
+    owners: Index,
     present: Index,
 ) -> Respond:
     """Return the function from factors to the readings that are present, case by case, and their Jacobian."""
@@ -72,24 +72,24 @@ def static_response(
         values, jacobians = (np.array(part) for part in zip(*found, strict=True))
         values = values[1:] - from_rest * values[0]
         jacobians = jacobians[1:] - from_rest[:, None] * jacobians[0]
-        return values.ravel()[present], jacobians.reshape(values.size, owners.count)[present]
+        return values.ravel()[present], jacobians.reshape(values.size, len(factors))[present]
 
     return respond
 
 
 def _read_at_rest(
-    model: Model, read: cs.Function, rest: Equilibrium, owners: Owners, factors: Array
+    model: Model, read: cs.Function, rest: Equilibrium, owners: Index, factors: Array
 ) -> tuple[Array, Array]:
     """Return the readings in one case, (k,), and their Jacobian, (k, p), from the equilibrium of the given beam."""
-    own, directions = owners.applied(rest.structure.properties, factors)
+    own, directions = scaled(rest.structure.properties, owners, factors)
     structure = replace(rest.structure, properties=own)
     at = neighbour(structure, rest.exact)
     if at is None:
-        at = static_equilibrium(owners.changed(model, factors), loads=rest.loads).exact
+        at = static_equilibrium(scaled_model(model, owners, factors), loads=rest.loads).exact
     state = ModalState(structure, at, np.arange(0), np.zeros(0), np.zeros((model.size, 0)))
     dq = coordinate_derivatives(state, directions)
     force, change = _base_forces(state, dq, directions)
-    size = len(owners.index)
+    size = len(owners)
     y, by_e, by_force, by_p = (part.full() for part in read(at.coordinates, force, own[:size]))
     return y.ravel(), by_e @ dq + by_force @ change + by_p @ directions[:size]
 

@@ -49,7 +49,7 @@ from problems.paper.air import Air, implied_drag_coefficient, viscous_damping_ra
 from problems.schema.beam import law_of
 from problems.study.data_table import Column, DataTable, columns_of
 from problems.study.drawing import Drawing, drawn, line, new_figure
-from problems.study.part import Effort, Finding, Found
+from problems.study.part import Finding, Found
 
 if TYPE_CHECKING:
     from problems.paper.reproduce import PaperPart
@@ -177,7 +177,7 @@ def ratio_curves(law: DampingLaw | None, modes: Modes, amplitudes: Sequence[floa
     return np.array([law.damping_ratios(modes, np.full(modes.count, amplitude)) for amplitude in amplitudes])
 
 
-def finding(part: PaperPart, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+def finding(part: PaperPart, results: Sequence[Any], found: Found) -> Finding:
     """Return the law, the drag coefficients, and the damping ratio against amplitude."""
     measured = []
     for row in found[part.decays].data:

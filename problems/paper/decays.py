@@ -29,7 +29,7 @@ from problems.paper.effects import (
 from problems.schema.beam import law_of
 from problems.study.data_table import DataTable, columns_of
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure, series
-from problems.study.part import Effort, Finding, Found, LawChoice, Task
+from problems.study.part import Finding, Found, LawChoice, Task
 
 if TYPE_CHECKING:
     from problems.paper.reproduce import PaperPart
@@ -39,30 +39,29 @@ CHARACTERISTICS = ("gross_motion", "frequency", "residual_motion")  # in Table 6
 LAW_HEADS = ("law", "frequency, Hz", "η1, 1/s", "η2, 1/m")
 
 
-def tasks(part: PaperPart, found: Found, effort: Effort) -> tuple[Task, ...]:
+def tasks(part: PaperPart, found: Found) -> tuple[Task, ...]:
     """Return the simulated decays, law by law: at the frequency of the part, then at the others of ``eta_effects``."""
-    beam, duration = part.beam_in(found), effort.window * part.duration
+    beam = part.beam_in(found)
     laws = [law_of(choice.of(found), Model(beam), choice.name) for choice in part.laws]
     return tuple(
         Task(
             simulate_decay,
-            (beam, law, frequency, part.amplitude, duration, effort.steps_per_period),
-            0.3 + 0.006 * frequency * duration,  # computing time of a decay, and of each of its periods
+            (beam, law, frequency, part.amplitude, part.duration, part.steps_per_period),
+            0.3 + 0.006 * frequency * part.duration,  # computing time of a decay, and of each of its periods
         )
         for law in laws
         for frequency in (part.frequency, *part.inputs.get("frequencies", ()))
     )
 
 
-def eta_effects(part: PaperPart, results: Sequence[SimulatedDecay], found: Found, effort: Effort) -> Finding:
+def eta_effects(part: PaperPart, results: Sequence[SimulatedDecay], found: Found) -> Finding:
     """Return the decays as tables and figures, with the words that follow from them."""
     count = 1 + len(part.inputs["frequencies"])
     by_law = [results[k * count : (k + 1) * count] for k in range(len(part.laws))]
     first, second = ([decay.envelope for decay in decays[1:]] for decays in by_law)
-    duration = effort.window * part.duration
-    horizon = min(HORIZON, duration)
+    horizon = min(HORIZON, part.duration)
     words = characteristics(first, second, horizon)
-    times = tuple(dict.fromkeys((horizon, duration)))
+    times = tuple(dict.fromkeys((horizon, part.duration)))
     data = {
         "decays": [
             _decay_numbers(law, decay, times) for law, decays in zip(part.laws, by_law, strict=True) for decay in decays
@@ -74,7 +73,7 @@ def eta_effects(part: PaperPart, results: Sequence[SimulatedDecay], found: Found
     }
     figures: list[Drawing] = []
     for law, decays in zip(part.laws, by_law, strict=True):
-        figures += _effect_drawings(law, decays, duration)
+        figures += _effect_drawings(law, decays, part.duration)
     rows = [  # each frequency once
         (law, decay)
         for law, decays in zip(part.laws, by_law, strict=True)
@@ -222,16 +221,16 @@ def _frequencies(law: LawChoice, decays: Sequence[SimulatedDecay], end: float) -
     return figure
 
 
-def ratio_change(part: PaperPart, results: Sequence[SimulatedDecay], found: Found, effort: Effort) -> Finding:
+def ratio_change(part: PaperPart, results: Sequence[SimulatedDecay], found: Found) -> Finding:
     """Return the damping ratios over time as a table and a figure."""
     ratios = [ratios_over_time(decay) for decay in results]
     crossings = [
         (crossing(results[0].envelope, one.envelope), crossing(results[0].formula, one.formula)) for one in results[1:]
     ]
-    duration = effort.window * part.duration
     data = {
         "decays": [
-            _decay_numbers(law, decay, (duration / 3, duration)) for law, decay in zip(part.laws, results, strict=True)
+            _decay_numbers(law, decay, (part.duration / 3, part.duration))
+            for law, decay in zip(part.laws, results, strict=True)
         ],
         "ratios": [
             {

@@ -21,7 +21,7 @@ from ancf_casadi.support.figures import Axes, Figure
 from ancf_casadi.vibration.equilibrium import static_equilibrium
 from ancf_casadi.vibration.modes import natural_modes
 from problems.study.drawing import drawn, line, new_figure, series
-from problems.study.part import Effort, Finding, Found
+from problems.study.part import Finding, Found
 
 if TYPE_CHECKING:
     from problems.paper.reproduce import PaperPart
@@ -31,7 +31,7 @@ SLOPES = np.array([[0.75, 0.66], [0.80, -0.60]])  # tau0 and taul
 END_NAMES = ("0", "l")
 
 
-def element(part: PaperPart, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+def element(part: PaperPart, results: Sequence[Any], found: Found) -> Finding:
     """Return the drawing of the element."""
     caption = (
         "Element of the beam: the positions r₀, rₗ and the slopes τ₀, τₗ of its nodes, in the inertial frame, "
@@ -40,7 +40,7 @@ def element(part: PaperPart, results: Sequence[Any], found: Found, effort: Effor
     return Finding({}, figures=(drawn(caption, element_figure),))
 
 
-def uniform_load(part: PaperPart, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+def uniform_load(part: PaperPart, results: Sequence[Any], found: Found) -> Finding:
     """Return the assumed deflection, and the largest differences of the computed ones, relative to that of the tip."""
     places, bent, mode = deflections(part.beam_in(found))
     caption = (
@@ -54,7 +54,7 @@ def uniform_load(part: PaperPart, results: Sequence[Any], found: Found, effort: 
     return Finding(differences, figures=(drawn(caption, lambda: deflection_figure(places, bent, mode)),))
 
 
-def omitted(part: PaperPart, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+def omitted(part: PaperPart, results: Sequence[Any], found: Found) -> Finding:
     """Return the labels of what is not computed, and the reason."""
     return Finding({"omitted": [*part.tables, *part.figures], "reason": part.text})
 

@@ -36,7 +36,7 @@ from problems.study.drawing import drawn, new_figure, series
 from problems.study.kinds.experiment import FEWEST_MODES, ExperimentResult, RequestedRun, decay_curve
 from problems.study.kinds.response import curve_numbers, draw_curve, summary_columns
 from problems.study.kinds.transients import experiment_tasks, results_of
-from problems.study.part import Effort, Finding, Found, Task, Terms
+from problems.study.part import Finding, Found, Task, Terms
 
 if TYPE_CHECKING:
     from problems.paper.reproduce import PaperPart
@@ -49,12 +49,12 @@ RANGE_MARGIN = 1.3  # of the expected change of frequency
 Resonance = tuple[dict[str, Any], Array]  # a curve, and the amplitude of the driven mode at the tip at each point, m
 
 
-def tasks(part: PaperPart, found: Found, effort: Effort, methods: Sequence[Method] = ("radau",)) -> tuple[Task, ...]:
+def tasks(part: PaperPart, found: Found, methods: Sequence[Method] = ("radau",)) -> tuple[Task, ...]:
     """Return the simulations, run by run, law by law and method by method."""
-    return experiment_tasks(part.runs, part.beam_in(found), found, effort, methods)
+    return experiment_tasks(part.runs, part.beam_in(found), found, methods)
 
 
-def amplitudes(part: PaperPart, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+def amplitudes(part: PaperPart, results: Sequence[Any], found: Found) -> Finding:
     """Return amplitude (m), damping ratio and frequency (Hz) in windows of each decay, and a figure per run."""
     by_run = results_of(part.runs, results)
     modes = natural_modes(Model(part.beam_in(found)), count=max(FEWEST_MODES, *(run.mode for run in part.runs)))
@@ -111,7 +111,7 @@ def _amplitude_figure(
     return figure
 
 
-def shapes(part: PaperPart, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+def shapes(part: PaperPart, results: Sequence[Any], found: Found) -> Finding:
     """Return the extent of the motion of the tip over one period (m), and the shapes, one panel per mode."""
     axis = np.array(part.beam_in(found).axis)
     data = []
@@ -143,7 +143,7 @@ def _shapes_figure(runs: Sequence[RequestedRun], results: Sequence[ExperimentRes
     return figure
 
 
-def integrators(part: PaperPart, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+def integrators(part: PaperPart, results: Sequence[Any], found: Found) -> Finding:
     """Return the damping ratios by both integrators, and the largest difference around the stop (m)."""
     pairs: list[tuple[ExperimentResult, ExperimentResult]] = list(zip(results[::2], results[1::2], strict=True))
     which = [(run, law) for run in part.runs for law in run.laws]
@@ -180,7 +180,7 @@ def _amplitude(motion: PeriodicMotion, mode: int) -> float:
     return float(np.ptp(modes.modal_coordinate(period.relative_coordinates, mode - 1)) / 2)
 
 
-def resonance_tasks(part: PaperPart, found: Found, effort: Effort) -> tuple[Task, ...]:
+def resonance_tasks(part: PaperPart, found: Found) -> tuple[Task, ...]:
     """Return the curve of each experiment under each law."""
     beam, terms = part.beam_in(found), {law.name: law.of(found) for law in part.laws}
     return tuple(
@@ -199,7 +199,7 @@ def _runs(part: PaperPart, found: Found) -> list[Mapping[str, Any]]:
     return [run for run in found[part.transients].data["runs"] if run["law"] in names]
 
 
-def resonances(part: PaperPart, results: Sequence[Resonance], found: Found, effort: Effort) -> Finding:
+def resonances(part: PaperPart, results: Sequence[Resonance], found: Found) -> Finding:
     """Return the curves of each mode in a panel, with the amplitudes that the experiments have reached."""
     runs = _runs(part, found)
     titles = {law.name: law.title for law in part.laws}

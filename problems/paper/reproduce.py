@@ -15,18 +15,18 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Self, final
+from typing import Annotated, Any, Self, final
 
 from ancf_casadi.support.inputs import choice
 from problems.paper import combined_law, decays, drawings, experiments
-from problems.schema.table import Positive
-from problems.study.kinds.experiment import RequestedRun
+from problems.schema.table import UNLISTED, Positive
+from problems.study.kinds.experiment import QUICK_STEPS, QUICK_WINDOW, STEPS_PER_PERIOD, RequestedRun
 from problems.study.kinds.transients import with_laws
-from problems.study.part import Effort, Finding, Found, LawChoice, Part, Source, Task
+from problems.study.part import Finding, Found, LawChoice, Part, Study, Task
 from problems.study.study import KINDS, StudyReport, write_study
 
-Tasks = Callable[["PaperPart", Found, Effort], tuple[Task, ...]]
-Result = Callable[["PaperPart", Sequence[Any], Found, Effort], Finding]
+Tasks = Callable[["PaperPart", Found], tuple[Task, ...]]
+Result = Callable[["PaperPart", Sequence[Any], Found], Finding]
 
 PAPER_FILE = Path(str(files("problems.paper").joinpath("paper.toml")))
 
@@ -62,24 +62,30 @@ class PaperPart(Part):
     amplitude: Positive = 0.076  # m, at the tip
     duration: Positive = 15.0  # s
     inputs: dict[str, Any] = field(default_factory=dict)  # of this script alone
+    steps_per_period: Annotated[int, UNLISTED] = STEPS_PER_PERIOD
 
-    def checked(self, source: Source, where: str) -> Self:
+    def checked(self, study: Study, where: str) -> Self:
         """Return the part with the laws of its runs, once its script is known."""
         choice(self.script, tuple(SCRIPTS), f"{where}: script")
         return replace(self, runs=with_laws(self.runs, self.laws))
+
+    def shortened(self) -> Self:
+        """Return the part of a quick look, with short simulations."""
+        return replace(self, runs=tuple(run.shortened() for run in self.runs), duration=QUICK_WINDOW * self.duration,
+                       steps_per_period=QUICK_STEPS)  # fmt: skip
 
     @property
     def needs(self) -> tuple[str, ...]:
         """Names of the parts whose findings it needs, and always the beam of the file."""
         return tuple(dict.fromkeys((*super().needs, "")))
 
-    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
+    def tasks(self, found: Found) -> tuple[Task, ...]:
         """Return the tasks of the script."""
-        return SCRIPTS[self.script][0](self, found, effort)
+        return SCRIPTS[self.script][0](self, found)
 
-    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Any], found: Found) -> Finding:
         """Return the finding of the script."""
-        return SCRIPTS[self.script][1](self, results, found, effort)
+        return SCRIPTS[self.script][1](self, results, found)
 
 
 ALL_KINDS: tuple[type[Part], ...] = (*KINDS, PaperPart)

@@ -227,6 +227,9 @@ class StudyFile:
             return ""
 
 
+NO_FILE = StudyFile("", {})
+
+
 def _named(tables: Any) -> Iterator[str]:
     """Yield the names of files in tables."""
     if isinstance(tables, dict):

@@ -25,26 +25,12 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.inputs import is_sequence, number, shown
 from problems.schema.beam import law_of, read_beam
-from problems.schema.table import UNLISTED, StudyFile
+from problems.schema.table import NO_FILE, UNLISTED, StudyFile
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing
 
 Terms = tuple[dict[str, Any], ...]  # tables [[damping]], the terms of one law
 Printed = dict[str, Any]  # printed numbers by column
-
-
-@dataclass(frozen=True)
-class Effort:
-    """Accuracy and length of the simulations of a study, and formats of its figures."""
-
-    steps_per_period: int  # least number of integrator steps per period of the excitation
-    driving: float  # time of excitation relative to the given one
-    window: float  # length of the fitted decays relative to the default
-    formats: tuple[str, ...]  # formats of the figures
-
-
-FULL = Effort(steps_per_period=24, driving=1.0, window=1.0, formats=("svg", "png"))
-QUICK = Effort(steps_per_period=12, driving=0.03, window=0.3, formats=("svg",))
 
 
 @dataclass(frozen=True)
@@ -68,7 +54,6 @@ class Finding:
     terms: Terms = ()  # the damping law that it has found, as tables [[damping]]
 
 
-NO_FILE = StudyFile("", {})
 Found = Mapping[str, Finding]  # findings, without tables and figures, by the name of their part
 
 
@@ -95,36 +80,6 @@ class LawChoice:
             own = {key: value for key, value in term.items() if key != "part"}
             terms += [other | own for other in found[term["part"]].terms] if "part" in term else [term]
         return tuple(terms)
-
-
-@dataclass(frozen=True)
-class Source:
-    """The file of a study, and what all parts share."""
-
-    file: StudyFile
-    laws: tuple[LawChoice, ...]  # the tables [[laws]]
-    seed: int  # of random numbers
-
-    @cached_property
-    def model(self) -> Model:
-        """The beam of the file."""
-        if "beam" not in self.file.tables:
-            raise InputError("the table is missing; this part needs a beam", self.file.where("beam"))
-        model = read_beam(self.file).model
-        if model.measures != StrainMeasures():
-            raise InputError(
-                "the document has strain measures that this part does not support; use the defaults",
-                self.file.where("beam"),
-            )
-        return model
-
-    def law_choice(self, name: Any, where: str) -> LawChoice:
-        """Return a law by its name."""
-        for law in self.laws:
-            if law.name == name:
-                law_of([term for term in law.terms if "part" not in term], self.model, f"{where}: {name}")  # check
-                return law
-        raise InputError(f"there is no law {shown(name)}; [[laws]] names them", where)
 
 
 def printed_numbers(given: Printed, columns: Mapping[str, int], where: str) -> Printed:
@@ -168,8 +123,12 @@ class Part(ABC):
     quick: Annotated[bool, Meta(description="in a quick look too")] = True
     printed_by: Annotated[str, UNLISTED] = "printed"  # origin of the printed numbers
 
-    def checked(self, source: Source, where: str) -> Self:
-        """Return the part with what it takes from its file, whose place messages call ``where``."""
+    def checked(self, study: Study, where: str) -> Self:
+        """Return the part with what it takes from its study; messages call its place ``where``."""
+        return self
+
+    def shortened(self) -> Self:
+        """Return the part of a quick look, with short simulations."""
         return self
 
     @property
@@ -179,12 +138,12 @@ class Part(ABC):
         laws = [name for law in getattr(self, "laws", ()) for name in law.needs]
         return tuple(dict.fromkeys((*named, *laws)))
 
-    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
+    def tasks(self, found: Found) -> tuple[Task, ...]:
         """Return the tasks of the part, given the findings of the parts that it needs."""
         return ()
 
     @abstractmethod
-    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Any], found: Found) -> Finding:
         """Return the finding, given the results of the tasks in their order."""
 
     def beam_in(self, found: Found) -> Beam:
@@ -201,8 +160,28 @@ class Part(ABC):
 
 
 @dataclass(frozen=True)
+class PartReport:
+    """A part that has run."""
+
+    part: Part
+    finding: Finding
+    seconds: float  # computing time of its tasks and of its finding, s, as they were when they ran
+    tasks: int
+    kept: int  # tasks, and the finding, that were kept from an earlier run
+    own_seconds: float  # of the computations that no part before it in the document has
+    own_tasks: int
+    tables: tuple[tuple[str, DataTable], ...] = ()  # its tables with their labels, once the document has them
+    figures: tuple[tuple[str, Drawing], ...] = ()  # its figures with their labels
+
+    @property
+    def name(self) -> str:
+        """Name of the part."""
+        return self.part.name
+
+
+@dataclass(frozen=True)
 class Study:
-    """A study: the keys of the table [study], and the parts in the order of the document."""
+    """A study: the keys of the table [study], its file with what all parts share, and the parts in their order."""
 
     title: str = ""
     parts: Annotated[tuple[Part, ...], UNLISTED] = ()
@@ -210,11 +189,34 @@ class Study:
     source: Annotated[str, Meta(description="a reference")] = ""  # of the work that the study follows
     printed_by: Annotated[str, Meta(description="origin of printed numbers")] = "printed"
     seed: Annotated[int, Meta(ge=0)] = 0  # of all random numbers
-    beam: Annotated[Beam | None, UNLISTED] = None  # of the file, if there is one
+    file: Annotated[StudyFile, UNLISTED] = NO_FILE
+    laws: Annotated[tuple[LawChoice, ...], UNLISTED] = ()  # the tables [[laws]]
+    beam: Annotated[Beam | None, UNLISTED] = None  # of the file, if a part needs it
+
+    @cached_property
+    def model(self) -> Model:
+        """The beam of the file."""
+        if "beam" not in self.file.tables:
+            raise InputError("the table is missing; this part needs a beam", self.file.where("beam"))
+        model = read_beam(self.file).model
+        if model.measures != StrainMeasures():
+            raise InputError(
+                "the document has strain measures that this part does not support; use the defaults",
+                self.file.where("beam"),
+            )
+        return model
+
+    def law_choice(self, name: Any, where: str) -> LawChoice:
+        """Return a law by its name."""
+        for law in self.laws:
+            if law.name == name:
+                law_of([term for term in law.terms if "part" not in term], self.model, f"{where}: {name}")  # check
+                return law
+        raise InputError(f"there is no law {shown(name)}; [[laws]] names them", where)
 
     def shortened(self) -> Study:
-        """Return the study without the parts that a quick look leaves out, and without those that need them."""
-        kept: dict[str, Part] = {part.name: part for part in self.parts if part.quick}
+        """Return the study of a quick look, without the parts that it leaves out, and without those that need them."""
+        kept: dict[str, Part] = {part.name: part.shortened() for part in self.parts if part.quick}
         while missing := [name for name, part in kept.items() if not set(part.needs) <= {"", *kept}]:
             kept = {name: part for name, part in kept.items() if name not in missing}
         return replace(self, parts=tuple(kept.values()))

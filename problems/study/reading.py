@@ -16,7 +16,7 @@ from typing import Any
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import shown
 from problems.schema.table import StudyFile, read
-from problems.study.part import LawChoice, Part, Source, Study
+from problems.study.part import LawChoice, Part, Study
 from problems.study.results import file_name
 
 SUGGESTED_KEYS = {  # parts that a table suggests
@@ -29,20 +29,21 @@ STUDY_TABLES = {"study", "timing", "versions", "data"}  # other keys of results.
 def read_study(path: str | Path, kinds: Sequence[type[Part]]) -> Study:
     """Read a study whose parts are of these kinds."""
     file = StudyFile.of(str(path), required=set())
-    about = read(file.tables.get("study", {}), Study, file.where("study"))
+    study = read(file.tables.get("study", {}), Study, file.where("study"))
     suggested = [{"kind": kind} for name in SUGGESTED_KEYS if name in file.tables for kind in SUGGESTED_KEYS[name]]
     tables = file.several("parts") or suggested
     if not tables:
         raise InputError("has nothing to study; add [beam], [[decays]] or [[parts]]", str(path))
-    source, where = Source(file, _laws(file), about.seed), file.where("parts")
+    study = replace(study, title=study.title or Path(path).stem, file=file, laws=_laws(file))
+    where = file.where("parts")
     parts: dict[str, Part] = {}
     for table in tables:
-        part = _part(source, table, {kind.kind: kind for kind in kinds}, parts, where)
-        parts[part.name] = replace(part, printed_by=about.printed_by)
+        part = _part(study, table, {kind.kind: kind for kind in kinds}, parts, where)
+        parts[part.name] = replace(part, printed_by=study.printed_by)
     _check_needs(parts, where)
     _check_labels(parts, where)
-    known = source.model.beam if any("" in part.needs for part in parts.values()) else None
-    return replace(about, title=about.title or Path(path).stem, parts=tuple(parts.values()), beam=known)
+    beam = study.model.beam if any("" in part.needs for part in parts.values()) else None
+    return replace(study, parts=tuple(parts.values()), beam=beam)
 
 
 def _laws(file: StudyFile) -> tuple[LawChoice, ...]:
@@ -61,7 +62,7 @@ def _laws(file: StudyFile) -> tuple[LawChoice, ...]:
     return tuple(found.values())
 
 
-def _part(source: Source, table: Any, kinds: Mapping[str, type[Part]], before: Mapping[str, Part], where: str) -> Part:
+def _part(study: Study, table: Any, kinds: Mapping[str, type[Part]], before: Mapping[str, Part], where: str) -> Part:
     kind = table.get("kind") if isinstance(table, dict) else None
     if not isinstance(kind, str) or kind not in kinds:
         raise InputError(f"kind must be one of {', '.join(kinds)}, got {shown(kind)}", where)
@@ -77,8 +78,8 @@ def _part(source: Source, table: Any, kinds: Mapping[str, type[Part]], before: M
     given = {"title": kinds[kind].heading, **table, "name": name}
     del given["kind"]
     place = f"{where}: {name}"
-    part = read(given, kinds[kind], place, {LawChoice: source.law_choice})
-    return part.checked(source, place)
+    part = read(given, kinds[kind], place, {LawChoice: study.law_choice})
+    return part.checked(study, place)
 
 
 def _check_needs(parts: Mapping[str, Part], where: str) -> None:

@@ -16,7 +16,7 @@ import base64
 import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from html import escape
 from importlib.resources import files
 from types import NoneType
@@ -25,9 +25,7 @@ from typing import Any
 from markupsafe import Markup
 
 from problems.study.data_table import DataTable
-from problems.study.drawing import Drawing
-from problems.study.part import Finding, Part, Study
-from problems.study.runner import PartTime
+from problems.study.part import PartReport, Study
 
 JSON_TYPES = {dict: "object", list: "array", str: "string", bool: "boolean", int: "integer", float: "number",
               NoneType: "null"}  # fmt: skip
@@ -37,40 +35,29 @@ NUMBER_AND_UNIT = re.compile(r"(?<=\d) (?=(?:%|[km]?Hz|[kmµ]?m|m?s|1/s|1/m|k?g|
 LEADING_NUMBER = re.compile(r"^(?:< |[(])?[-+–]?\d")
 
 
-@dataclass(frozen=True)
-class Shown:
-    """A part as the document shows it."""
+def labelled(reports: Sequence[PartReport]) -> tuple[PartReport, ...]:
+    """Return the reports with the labels of all tables and figures, and with the notes of each part."""
+    given = [label for one in reports for label in (*one.part.tables, *one.part.figures)]
+    taken = {file_name(label) for label in given}
+    numbered = {kind: _free(f"{kind} {'A' if given else ''}", taken) for kind in ("Table", "Figure")}
 
-    part: Part
-    finding: Finding
-    tables: tuple[tuple[str, DataTable], ...]  # its tables with their labels
-    figures: tuple[tuple[str, Drawing], ...]  # its figures with their labels
+    def label(kind: str, own: tuple[str, ...], k: int) -> str:
+        return own[k] if k < len(own) else next(numbered[kind])
 
-
-def labelled(study: Study, findings: Mapping[str, Finding]) -> tuple[Shown, ...]:
-    """Return the parts in order, their tables and figures with labels."""
-    own = any(part.tables or part.figures for part in study.parts)
-    taken = {file_name(label) for part in study.parts for label in (*part.tables, *part.figures)}
-    numbered = {kind: _free(f"{kind} {'A' if own else ''}", taken) for kind in ("Table", "Figure")}
-
-    def label(kind: str, given: tuple[str, ...], k: int) -> str:
-        return given[k] if k < len(given) else next(numbered[kind])
-
-    shown = []
-    for part in study.parts:
-        finding = findings[part.name]
-        tables = list(finding.tables)
+    found = []
+    for one in reports:
+        part, figures = one.part, one.finding.figures
+        tables = list(one.finding.tables)
         if tables:
             tables[0] = replace(tables[0], notes=(*tables[0].notes, *part.notes))
-        shown.append(
-            Shown(
-                part,
-                finding,
-                tuple((label("Table", part.tables, k), table) for k, table in enumerate(tables)),
-                tuple((label("Figure", part.figures, k), figure) for k, figure in enumerate(finding.figures)),
+        found.append(
+            replace(
+                one,
+                tables=tuple((label("Table", part.tables, k), table) for k, table in enumerate(tables)),
+                figures=tuple((label("Figure", part.figures, k), figure) for k, figure in enumerate(figures)),
             )
         )
-    return tuple(shown)
+    return tuple(found)
 
 
 def file_name(label: str) -> str:
@@ -87,27 +74,25 @@ def _free(kind: str, taken: set[str]) -> Iterator[str]:
             yield f"{kind}{number}"
 
 
-def results(
-    study: Study, shown: Sequence[Shown], steps: Sequence[PartTime], versions: Mapping[str, str], *, quick: bool
-) -> dict[str, Any]:
+def results(study: Study, reports: Sequence[PartReport], versions: Mapping[str, str], *, quick: bool) -> dict[str, Any]:
     """Return the numbers of a study as plain data; ``versions`` are those of the programs."""
     parts = [
         {
-            "name": one.part.name,
+            "name": one.name,
             "kind": one.part.kind,
             "title": one.part.title,
             "tables": [label for label, _ in one.tables],
             "figures": [label for label, _ in one.figures],
             "warnings": list(one.finding.warnings),
         }
-        for one in shown
+        for one in reports
     ]
     source = study.source.strip()
     return {
         "study": {"title": study.title, "source": source, "seed": study.seed, "quick": quick, "parts": parts},
         "versions": dict(versions),
-        **{one.part.name: one.finding.data for one in shown},
-        "timing": {step.name: step.seconds for step in steps},
+        **{one.name: one.finding.data for one in reports},
+        "timing": {one.name: one.seconds for one in reports},
     }
 
 
@@ -145,7 +130,7 @@ def _layout(values: Sequence[Any]) -> dict[str, Any]:
     return layout
 
 
-def page(study: Study, shown: Sequence[Shown], steps: Sequence[PartTime], **about: Any) -> str:
+def page(study: Study, reports: Sequence[PartReport], **about: Any) -> str:
     """Return the document as HTML.
 
     The circumstances are ``command``, ``versions`` of the programs, ``quick`` for shortened simulations, and
@@ -158,7 +143,7 @@ def page(study: Study, shown: Sequence[Shown], steps: Sequence[PartTime], **abou
     environment.filters["with_units"] = _with_units
     environment.globals |= {"svg": inline_svg, "numeric": _numeric, "zip": zip}
     source = files("problems.study").joinpath("page.html.jinja").read_text(encoding="utf-8")
-    return environment.from_string(source).render(study=study, parts=shown, steps=steps, about=about)
+    return environment.from_string(source).render(study=study, parts=reports, about=about)
 
 
 def _paragraphs(text: str) -> Markup:

@@ -5,8 +5,8 @@ holds any: first come the tasks of parts that other parts wait for, and among th
 as soon as it is there, so that a study that is stopped at any time continues from there.
 
 The key of a result is a hash of everything that it depends on: the function, its inputs, and the sources of this
-program with the version of CasADi.  Results are MessagePack files that are decoded into the declared type, so that a
-file from elsewhere is never executed.
+program with the version of CasADi.  A kept result is a MessagePack file with its computing time (s), decoded
+into the type that the function declares, so that a file from elsewhere is never executed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import time
 import typing
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, cached_property, partial
 from importlib.metadata import version
 from pathlib import Path
@@ -36,7 +36,7 @@ from ancf_casadi.support.files import write_file
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.parallel import COUNT_BAR, processes, unbroken
 from problems.study.drawing import only
-from problems.study.part import Effort, Finding, Found, Part, Study, Task
+from problems.study.part import Finding, Found, Part, PartReport, Study, Task
 
 SUFFIX = ".msgpack"
 STEPS_FOLDER = "steps"  # folder with the kept results
@@ -58,38 +58,25 @@ def decoded(content: bytes, kind: Any) -> Any:
     return msgspec.msgpack.decode(content, type=kind, dec_hook=_array)
 
 
-@dataclass(frozen=True)
-class Kept:
-    """A result as it is kept."""
-
-    seconds: float  # computing time, s
-    content: bytes  # the encoded result; all results pass through this form, whether new or kept
-
-    def result(self, task: Task) -> Any:
-        """Return the result of a task in the type that its function declares."""
-        return decoded(self.content, typing.get_type_hints(task.function)["return"])
-
-
-def run_task(task: Task) -> Kept:
-    """Run a task."""
+def run_task(task: Task) -> bytes:
+    """Run a task, and return its computing time and its result as they are kept; all results pass through this form."""
     began = time.perf_counter()
     result = task.function(*task.inputs)
-    return Kept(time.perf_counter() - began, encoded(result))
+    return encoded((time.perf_counter() - began, result))
 
 
-def kept_in(folder: Path, key: str, task: Task) -> Kept | None:
-    """Return the result under a key in a folder, or None if there is none that can be used."""
+def unpacked(content: bytes, task: Task) -> tuple[float, Any]:
+    """Return the computing time (s) of a task, and its result in the type that its function declares."""
+    seconds, result = msgspec.msgpack.decode(content, type=tuple[float, msgspec.Raw])
+    return seconds, decoded(result, typing.get_type_hints(task.function)["return"])
+
+
+def kept_in(folder: Path, key: str, task: Task) -> tuple[float, Any] | None:
+    """Return time and result under a key in a folder, or None if there are none that can be used."""
     try:
-        kept: Kept = decoded((folder / f"{key}{SUFFIX}").read_bytes(), Kept)
-        kept.result(task)
+        return unpacked((folder / f"{key}{SUFFIX}").read_bytes(), task)
     except (OSError, ValueError, msgspec.MsgspecError):
         return None
-    return kept
-
-
-def keep(folder: Path, key: str, kept: Kept) -> None:
-    """Keep a result under a key in a folder, which is created with the first one."""
-    write_file(folder / f"{key}{SUFFIX}", encoded(kept))
 
 
 def discard_all_but(folder: Path, keys: set[str]) -> None:
@@ -130,22 +117,10 @@ def _array(kind: Any, data: Any) -> Any:
     return np.frombuffer(content, np.dtype(name)).reshape(shape)
 
 
-@dataclass(frozen=True)
-class PartTime:
-    """Time of a finished part."""
-
-    name: str
-    seconds: float  # computing time of its tasks and of its finding, s, as they were when they ran
-    tasks: int
-    kept: int  # tasks, and the finding, that were kept from an earlier run
-    own_seconds: float  # of the computations that no part before it in the document has
-    own_tasks: int
-
-
 def run_parts(
-    study: Study, folder: Path, *, effort: Effort, jobs: int, executor: Executor | None, progress: bool
-) -> tuple[dict[str, Finding], tuple[PartTime, ...]]:
-    """Run all parts of a study, and return their findings by name with the time of each.
+    study: Study, folder: Path, *, formats: tuple[str, ...], jobs: int, executor: Executor | None, progress: bool
+) -> tuple[PartReport, ...]:
+    """Run all parts of a study, and return their findings with the time of each.
 
     A part may stand before those that it needs.  The folder is that of the results, with the finished tasks of an
     earlier run.
@@ -176,51 +151,54 @@ def run_parts(
         while waiting or running:
             for part in [part for part in waiting if findings.keys() >= set(part.needs)]:
                 waiting.remove(part)
-                go_on(part.name, _steps(part, findings, effort), None)
-            done = [name for name, (_, awaits) in running.items() if queue.kept.keys() >= set(awaits)]
+                go_on(part.name, _steps(part, findings, formats), None)
+            done = [name for name, (_, awaits) in running.items() if queue.results.keys() >= set(awaits)]
             for name in done:
                 steps, awaits = running.pop(name)
-                go_on(name, steps, [queue.kept[key].result(queue.tasks[key]) for key in awaits])
+                go_on(name, steps, [queue.results[key] for key in awaits])
             if not done:
                 queue.finish_one()
     discard_all_but(queue.folder, set(queue.tasks))
-    return {part.name: findings[part.name] for part in study.parts}, tuple(_times(keys, queue))
+    return tuple(_reports(study.parts, findings, keys, queue))
 
 
-def _times(keys: Mapping[str, Sequence[str]], queue: _Queue) -> Iterator[PartTime]:
-    """Yield the time of each part, whose last key is that of its finding."""
+def _reports(
+    parts: Sequence[Part], findings: Found, keys: Mapping[str, Sequence[str]], queue: _Queue
+) -> Iterator[PartReport]:
+    """Yield the findings with the time of each part, whose last key is that of its finding."""
     counted: set[str] = set()
-    for name, own in keys.items():
-        seconds = {key: queue.kept[key].seconds for key in own}
-        new = seconds.keys() - counted
+    for part in parts:
+        own = keys[part.name]
+        new = set(own) - counted
         counted |= new
-        yield PartTime(
-            name,
-            sum(seconds[key] for key in own),
-            len(own) - 1,
-            sum(key in queue.earlier for key in own),
-            sum(seconds[key] for key in new),
-            len(new - {own[-1]}),
+        yield PartReport(
+            part,
+            findings[part.name],
+            seconds=sum(queue.seconds[key] for key in own),
+            tasks=len(own) - 1,
+            kept=sum(key in queue.earlier for key in own),
+            own_seconds=sum(queue.seconds[key] for key in new),
+            own_tasks=len(new - {own[-1]}),
         )
 
 
 _Steps = Generator[list[Task], Any, Finding]
 
 
-def _steps(part: Part, findings: Found, effort: Effort) -> _Steps:
+def _steps(part: Part, findings: Found, formats: tuple[str, ...]) -> _Steps:
     """Yield the tasks of a part, then its finding as a task, and return the finding."""
     found = {name: replace(findings[name], tables=(), figures=(), warnings=()) for name in part.needs}
-    tasks = part.tasks(found, effort)
+    tasks = part.tasks(found)
     results = yield list(tasks)
     cost = 0.2 * (1 + len(tasks))  # s, to draw a figure; most parts have one for each task
     finding: Finding
-    (finding,) = yield [Task(_finding, (part.kind, part, results, found, effort), cost)]
+    (finding,) = yield [Task(_finding, (part.kind, part, results, found, formats if part.draw else ()), cost)]
     return finding
 
 
-def _finding(kind: str, part: Part, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
-    with located(part.name), only(effort.formats if part.draw else ()):
-        finding = part.finding(results, found, effort)
+def _finding(kind: str, part: Part, results: Sequence[Any], found: Found, formats: tuple[str, ...]) -> Finding:
+    with located(part.name), only(formats):
+        finding = part.finding(results, found)
     return finding if part.draw else replace(finding, figures=())
 
 
@@ -234,11 +212,12 @@ class _Queue:
     def __init__(self, folder: Path, start: Callable[[], Executor | None], most: float, bar: Any) -> None:
         self.folder = folder
         self.tasks: dict[str, Task] = {}
-        self.kept: dict[str, Kept] = {}
-        self.earlier: set[str] = set()
+        self.results: dict[str, Any] = {}
+        self.seconds: dict[str, float] = {}  # computing times, as they were when the tasks ran
+        self.earlier: set[str] = set()  # kept from an earlier run
         self._start, self._most, self._bar = start, most, bar
         self._waiting: list[tuple[bool, float, int, str]] = []  # a heap: not urgent, -cost, order, key
-        self._running: dict[Future[Kept], str] = {}
+        self._running: dict[Future[bytes], str] = {}
 
     def cancel(self) -> None:
         """Drop the tasks that an executor has not begun."""
@@ -258,7 +237,7 @@ class _Queue:
                 continue
             self.tasks[key] = task
             if (kept := kept_in(self.folder, key, task)) is not None:
-                self.kept[key] = kept
+                self.seconds[key], self.results[key] = kept
                 self.earlier.add(key)
             else:
                 heapq.heappush(self._waiting, (not urgent, -task.cost, len(self.tasks), key))
@@ -278,7 +257,7 @@ class _Queue:
             for future in wait(self._running, return_when=FIRST_COMPLETED).done:
                 self._keep(self._running.pop(future), future.result())
 
-    def _keep(self, key: str, kept: Kept) -> None:
-        keep(self.folder, key, kept)
-        self.kept[key] = kept
+    def _keep(self, key: str, content: bytes) -> None:
+        write_file(self.folder / f"{key}{SUFFIX}", content)
+        self.seconds[key], self.results[key] = unpacked(content, self.tasks[key])
         self._bar.update(self.tasks[key].cost)

@@ -36,10 +36,10 @@ from problems.study.kinds.motion import Comparison, MotionFit, PlanPart, Simulat
 from problems.study.kinds.rayleigh import Rayleigh
 from problems.study.kinds.response import ResponsePart
 from problems.study.kinds.transients import Transients
-from problems.study.part import FULL, QUICK, LawChoice, Part, Study
+from problems.study.part import LawChoice, Part, PartReport, Study
 from problems.study.reading import read_study
-from problems.study.results import Shown, file_name, labelled, page, results, schema
-from problems.study.runner import PartTime, run_parts
+from problems.study.results import file_name, labelled, page, results, schema
+from problems.study.runner import run_parts
 
 KINDS: tuple[type[Part], ...] = (  # that users' files name, in the order of the help
     BeamProperties, ModesOfBeam, Decays, Rayleigh, Match, SimulationPart, ResponsePart, MotionFit, Comparison,
@@ -59,10 +59,8 @@ class StudyReport(Displayed):
         The HTML document.
     results : dict
         The numbers, as in ``results.json``.
-    parts : tuple of Shown
-        The parts with their tables and figures.
-    steps : tuple of PartTime
-        Time of each part.
+    parts : tuple of PartReport
+        The parts with their tables, figures and times.
 
     Examples
     --------
@@ -78,13 +76,17 @@ class StudyReport(Displayed):
 
     page: Path
     results: Mapping[str, Any]
-    parts: tuple[Shown, ...]
-    steps: tuple[PartTime, ...]
+    parts: tuple[PartReport, ...]
+
+    @property
+    def steps(self) -> tuple[PartReport, ...]:
+        """The parts with their times."""
+        return self.parts
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the results, with the name of the part."""
-        return tuple(f"{part.part.name}: {warning}" for part in self.parts for warning in part.finding.warnings)
+        return tuple(f"{part.name}: {warning}" for part in self.parts for warning in part.finding.warnings)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the results for JSON."""
@@ -185,27 +187,21 @@ def write_study(
     quick, jobs = flag(quick, "quick"), whole(jobs, "jobs", 1)
     whole_study = read_study(path, kinds)
     study = whole_study.shortened() if quick else whole_study
-    findings, steps = run_parts(
-        study,
-        folder,
-        effort=QUICK if quick else FULL,
-        executor=executor,
-        jobs=jobs,
-        progress=flag(progress, "progress"),
-    )
-    shown = labelled(study, findings)
-    left_out = tuple(part.title for part in whole_study.parts if part.name not in findings)
+    formats, progress = ("svg",) if quick else ("svg", "png"), flag(progress, "progress")
+    ran = run_parts(study, folder, formats=formats, executor=executor, jobs=jobs, progress=progress)
+    parts = labelled(ran)
+    left_out = [part.title for part in whole_study.parts if part.name not in {one.name for one in parts}]
     versions = {"ancf-casadi": __version__, **{name: version(name) for name in ("casadi", "numpy", "scipy")}}
-    numbers = results(study, shown, steps, versions, quick=quick)
-    document = page(study, shown, steps, command=command, versions=versions, quick=quick, left_out=left_out)
-    _write(folder, study, shown, numbers, document)
-    return StudyReport(folder / PAGE, numbers, shown, steps)
+    report = StudyReport(folder / PAGE, results(study, parts, versions, quick=quick), parts)
+    document = page(study, parts, command=command, versions=versions, quick=quick, left_out=left_out)
+    _write(report, to_json(schema(study, report.results)), document)
+    return report
 
 
-def _write(folder: Path, study: Study, shown: tuple[Shown, ...], numbers: Mapping[str, Any], document: str) -> None:
+def _write(report: StudyReport, layout: str, document: str) -> None:
     """Write all files of a study, all or none, and remove numbered ones that are left from another study."""
-    contents: dict[Path, str | bytes] = {}
-    for part in shown:
+    folder, contents = report.page.parent, dict[Path, str | bytes]()
+    for part in report.parts:
         for label, table in part.tables:
             contents[folder / "tables" / f"{file_name(label)}.csv"] = table.table().csv()
         for label, figure in part.figures:
@@ -214,9 +210,7 @@ def _write(folder: Path, study: Study, shown: tuple[Shown, ...], numbers: Mappin
                 contents[folder / "figures" / f"{file_name(label)}.png"] = figure.png
             if figure.moving:
                 contents[folder / "figures" / f"{file_name(label)}.gif"] = figure.moving
-    contents[folder / SCHEMA_FILE] = to_json(schema(study, numbers))
-    contents[folder / NUMBERS_FILE] = to_json(numbers)
-    contents[folder / PAGE] = document
+    contents |= {folder / SCHEMA_FILE: layout, folder / NUMBERS_FILE: to_json(report.results), report.page: document}
     write_files(contents)
     for earlier in (*folder.glob("tables/*"), *folder.glob("figures/*")):
         if NUMBERED.fullmatch(earlier.name) and earlier not in contents:  # of another study in this folder

@@ -24,7 +24,7 @@ from problems.schema.match import MatchTable, request_of
 from problems.schema.table import Positive, read
 from problems.study.data_table import Column, DataTable, columns_of
 from problems.study.drawing import FIGURE_WIDTH, Drawing, drawn, new_figure, series
-from problems.study.part import Effort, Finding, Found, Part, Printed, Source, Task, printed_numbers
+from problems.study.part import Finding, Found, Part, Printed, Study, Task, printed_numbers
 
 BEAM_ROWS = (("length", "mm", 1e3), ("width", "mm", 1e3), ("thickness", "mm", 1e3), ("density", "kg/m³", 1.0),
         ("elastic_modulus", "GPa", 1e-9))  # fmt: skip
@@ -46,11 +46,11 @@ class BeamProperties(Part):
         ),
     ] = field(default_factory=dict)
 
-    def checked(self, source: Source, where: str) -> Self:
+    def checked(self, study: Study, where: str) -> Self:
         """Return the part with its printed numbers."""
         return replace(self, printed=printed_numbers(self.printed, {"value": len(BEAM_ROWS)}, where))
 
-    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Any], found: Found) -> Finding:
         """Return the table of properties."""
         beam = self.beam_in(found)
         means = {name: float(np.mean(getattr(beam, name))) for name, *_ in BEAM_ROWS}
@@ -88,12 +88,12 @@ class ModesOfBeam(Part):
     beam: Annotated[str, Meta(description='"PART"')] = ""
     printed: Annotated[Printed, Meta(description="{frequency (Hz)}")] = field(default_factory=dict)
 
-    def checked(self, source: Source, where: str) -> Self:
+    def checked(self, study: Study, where: str) -> Self:
         """Return the part with its printed numbers."""
-        whole(self.modes, f"{where}: modes", 1, source.model.freedoms)
+        whole(self.modes, f"{where}: modes", 1, study.model.freedoms)
         return replace(self, printed=printed_numbers(self.printed, {"frequency": self.modes}, where))
 
-    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Any], found: Found) -> Finding:
         """Return the table of frequencies, and the shapes."""
         beam = self.beam_in(found)
         modes = natural_modes(Model(beam), count=self.modes)
@@ -137,21 +137,21 @@ class Match(Part, MatchTable):
         ),
     ] = field(default_factory=dict)
 
-    def checked(self, source: Source, where: str) -> Self:
+    def checked(self, study: Study, where: str) -> Self:
         """Return the part with the keys of [match], if it has none of its own."""
         own: MatchTable = self
         if not self.request:
-            own = read(source.file.needed("match"), MatchTable, source.file.where("match"))
+            own = read(study.file.needed("match"), MatchTable, study.file.where("match"))
         with located(where):
             modes = len(request_of(own)["targets"])
         columns = {"standard": modes, "optimum": modes, "value": len(ELEMENT_ROWS)}
         return replace(self, **own.request, printed=printed_numbers(self.printed, columns, where))
 
-    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
+    def tasks(self, found: Found) -> tuple[Task, ...]:
         """Return the match."""
         return (Task(match_plain, (self.beam_in(found), self.request), 2.0),)
 
-    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Any], found: Found) -> Finding:
         """Return the properties, the frequencies, and both as figures."""
         (matched, data, ranges), beam = results[0], self.beam_in(found)
         figures = (

@@ -32,7 +32,7 @@ from problems.schema.motion import read_measured
 from problems.schema.table import UNLISTED, Positive, read
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
-from problems.study.part import Effort, Finding, Found, Part, Printed, Source, Task, printed_numbers
+from problems.study.part import Finding, Found, Part, Printed, Study, Task, printed_numbers
 
 PRINTED = ("frequency", "damping_ratio", "eta1", "eta2")
 SYNTHETIC_STD = 0.2e-3  # m, of synthetic decays
@@ -173,9 +173,9 @@ class Decays(Part):
     )
     decays: Annotated[tuple[Decay, ...], UNLISTED] = ()
 
-    def checked(self, source: Source, where: str) -> Self:
+    def checked(self, study: Study, where: str) -> Self:
         """Return the part with its records."""
-        tables = source.file.several("decays") if self.records is None else self.records
+        tables = study.file.several("decays") if self.records is None else self.records
         if not tables:
             raise InputError("is missing; name the records, or add tables [[decays]]", f"{where}: records")
         decays = []
@@ -185,10 +185,10 @@ class Decays(Part):
                 check_keys(table, {"synthetic"}, set(), place)
                 given = read(table["synthetic"], SyntheticDecay, f"{place}: synthetic")
                 with located(place):
-                    decays.append(self._synthetic(given, source.seed, k))
+                    decays.append(self._synthetic(given, study.seed, k))
                 continue
             measured = read(table, DecayRecord, place)
-            recording = read_measured(source.file, asdict(measured), place)
+            recording = read_measured(study.file, asdict(measured), place)
             with located(place):
                 record = Measurement.from_recording(recording, measured.column, unit=measured.unit)
                 decays.append(Decay(record.cut(measured.begin, measured.end), "", measured.release_time))
@@ -218,11 +218,11 @@ class Decays(Part):
         record = Measurement(time, exact.full().ravel() + noise, f"mode {mode}, synthetic")
         return Decay(record, about, 0.0)
 
-    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
+    def tasks(self, found: Found) -> tuple[Task, ...]:
         """Return the fits."""
         return tuple(Task(fit_plain, (decay, self.law, self.rest), 0.2) for decay in self.decays)
 
-    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Any], found: Found) -> Finding:
         """Return the table of modal parameters, and a figure per record."""
         fits: Sequence[FittedDecay] = results
         numbered = list(enumerate(zip(self.decays, fits, strict=True), start=1))

@@ -43,14 +43,17 @@ from ancf_casadi.support.inputs import located, whole
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.decay.fitting import fit_decay
 from problems.schema.beam import law_of
-from problems.schema.table import Positive
+from problems.schema.table import UNLISTED, Positive
 from problems.study.drawing import band
-from problems.study.part import Effort, LawChoice, Source, Terms
+from problems.study.part import LawChoice, Study, Terms
 
 EXPERIMENT_TOLERANCE = 1e-4  # of the integrator, over the tip amplitude relative to the length
 IDAS_RATIO = 0.04  # tolerance of IDAS_RATIO relative to that of Radau, for errors of the same size
 PERIOD_SAMPLES = 40  # per period
 FEWEST_MODES = 5
+STEPS_PER_PERIOD, QUICK_STEPS = 24, 12  # least number of integrator steps per period of the excitation
+QUICK_DRIVING = 0.03  # time of excitation in a quick look relative to the given one
+QUICK_WINDOW = 0.3  # length of a fitted decay in a quick look relative to the full one
 
 
 @dataclass(frozen=True)
@@ -65,10 +68,17 @@ class RequestedRun:
     window: Annotated[Positive, Meta(description="s, of the fitted decay")] = 0.0
     laws: tuple[LawChoice, ...] = ()
     measured_ratio: float = math.nan
+    relative_window: Annotated[float, UNLISTED] = 1.0  # length of the fitted decay relative to the full one
+    steps_per_period: Annotated[int, UNLISTED] = STEPS_PER_PERIOD
 
-    def check(self, source: Source, where: str) -> None:
+    def shortened(self) -> RequestedRun:
+        """Return the run of a quick look."""
+        return replace(self, stop=QUICK_DRIVING * self.stop, ramp=QUICK_DRIVING * self.ramp,
+                       relative_window=QUICK_WINDOW, steps_per_period=QUICK_STEPS)  # fmt: skip
+
+    def check(self, study: Study, where: str) -> None:
         """Check the run."""
-        whole(self.mode, f"{where}: mode", 1, source.model.freedoms)
+        whole(self.mode, f"{where}: mode", 1, study.model.freedoms)
         if not self.laws:
             raise InputError("name at least one of [[laws]]", f"{where}: laws")
         with located(where):
@@ -89,9 +99,7 @@ class ExperimentResult:
     shapes: Array  # (13, 41, 2): positions of points along the beam, m, over the last period before the stop
 
 
-def run_experiment(
-    beam: Beam, terms: Terms, run: RequestedRun, effort: Effort, method: Method = "radau"
-) -> ExperimentResult:
+def run_experiment(beam: Beam, terms: Terms, run: RequestedRun, method: Method = "radau") -> ExperimentResult:
     """Simulate the experiment of a run under a law, and fit its decay."""
     modes = natural_modes(Model(beam), count=max(FEWEST_MODES, run.mode))
     law = law_of(terms, modes.model, "damping")
@@ -100,7 +108,7 @@ def run_experiment(
     def ratio(amplitude: float) -> float:
         return 0.0 if law is None else float(law.damping_ratios(modes, [amplitude] * modes.count)[mode])
 
-    base, window = _excitation(run, effort, modes, ratio(run.amplitude))
+    base, window = _excitation(run, modes, ratio(run.amplitude))
     size = run.amplitude / beam.length
     tolerance = min(EXPERIMENT_TOLERANCE * size, 1e-5) * (IDAS_RATIO if method == "idas" else 1.0)  # largest tolerance
     trajectory = simulate(
@@ -111,7 +119,7 @@ def run_experiment(
         sample_rate=PERIOD_SAMPLES * base.frequency,
         method=method,
         tolerance=tolerance,
-        largest_step=1 / (effort.steps_per_period * base.frequency),
+        largest_step=1 / (run.steps_per_period * base.frequency),
     )
     motion = modes.modal_coordinate(trajectory.relative_coordinates, mode)
     after = trajectory.time >= trajectory.time[-1] - window
@@ -164,7 +172,7 @@ def decay_curve(result: ExperimentResult) -> DampingCurve:
         return damping_curve(decay, release_time=float(decay.time[0]))
 
 
-def _excitation(run: RequestedRun, effort: Effort, modes: Modes, ratio: float) -> tuple[HarmonicBase, float]:
+def _excitation(run: RequestedRun, modes: Modes, ratio: float) -> tuple[HarmonicBase, float]:
     """Return the base motion and the length of the fitted decay, given the damping ratio at the requested amplitude."""
     mode = run.mode - 1
     ω = float(modes.angular_frequencies[mode])
@@ -175,7 +183,7 @@ def _excitation(run: RequestedRun, effort: Effort, modes: Modes, ratio: float) -
     base = replace(unit, amplitude=run.amplitude / (participation(modes, mode) * growth))
     halving = math.log(2) * base.frequency / (ratio * ω) if ratio else math.inf  # periods
     periods = run.window * base.frequency or min(halving, 70)  # periods of a fitted decay
-    return base, max(effort.window * periods, 8) / base.frequency
+    return base, max(run.relative_window * periods, 8) / base.frequency
 
 
 def participation(modes: Modes, mode: int) -> float:

@@ -22,10 +22,10 @@ from problems.beam.fitting import compare_laws, fit_beam
 from problems.schema.motion import read_simulation
 from problems.schema.plan import PLAN_TABLES, read_plan
 from problems.schema.records import NUMBERS, read_measurements
-from problems.schema.table import UNLISTED, StudyFile
+from problems.schema.table import NO_FILE, UNLISTED, StudyFile
 from problems.study.data_table import Column, DataTable, columns_of
 from problems.study.drawing import drawn
-from problems.study.part import NO_FILE, Effort, Finding, Found, Part, Source, Task
+from problems.study.part import Finding, Found, Part, Study, Task
 
 MOTION_TABLES = {"beam", "damping", "base", "load", "release", "records", *NUMBERS, "predictions", "fit"}
 
@@ -44,20 +44,20 @@ class FilePart(Part, ABC):
     def compute(file: StudyFile) -> Finding:
         """Return the finding from the tables of the file."""
 
-    def checked(self, source: Source, where: str) -> Self:
+    def checked(self, study: Study, where: str) -> Self:
         """Return the part with the tables that it reads, once they are checked."""
-        self.check(source.file, where)
-        return replace(self, given=source.file.only(self.wanted))
+        self.check(study.file, where)
+        return replace(self, given=study.file.only(self.wanted))
 
     def check(self, file: StudyFile, where: str) -> None:
         """Check the tables; most of these parts read measurements."""
         read_measurements(file)
 
-    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
+    def tasks(self, found: Found) -> tuple[Task, ...]:
         """Return the computation."""
         return (Task(self.compute, (self.given,), self.seconds),)
 
-    def finding(self, results: Sequence[Finding], found: Found, effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Finding], found: Found) -> Finding:
         """Return what the computation has found."""
         return results[0]
 
@@ -74,7 +74,7 @@ class SimulationPart(FilePart):
 
     animate: Annotated[bool, Meta(description="with a moving picture")] = False
 
-    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
+    def tasks(self, found: Found) -> tuple[Task, ...]:
         """Return the computation."""
         return (Task(self.compute, (self.given, self.animate), self.seconds),)
 

@@ -17,7 +17,7 @@ from problems.modal_damping.rayleigh import RayleighFit, fit_rayleigh, rayleigh_
 from problems.schema.table import Positive
 from problems.study.data_table import Column, columns_of
 from problems.study.drawing import drawn, line, new_figure
-from problems.study.part import Effort, Finding, Found, Part, Printed, Source, printed_numbers
+from problems.study.part import Finding, Found, Part, Printed, Study, printed_numbers
 
 
 class OtherModes(Struct, frozen=True):
@@ -45,7 +45,7 @@ class Rayleigh(Part):
     examples: Annotated[tuple[tuple[float, float], ...], Meta(description="[[alpha, beta], ...]: laws to draw")] = ()
     printed: Annotated[Printed, Meta(description="{value = [alpha, beta]}")] = field(default_factory=dict)
 
-    def checked(self, source: Source, where: str) -> Self:
+    def checked(self, study: Study, where: str) -> Self:
         """Return the part with its printed numbers, once its modes have a law."""
         with located(where):
             fit_rayleigh(self.frequencies, self.ratios, ratio_std=self.ratio_std or None)
@@ -56,7 +56,7 @@ class Rayleigh(Part):
                 )
         return replace(self, printed=printed_numbers(self.printed, {"value": 2}, where))
 
-    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Any], found: Found) -> Finding:
         """Return the coefficients, and the damping ratio against frequency."""
         deviations = self.ratio_std
         if self.identified_by:

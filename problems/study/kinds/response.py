@@ -28,10 +28,10 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Axes, Figure
 from ancf_casadi.vibration.modes import natural_modes
 from problems.schema.motion import ResponseTask, read_response
-from problems.schema.table import UNLISTED, StudyFile
+from problems.schema.table import NO_FILE, UNLISTED, StudyFile
 from problems.study.data_table import Column, columns_of
 from problems.study.drawing import drawn, new_figure, series
-from problems.study.part import NO_FILE, Effort, Finding, Found, Part, Source, Task
+from problems.study.part import Finding, Found, Part, Study, Task
 
 RESPONSE_TABLES = {"beam", "damping", "response", "markers"}
 TIP_KEY = "tip"
@@ -111,17 +111,17 @@ class ResponsePart(Part):
     levels: Annotated[tuple[float, ...], UNLISTED] = ()
     unit: Annotated[str, UNLISTED] = ""
 
-    def checked(self, source: Source, where: str) -> Self:
+    def checked(self, study: Study, where: str) -> Self:
         """Return the part with its levels and the tables that it reads."""
-        task = read_response(source.file)
-        return replace(self, given=source.file.only(RESPONSE_TABLES), levels=task.levels, unit=task.unit)
+        task = read_response(study.file)
+        return replace(self, given=study.file.only(RESPONSE_TABLES), levels=task.levels, unit=task.unit)
 
-    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
+    def tasks(self, found: Found) -> tuple[Task, ...]:
         """Return the curve of each level."""
         # expected computing time of a curve
         return tuple(Task(level_curve, (self.given, level), 5.0) for level in self.levels)
 
-    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Any], found: Found) -> Finding:
         """Return the curves with their peaks and jumps."""
         titles = level_titles(self.levels, self.unit)
         columns = (Column("excitation", titles), *summary_columns(results))

@@ -23,7 +23,7 @@ from problems.schema.table import keys_of
 from problems.study.data_table import Column, DataTable, columns_of
 from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, series
 from problems.study.kinds.experiment import ExperimentResult, RequestedRun, run_experiment
-from problems.study.part import Effort, Finding, Found, LawChoice, Part, Printed, Source, Task, printed_numbers
+from problems.study.part import Finding, Found, LawChoice, Part, Printed, Study, Task, printed_numbers
 
 TRANSIENT_KEYS = {"experiment", "runs"}  # other keys of its numbers
 
@@ -36,19 +36,15 @@ def with_laws(runs: Sequence[RequestedRun], laws: tuple[LawChoice, ...]) -> tupl
 
 
 def experiment_tasks(
-    runs: Sequence[RequestedRun], beam: Beam, found: Found, effort: Effort, methods: Sequence[Method] = ("radau",)
+    runs: Sequence[RequestedRun], beam: Beam, found: Found, methods: Sequence[Method] = ("radau",)
 ) -> tuple[Task, ...]:
     """Return the simulations of runs as tasks: run by run, law by law, method by method."""
     tasks = []
     for run in runs:
-        own = replace(  # without what does not concern the simulation
-            run, stop=effort.driving * run.stop, ramp=effort.driving * run.ramp, laws=(), measured_ratio=math.nan
-        )
+        own = replace(run, laws=(), measured_ratio=math.nan)  # without what does not concern the simulation
         cost = 0.01 * max(own.frequency, 2.0) * (own.stop + max(own.window, 1.0))  # by the number of periods
         tasks += [
-            Task(run_experiment, (beam, law.of(found), own, effort, method), cost)
-            for law in run.laws
-            for method in methods
+            Task(run_experiment, (beam, law.of(found), own, method), cost) for law in run.laws for method in methods
         ]
     return tuple(tasks)
 
@@ -76,22 +72,26 @@ class Transients(Part):
         default_factory=dict
     )
 
-    def checked(self, source: Source, where: str) -> Self:
+    def checked(self, study: Study, where: str) -> Self:
         """Return the part with its laws and printed numbers."""
         runs = with_laws(self.runs, self.laws)
         for k, run in enumerate(runs, start=1):
-            run.check(source, f"{where}: runs: {k}")
+            run.check(study, f"{where}: runs: {k}")
         laws = {law.name: law for run in runs for law in run.laws}
         if taken := TRANSIENT_KEYS & laws.keys():
             raise InputError(f"the name {', '.join(sorted(taken))} is taken in results.json; rename the law", where)
         printed = printed_numbers(self.printed, dict.fromkeys(laws, len(runs)), where)
         return replace(self, runs=runs, laws=tuple(laws.values()), printed=printed)
 
-    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
-        """Return the simulations, run by run and law by law."""
-        return experiment_tasks(self.runs, self.beam_in(found), found, effort)
+    def shortened(self) -> Self:
+        """Return the part of a quick look, with short runs."""
+        return replace(self, runs=tuple(run.shortened() for run in self.runs))
 
-    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+    def tasks(self, found: Found) -> tuple[Task, ...]:
+        """Return the simulations, run by run and law by law."""
+        return experiment_tasks(self.runs, self.beam_in(found), found)
+
+    def finding(self, results: Sequence[Any], found: Found) -> Finding:
         """Return the damping ratios, the amplitudes, and a figure per run."""
         which = [(k, law) for k, run in enumerate(self.runs) for law in run.laws]
         rows: list[Row] = [

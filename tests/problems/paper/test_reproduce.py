@@ -52,8 +52,9 @@ class TestContents:
     def test_a_quick_look_shows_something_of_every_section(self, study):
         """Of the numbered tables and figures, those of one part are missing, which repeat others with another law."""
         kept = study.shortened().parts
+        names = {part.name for part in kept}
         assert [part.section for part in kept if part.section] == [part.section for part in study.parts if part.section]
-        (missing,) = (part for part in study.parts if part.tables + part.figures and part not in kept)
+        (missing,) = (part for part in study.parts if part.tables + part.figures and part.name not in names)
         assert missing.tables + missing.figures == ("Table 12", *(f"Figure {k}" for k in range(24, 28)))
 
     def test_says_why_the_photographs_are_not_computed(self, study):

@@ -12,10 +12,9 @@ import pytest
 
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import FIGURE_WIDTH, STYLE
-from problems.study.part import Finding, Study
+from problems.study.part import Finding, PartReport, Study
 from problems.study.results import _numeric, file_name, inline_svg, labelled
 from problems.study.results import page as document
-from problems.study.runner import PartTime
 from problems.study.study import StudyReport, run_study
 from tests.problems.conftest import BEAM, DECAYS, RAYLEIGH
 from tests.problems.study.test_runner import Doubles
@@ -263,11 +262,11 @@ class TestLabels:
         table, figure = small_paper.parts[1].tables[0][1], small_paper.parts[0].figures[0][1]
         finding = Finding({}, (table, table), (figure,))
         plain = Study("plain", (self.part("a"), self.part("b")))
-        shown = labelled(plain, {"a": finding, "b": finding})
+        shown = labelled([PartReport(part, finding, 0.0, 0, 0, 0.0, 0) for part in plain.parts])
         assert [label for part in shown for label, _ in part.tables] == ["Table 1", "Table 2", "Table 3", "Table 4"]
         assert [label for part in shown for label, _ in part.figures] == ["Figure 1", "Figure 2"]
         own = Study("own", (self.part("a", tables=("Table 7",)), self.part("b", figures=("Table A1",))))
-        shown = labelled(own, {"a": finding, "b": finding})
+        shown = labelled([PartReport(part, finding, 0.0, 0, 0, 0.0, 0) for part in own.parts])
         assert [label for part in shown for label, _ in part.tables] == ["Table 7", "Table A2", "Table A3", "Table A4"]
         assert [label for part in shown for label, _ in part.figures] == ["Figure A1", "Table A1"]
 
@@ -282,8 +281,9 @@ def test_a_study_without_labels_counts(study_file, tmp_path):
 
 def test_a_computation_that_parts_share_counts_once_for_all():
     """Regression: the total of a study was more than the time that it had taken."""
-    times = (PartTime("a", 2.0, 3, 0, 2.0, 3), PartTime("b", 1.75, 2, 0, 0.25, 0))
-    source = document(Study("shared", ()), (), times, command="study", versions={}, quick=False, left_out=())
+    a, b = (Doubles(name=name, terms=(), after=(), log="") for name in "ab")
+    ran = (PartReport(a, Finding({}), 2.0, 3, 0, 2.0, 3), PartReport(b, Finding({}), 1.75, 2, 0, 0.25, 0))
+    source = document(Study("shared", (a, b)), ran, command="study", versions={}, quick=False, left_out=())
     assert '<td>all</td><td class="n">3</td><td class="n">2.2</td>' in source
 
 

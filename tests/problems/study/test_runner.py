@@ -10,7 +10,7 @@ from typing import Any, final
 import pytest
 
 from ancf_casadi.exceptions import FitError, InputError
-from problems.study.part import QUICK, Effort, Finding, Found, Part, Study, Task
+from problems.study.part import Finding, Found, Part, Study, Task
 from problems.study.runner import STEPS_FOLDER, run_parts
 from problems.study.study import run_study
 from tests.problems.conftest import BEAM, DECAYS, RAYLEIGH, without_times
@@ -40,11 +40,11 @@ class Doubles(Part):
     def needs(self) -> tuple[str, ...]:
         return self.after
 
-    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
+    def tasks(self, found: Found) -> tuple[Task, ...]:
         before = sum(found[name].data["sum"] for name in self.after)
         return tuple(Task(doubled, (term + before, self.log), cost=term) for term in self.terms)
 
-    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Any], found: Found) -> Finding:
         return Finding({"sum": sum(results)})
 
 
@@ -59,10 +59,10 @@ class Largest(Part):
     after: tuple[str, ...]
     log: str
 
-    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
+    def tasks(self, found: Found) -> tuple[Task, ...]:
         return tuple(Task(doubled, (term, self.log)) for term in self.terms)
 
-    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Any], found: Found) -> Finding:
         return Finding({"sum": max(results)})
 
 
@@ -79,8 +79,8 @@ class Bench:
         """Return the sum of each part."""
         self.log.unlink(missing_ok=True)
         study = Study("test", parts)
-        findings, self.steps = run_parts(study, self.folder, effort=QUICK, jobs=jobs, executor=executor, progress=False)
-        return {name: finding.data["sum"] for name, finding in findings.items()}
+        self.steps = run_parts(study, self.folder, formats=(), jobs=jobs, executor=executor, progress=False)
+        return {one.name: one.finding.data["sum"] for one in self.steps}
 
     @property
     def calls(self) -> list[float]:

@@ -22,7 +22,7 @@ from ancf_casadi.export.structs import BeamData
 from ancf_casadi.support.arrays import Array
 from problems.study import runner as store_module
 from problems.study.part import Task
-from problems.study.runner import SUFFIX, Kept, decoded, discard_all_but, encoded, keep, kept_in, key_of, run_task
+from problems.study.runner import SUFFIX, decoded, discard_all_but, encoded, kept_in, key_of, run_task, unpacked
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,10 @@ def other(scale: float, beam: Beam | None = None) -> Sample:
     return sample(scale, beam)
 
 
+def keep(folder: Path, content: bytes, task: Task) -> None:
+    (folder / f"{key_of(task)}{SUFFIX}").write_bytes(content)
+
+
 def touch(path: str) -> list[float]:
     Path(path).write_text("executed")
     return []
@@ -74,14 +78,14 @@ class TestKey:
     def test_is_the_same_in_every_process(self):
         """Tasks and parts of the paper, read under two orders of hashing."""
         code = (
-            "from problems.study.part import FULL, Finding, Task; from problems.paper.reproduce import PAPER_FILE\n"
+            "from problems.study.part import Finding, Task; from problems.paper.reproduce import PAPER_FILE\n"
             "from problems.paper.reproduce import ALL_KINDS\n"
             "from problems.study.reading import read_study; from problems.study.runner import key_of\n"
             "study = read_study(PAPER_FILE, ALL_KINDS)\n"
             "from ancf_casadi.export.model_document import beam_data\n"
             "found = {'': Finding(None, beam=beam_data(study.beam))}\n"
             "for part in study.parts:\n"
-            "    tasks = () if any(part.needs) else part.tasks(found, FULL)\n"
+            "    tasks = () if any(part.needs) else part.tasks(found)\n"
             "    print(part.name, *map(key_of, (*tasks, Task(print, (part,)))))\n"
         )
         one, two = (
@@ -138,7 +142,7 @@ class TestKey:
 class TestContent:
     def test_keeps_every_bit(self, beam):
         given = sample(1 / 3, beam)
-        found = run_task(Task(sample, (1 / 3, beam))).result(Task(sample, ()))
+        _, found = unpacked(run_task(Task(sample, (1 / 3, beam))), Task(sample, ()))
         assert type(found) is Sample
         for name in ("values", "counts"):
             ours, theirs = getattr(found, name), getattr(given, name)
@@ -162,8 +166,8 @@ class TestFiles:
     def test_come_back_in_another_store(self, tmp_path):
         task = Task(sample, (2.0,))
         kept = run_task(task)
-        keep(tmp_path / "steps", key_of(task), kept)
-        assert kept_in(tmp_path / "steps", key_of(task), task) == kept
+        keep(tmp_path, kept, task)
+        assert encoded(kept_in(tmp_path, key_of(task), task)) == kept
 
     def test_that_are_missing_are_none(self, tmp_path):
         assert kept_in(tmp_path / "none", "0" * 24, Task(sample, (2.0,))) is None
@@ -176,7 +180,7 @@ class TestFiles:
         monkeypatch.chdir(tmp_path)
         task = Task(sample, (2.0,))
         key = key_of(task)
-        keep(tmp_path, key, run_task(task))
+        keep(tmp_path, run_task(task), task)
         path = tmp_path / f"{key}{SUFFIX}"
         good = path.read_bytes()
         path.write_bytes(_damaged(good, kind))
@@ -189,7 +193,7 @@ class TestFiles:
         """A file that was cut at any byte."""
         task = Task(sample, (2.0,))
         key = key_of(task)
-        keep(tmp_path, key, run_task(task))
+        keep(tmp_path, run_task(task), task)
         path = tmp_path / f"{key}{SUFFIX}"
         good = path.read_bytes()
         for size in range(len(good)):
@@ -199,7 +203,7 @@ class TestFiles:
     def test_of_other_studies_are_removed(self, tmp_path):
         tasks = [Task(sample, (scale,)) for scale in (1.0, 2.0, 3.0)]
         for task in tasks:
-            keep(tmp_path, key_of(task), run_task(task))
+            keep(tmp_path, run_task(task), task)
         (tmp_path / "notes.txt").write_text("mine")
         discard_all_but(tmp_path, {key_of(tasks[1])})
         assert [kept_in(tmp_path, key_of(task), task) is None for task in tasks] == [True, False, True]
@@ -214,11 +218,10 @@ class _Harm:
 
 
 def _damaged(good: bytes, kind: str) -> bytes:
-    kept = msgspec.msgpack.decode(good)
-    content = msgspec.msgpack.decode(kept["content"])
+    _, content = msgspec.msgpack.decode(good)
 
     def again(**changes: Any) -> bytes:
-        return msgspec.msgpack.encode({"seconds": 1.0, "content": msgspec.msgpack.encode(content | changes)})
+        return msgspec.msgpack.encode([1.0, content | changes])
 
     return {
         "empty": lambda: b"",
@@ -226,7 +229,7 @@ def _damaged(good: bytes, kind: str) -> bytes:
         "longer": lambda: good + b"\0",
         "text": lambda: b"seconds = 1.0",
         "zeros": lambda: bytes(len(good)),
-        "number": lambda: encoded(Kept(1.0, encoded(3.0))),
+        "number": lambda: encoded([1.0, 3.0]),
         "objects": lambda: again(values=["|O", [1], bytes(8)]),
         "shape": lambda: again(values=["<f8", [7], bytes(8)]),
         "dtype": lambda: again(values=["<f9", [1], bytes(8)]),

@@ -11,7 +11,6 @@ from ancf_casadi import FitError, InputError, Measurement
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
 from problems.paper.reproduce import PAPER_FILE
 from problems.study.kinds.decays import SYNTHETIC_STD, fit_plain
-from problems.study.part import FULL
 from problems.study.study import run_study
 from tests.problems.conftest import study_in
 from tests.problems.paper import numbers as paper
@@ -81,8 +80,8 @@ class TestFits:
     def test_recover_the_truth_within_their_errors(self, study_file):
         """Frequency, eta1 and eta2 within four standard errors; the equivalent ratio at the amplitude of release."""
         (part,) = study_in(study_file(QUADRATIC)).parts
-        results = [task.function(*task.inputs) for task in part.tasks({}, FULL)]
-        rows = part.finding(results, {}, FULL).data
+        results = [task.function(*task.inputs) for task in part.tasks({})]
+        rows = part.finding(results, {}).data
         for row, (f, eta1, eta2) in zip(rows, [(3.0, 0.3, 5.0), (7.0, 0.2, 8.0)], strict=True):
             assert abs(row["frequency_hz"] - f) < 4 * row["frequency_stderr_hz"]
             assert abs(row["eta1"] - eta1) < 4 * row["eta1_stderr"]
@@ -95,7 +94,7 @@ class TestFits:
         """The ratio is a result: where the record has none, none is found."""
         undamped = "rest = 'zero'\nrecords = [{synthetic = {frequency = 3.0, damping_ratio = 0.0, amplitude = 0.02}}]"
         (part,) = study_in(study_file('[[parts]]\nkind = "decays"\nduration = 10.0\n', undamped)).parts
-        (fit,) = [task.function(*task.inputs) for task in part.tasks({}, FULL)]
+        (fit,) = [task.function(*task.inputs) for task in part.tasks({})]
         assert abs(fit.numbers["damping_ratio"]) < 5e-5
 
     def test_name_the_record_that_cannot_be_fitted(self, study_file):

@@ -8,7 +8,6 @@ import pytest
 
 from ancf_casadi import Beam, InputError, Model, natural_modes
 from problems.study.kinds.experiment import ExperimentResult, RequestedRun, decay_curve, participation, run_experiment
-from problems.study.part import Effort
 from tests.problems.paper import numbers as paper
 
 LAWS = {
@@ -30,8 +29,8 @@ class Case:
 
     def result(self, **run: float) -> ExperimentResult:
         """Return the result with other numbers of the run."""
-        effort = Effort(steps_per_period=24, driving=1.0, window=self.window, formats=())
-        return run_experiment(self.beam, self.terms, replace(self.run, **run), effort, self.method)
+        own = replace(self.run, **run, relative_window=self.window)
+        return run_experiment(self.beam, self.terms, own, self.method)
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 
 from ancf_casadi import InputError
 from problems.paper.reproduce import PAPER_FILE
-from problems.study.part import FULL, Finding
+from problems.study.part import Finding
 from problems.study.study import run_study
 from tests.problems.conftest import DECAYS, RAYLEIGH, study_in
 from tests.problems.paper import numbers as paper
@@ -15,7 +15,7 @@ from tests.problems.paper import numbers as paper
 
 def finding(study_file, *pieces: str, **found: Finding):
     parts = {part.kind: part for part in study_in(study_file(*pieces)).parts}
-    return parts["rayleigh"].finding((), found, FULL)
+    return parts["rayleigh"].finding((), found)
 
 
 def test_eq_17_with_table_2(study_file):
@@ -69,7 +69,7 @@ def test_misprint_and_reason_stand_beside_the_value():
     """Erratum 4 in Table 3 of the paper."""
     parts = {part.name: part for part in study_in(PAPER_FILE).parts}
     rows = [{"damping_ratio": 0.01, "damping_ratio_stderr": 1e-4}] * 2
-    table, _ = parts["proportional"].finding((), {"modal_identification": Finding(rows)}, FULL).tables
+    table, _ = parts["proportional"].finding((), {"modal_identification": Finding(rows)}).tables
     alpha, beta = table.cells()
     assert alpha[-2:] == ["0.228", "+0.079 %"]
     assert beta[-2:] == ["0.000318", "-90 %"]

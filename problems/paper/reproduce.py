@@ -20,7 +20,7 @@ from typing import Annotated, Any, Self, final
 from ancf_casadi.support.inputs import choice
 from problems.paper import combined_law, decays, drawings, experiments
 from problems.schema.table import UNLISTED, Positive
-from problems.study.kinds.experiment import QUICK_STEPS, QUICK_WINDOW, STEPS_PER_PERIOD, RequestedRun
+from problems.study.kinds.experiment import EXPERIMENT_STEPS, QUICK_STEPS, QUICK_WINDOW, RequestedRun
 from problems.study.kinds.transients import with_laws
 from problems.study.part import Finding, Found, LawChoice, Part, Study, Task
 from problems.study.study import KINDS, StudyReport, write_study
@@ -62,7 +62,7 @@ class PaperPart(Part):
     amplitude: Positive = 0.076  # m, at the tip
     duration: Positive = 15.0  # s
     inputs: dict[str, Any] = field(default_factory=dict)  # of this script alone
-    steps_per_period: Annotated[int, UNLISTED] = STEPS_PER_PERIOD
+    steps_per_period: Annotated[int, UNLISTED] = EXPERIMENT_STEPS
 
     def checked(self, study: Study, where: str) -> Self:
         """Return the part with the laws of its runs, once its script is known."""

@@ -9,11 +9,10 @@ A later part may need an earlier one: its beam, or the terms of its damping law.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self, cast
 
 from msgspec import Meta
 
@@ -101,7 +100,7 @@ def printed_numbers(given: Printed, columns: Mapping[str, int], where: str) -> P
 
 
 @dataclass(frozen=True, kw_only=True)
-class Part(ABC):
+class Part:
     """Base class of the kinds of parts; each kind is final.
 
     The fields are the keys of a table [[parts]] of a TOML file, but those that are ``UNLISTED``.
@@ -111,6 +110,7 @@ class Part(ABC):
     about: ClassVar[str]  # what it shows, for the help; {} stands for its keys
     heading: ClassVar[str]  # title of a part that gives none
     naming: ClassVar[tuple[str, ...]] = ()  # keys that name parts; an empty ``beam`` stands for that of the file
+    reading: ClassVar[Set[str]] = frozenset()  # tables of the file that its tasks read
 
     name: Annotated[str, Meta(description="its key in results.json")] = ""
     title: str = ""
@@ -122,10 +122,11 @@ class Part(ABC):
     draw: Annotated[bool, Meta(description="with figures")] = True
     quick: Annotated[bool, Meta(description="in a quick look too")] = True
     printed_by: Annotated[str, UNLISTED] = "printed"  # origin of the printed numbers
+    given: Annotated[StudyFile, UNLISTED] = NO_FILE  # with the tables that its tasks read
 
     def checked(self, study: Study, where: str) -> Self:
         """Return the part with what it takes from its study; messages call its place ``where``."""
-        return self
+        return replace(self, given=study.file.only(self.reading)) if self.reading else self
 
     def shortened(self) -> Self:
         """Return the part of a quick look, with short simulations."""
@@ -142,9 +143,10 @@ class Part(ABC):
         """Return the tasks of the part, given the findings of the parts that it needs."""
         return ()
 
-    @abstractmethod
     def finding(self, results: Sequence[Any], found: Found) -> Finding:
-        """Return the finding, given the results of the tasks in their order."""
+        """Return the finding, given the results of the tasks in their order; by default what the only task finds."""
+        (only,) = results
+        return cast(Finding, only)
 
     def beam_in(self, found: Found) -> Beam:
         """Return the beam of the file, or of the part that the key ``beam`` names."""

@@ -51,7 +51,7 @@ EXPERIMENT_TOLERANCE = 1e-4  # of the integrator, over the tip amplitude relativ
 IDAS_RATIO = 0.04  # tolerance of IDAS_RATIO relative to that of Radau, for errors of the same size
 PERIOD_SAMPLES = 40  # per period
 FEWEST_MODES = 5
-STEPS_PER_PERIOD, QUICK_STEPS = 24, 12  # least number of integrator steps per period of the excitation
+EXPERIMENT_STEPS, QUICK_STEPS = 24, 12  # least number of integrator steps per period of the excitation
 QUICK_DRIVING = 0.03  # time of excitation in a quick look relative to the given one
 QUICK_WINDOW = 0.3  # length of a fitted decay in a quick look relative to the full one
 
@@ -69,7 +69,7 @@ class RequestedRun:
     laws: tuple[LawChoice, ...] = ()
     measured_ratio: float = math.nan
     relative_window: Annotated[float, UNLISTED] = 1.0  # length of the fitted decay relative to the full one
-    steps_per_period: Annotated[int, UNLISTED] = STEPS_PER_PERIOD
+    steps_per_period: Annotated[int, UNLISTED] = EXPERIMENT_STEPS
 
     def shortened(self) -> RequestedRun:
         """Return the run of a quick look."""

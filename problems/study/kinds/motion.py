@@ -6,10 +6,9 @@ One simulated motion, as ``ancf-casadi simulate``; a fit to measured large motio
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Self, final
+from typing import Annotated, Any, Self, final
 
 import numpy as np
 from msgspec import Meta
@@ -22,7 +21,7 @@ from problems.beam.fitting import compare_laws, fit_beam
 from problems.schema.motion import read_simulation
 from problems.schema.plan import PLAN_TABLES, read_plan
 from problems.schema.records import NUMBERS, read_measurements
-from problems.schema.table import NO_FILE, UNLISTED, StudyFile
+from problems.schema.table import StudyFile
 from problems.study.data_table import Column, DataTable, columns_of
 from problems.study.drawing import drawn
 from problems.study.part import Finding, Found, Part, Study, Task
@@ -30,83 +29,88 @@ from problems.study.part import Finding, Found, Part, Study, Task
 MOTION_TABLES = {"beam", "damping", "base", "load", "release", "records", *NUMBERS, "predictions", "fit"}
 
 
-@dataclass(frozen=True, kw_only=True)
-class FilePart(Part, ABC):
-    """Base class of these parts."""
-
-    wanted: ClassVar[Set[str]]  # names of the tables
-    seconds: ClassVar[float]  # expected computing time
-
-    given: Annotated[StudyFile, UNLISTED] = NO_FILE
-
-    @staticmethod
-    @abstractmethod
-    def compute(file: StudyFile) -> Finding:
-        """Return the finding from the tables of the file."""
-
-    def checked(self, study: Study, where: str) -> Self:
-        """Return the part with the tables that it reads, once they are checked."""
-        self.check(study.file, where)
-        return replace(self, given=study.file.only(self.wanted))
-
-    def check(self, file: StudyFile, where: str) -> None:
-        """Check the tables; most of these parts read measurements."""
-        read_measurements(file)
-
-    def tasks(self, found: Found) -> tuple[Task, ...]:
-        """Return the computation."""
-        return (Task(self.compute, (self.given,), self.seconds),)
-
-    def finding(self, results: Sequence[Finding], found: Found) -> Finding:
-        """Return what the computation has found."""
-        return results[0]
-
-
 @final
 @dataclass(frozen=True, kw_only=True)
-class SimulationPart(FilePart):
+class SimulationPart(Part):
     """One simulated motion."""
 
     kind, heading = "simulation", "Simulated motion"
     about = "one motion: the tables [[damping]], [base], [load], [release], [simulation]"
-    seconds = 10.0
-    wanted = frozenset({"beam", "damping", "base", "load", "release", "simulation", "markers"})
+    reading = frozenset({"beam", "damping", "base", "load", "release", "simulation", "markers"})
 
     animate: Annotated[bool, Meta(description="with a moving picture")] = False
 
+    def checked(self, study: Study, where: str) -> Self:
+        """Return the part with the tables of its motion."""
+        read_simulation(study.file)
+        return super().checked(study, where)
+
     def tasks(self, found: Found) -> tuple[Task, ...]:
-        """Return the computation."""
-        return (Task(self.compute, (self.given, self.animate), self.seconds),)
+        """Return the simulation."""
+        return (Task(simulated, (self.given, self.animate), 10.0),)
 
-    @staticmethod
-    def compute(file: StudyFile, animate: bool = False) -> Finding:
-        """Simulate the motion of a study file: range and energies, and the figure of the motion."""
-        run = simulate(**read_simulation(file)[0])
-        data: dict[str, Any] = {
-            "tip_position_range_m": np.ptp(run.tip, axis=0).tolist(),
-            "dissipated_energy_j": float(run.dissipated_energy[-1]),
-            "balance_error_j": float(np.abs(run.balance_error).max()),
-            "integrators": [use.method for use in run.integrators],
-        }
-        x, y = data["tip_position_range_m"]
-        rows: list[tuple[str, str, float]] = [
-            ("range of the tip position in x", "mm", 1e3 * x),
-            ("range of the tip position in y", "mm", 1e3 * y),
-            ("energy taken by damping", "mJ", 1e3 * data["dissipated_energy_j"]),
-            ("largest energy balance error", "mJ", 1e3 * data["balance_error_j"]),
-        ]
-        caption = "Motion of the tip relative to the clamp, and shapes of the beam."
-        figure = drawn(caption, run.figure)
-        if animate:
-            from ancf_casadi.animation.motions import moving_pictures  # matplotlib is slow to import
 
-            figure = replace(figure, moving=moving_pictures({"": run}, "motion.gif"))
-        table = DataTable("Simulated motion", columns_of(("quantity", "unit", "value"), rows))
-        return Finding(data, (table,), (figure,))
+def simulated(file: StudyFile, animate: bool) -> Finding:
+    """Simulate the motion of a study file: range and energies, and the figure of the motion."""
+    run = simulate(**read_simulation(file)[0])
+    data: dict[str, Any] = {
+        "tip_position_range_m": np.ptp(run.tip, axis=0).tolist(),
+        "dissipated_energy_j": float(run.dissipated_energy[-1]),
+        "balance_error_j": float(np.abs(run.balance_error).max()),
+        "integrators": [use.method for use in run.integrators],
+    }
+    x, y = data["tip_position_range_m"]
+    rows: list[tuple[str, str, float]] = [
+        ("range of the tip position in x", "mm", 1e3 * x),
+        ("range of the tip position in y", "mm", 1e3 * y),
+        ("energy taken by damping", "mJ", 1e3 * data["dissipated_energy_j"]),
+        ("largest energy balance error", "mJ", 1e3 * data["balance_error_j"]),
+    ]
+    caption = "Motion of the tip relative to the clamp, and shapes of the beam."
+    figure = drawn(caption, run.figure)
+    if animate:
+        from ancf_casadi.animation.motions import moving_pictures  # matplotlib is slow to import
 
-    def check(self, file: StudyFile, where: str) -> None:
-        """Check the simulation."""
-        read_simulation(file)
+        figure = replace(figure, moving=moving_pictures({"": run}, "motion.gif"))
+    table = DataTable("Simulated motion", columns_of(("quantity", "unit", "value"), rows))
+    return Finding(data, (table,), (figure,))
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class MotionFit(Part):
+    """A fit to measured large motion."""
+
+    kind, heading = "motion", "Fit to measured motion"
+    about = ("fit to measured large motion, and predictions: the tables [[damping]], [base], [[records]], "
+             "[[predictions]], [fit]")  # fmt: skip
+    reading = MOTION_TABLES
+
+    def checked(self, study: Study, where: str) -> Self:
+        """Return the part with the tables of its measurements."""
+        read_measurements(study.file)
+        return super().checked(study, where)
+
+    def tasks(self, found: Found) -> tuple[Task, ...]:
+        """Return the fit."""
+        return (Task(fitted, (self.given,), 60.0),)
+
+
+def fitted(file: StudyFile) -> Finding:
+    """Fit the motion in the files of a study: estimates, predictions and their figures."""
+    read = read_measurements(file)
+    fit = fit_beam(read.model, read.records, read.damping, **read.settings)
+    figures = [drawn("Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
+    predictions = [fit.predict(record) for record in read.predictions]
+    for k, prediction in enumerate(predictions, start=1):
+        caption = f"Record {k} that was predicted, not fitted: measured (dots) and computed (lines), and residuals."
+        figures.append(drawn(caption, prediction.figure))
+    warnings = (*fit.warnings, *(warning for prediction in predictions for warning in prediction.warnings))
+    data: dict[str, Any] = {"fit": fit.to_dict(), "predictions": [one.to_dict() for one in predictions]}
+    tables = [_estimates(data["fit"]["estimates"])]
+    if predictions:
+        tables.append(_errors(data["predictions"]))
+    return Finding(data, tuple(tables), tuple(figures), warnings, beam_data(fit.model.beam))
 
 
 def _estimates(unknowns: Sequence[Mapping[str, Any]]) -> DataTable:
@@ -133,96 +137,75 @@ def _errors(predictions: Sequence[Mapping[str, Any]]) -> DataTable:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class MotionFit(FilePart):
-    """A fit to measured large motion."""
-
-    kind, heading = "motion", "Fit to measured motion"
-    about = ("fit to measured large motion, and predictions: the tables [[damping]], [base], [[records]], "
-             "[[predictions]], [fit]")  # fmt: skip
-    seconds = 60.0
-    wanted = MOTION_TABLES
-
-    @staticmethod
-    def compute(file: StudyFile) -> Finding:
-        """Fit the motion in the files of a study: estimates, predictions and their figures."""
-        read = read_measurements(file)
-        fit = fit_beam(read.model, read.records, read.damping, **read.settings)
-        figures = [drawn("Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
-        predictions = [fit.predict(record) for record in read.predictions]
-        for k, prediction in enumerate(predictions, start=1):
-            caption = f"Record {k} that was predicted, not fitted: measured (dots) and computed (lines), and residuals."
-            figures.append(drawn(caption, prediction.figure))
-        warnings = (*fit.warnings, *(warning for prediction in predictions for warning in prediction.warnings))
-        data: dict[str, Any] = {"fit": fit.to_dict(), "predictions": [one.to_dict() for one in predictions]}
-        tables = [_estimates(data["fit"]["estimates"])]
-        if predictions:
-            tables.append(_errors(data["predictions"]))
-        return Finding(data, tuple(tables), tuple(figures), warnings, beam_data(fit.model.beam))
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class Comparison(FilePart):
+class Comparison(Part):
     """A comparison of damping laws on measured large motion."""
 
     kind, heading = "comparison", "Damping laws compared on measured motion"
     about = ('the law that explains measured large motion best: the tables of "motion" with several [[damping]], or '
              "laws in [fit]")  # fmt: skip
-    seconds = 120.0
-    wanted = MOTION_TABLES
+    reading = MOTION_TABLES
 
-    @staticmethod
-    def compute(file: StudyFile) -> Finding:
-        """Fit the laws of a study file to its records: the criteria, as a table and as a figure."""
-        read = read_measurements(file)
-        found = compare_laws(read.model, read.records, read.laws, **read.settings)
-        caption = "Information criteria of the laws above the lowest: smaller is better."
-        data = found.to_dict()
-        laws = data["laws"]
-        lowest = min(law["bic"] for law in laws)
-        columns = columns_of(
-            ("law", "unknowns", "rms residual", "BIC above the lowest"),
-            [(law["law"], law["estimated"], law["residual_rms"], law["bic"] - lowest) for law in laws],
-        )
-        table = DataTable("Damping laws fitted to the measured motion", columns, tuple(found.table().notes))
-        return Finding(data, (table,), (drawn(caption, found.figure),), tuple(data["warnings"]))
-
-    def check(self, file: StudyFile, where: str) -> None:
-        """Check the records and the laws, of which there must be several."""
-        motions = read_measurements(file)
+    def checked(self, study: Study, where: str) -> Self:
+        """Return the part with the tables of its records and laws, of which there must be several."""
+        motions = read_measurements(study.file)
         if len(motions.laws) < 2:
             raise InputError("there is only one law; add tables [[damping]]", where)
         if "fixed" in motions.settings:
-            raise InputError("all parameters of the laws are compared; leave out fixed", file.where("fit"))
+            raise InputError("all parameters of the laws are compared; leave out fixed", study.file.where("fit"))
+        return super().checked(study, where)
+
+    def tasks(self, found: Found) -> tuple[Task, ...]:
+        """Return the comparison."""
+        return (Task(compared, (self.given,), 120.0),)
+
+
+def compared(file: StudyFile) -> Finding:
+    """Fit the laws of a study file to its records: the criteria, as a table and as a figure."""
+    read = read_measurements(file)
+    found = compare_laws(read.model, read.records, read.laws, **read.settings)
+    caption = "Information criteria of the laws above the lowest: smaller is better."
+    data = found.to_dict()
+    laws = data["laws"]
+    lowest = min(law["bic"] for law in laws)
+    columns = columns_of(
+        ("law", "unknowns", "rms residual", "BIC above the lowest"),
+        [(law["law"], law["estimated"], law["residual_rms"], law["bic"] - lowest) for law in laws],
+    )
+    table = DataTable("Damping laws fitted to the measured motion", columns, tuple(found.table().notes))
+    return Finding(data, (table,), (drawn(caption, found.figure),), tuple(data["warnings"]))
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class PlanPart(FilePart):
+class PlanPart(Part):
     """The standard errors that candidates will have, and the list that is worth measuring."""
 
     kind, heading = "plan", "Planned experiments"
     about = "expected errors of experiments: the tables [[damping]], [[candidates]], [fit] (unknowns), [plan]"
-    seconds = 20.0
-    wanted = PLAN_TABLES
+    reading = PLAN_TABLES
 
-    @staticmethod
-    def compute(file: StudyFile) -> Finding:
-        """Plan the candidates of a study file: the errors of each and of all, and the best list."""
-        task = read_plan(file)
-        found = task.planned()
-        choice = task.chosen(found)
-        own = found.table()
-        rows = [*own.rows, ("best list", None, *map(known, found.relative(choice["standard_errors"]).values()))]
-        bought = ", ".join(f"{count} × {name}" for name, count in choice["best"].items() if count)
-        note = f"Best list within the budget {choice['budget']:g} for {choice['goal']}: {bought}."
-        caption = (
-            "Expected standard errors from one record of each candidate, relative to the guesses; below, those of "
-            "motions against their duration and the place of a single sensor."
-        )
-        tables = (DataTable(own.title, columns_of(own.columns, rows), (note,)),)
-        return Finding(found.to_dict() | choice, tables, (drawn(caption, found.figure),), found.warnings)
+    def checked(self, study: Study, where: str) -> Self:
+        """Return the part with the tables of its candidates."""
+        read_plan(study.file)
+        return super().checked(study, where)
 
-    def check(self, file: StudyFile, where: str) -> None:
-        """Check the candidates."""
-        read_plan(file)
+    def tasks(self, found: Found) -> tuple[Task, ...]:
+        """Return the plan."""
+        return (Task(planned, (self.given,), 20.0),)
+
+
+def planned(file: StudyFile) -> Finding:
+    """Plan the candidates of a study file: the errors of each and of all, and the best list."""
+    task = read_plan(file)
+    found = task.planned()
+    choice = task.chosen(found)
+    own = found.table()
+    rows = [*own.rows, ("best list", None, *map(known, found.relative(choice["standard_errors"]).values()))]
+    bought = ", ".join(f"{count} × {name}" for name, count in choice["best"].items() if count)
+    note = f"Best list within the budget {choice['budget']:g} for {choice['goal']}: {bought}."
+    caption = (
+        "Expected standard errors from one record of each candidate, relative to the guesses; below, those of "
+        "motions against their duration and the place of a single sensor."
+    )
+    tables = (DataTable(own.title, columns_of(own.columns, rows), (note,)),)
+    return Finding(found.to_dict() | choice, tables, (drawn(caption, found.figure),), found.warnings)

@@ -28,12 +28,11 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Axes, Figure
 from ancf_casadi.vibration.modes import natural_modes
 from problems.schema.motion import ResponseTask, read_response
-from problems.schema.table import NO_FILE, UNLISTED, StudyFile
+from problems.schema.table import UNLISTED, StudyFile
 from problems.study.data_table import Column, columns_of
 from problems.study.drawing import drawn, new_figure, series
 from problems.study.part import Finding, Found, Part, Study, Task
 
-RESPONSE_TABLES = {"beam", "damping", "response", "markers"}
 TIP_KEY = "tip"
 
 Curve = Mapping[str, Any]  # a response curve as in results.json
@@ -106,15 +105,15 @@ class ResponsePart(Part):
 
     kind, heading = "response", "Steady vibration"
     about = "steady vibration over frequency, with folds and jumps: the tables [[damping]], [response], [markers]"
+    reading = frozenset({"beam", "damping", "response", "markers"})
 
-    given: Annotated[StudyFile, UNLISTED] = NO_FILE
     levels: Annotated[tuple[float, ...], UNLISTED] = ()
     unit: Annotated[str, UNLISTED] = ""
 
     def checked(self, study: Study, where: str) -> Self:
         """Return the part with its levels and the tables that it reads."""
         task = read_response(study.file)
-        return replace(self, given=study.file.only(RESPONSE_TABLES), levels=task.levels, unit=task.unit)
+        return replace(super().checked(study, where), levels=task.levels, unit=task.unit)
 
     def tasks(self, found: Found) -> tuple[Task, ...]:
         """Return the curve of each level."""

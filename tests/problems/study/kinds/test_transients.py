@@ -7,7 +7,7 @@ import pytest
 
 from ancf_casadi import InputError
 from ancf_casadi.export.model_document import beam_data
-from problems.study.kinds.experiment import QUICK_DRIVING, QUICK_STEPS, STEPS_PER_PERIOD
+from problems.study.kinds.experiment import EXPERIMENT_STEPS, QUICK_DRIVING, QUICK_STEPS
 from problems.study.part import Finding
 from problems.study.study import StudyReport
 from tests.problems.conftest import BEAM, run_in, study_in
@@ -129,12 +129,12 @@ def test_equal_experiments_run_once(report):
 
 def test_a_quick_look_drives_for_less_time(study_file):
     whole = study_in(study_file(BEAM, LAWS, PARTS))
-    for study, driving, steps in ((whole, 1.0, STEPS_PER_PERIOD), (whole.shortened(), QUICK_DRIVING, QUICK_STEPS)):
+    for study, driving, steps in ((whole, 1.0, EXPERIMENT_STEPS), (whole.shortened(), QUICK_DRIVING, QUICK_STEPS)):
         _, _, run, *_ = study.parts[0].tasks({"": Finding(None, beam=beam_data(study.beam))})[0].inputs
         assert run.stop == pytest.approx(5.0 * driving)
         assert run.steps_per_period == steps
     assert QUICK_DRIVING < 0.2
-    assert QUICK_STEPS < STEPS_PER_PERIOD
+    assert QUICK_STEPS < EXPERIMENT_STEPS
 
 
 def test_a_quick_look_has_no_bitmaps(report):

@@ -13,7 +13,7 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.sensor import Sensor
-from ancf_casadi.support.inputs import check_keys, is_sequence, located, shown
+from ancf_casadi.support.inputs import check_keys, located, shown
 from problems.beam.curves.record import ResponseRecord
 from problems.planning.comparison import PlannedComparison, plan_comparison
 from problems.planning.experiments import plan
@@ -25,10 +25,10 @@ from problems.schema.records import (
     CONFIGURATION,
     FIT,
     SENSOR,
-    case_loads,
     channels_of,
     configuration,
     excitation_of,
+    load_cases,
     read_laws,
     table_sensor,
 )
@@ -136,9 +136,7 @@ def _candidate(file: StudyFile, given: Any, model: Model, where: str) -> Planned
         check_keys(given, {"loads"}, {"channels", "tared", *READING_KEYS, *PLANNED_KEYS}, where)
         sensors, std = _sensors(given, where)
         settings |= {key: given[key] for key in {"tared"} & keys}
-        if not is_sequence(given["loads"]):
-            raise InputError(f"must be a list of tables, got {shown(given['loads'])}", f"{where}: loads")
-        loads = [case_loads(case, f"{where}: loads: {k}") for k, case in enumerate(given["loads"], start=1)]
+        loads = load_cases(given["loads"], f"{where}: loads")
         with located(where):
             return PlannedRecord.static(own, loads, sensors, std=std, **settings)
     if "modes" in keys:

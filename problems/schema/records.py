@@ -163,9 +163,7 @@ def _frequencies(given: Any, model: Model, where: str) -> FrequencyRecord:
 def _static(given: Any, model: Model, where: str) -> StaticRecord:
     keys = {"values", "std", "sensor", *SENSOR}
     check_keys(given, {"loads"}, {"channels", "tared", "name", *keys, *CONFIGURATION}, where)
-    if not is_sequence(given["loads"]):
-        raise InputError(f"must be a list of tables, got {shown(given['loads'])}", f"{where}: loads")
-    loads = [case_loads(case, f"{where}: loads: {k}") for k, case in enumerate(given["loads"], start=1)]
+    loads = load_cases(given["loads"], f"{where}: loads")
     sensors, columns, deviations = [], [], []
     for own, place in channels_of(given, keys, where):
         check_keys(own, {"values"}, keys, place)
@@ -190,12 +188,16 @@ def _static(given: Any, model: Model, where: str) -> StaticRecord:
         )
 
 
-def case_loads(case: Any, where: str) -> list[PointLoad]:
-    """Return the loads of a case, each a weight or a force and moment."""
-    tables = case if is_sequence(case) else [case]
+def load_cases(given: Any, where: str) -> list[list[PointLoad]]:
+    """Return the loads of each case, each a weight or a force and moment."""
+    if not is_sequence(given):
+        raise InputError(f"must be a list of tables, got {shown(given)}", where)
     return [
-        made(table, PointLoad.hung if isinstance(table, dict) and "mass" in table else PointLoad, where)
-        for table in tables
+        [
+            made(table, PointLoad.hung if isinstance(table, dict) and "mass" in table else PointLoad, f"{where}: {k}")
+            for table in (case if is_sequence(case) else [case])
+        ]
+        for k, case in enumerate(given, start=1)
     ]
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Self, cast
+from typing import Annotated, Any, ClassVar, Self
 
 from msgspec import Meta
 
@@ -145,8 +145,9 @@ class Part:
 
     def finding(self, results: Sequence[Any], found: Found) -> Finding:
         """Return the finding, given the results of the tasks in their order; by default what the only task finds."""
+        only: Finding
         (only,) = results
-        return cast(Finding, only)
+        return only
 
     def beam_in(self, found: Found) -> Beam:
         """Return the beam of the file, or of the part that the key ``beam`` names."""

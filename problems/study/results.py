@@ -139,8 +139,8 @@ def page(study: Study, reports: Sequence[PartReport], **about: Any) -> str:
     from jinja2 import Environment, StrictUndefined  # slow to import
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"paragraphs": _paragraphs, "anchor": file_name, "unbroken": _unbroken, "base64": _base64}
-    environment.filters["with_units"] = _with_units
+    environment.filters |= {"paragraphs": _paragraphs, "anchor": file_name, "unbroken": _unbroken}
+    environment.filters |= {"with_units": _with_units, "base64": lambda content: base64.b64encode(content).decode()}
     environment.globals |= {"svg": inline_svg, "numeric": _numeric, "zip": zip}
     source = files("problems.study").joinpath("page.html.jinja").read_text(encoding="utf-8")
     return environment.from_string(source).render(study=study, parts=reports, about=about)
@@ -160,10 +160,6 @@ def _unbroken(text: str) -> str:
 def _with_units(text: str) -> str:
     """Return text that does not break between a number and its unit."""
     return NUMBER_AND_UNIT.sub(NO_BREAK, text)
-
-
-def _base64(content: bytes) -> str:
-    return base64.b64encode(content).decode()
 
 
 def _numeric(table: DataTable) -> list[bool]:

@@ -10,9 +10,14 @@ from ancf_casadi.exceptions import InputError
 
 
 def library(module: str, need: str, package: str = "", name: str = "") -> Any:
-    """Return a module; as ``installed``, refuse what needs it if it is not installed."""
+    """Return a module; as ``installed``, refuse what needs it if it, or what it imports, is not installed."""
     installed(module, need, package, name)
-    return importlib.import_module(module)
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        raise InputError(
+            f"needs {error.name}, which is not installed; pip install {error.name}", name or module
+        ) from None
 
 
 def installed(module: str, need: str, package: str = "", name: str = "") -> ModuleSpec:

@@ -187,7 +187,7 @@ def response(
 
     If ``stated``, the record holds the standard deviations.
     """
-    reduced = reduce_model(model, modes=4, damping=law)
+    reduced = reduce_model(model, modes=8, damping=law)
     motions = [periodic_motion(reduced, base=replace(base, frequency=f)) for f in frequencies]
     where = {"direction": sensor.direction, "relative": False}
     values = np.array([motion.harmonics(sensor.point, **where)[1] for motion in motions])

@@ -79,11 +79,6 @@ class StudyReport(Displayed):
     parts: tuple[PartReport, ...]
 
     @property
-    def steps(self) -> tuple[PartReport, ...]:
-        """The parts with their times."""
-        return self.parts
-
-    @property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the results, with the name of the part."""
         return tuple(f"{part.name}: {warning}" for part in self.parts for warning in part.finding.warnings)

@@ -153,8 +153,8 @@ class TestPage:
         assert "Seed of all random numbers: 20" in text
         for name, version in small_paper.results["versions"].items():
             assert f"{name} {version}" in text
-        for step in small_paper.steps:
-            assert f"{step.seconds:.1f}" in text
+        for part in small_paper.parts:
+            assert f"{part.seconds:.1f}" in text
         assert "Quick look" in text
 
     def test_ink_is_the_colour_of_the_text(self, page):

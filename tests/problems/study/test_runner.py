@@ -79,8 +79,8 @@ class Bench:
         """Return the sum of each part."""
         self.log.unlink(missing_ok=True)
         study = Study("test", parts)
-        self.steps = run_parts(study, self.folder, formats=(), jobs=jobs, executor=executor, progress=False)
-        return {one.name: one.finding.data["sum"] for one in self.steps}
+        self.ran = run_parts(study, self.folder, formats=(), jobs=jobs, executor=executor, progress=False)
+        return {one.name: one.finding.data["sum"] for one in self.ran}
 
     @property
     def calls(self) -> list[float]:
@@ -103,8 +103,8 @@ class TestLevels:
                  bench.part("b", 3.0))  # fmt: skip
         assert bench.run(*parts) == {"a": 10.0, "b": 6.0, "c": 33.0, "d": 66.5}
         assert bench.calls == [4.0, 3.0, 1.0, 16.5, 33.25]
-        assert [step.name for step in bench.steps] == ["c", "d", "a", "b"]
-        assert [step.tasks for step in bench.steps] == [1, 1, 2, 1]
+        assert [part.name for part in bench.ran] == ["c", "d", "a", "b"]
+        assert [part.tasks for part in bench.ran] == [1, 1, 2, 1]
 
     def test_a_part_that_none_needs_waits_for_the_last_level(self, bench):
         """It would keep the others waiting; together with them, all processes stay busy."""
@@ -114,7 +114,7 @@ class TestLevels:
     def test_equal_tasks_run_once(self, bench):
         assert bench.run(bench.part("a", 1.0, 2.0, 1.0), bench.part("b", 2.0)) == {"a": 8.0, "b": 4.0}
         assert bench.calls == [2.0, 1.0]
-        first, second = bench.steps
+        first, second = bench.ran
         assert (first.tasks, first.own_tasks, second.tasks, second.own_tasks) == (3, 2, 1, 0)
         assert second.own_seconds < second.seconds  # the time of its finding alone
         assert first.own_seconds <= first.seconds
@@ -128,16 +128,16 @@ class TestKept:
     def test_a_finished_task_does_not_run_again(self, bench):
         parts = (bench.part("a", 1.0, 2.0), bench.part("b", 3.0, after=("a",)))
         first = bench.run(*parts)
-        assert [step.kept for step in bench.steps] == [0, 0]
+        assert [part.kept for part in bench.ran] == [0, 0]
         assert bench.run(*parts) == first
         assert bench.calls == []
-        assert [step.kept for step in bench.steps] == [3, 2]  # the tasks and the finding of each part
+        assert [part.kept for part in bench.ran] == [3, 2]  # the tasks and the finding of each part
 
     def test_times_are_those_of_the_first_run(self, bench):
         bench.run(bench.part("a", 1.0))
-        first = [step.seconds for step in bench.steps]
+        first = [part.seconds for part in bench.ran]
         bench.run(bench.part("a", 1.0))
-        assert [step.seconds for step in bench.steps] == first
+        assert [part.seconds for part in bench.ran] == first
         assert first[0] > 0.0
 
     def test_a_change_runs_what_depends_on_it_alone(self, bench):

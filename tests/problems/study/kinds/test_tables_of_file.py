@@ -58,7 +58,7 @@ def test_a_motion_is_computed_again_if_a_file_changes(study_file, tmp_path):
     for amplitude in (1e-4, 2e-4, 2e-4):
         clamp(tmp_path / "clamp.csv", amplitude)
         report = run_study(path, tmp_path / "results")
-        found.append((report.results["simulation"], report.steps[-1].kept))
+        found.append((report.results["simulation"], report.parts[-1].kept))
     (one, _), (two, kept), (three, again) = found
     assert two["tip_position_range_m"][0] == pytest.approx(2 * one["tip_position_range_m"][0], rel=1e-3)
     assert "tip_travel_m" not in two  # which `simulate --json` gives relative to the clamp

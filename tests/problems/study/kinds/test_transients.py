@@ -121,7 +121,7 @@ def test_both_integrators_agree(report):
 
 def test_equal_experiments_run_once(report):
     """The same excitation in three parts: the second part takes its results from the first."""
-    by_name = {step.name: step for step in report.steps}
+    by_name = {part.name: part for part in report.parts}
     assert [by_name[name].tasks for name in ("transients", "amplitudes", "shapes")] == [4, 2, 1]
     files = list((report.page.parent / "steps").glob("*.msgpack"))
     assert len(files) == 4 + 2 + len(report.parts)

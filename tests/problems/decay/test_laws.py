@@ -179,6 +179,12 @@ def test_a_prior_holds_a_smooth_frequency_where_noise_hides_it(noise, low, high)
     assert low < math.sqrt(S[first, first] + S[second, second] - 2 * S[first, second]) < high
 
 
+def test_a_smooth_frequency_that_changes_much_contradicts_nothing_that_the_user_stated():
+    fit = fit_decay(TIME, record("linear", "linear", 1e-4, k=(-0.3 / E0,)), frequency_law="smooth", release_time=0.0)
+    assert "stated" not in fit.report()
+    assert fit.frequency_change == pytest.approx(-0.3, abs=0.03)
+
+
 def test_a_smooth_frequency_reaches_to_half_the_smallest_visible_amplitude():
     """Or to that at the end of a record; at the smallest visible one alone, bands there are too narrow."""
 

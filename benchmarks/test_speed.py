@@ -62,7 +62,7 @@ def test_model_with_all_that_simulate_needs(benchmark):
         beam = model()
         natural_modes(beam)
         equations = SemiExplicit(Equations(beam, RayleighDamping(alpha=0.228, beta=3.18e-5)))
-        return interpreted(equations.residual), interpreted(equations.energetics)
+        return interpreted(equations.residual), interpreted(equations.powers)
 
     residual, _ = benchmark(build)
     assert residual.size1_in(0) == 160

@@ -90,15 +90,17 @@ class SemiExplicit:
         return cs.Function("residual", [x, z, excitation], outputs, *names, options)
 
     @cached_property
-    def energetics(self) -> cs.Function:
-        """(x, z, excitation) -> powers as in ``Balance.forces``, the force of the base (4,), e and e_t."""
-        x, z, excitation = self._symbols
+    def powers(self) -> cs.Function:
+        """(x, z, excitation) -> powers as in ``Balance.forces``."""
+        _, powers = self._balance.forces(*self._motion, self._symbols[2][3 * NODE :])
+        return cs.Function("powers", self._symbols, [powers], {"is_diff_in": [False] * 3})
+
+    @cached_property
+    def sample(self) -> cs.Function:
+        """(x, z, excitation) -> the force of the base (4,), e and e_t."""
         e, e_t, e_tt = self._motion
-        forces, powers = self._balance.forces(e, e_t, e_tt, excitation[3 * NODE :])
-        options = {"is_diff_in": [False] * 3}
-        return cs.Function(
-            "energetics", [x, z, excitation], [powers, self.equations.model.of_base(forces), e, e_t], options
-        )
+        force = self._balance.on_base(e, e_t, e_tt, self._symbols[2][3 * NODE :])
+        return cs.Function("sample", self._symbols, [force, e, e_t], {"is_diff_in": [False] * 3})
 
     def scaled(self, state: State) -> Array:
         """Return x of a state."""
@@ -187,7 +189,8 @@ def integrate_by_idas(
     x, z = cs.MX.sym("x", form.residual.size1_in(0)), cs.MX.sym("z", form.residual.size1_in(1))
     begin, span = cs.vertsplit(interval)
     x_t, alg = form.residual(x, z, excitation(begin + span * s))
-    powers, *sampled = form.energetics(x, z, excitation(begin + span * s))
+    powers = form.powers(x, z, excitation(begin + span * s))
+    sampled = list(form.sample(x, z, excitation(begin + span * s)))
     dae = {"t": s, "x": x, "z": z, "p": interval, "ode": span * x_t, "alg": alg, "quad": span * powers}
     linear = cs.Function("linear", [s, x, z, interval], [alg, cs.jacobian(alg, z)])  # alg is linear in z
     samples = cs.Function("samples", [x, z, s, interval], sampled)

@@ -199,7 +199,7 @@ class Beam(Displayed):
         lumped = {"tip_mass": tip_mass} if tip_mass != 0.0 else {}
         if clamp_stiffness != math.inf:
             lumped["clamp_stiffness"] = clamp_stiffness
-        return beam.with_(**lumped)
+        return beam.with_(**lumped) if lumped else beam
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Beam:

@@ -69,6 +69,8 @@ def keep_checked(owner: Any, **checks: Callable[[Any, str], Any]) -> None:
 
 def number(value: Any, where: str) -> float:
     """Return a finite number as a float."""
+    if type(value) is float and math.isfinite(value):  # most numbers, such as those of fine meshes, without delay
+        return value
     other = isinstance(value, str | bytes | bool) or (
         isinstance(value, np.ndarray | np.generic) and (value.ndim > 0 or value.dtype.kind not in REAL)
     )

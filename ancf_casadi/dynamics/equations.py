@@ -174,10 +174,8 @@ class Equations:
     ) -> list[list[cs.MX]]:
         """Evaluate an element Function for all elements, from coordinates and so on at all nodes, (4 n + 4, s) each.
 
-        With ``groups``, by their numbers, it is evaluated for their elements alone.
-
         Each of the s columns is a state of the beam.  For each output of the Function, a list has the values for the
-        elements of each group, side by side, state by state.
+        elements of each group, side by side, state by state.  Some ``groups`` may be given, by their numbers.
         """
         states, c = vectors[0].size2(), cs.vertcat(balance.gravity, balance.coefficients)
         results = []

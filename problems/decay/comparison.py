@@ -148,7 +148,8 @@ def _other_records(fits: Sequence[DecayFit], truth: int, rival: int) -> dict[str
     pair, best = (fits[truth], fits[rival]), min(fits, key=lambda fit: fit.fit.residual_rms)
     time, growth = np.asarray(pair[0].fit.times), max(best.fit.noise.growth, 1.0)
     later = time + time[-1] + np.median(np.diff(time))
-    left = float(cs.evalf(_amplitude(pair[0], later[:1], *_from(pair[0], 1.0)))) / pair[0].fit["e0"]
+    x = _from(pair[0], 1.0)
+    left = float(cs.evalf(pair[0].model.amplitude(later[:1], *(x[i] for i in pair[0].indices)))) / pair[0].fit["e0"]
     records = {"twice the amplitude": (2.0, time), "twice the length": (1.0, np.concatenate([time, later])),
                "a later begin": (left, time)}  # fmt: skip
     found = {}
@@ -170,10 +171,6 @@ def _from(fit: DecayFit, size: float) -> list[cs.MX]:
 
 def _curve(fit: DecayFit, time: Array, *x: cs.MX) -> cs.MX:
     return fit.model.curve(time, *(x[i] for i in fit.indices))
-
-
-def _amplitude(fit: DecayFit, time: Array, *x: cs.MX) -> cs.MX:
-    return fit.model.amplitude(time, *(x[i] for i in fit.indices))
 
 
 def _fit_to(fit: DecayFit, time: Array, values: Array, size: float) -> Fit:

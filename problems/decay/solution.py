@@ -294,9 +294,7 @@ def _match(
         if noise <= least:
             break
         fit = solved(started(fit.unknowns, fit.estimates), noise, HUBER * noise if robust else math.inf)
-    if not any(
-        unknown.prior for unknown in unknowns
-    ):  # nobody stated a standard deviation, which residuals may contradict
+    if not any(unknown.prior for unknown in unknowns):  # nobody stated what residuals may contradict
         fit = replace(fit, noise=replace(fit.noise, chance=math.nan))
     return fit, columns
 

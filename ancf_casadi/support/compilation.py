@@ -13,10 +13,12 @@ Cache.  ``ANCF_CASADI_CACHE``, else ``ancf-casadi`` in ``XDG_CACHE_HOME`` or ``~
 rights of the user.  As ssh requires of its keys, the folder and its files must belong to the user, no folder above may
 be open to others, and nothing may be writable by group or others; otherwise a private temporary folder is used.  The
 name of a library contains the SHA-256 digest of its contents; a library that does not match its name is built again.
+Another process loads each new library first (``compiler_process.py``), and only one that can be loaded is kept.
 """
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import importlib.util
@@ -39,10 +41,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.interrupts import interrupted
 
 LIBRARY = ("-fno-math-errno", "-fPIC", "-shared", "-ffp-contract=off")
 COMPILER_FLAGS = ("-O1", *LIBRARY)  # -O3 takes twice as long, and its code is no faster
+COMPILER_PROCESS = str(Path(__file__).with_name("compiler_process.py"))
 COMPILER_SECONDS = 300  # limit of one compilation
+POLLING_INTERVAL = 0.05  # s between two looks for signals while a compiler runs
 CACHE_FORMAT = "2"  # of the cache; raise it to compile the same functions again
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
@@ -70,15 +75,22 @@ def compiled(function: cs.Function, *, derivatives: bool = False) -> cs.Function
     library = _kept(folder, stem) or _built(function, derivatives, compiler, folder, stem)
     if library is None:
         return interpreted(function)
-    return cs.external(function.name(), str(library), _differentiability(function))
+    try:
+        return cs.external(function.name(), str(library), _differentiability(function))
+    except RuntimeError:  # it was removed after the check, or its folder does not admit programs any more
+        _give_up(compiler, f"{library} cannot be loaded")
+        return interpreted(function)
 
 
 def c_compiler() -> tuple[str, ...]:
     """Return the command of the C compiler: ``CC``, ``cc``, ``gcc`` or that of ziglang; empty if there is none."""
-    if given := shlex.split(os.environ.get("CC", "")):
-        return tuple(given)
-    if found := shutil.which("cc") or shutil.which("gcc"):
-        return (found,)
+    if command := os.environ.get("CC", "").strip():
+        try:
+            return tuple(shlex.split(command))
+        except ValueError:  # an open quotation: no program has this name, and the warning shows it
+            return (command,)
+    if compiler := shutil.which("cc") or shutil.which("gcc"):
+        return (compiler,)
     return (sys.executable, "-m", "ziglang", "cc") if importlib.util.find_spec("ziglang") else ()
 
 
@@ -140,7 +152,10 @@ def _kept(folder: Path, stem: str) -> Path | None:
     for path in sorted(folder.glob(f"{stem}-*.so")):
         if _is_own(path) and path.name == f"{stem}-{_digest(path)}.so":
             return path
-        path.unlink(missing_ok=True)
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
     return None
 
 
@@ -181,19 +196,35 @@ def _built(function: cs.Function, derivatives: bool, compiler: tuple[str, ...], 
 
 
 def compiler_failure(call: Sequence[str], library: Path) -> str:
-    """Let a compiler write a library; return the reason if it fails, else an empty text."""
+    """Let a compiler write a library, and load it in another process; return why that fails, or an empty text.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If a signal is noted meanwhile (``noted_interrupts``); the compiler is ended.
+    """
     drafts = os.environ | {"TMPDIR": str(library.parent)}  # a compiler that is stopped leaves its files there
-    try:
-        run = subprocess.run(
-            [*call, "-o", str(library), "-lm"], check=False, capture_output=True, timeout=COMPILER_SECONDS, env=drafts
-        )
-    except subprocess.TimeoutExpired:
-        return f"it takes more than {COMPILER_SECONDS} s"
-    except OSError as error:
-        return str(error)
-    said = [line for line in (run.stderr + run.stdout).decode(errors="replace").splitlines() if line.strip()]
-    faults = [line for line in said if "error" in line] or said  # warnings may come first
-    return "" if not run.returncode else faults[0] if faults else f"exit code {run.returncode}"
+    command = [sys.executable, "-I", "-S", COMPILER_PROCESS, str(library), *call, "-o", str(library), "-lm"]
+    with tempfile.TemporaryFile() as output:
+        with subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=output, stderr=output, env=drafts, start_new_session=True
+        ) as process:  # the end of the block closes its standard input, which ends the compiler
+            begin = time.monotonic()
+            while process.poll() is None:
+                if time.monotonic() - begin > COMPILER_SECONDS:
+                    return f"it takes more than {COMPILER_SECONDS} s"
+                if interrupted():
+                    raise KeyboardInterrupt
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(POLLING_INTERVAL)
+        output.seek(0)
+        lines = [line for line in output.read().decode(errors="replace").splitlines() if line.strip()]
+    if process.returncode == 0:
+        return ""
+    if process.returncode < 0:  # a signal, such as SIGBUS
+        return "loading the library that it wrote ends the process"
+    errors = [line for line in lines if "error" in line] or lines  # warnings may come first
+    return errors[0] if errors else f"exit code {process.returncode}"
 
 
 def _jacobian_patterns(function: cs.Function) -> str:

@@ -3,11 +3,13 @@
 import os
 import pwd
 import shutil
+import signal
 import subprocess
 import sys
 import time
 import warnings
 from importlib.machinery import ModuleSpec
+from pathlib import Path
 
 import casadi as cs
 import numpy as np
@@ -237,6 +239,95 @@ class TestCache:
 
 def _factor(library):
     return float(cs.external("product", str(library))(np.pi / 2, 1.0)[0] / (np.pi / 2))
+
+
+class TestUnusableLibraries:
+    """A library that cannot be loaded is not kept, and the virtual machine runs the Function, with one warning."""
+
+    @pytest.mark.parametrize(
+        ("script", "reason"),
+        [
+            ("exit 0", "cannot be loaded"),
+            ("for last; do :; done; echo text > {library}", "cannot be loaded"),
+            ("gcc -c {arguments}", "cannot be loaded"),
+            ("gcc {arguments}; truncate -s 4200 {library}", "cannot be loaded|ends the process"),
+        ],
+        ids=["writes nothing", "writes text", "only compiles", "truncated"],
+    )
+    def test_a_library_that_cannot_be_loaded_is_not_kept(self, cache, monkeypatch, tmp_path, script, reason):
+        library = '"$(echo "$*" | sed "s/.* -o //; s/ -lm//")"'
+        script = script.format(library=library, arguments='"$@"')
+        if "gcc" in script and not shutil.which("gcc"):
+            pytest.skip("no gcc")
+        monkeypatch.setenv("CC", fake_compiler(tmp_path, script))
+        with pytest.warns(UserWarning, match=f"fails: .*({reason}).*uncompiled"):
+            assert is_right(compiled(a_function()))
+        assert not list(cache.iterdir())
+
+    @needs_compiler
+    def test_a_folder_in_place_of_a_library_is_replaced(self, cache):
+        compiled(a_function())
+        (library,) = cache.iterdir()
+        library.unlink()
+        (library / "more").mkdir(parents=True)
+        assert is_right(compiled(a_function()))
+        assert library.is_file()
+
+    @needs_compiler
+    def test_a_library_that_vanishes_after_its_check_is_done_without(self, cache, monkeypatch):
+        monkeypatch.setattr(compilation, "_kept", lambda folder, stem: folder / "gone.so")
+        with pytest.warns(UserWarning, match=r"gone\.so cannot be loaded; .*uncompiled"):
+            assert is_right(compiled(a_function()))
+
+    @pytest.mark.parametrize("command", ['"x', "gcc 'a", "\\"], ids=["double", "single", "backslash"])
+    def test_a_command_with_an_open_quotation_is_shown(self, cache, monkeypatch, command):
+        monkeypatch.setenv("CC", command)
+        with pytest.warns(UserWarning, match="No such file"):
+            assert is_right(compiled(a_function()))
+
+
+class TestEnding:
+    """A compiler and its own processes end at once with the work that asked for it."""
+
+    CODE = (
+        "import casadi as cs; from ancf_casadi.support.compilation import compiled; {context}; x = cs.MX.sym('x'); "
+        "print('begin', flush=True); compiled(cs.Function('f', [x], [x**2]))"
+    )
+    NOTED = "from ancf_casadi.support.interrupts import delayed_interrupts as d; c = d(); c.__enter__()"
+
+    @pytest.mark.parametrize(
+        ("number", "context"),
+        [(signal.SIGINT, "pass"), (signal.SIGINT, NOTED), (signal.SIGTERM, "pass"), (signal.SIGKILL, "pass")],
+        ids=["interrupt", "noted interrupt", "end", "kill"],
+    )
+    def test_a_signal_ends_a_compiler_that_hangs(self, cache, monkeypatch, tmp_path, number, context):
+        script = f'echo $$ >> {tmp_path}/pids; sh -c "echo \\$\\$ >> {tmp_path}/pids; sleep 60"; exit 1'
+        monkeypatch.setenv("CC", fake_compiler(tmp_path, script))
+        code = self.CODE.format(context=context)
+        with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+            deadline = time.monotonic() + 30
+            while len(pids := _numbers(tmp_path / "pids")) < 2 and time.monotonic() < deadline:
+                time.sleep(0.02)
+            process.send_signal(number)
+            sent = time.monotonic()
+            process.wait(10)
+        assert time.monotonic() - sent < 2.0
+        assert len(pids) == 2
+        while any(map(_is_alive, pids)) and time.monotonic() < sent + 2:
+            time.sleep(0.02)
+        assert not any(map(_is_alive, pids))
+
+
+def _numbers(path):
+    return [int(line) for line in path.read_text().split()] if path.exists() else []
+
+
+def _is_alive(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return "State:\tZ" not in Path(f"/proc/{pid}/status").read_text()
 
 
 class TestWithoutACompiler:

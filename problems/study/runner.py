@@ -5,8 +5,9 @@ holds any: first come the tasks of parts that other parts wait for, and among th
 as soon as it is there, so that a study that is stopped at any time continues from there.
 
 The key of a result is a hash of everything that it depends on: the function, its inputs, and the sources of this
-program with the version of CasADi.  A kept result is a MessagePack file with its computing time (s), decoded
-into the type that the function declares, so that a file from elsewhere is never executed.
+program with the version of CasADi.  A kept result is a SHA-256 digest, then the computing time (s) and the result as
+MessagePack.  It is computed anew if it does not match its digest.  A file from elsewhere is never executed, because it
+is decoded into the type that the function declares.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ from problems.study.drawing import only
 from problems.study.part import Finding, Found, Part, PartReport, Study, Task
 
 SUFFIX = ".msgpack"
+DIGEST_BYTES = hashlib.sha256().digest_size
 STEPS_FOLDER = "steps"  # folder with the kept results
 
 
@@ -71,10 +73,17 @@ def unpacked(content: bytes, task: Task) -> tuple[float, Any]:
     return seconds, decoded(result, typing.get_type_hints(task.function)["return"])
 
 
+def with_digest(content: bytes) -> bytes:
+    """Return the content of a file that shows whether it was damaged: a SHA-256 digest stands in front."""
+    return hashlib.sha256(content).digest() + content
+
+
 def kept_in(folder: Path, key: str, task: Task) -> tuple[float, Any] | None:
     """Return time and result under a key in a folder, or None if there are none that can be used."""
     try:
-        return unpacked((folder / f"{key}{SUFFIX}").read_bytes(), task)
+        kept = (folder / f"{key}{SUFFIX}").read_bytes()
+        content = kept[DIGEST_BYTES:]
+        return unpacked(content, task) if kept == with_digest(content) else None
     except (OSError, ValueError, msgspec.MsgspecError):
         return None
 
@@ -258,6 +267,6 @@ class _Queue:
                 self._keep(self._running.pop(future), future.result())
 
     def _keep(self, key: str, content: bytes) -> None:
-        write_file(self.folder / f"{key}{SUFFIX}", content)
+        write_file(self.folder / f"{key}{SUFFIX}", with_digest(content))
         self.seconds[key], self.results[key] = unpacked(content, self.tasks[key])
         self._bar.update(self.tasks[key].cost)

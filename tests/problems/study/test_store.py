@@ -22,7 +22,7 @@ from ancf_casadi.export.structs import BeamData
 from ancf_casadi.support.arrays import Array
 from problems.study import runner as store_module
 from problems.study.part import Task
-from problems.study.runner import SUFFIX, decoded, discard_all_but, encoded, kept_in, key_of, run_task, unpacked
+from problems.study.runner import SUFFIX, decoded, discard_all_but, encoded, kept_in, key_of, run_task, unpacked, with_digest
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def other(scale: float, beam: Beam | None = None) -> Sample:
 
 
 def keep(folder: Path, content: bytes, task: Task) -> None:
-    (folder / f"{key_of(task)}{SUFFIX}").write_bytes(content)
+    (folder / f"{key_of(task)}{SUFFIX}").write_bytes(with_digest(content))
 
 
 def touch(path: str) -> list[float]:
@@ -179,14 +179,11 @@ class TestFiles:
         """Truncated files, other types, arrays of objects and pickles: none is used, none is executed."""
         monkeypatch.chdir(tmp_path)
         task = Task(sample, (2.0,))
-        key = key_of(task)
-        keep(tmp_path, run_task(task), task)
-        path = tmp_path / f"{key}{SUFFIX}"
-        good = path.read_bytes()
-        path.write_bytes(_damaged(good, kind))
+        key, good = key_of(task), run_task(task)
+        keep(tmp_path, _damaged(good, kind), task)
         assert kept_in(tmp_path, key, task) is None
         assert not (tmp_path / "harm").exists()
-        path.write_bytes(good)
+        keep(tmp_path, good, task)
         assert kept_in(tmp_path, key, task) is not None
 
     def test_of_every_length_are_ignored(self, tmp_path):
@@ -199,6 +196,18 @@ class TestFiles:
         for size in range(len(good)):
             path.write_bytes(good[:size])
             assert kept_in(tmp_path, key, task) is None, size
+
+    def test_with_a_flipped_bit_are_ignored(self, tmp_path):
+        """In a number, a flipped bit is still a number: the digest tells."""
+        task = Task(sample, (2.0,))
+        keep(tmp_path, run_task(task), task)
+        path = tmp_path / f"{key_of(task)}{SUFFIX}"
+        content = path.read_bytes()
+        for position in range(0, 8 * len(content), 13):
+            damaged = bytearray(content)
+            damaged[position // 8] ^= 1 << position % 8
+            path.write_bytes(damaged)
+            assert kept_in(tmp_path, key_of(task), task) is None, position
 
     def test_of_other_studies_are_removed(self, tmp_path):
         tasks = [Task(sample, (scale,)) for scale in (1.0, 2.0, 3.0)]

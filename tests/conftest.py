@@ -29,6 +29,13 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
+def pytest_make_parametrize_id(val: object, argname: str) -> str | None:
+    """Name a test by six digits of a number: the last ones may differ between processes, which would collect others."""
+    if isinstance(val, float):
+        return f"{val:.6g}"
+    return argname if isinstance(val, str | bytes) and len(val) > 100 else None
+
+
 @pytest.fixture(scope="session", autouse=True)
 def compiler() -> Iterator[None]:
     """Run without a C compiler where there is none; compiled functions stay in the user's cache for the next run."""

@@ -13,7 +13,6 @@ import ancf_casadi
 ROOT = Path(__file__).parents[1]
 MODULES = sorted(path for package in ("ancf_casadi", "problems") for path in (ROOT / package).rglob("*.py"))
 FOLDERS = sorted({path.parent for path in MODULES})
-MOST_MODULES, MOST_LINES = 15, 400
 
 
 def python(code):
@@ -53,9 +52,14 @@ def test_every_error_is_an_ancf_error_and_says_where():
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: str(folder.relative_to(ROOT)))
-def test_a_folder_is_small_and_says_what_belongs_there(folder):
-    assert len(list(folder.glob("*.py"))) <= MOST_MODULES
+def test_a_folder_says_what_belongs_there(folder):
     assert ast.get_docstring(ast.parse((folder / "__init__.py").read_text()))
+
+
+def test_no_name_of_a_test_has_digits_that_may_differ_between_processes(request):
+    """Workers that collect different names run nothing; the last digits of a computed number are such names."""
+    names = [item.nodeid for item in request.session.items]
+    assert not [name for name in names if re.search(r"\d\.0*[1-9]\d{6}", name)]
 
 
 def test_no_hint_installs_the_package_by_a_name_that_no_index_has():
@@ -65,10 +69,6 @@ def test_no_hint_installs_the_package_by_a_name_that_no_index_has():
     ]
     texts = [path for path in (*product, ROOT / "README.md") if path.suffix in (".py", ".md", ".toml")]
     assert not [path for path in texts if "ancf-casadi[" in path.read_text()]
-
-
-def test_no_file_is_long():
-    assert {str(path): lines for path in MODULES if (lines := len(path.read_text().splitlines())) > MOST_LINES} == {}
 
 
 def test_no_module_is_hidden_by_a_name_of_its_package():

@@ -171,43 +171,35 @@ def test_a_saved_result_states_the_same(case, tmp_path):
     assert Identification.of(fit).kind == Identification.of(found).kind == kind
 
 
-def saved() -> dict:
-    """Return a saved result as plain data."""
-    return json.loads(json.dumps(fit_rayleigh(PAIR, (0.01, 0.02, 0.04)).to_dict()))
+def changed(saved: dict, **changes) -> str:
+    return json.dumps({**saved, **changes})
 
 
-def changed(**changes) -> str:
-    return json.dumps({**saved(), **changes})
+OTHER_FILES = {
+    "empty": (lambda saved: "", "is empty"),
+    "cut": (lambda saved: "{", "is not the saved result of a fit"),
+    "list": (lambda saved: "[]", "is not the saved result of a fit"),
+    "no estimates": (lambda saved: '{"kind": "modes"}', "is not the saved result of a fit: .*estimates"),
+    "no text": (lambda saved: b"\xff\xfe", "is not the saved result of a fit"),
+    "deep": (lambda saved: '{"a": ' * 5000 + "1" + "}" * 5000, "is not the saved result of a fit"),
+    "estimate": (lambda saved: changed(saved, estimates=[{"name": "a"}]), r".*estimates\[0\]"),
+    "twice": (lambda saved: changed(saved, estimates=saved["estimates"][:1] * 2), "an estimate appears twice"),
+    "ragged": (lambda saved: changed(saved, covariance=[[1.0, 2.0], [1.0]]), "the covariance is not 2 by 2"),
+    "small": (lambda saved: changed(saved, covariance=[[1.0]]), "the covariance is not 2 by 2"),
+    "negative": (lambda saved: changed(saved, degrees_of_freedom=-1.0), ".*degrees_of_freedom"),
+    "kind": (lambda saved: changed(saved, kind=3), ".*kind"),
+    "no kind": (lambda saved: changed(saved, kind=""), ".*kind"),
+    "infinite": (lambda saved: changed(saved, degrees_of_freedom=math.inf), "is not the saved result of a fit"),
+    "nan": (lambda saved: changed(saved, degrees_of_freedom=math.nan), "is not the saved result of a fit"),
+    "surrogate": (lambda saved: changed(saved, report="\ud800"), "is not the saved result of a fit"),
+}
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ("", "is empty"),
-        ("{", "is not the saved result of a fit"),
-        ("[]", "is not the saved result of a fit"),
-        ('{"kind": "modes"}', "is not the saved result of a fit: .*estimates"),
-        (b"\xff\xfe", "is not the saved result of a fit"),
-        ('{"a": ' * 5000 + "1" + "}" * 5000, "is not the saved result of a fit"),
-        (changed(estimates=[{"name": "a"}]), r"is not the saved result of a fit: .*estimates\[0\]"),
-        (
-            changed(estimates=saved()["estimates"][:1] * 2),
-            "is not the saved result of a fit: an estimate appears twice",
-        ),
-        (changed(covariance=[[1.0, 2.0], [1.0]]), "is not the saved result of a fit: the covariance is not 2 by 2"),
-        (changed(covariance=[[1.0]]), "is not the saved result of a fit: the covariance is not 2 by 2"),
-        (changed(degrees_of_freedom=-1.0), "is not the saved result of a fit: .*degrees_of_freedom"),
-        (changed(kind=3), "is not the saved result of a fit: .*kind"),
-        (changed(kind=""), "is not the saved result of a fit: .*kind"),
-        (
-            changed().replace('"degrees_of_freedom": 1', '"degrees_of_freedom": 1e999'),
-            "is not the saved result of a fit",
-        ),
-        (changed().replace('"degrees_of_freedom": 1', '"degrees_of_freedom": NaN'), "is not the saved result of a fit"),
-        (changed(report="\ud800"), "is not the saved result of a fit"),
-    ],
-)
-def test_other_files_are_refused(content, message, tmp_path):
+@pytest.mark.parametrize("file", OTHER_FILES)
+def test_other_files_are_refused(file, tmp_path):
+    make, message = OTHER_FILES[file]
+    saved = fit_rayleigh(PAIR, (0.01, 0.02, 0.04)).to_dict()
+    content = make(saved)
     path = tmp_path / "fit.json"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(InputError, match=message):

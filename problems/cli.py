@@ -13,15 +13,16 @@ import os
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.support.interrupts import raised_endings
-from ancf_casadi.support.tables import to_json, wrapped
 from ancf_casadi.version import __version__
-from problems.command.output import Output, shortened
+
+if TYPE_CHECKING:
+    from problems.command.output import Output  # imports NumPy
 
 COMMANDS = {
     "inspect": "show the channels of a file of measurements, and what a fit would use",
@@ -49,14 +50,18 @@ SHARING = {  # commands in the module of another one of problems.command
 }  # fmt: skip
 
 
+LONGEST = 300  # characters of a refusal, which may show an option as it was typed
+UNFINISHED = "nothing was written"  # by a command that a signal ended, if the command says nothing else
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code."""
+    if "_ARGCOMPLETE" in os.environ:  # a shell asks for the completions of a line
+        _complete(os.environ.get("COMP_LINE", ""))
+    os.environ["MPLBACKEND"] = "agg"  # a command draws to files; the value of the user may name no backend
     try:
         try:
-            options, unknown = _parser().parse_known_args(arguments)
-            if unknown:
-                options.refuse(f"unrecognized arguments: {' '.join(unknown)}")
-            return _run(options)
+            return _run(arguments)
         finally:
             sys.stdout.flush()
     except BrokenPipeError:  # the reader of our output has left
@@ -70,16 +75,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
 class _Parser(argparse.ArgumentParser):
     """The parser of the command, or of a subcommand, whose module is imported only if the subcommand is given."""
 
+    subcommands: Mapping[str, _Parser]
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings, allow_abbrev=False)
+
     def error(self, message: str) -> NoReturn:
         """Refuse in one line."""
-        self.exit(2, f"{self.prog}: {shortened(message)}; see {self.prog} --help\n")
+        line = " ".join(message.split())
+        if len(line) > LONGEST:
+            line = f"{line[: LONGEST - 3]}..."
+        self.exit(2, f"{self.prog}: {line}; see {self.prog} --help\n")
 
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Add the options of a subcommand, and parse."""
-        if title := self.get_default("title"):
+    def add_options(self) -> None:
+        """Add the options of a subcommand, once."""
+        if (title := self.get_default("title")) and not self.get_default("run"):
             add_options, run = functions_of(title)
             add_options(self)
             self.set_defaults(run=run)
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Add the options of a subcommand, and parse."""
+        self.add_options()
         return super().parse_known_args(args, namespace)
 
 
@@ -90,14 +107,26 @@ def functions_of(command: str) -> tuple[Callable[[argparse.ArgumentParser], None
     return getattr(module, f"add_{name}"), getattr(module, f"run_{name}")
 
 
-def _parser() -> argparse.ArgumentParser:
+def _complete(line: str) -> NoReturn:
+    """Print the completions of a command line, and exit; argcomplete wants to see all options before it parses."""
+    from argcomplete import autocomplete
+
+    parser = _parser()
+    for command in set(line.split()) & COMMANDS.keys():
+        parser.subcommands[command].add_options()
+    autocomplete(parser)
+    raise SystemExit
+
+
+def _parser() -> _Parser:
     parser = _Parser(
         prog="ancf-casadi",
         description="Identify the damping and the properties of very flexible beams, and predict their large motion.",
         epilog="Start with 'inspect FILE' for a record, or 'init' for a study; 'COMMAND --help' explains each command.",
     )
-    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    parser.subcommands = commands.choices
+    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     for name, about in COMMANDS.items():
         added = commands.add_parser(
             name,
@@ -106,17 +135,28 @@ def _parser() -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         added.add_argument("--json", action="store_true", help="print the result as JSON")
-        added.set_defaults(title=name, refuse=added.error, unfinished="nothing was written")
+        added.set_defaults(title=name, refuse=added.error, unfinished=UNFINISHED)
     return parser
 
 
-def _run(options: argparse.Namespace) -> int:
-    from ancf_casadi.support.progress import counter  # tqdm is slow to import, for a help text
+def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
+    options: argparse.Namespace
+    options, unknown = _parser().parse_known_args(arguments)
+    if unknown:
+        options.refuse(f"unrecognized arguments: {' '.join(unknown)}")
+    return options
 
-    written = options.unfinished
+
+def _run(arguments: Sequence[str] | None) -> int:
+    written = UNFINISHED
     with raised_endings() as noted, warnings.catch_warnings():
         warnings.showwarning = _show_warning
         try:
+            options = _parsed(arguments)
+            written = options.unfinished
+            from ancf_casadi.support.progress import counter  # slow to import, for a help text
+            from ancf_casadi.support.tables import to_json, wrapped
+
             with counter(options.title):
                 output: Output = options.run(options)
                 text = to_json(output.data()).rstrip() if options.json else output.text()

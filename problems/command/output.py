@@ -18,7 +18,6 @@ from ancf_casadi.support.tables import Reported
 if TYPE_CHECKING:
     from ancf_casadi.estimation.comparison import LawComparison
 
-LONGEST = 300  # characters of a refusal, which may show an option as it was typed
 PICTURES = (".png", ".svg", ".pdf")
 
 
@@ -37,12 +36,6 @@ def positive_count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"must be a whole number above 0, got {text!r}")
     return int(text)
-
-
-def shortened(message: str) -> str:
-    """Return a message on one line, and cut if it is very long."""
-    line = " ".join(message.split())
-    return line if len(line) <= LONGEST else f"{line[: LONGEST - 3]}..."
 
 
 def finite(text: str) -> float:

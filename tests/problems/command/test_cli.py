@@ -286,6 +286,66 @@ def test_version_and_entry_point(capsys):
     assert script.load() is main
 
 
+def test_the_package_runs_as_a_module():
+    run = subprocess.run(
+        [sys.executable, "-m", "ancf_casadi", "--version"], capture_output=True, text=True, check=False
+    )
+    assert (run.returncode, run.stdout) == (0, f"ancf-casadi {__version__}\n")
+
+
+@pytest.mark.parametrize(
+    ("line", "completions"),
+    [
+        ("ancf-casadi fit-f", ["fit-frf"]),
+        ("ancf-casadi modes --mo", ["--modes"]),
+        ("ancf-casadi fit-decay a.csv --frequency-l", ["--frequency-law"]),
+        ("ancf-casadi fit-decay --law q", ["quadratic"]),
+    ],
+)
+def test_a_shell_is_told_the_completions_of_a_line(line, completions, tmp_path):
+    pytest.importorskip("argcomplete")
+    asked = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "\n", "_ARGCOMPLETE_STDOUT_FILENAME": str(tmp_path / "answer"),
+             "COMP_LINE": line, "COMP_POINT": str(len(line)), "COMP_TYPE": "9"}  # fmt: skip
+    subprocess.run([sys.executable, "-m", "problems.cli"], env={**os.environ, **asked}, check=True)
+    assert (tmp_path / "answer").read_text().split() == completions
+
+
+@pytest.mark.parametrize("module", ["numpy", "casadi", "problems.command.modes"])
+def test_ctrl_c_during_an_import_ends_in_one_line(files, module):
+    code = (
+        "import signal, sys\n"
+        "from problems.cli import main\n"
+        "class Finder:\n"
+        "    def find_spec(self, name, *_):\n"
+        f"        if name == {module!r}: signal.raise_signal(signal.SIGINT)\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "sys.meta_path.insert(0, Finder())\n"
+        "sys.exit(main(['modes', 'beam.toml']))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stderr) == (130, "ancf-casadi: stopped; nothing was written\n")
+
+
+def test_a_command_draws_where_the_user_names_a_backend_that_does_not_exist(files):
+    command = [sys.executable, "-m", "problems.cli", "modes", "beam.toml", "--plot", "modes.png"]
+    environment = {**os.environ, "MPLBACKEND": "no-such-backend"}
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert (files / "modes.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("command", "option"),
+    [("fit-mode", "--frequency-l"), ("simulate", "--samp"), ("fit-decay", "--mod"), ("modes", "--cou")],
+)
+def test_an_abbreviated_option_is_refused(command, option, capsys):
+    """``fit-mode --frequency`` was taken for ``--frequency-law``."""
+    with pytest.raises(SystemExit) as stopped:
+        main([command, "file", option, "2"])
+    assert stopped.value.code == 2
+    assert f"unrecognized arguments: {option} 2" in one_line(capsys)
+
+
 @pytest.mark.parametrize("option", ["--version", "--help"])
 def test_version_and_help_import_none_of_the_large_packages(option):
     code = (

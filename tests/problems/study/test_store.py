@@ -22,7 +22,17 @@ from ancf_casadi.export.structs import BeamData
 from ancf_casadi.support.arrays import Array
 from problems.study import runner as store_module
 from problems.study.part import Task
-from problems.study.runner import SUFFIX, decoded, discard_all_but, encoded, kept_in, key_of, run_task, unpacked, with_digest
+from problems.study.runner import (
+    SUFFIX,
+    decoded,
+    discard_all_but,
+    encoded,
+    kept_in,
+    key_of,
+    run_task,
+    unpacked,
+    with_digest,
+)
 
 
 @dataclass(frozen=True)

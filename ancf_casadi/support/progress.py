@@ -30,12 +30,6 @@ def counter(title: str) -> Iterator[None]:
             _open.reset(token)
 
 
-def counting() -> bool:
-    """Return whether steps are shown."""
-    bar = _open.get()
-    return bar is not None and not bar.disable
-
-
 def step() -> None:
     """Count one step."""
     bar = _open.get()

@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Measurement, run_all
+from ancf_casadi.estimation.solver import nlp
+from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.support.interrupts import (
     REPEAT,
     delayed_interrupts,
@@ -75,6 +77,24 @@ def test_ctrl_c_ends_a_fit_with_the_step_it_meets():
     assert said == "done" and total > 100
     for step in (3, total // 2):
         assert stopped_at(step) == ("stopped", step)
+
+
+def test_ctrl_c_ends_a_solver_with_the_iteration_it_meets(monkeypatch):
+    """It waited for the end of the solution, which may take minutes."""
+    x = cs.MX.sym("x", 2)
+    valley = {"x": x, "f": (1 - x[0]) ** 2 + 100 * (x[1] - x[0] ** 2) ** 2}
+    iterations = []
+
+    def interrupted_third():
+        iterations.append(len(iterations))
+        if len(iterations) == 3:
+            signal.raise_signal(signal.SIGINT)
+
+    assert solve_nlp(valley, np.array([-1.2, 1.0])).iterations > 10
+    monkeypatch.setattr(nlp, "step", interrupted_third)
+    with pytest.raises(KeyboardInterrupt):
+        solve_nlp(valley, np.array([-1.2, 1.0]))
+    assert len(iterations) == 3
 
 
 def test_a_delayed_interrupt_is_raised_at_the_end_in_place_of_another_error():

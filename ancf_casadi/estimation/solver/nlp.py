@@ -19,8 +19,8 @@ import casadi as cs
 
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.interrupts import delayed_interrupts
-from ancf_casadi.support.progress import counting, step
+from ancf_casadi.support.interrupts import delayed_interrupts, interrupted
+from ancf_casadi.support.progress import step
 
 WITHOUT_OUTPUT: Mapping[str, Any] = {
     "print_time": False,
@@ -75,14 +75,12 @@ def solve_nlp(
     if "g" in nlp:
         bounds |= {"lbg": constraint_lower, "ubg": constraint_upper}
     settings = {**WITHOUT_OUTPUT, **(options or {})}
-    if counting():
-        settings["iteration_callback"] = _Ticks(nlp)  # ``settings`` keeps it while the solver runs
+    settings["iteration_callback"] = _EachIteration(nlp)  # ``settings`` keeps it while the solver runs
     try:
         solver = cs.nlpsol("solver", "ipopt", nlp, settings)
         began = time.perf_counter()
         with delayed_interrupts():
             result = solver(x0=start, **bounds)
-        step()
         seconds = time.perf_counter() - began
     except RuntimeError as error:
         raise FitError(f"the problem cannot be solved as stated: {_reason(error)}") from None
@@ -102,15 +100,15 @@ def solve_nlp(
     )
 
 
-class _Ticks(cs.Callback):
-    """Callback after each iteration of IPOPT, which shows that a long solution proceeds."""
+class _EachIteration(cs.Callback):
+    """Callback after each iteration of IPOPT, which counts it as a step, and stops the solver if a signal is noted."""
 
     def __init__(self, nlp: Mapping[str, cs.MX]) -> None:
         """Take the shapes of the problem."""
         cs.Callback.__init__(self)
         rows = {name: nlp[name].numel() if name in nlp else 0 for name in ("f", "x", "g", "p")}
         self.rows = [rows[name.removeprefix("lam_")] for name in cs.nlpsol_out()]
-        self.construct("ticks", {})
+        self.construct("each_iteration", {})
 
     def get_n_in(self) -> int:
         """Return the number of outputs of a solver."""
@@ -125,9 +123,9 @@ class _Ticks(cs.Callback):
         return cs.Sparsity.dense(self.rows[i])
 
     def eval(self, _: Sequence[cs.DM]) -> list[int]:
-        """Count one step, and go on."""
+        """Count one step, and return whether to stop."""
         step()
-        return [0]
+        return [int(interrupted())]
 
 
 def _reason(error: RuntimeError) -> str:

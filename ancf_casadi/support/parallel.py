@@ -75,7 +75,8 @@ def run_all(
     NumericsError
         If a process ends before its task is done.
     Exception
-        The exception of a task; without an executor, tasks that have not started by then are dropped.
+        The exception of a task; without an executor, tasks that have not started by then are dropped.  As in a
+        ``NumericsError``, its attribute ``results`` holds the results so far, by the number of the task.
 
     Examples
     --------
@@ -106,11 +107,16 @@ def run_all(
         if executor is None and jobs > 1:
             _check_portable(tasks)
             executor = stack.enter_context(processes(jobs))
-        for k, result in _finished(tasks, order, executor):
-            results[k] = result
-            if each is not None:
-                each(k, result)
-            bar.update(min(costs[k], total - bar.n))
+        try:
+            for k, result in _finished(tasks, order, executor):
+                results[k] = result
+                if each is not None:
+                    each(k, result)
+                bar.update(min(costs[k], total - bar.n))
+        except Exception as error:
+            error.results = results  # type: ignore[attr-defined]
+            error.add_note(f"{len(results)} of {len(tasks)} tasks were done; `results` of this exception holds theirs")
+            raise
     return [results[k] for k in range(len(tasks))]
 
 
@@ -184,8 +190,14 @@ def _finished(
         return
     with unbroken():
         futures = {executor.submit(tasks[k]): k for k in order}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
+        try:
+            for future in as_completed(list(futures)):
+                yield futures.pop(future), future.result()
+        except Exception:
+            for future, k in futures.items():  # those that ended at the same time
+                if future.done() and not future.cancelled() and future.exception() is None:
+                    yield k, future.result()
+            raise
 
 
 def _start_process() -> None:

@@ -1,5 +1,6 @@
 """Parallel runs give the same numbers as serial runs, and their processes end with their parent."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -144,6 +145,24 @@ def test_unusable_tasks_are_refused(arguments, message):
         run_all(**{"jobs": 2, **arguments})
 
 
-def test_a_process_that_dies_is_a_numerical_failure():
-    with pytest.raises(NumericsError, match="a process ended before its task was done"):
-        run_all([partial(os._exit, 3)] * 2, jobs=2)
+def test_a_process_that_dies_is_a_numerical_failure_and_keeps_the_results_of_others():
+    with pytest.raises(NumericsError, match="a process ended before its task was done") as caught:
+        run_all([partial(int, "7"), partial(die_later, 0.3)], jobs=2)
+    assert caught.value.results == {0: 7}
+    assert caught.value.__notes__ == ["1 of 2 tasks were done; `results` of this exception holds theirs"]
+
+
+def die_later(seconds):
+    time.sleep(seconds)
+    os._exit(3)
+
+
+@pytest.mark.parametrize("workers", [None, 1, 3])
+def test_a_task_that_raises_keeps_the_results_of_others(workers):
+    tasks = [partial(int, "7"), partial(int, "no number"), partial(int, "8")]
+    with contextlib.ExitStack() as stack:
+        executor = workers and stack.enter_context(ThreadPoolExecutor(workers))
+        with pytest.raises(ValueError, match="invalid literal") as caught:
+            run_all(tasks, executor=executor)
+    assert caught.value.results.items() >= {0: 7}.items()
+    assert caught.value.results.keys() <= {0, 2}

@@ -29,7 +29,7 @@ from ancf_casadi.plot import draw_plane, line_styles
 from ancf_casadi.set_up import draw_gravity, draw_set_up
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import MEASURED, literal_text
-from ancf_casadi.support.progress import step
+from ancf_casadi.support.progress import count_step
 
 ALL_PANELS = (640.0, 440.0)  # pixels for the panels together
 LEAST_PANEL = 130.0  # pixels of a side, for its title
@@ -88,7 +88,7 @@ def pictures(film: Film) -> Iterator[Image.Image]:
             move(k)
         for artist in moving:
             figure.draw_artist(artist)
-        step()
+        count_step()
         yield Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
 
 

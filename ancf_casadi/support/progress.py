@@ -1,7 +1,7 @@
 """Signs of life on a terminal from work whose length is unknown, such as a fit.
 
-The caller opens a counter; each part of the work that takes noticeable time calls ``step``.  Without an open counter,
-or if standard error is no terminal, nothing is shown.
+The caller opens a counter; each part of the work that takes noticeable time calls ``count_step``.  Without an open
+counter, or if standard error is no terminal, nothing is shown.
 """
 
 from __future__ import annotations
@@ -13,16 +13,19 @@ from typing import NoReturn
 
 from tqdm import tqdm
 
-LINE = "{desc}: {n} steps, {elapsed}"
+LINE = "{desc}: {n} steps, {elapsed}, {rate_noinv_fmt}"
 BAR_DELAY = 0.2  # s before the counter appears
 
 _open: ContextVar[tqdm[NoReturn] | None] = ContextVar("counter", default=None)
 
 
 @contextlib.contextmanager
-def counter(title: str) -> Iterator[None]:
-    """Count steps on a terminal, unless the work is done at once."""
-    with tqdm(desc=title, disable=None, delay=BAR_DELAY, leave=False, bar_format=LINE) as bar:
+def counter(title: str, *, shown: bool = True) -> Iterator[None]:
+    """Count steps on a terminal, unless the work is done at once, is not to be shown, or is part of counted work."""
+    if not shown or _open.get() is not None:
+        yield
+        return
+    with tqdm(desc=title, unit=" steps", disable=None, delay=BAR_DELAY, leave=False, bar_format=LINE) as bar:
         token = _open.set(bar)
         try:
             yield
@@ -30,7 +33,7 @@ def counter(title: str) -> Iterator[None]:
             _open.reset(token)
 
 
-def step() -> None:
+def count_step() -> None:
     """Count one step."""
     bar = _open.get()
     if bar is not None:

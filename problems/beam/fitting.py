@@ -50,6 +50,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import check_instance, flag, instances, is_sequence, positive, shown, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.parallel import run_all
+from ancf_casadi.support.progress import counter
 from problems.beam.curves.block import curve_block
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.block import MotionBlock, motion_block
@@ -90,6 +91,7 @@ def fit_beam(
     tolerance: float | None = None,
     modes: int | None = None,
     harmonics: int = 5,
+    progress: bool = False,
 ) -> BeamFit:
     """Estimate a damping law, and properties of a beam, from any mix of measurements.
 
@@ -131,6 +133,8 @@ def fit_beam(
     modes, harmonics : int
         Numbers of modes and of harmonics of the first fit of response curves; if not given, two modes more than the
         highest that the records are about.
+    progress : bool
+        Count the steps of the fit on a terminal.
 
     Raises
     ------
@@ -173,7 +177,8 @@ def fit_beam(
     problem, given, first = beam_problem(model, records, damping, **settings)
     only_values = all(isinstance(block, ValueBlock) for block in problem.blocks)
     motions = [(block.model, block.numbered) for block in problem.blocks if isinstance(block, MotionBlock)]
-    solution = solve(problem, starts(problem.unknowns, first, motions, only_values=only_values))
+    with counter("fit", shown=flag(progress, "progress")):
+        solution = solve(problem, starts(problem.unknowns, first, motions, only_values=only_values))
     again = partial(fit_beam, model, damping=damping, **settings)
     law = damping or SumOfLaws(())
     return BeamFit(solution.fit, solution, given=given, guess=law, first=first, again=again)

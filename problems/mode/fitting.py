@@ -31,6 +31,7 @@ from ancf_casadi.exceptions import FitError, InputError, NumericsError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import root_mean_square
 from ancf_casadi.support.inputs import check_instance, choice, flag, is_sequence, numbers, physical, shown
+from ancf_casadi.support.progress import counter
 from problems.beam.curves.checks import level_notes, oriented, phase_locked
 from problems.beam.curves.record import ResponseRecord
 from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law, with_priors
@@ -70,6 +71,7 @@ def fit_mode(
     ratio_bounds: tuple[float, float] = RATIO_BOUNDS,
     priors: Priors | None = None,
     robust: bool = False,
+    progress: bool = False,
 ) -> ModeFit:
     """Fit one mode to free decays and response curves together, without a model of the structure.
 
@@ -95,6 +97,8 @@ def fit_mode(
         deviation and ``"log-normal"``: ``{"modal_constant": (0.5, 0.02, "log-normal")}``.
     robust : bool
         Whether to use the pseudo-Huber loss, which limits the influence of outliers.
+    progress : bool
+        Count the steps of the fit on a terminal.
 
     Raises
     ------
@@ -139,7 +143,8 @@ def fit_mode(
     problem, starts, model, laws = _stated(stated, decays, alone, curves, known, robust)
     problem = replace(problem, unknowns=tuple(with_priors(problem.unknowns, priors or {}, stated)))
     try:
-        solution = solve(problem, starts)
+        with counter("fit", shown=flag(progress, "progress")):
+            solution = solve(problem, starts)
     except FitError as error:
         raise FitError("; ".join([*notes, str(error)]), error.stats) from None
     largest = max([*(one.amplitude for one in alone), *(float(motion_amplitudes(one).max()) for one in curves)])

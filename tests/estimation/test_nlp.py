@@ -2,17 +2,21 @@
 
 import io
 import math
+import re
 import sys
+from functools import partial
 
 import casadi as cs
 import numpy as np
 import pytest
 
+from ancf_casadi import Beam, HarmonicBase, Model, RayleighDamping, frequency_response, reduce_model
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support import progress
+from problems import FrequencyRecord, fit_beam, fit_mode
 
 # NIST StRD, Misra1a (Misra 1978): y = b1 (1 - exp(-b2 x)), with certified estimates and standard deviations.
 MISRA_X = [77.6, 114.9, 141.1, 190.8, 239.9, 289.0, 332.8, 378.4, 434.8, 477.3, 536.8, 593.1, 689.1, 760.0]
@@ -257,24 +261,59 @@ def test_every_failure_is_one_short_error(objective, constraint, options, messag
     assert capfd.readouterr().out == ""
 
 
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def watched_terminal(monkeypatch):
+    """Standard error as a terminal, on which counters appear at once."""
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(progress, "BAR_DELAY", 0.0)
+    monkeypatch.setattr(progress, "tqdm", partial(progress.tqdm, mininterval=0.0))
+    return terminal
+
+
 def test_a_terminal_shows_the_iterations_and_the_solution_is_the_same(monkeypatch):
     """A long solution proceeds visibly."""
-
-    class Terminal(io.StringIO):
-        def isatty(self):
-            return True
-
+    terminal = watched_terminal(monkeypatch)
     x = cs.MX.sym("x", 2)
     problem = {"x": x, "f": 100 * (x[1] - x[0] ** 2) ** 2 + (1 - x[0]) ** 2, "g": x[0] + x[1]}
     bounds = {"constraint_lower": -10.0, "constraint_upper": 10.0}
     silent = solve_nlp(problem, np.array([-1.2, 1.0]), **bounds)
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setattr(progress, "BAR_DELAY", 0.0)
-    counted = []
-    monkeypatch.setattr(progress.tqdm, "update", lambda bar, n=1: counted.append(n))
+    assert terminal.getvalue() == ""
     with progress.counter("fit"):
         shown = solve_nlp(problem, np.array([-1.2, 1.0]), **bounds)
-    assert "fit: 0 steps" in terminal.getvalue()
-    assert len(counted) > silent.iterations > 5
+    assert re.search(rf"fit: {silent.iterations} steps, 00:\d\d, +[\d.]+ steps/s", terminal.getvalue())
     np.testing.assert_array_equal(shown.x, silent.x)
+
+
+def small_beam():
+    return Model(Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8e3, elastic_modulus=2e11, elements=2))
+
+
+def fit_of_a_beam():
+    model = small_beam()
+    record = FrequencyRecord(model, [1.9, 10.8], std=[0.01, 0.05])
+    fit_beam(model, record, unknowns=["elastic_modulus"], progress=True)
+
+
+def fit_of_a_mode():
+    time = np.arange(200) / 50.0
+    noise = 1e-5 * np.random.default_rng(0).standard_normal(200)
+    fit_mode((time, 0.01 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise), progress=True)
+
+
+def curve_of_a_beam():
+    reduced = reduce_model(small_beam(), modes=1, damping=RayleighDamping(alpha=0.3))
+    base = HarmonicBase(amplitude=1e-4, frequency=10.0)
+    with progress.counter("response"):
+        frequency_response(reduced, (1.6, 1.7), base=base, points=3)
+
+
+@pytest.mark.parametrize("work", [fit_of_a_beam, fit_of_a_mode, curve_of_a_beam])
+def test_long_work_shows_its_progress(monkeypatch, work):
+    terminal = watched_terminal(monkeypatch)
+    work()
+    assert re.search(r"(fit|response): [1-9]\d* steps, 00:\d\d, +[\d.]+ steps/s", terminal.getvalue())

@@ -91,7 +91,7 @@ def test_ctrl_c_ends_a_solver_with_the_iteration_it_meets(monkeypatch):
             signal.raise_signal(signal.SIGINT)
 
     assert solve_nlp(valley, np.array([-1.2, 1.0])).iterations > 10
-    monkeypatch.setattr(nlp, "step", interrupted_third)
+    monkeypatch.setattr(nlp, "count_step", interrupted_third)
     with pytest.raises(KeyboardInterrupt):
         solve_nlp(valley, np.array([-1.2, 1.0]))
     assert len(iterations) == 3

@@ -33,7 +33,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.callbacks import kept
 from ancf_casadi.support.inputs import flag, physical, positive, positive_or_infinite
 from ancf_casadi.support.interrupts import interrupted
-from ancf_casadi.support.progress import step
+from ancf_casadi.support.progress import count_step
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 FEW_STEPS = 2000  # a motion of at most so many steps is never given up, however few the first run took
@@ -177,7 +177,7 @@ class Runs:
         except AncfError as error:
             return error.with_traceback(None)
         finally:
-            step()
+            count_step()
         if math.isfinite(self._patience):
             self._most_steps = min(self._most_steps, max(FEW_STEPS, round(self._patience * run.steps)))
             self._patience = math.inf

@@ -20,7 +20,7 @@ import casadi as cs
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.interrupts import delayed_interrupts, interrupted
-from ancf_casadi.support.progress import step
+from ancf_casadi.support.progress import count_step
 
 WITHOUT_OUTPUT: Mapping[str, Any] = {
     "print_time": False,
@@ -124,7 +124,7 @@ class _EachIteration(cs.Callback):
 
     def eval(self, _: Sequence[cs.DM]) -> list[int]:
         """Count one step, and return whether to stop."""
-        step()
+        count_step()
         return [int(interrupted())]
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -135,7 +134,7 @@ def track_video(
     picture = None if preview is None else check_file(preview)
     flag(progress, "progress")
     times: list[float] = []
-    with decoded(path) as video, located(str(path)), counter("track") if progress else nullcontext():
+    with decoded(path) as video, located(str(path)), counter("track", shown=progress):
         grey = (one.astype(np.float32) for one in _pictures(video, rate, part, times))
         pictures = (cv2.GaussianBlur(one, (0, 0), SMOOTHING) for one in grey)
         try:

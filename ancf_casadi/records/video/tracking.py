@@ -28,7 +28,7 @@ import numpy as np
 from ancf_casadi.records.video.frames import Picture
 from ancf_casadi.records.video.marks import Mark, Pose, correlations, point_of, refined, sought
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.progress import step
+from ancf_casadi.support.progress import count_step
 
 MOST_STD = 3.2  # std of a place, relative to the median of its mark, above which the mark is covered in part
 HIGH = 0.7  # of half the frame rate, above which the spectrum of a track is that of its noise
@@ -62,7 +62,7 @@ def tracked(cv2: Any, marks: Sequence[Mark], first: Picture, pictures: Iterable[
                         track[number] = pose
                         break
         accelerations = np.fmax(accelerations, [_acceleration(track, number) for track in tracks])
-        step()
+        count_step()
     points, std = np.full((number + 1, len(marks), 2), np.nan), np.full((number + 1, len(marks)), np.nan)
     for i, track in enumerate(tracks):
         for k, pose in track.items():

@@ -31,6 +31,7 @@ from ancf_casadi.response.harmonic_balance.balance import (
 )
 from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point, solve
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.progress import count_step
 
 SMALLEST_SIZE = 1e-12  # of a motion, relative to the scale of the system
 LOCATED = 1e-9  # width of the interval around a located point, relative to the step
@@ -54,6 +55,7 @@ def point_at(family: Family, guess: Array, row: Array, near: Point | None = None
     """
     coarser: Point | None = None
     while True:
+        count_step()
         z, series = solve(family, guess, row, near), family.balance.fourier
         family = replace(family, size=max(size_of(family.balance, family.split(z)[0]), SMALLEST_SIZE))
         point = family.at(z, row)

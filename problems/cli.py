@@ -159,7 +159,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
             with counter(options.title):
                 output: Output = options.run(options)
-                text = to_json(output.data()).rstrip() if options.json else output.text()
+                text = to_json({"version": __version__} | output.data()).rstrip() if options.json else output.text()
             if output.files:
                 written = "not all files were written"
             failures = _write(output.files)

@@ -13,6 +13,8 @@ import re
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from mmap import mmap
 from typing import Any
 
 import casadi as cs
@@ -22,6 +24,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.interrupts import delayed_interrupts, interrupted
 from ancf_casadi.support.progress import count_step
 
+BLAS_BYTES = 3 * 2**27  # OpenBLAS allocates 128 MiB for each of two threads or more, which have stacks and heaps too
 WITHOUT_OUTPUT: Mapping[str, Any] = {
     "print_time": False,
     "show_eval_warnings": False,
@@ -75,6 +78,7 @@ def solve_nlp(
     if "g" in nlp:
         bounds |= {"lbg": constraint_lower, "ubg": constraint_upper}
     settings = {**WITHOUT_OUTPUT, **(options or {})}
+    _check_memory()
     settings["iteration_callback"] = _EachIteration(nlp)  # ``settings`` keeps it while the solver runs
     try:
         solver = cs.nlpsol("solver", "ipopt", nlp, settings)
@@ -98,6 +102,17 @@ def solve_nlp(
         bound_multipliers=result["lam_x"].full().ravel(),
         constraint_multipliers=result["lam_g"].full().ravel(),
     )
+
+
+@cache
+def _check_memory() -> None:
+    """Check once that the buffers of OpenBLAS can be allocated; under a limit of memory, it would try for ever."""
+    try:
+        mmap(-1, BLAS_BYTES).close()
+    except OSError:
+        raise FitError(
+            f"IPOPT needs {BLAS_BYTES >> 20} MiB of memory, more than this process may have; raise its limit (ulimit -v)"
+        ) from None
 
 
 class _EachIteration(cs.Callback):

@@ -326,6 +326,19 @@ def test_ctrl_c_during_an_import_ends_in_one_line(files, module):
     assert (run.returncode, run.stderr) == (130, "ancf-casadi: stopped; nothing was written\n")
 
 
+@pytest.mark.parametrize("megabytes", [450, 600, 700])
+def test_too_little_memory_for_the_solver_ends_in_one_line(files, megabytes):
+    """The linear algebra of IPOPT tried to allocate its buffers for ever."""
+    resource = pytest.importorskip("resource")
+    run = subprocess.run(
+        [sys.executable, "-m", "problems.cli", "fit-decay", "decay.csv"],
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (megabytes * 2**20, megabytes * 2**20)),
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert run.returncode == 1
+    assert run.stderr.startswith("ancf-casadi: IPOPT needs 384 MiB of memory") and run.stderr.count("\n") == 1
+
+
 def test_a_command_draws_where_the_user_names_a_backend_that_does_not_exist(files):
     command = [sys.executable, "-m", "problems.cli", "modes", "beam.toml", "--plot", "modes.png"]
     environment = {**os.environ, "MPLBACKEND": "no-such-backend"}
@@ -358,6 +371,12 @@ def test_version_and_help_import_none_of_the_large_packages(option):
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (run.returncode, run.stderr) == (0, "[]\n")
     assert "ancf-casadi" in run.stdout
+
+
+def test_data_say_which_version_made_them(files, capsys):
+    assert main(["modes", "beam.toml", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert (data["version"], data["kind"]) == (__version__, "modes")
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -111,7 +111,7 @@ def _check_memory() -> None:
         mmap(-1, BLAS_BYTES).close()
     except OSError:
         raise FitError(
-            f"IPOPT needs {BLAS_BYTES >> 20} MiB of memory, more than this process may have; raise its limit (ulimit -v)"
+            f"IPOPT needs {BLAS_BYTES >> 20} MiB of memory, above the limit of this process; raise it (ulimit -v)"
         ) from None
 
 

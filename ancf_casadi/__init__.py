@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from ancf_casadi.dynamics.tip_load import MovingForce as MovingForce
     from ancf_casadi.dynamics.tip_load import SampledLoad as SampledLoad
     from ancf_casadi.dynamics.tip_load import TipLoad as TipLoad
-    from ancf_casadi.dynamics.trajectory import State as State
     from ancf_casadi.dynamics.trajectory import Trajectory as Trajectory
     from ancf_casadi.exceptions import AncfError as AncfError
     from ancf_casadi.exceptions import ContinuationError as ContinuationError
@@ -50,6 +49,7 @@ if TYPE_CHECKING:
     from ancf_casadi.mechanics.loads import PointLoad as PointLoad
     from ancf_casadi.mechanics.model import Model as Model
     from ancf_casadi.mechanics.section import Section as Section
+    from ancf_casadi.mechanics.state import State as State
     from ancf_casadi.mechanics.strain import StrainMeasures as StrainMeasures
     from ancf_casadi.mechanics.supports import Clamp as Clamp
     from ancf_casadi.mechanics.supports import Guide as Guide
@@ -80,12 +80,12 @@ if TYPE_CHECKING:
     from ancf_casadi.response.tracing import parameter_response as parameter_response
     from ancf_casadi.support.parallel import run_all as run_all
     from ancf_casadi.vibration.equilibrium import Equilibrium as Equilibrium
-    from ancf_casadi.vibration.equilibrium import static_equilibrium as static_equilibrium
     from ancf_casadi.vibration.modes import Modes as Modes
     from ancf_casadi.vibration.modes import mac as mac
     from ancf_casadi.vibration.modes import natural_modes as natural_modes
     from ancf_casadi.vibration.paths import CriticalPoint as CriticalPoint
     from ancf_casadi.vibration.paths import EquilibriumPath as EquilibriumPath
     from ancf_casadi.vibration.paths import equilibrium_path as equilibrium_path
+    from ancf_casadi.vibration.statics import static_equilibrium as static_equilibrium
 else:
     __getattr__, __dir__, __all__ = on_first_use(__name__)

@@ -84,14 +84,14 @@ class EquilibriumError(NumericsError):
 
     Examples
     --------
-    >>> from ancf_casadi import Beam, EquilibriumError, Model, natural_modes
-    >>> standing = Beam.uniform(length=1.0, width=5e-3, thickness=0.5e-3, axis=(0.0, 1.0),
+    >>> from ancf_casadi import Beam, EquilibriumError, Model, Pin, natural_modes
+    >>> standing = Beam.uniform(length=1.0, width=5e-3, thickness=0.5e-3, axis=(0.0, 1.0), supports=[Pin(0.0)],
     ...                         density=8000.0, elastic_modulus=210e9, elements=4)
     >>> try:
     ...     natural_modes(Model(standing))
     ... except EquilibriumError as error:
     ...     print(error)
-    the equilibrium is unstable, so it has no modes; ...
+    no static equilibrium was found ...: the supports do not hold the beam against rigid motions. ...
     """
 
 

@@ -20,7 +20,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.dynamics.tolerance import LARGEST_TOLERANCE, TOLERANCE_PER_TRAVEL, expected_travel
-from ancf_casadi.dynamics.trajectory import State
+from ancf_casadi.mechanics.state import State
 
 L = 0.5
 RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)  # Table 2 of the paper

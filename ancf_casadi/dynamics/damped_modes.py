@@ -49,7 +49,8 @@ from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Displayed, Reported, Table, counted
 from ancf_casadi.vibration.assembly import BANDWIDTH
 from ancf_casadi.vibration.eigensolver import rounding_of, shift_of
-from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
+from ancf_casadi.vibration.equilibrium import Equilibrium
+from ancf_casadi.vibration.statics import primary_equilibrium, static_equilibrium
 
 DENSE = 800  # size of the operator up to which all its eigenvalues are computed
 GROWING = 1e-7  # real part of a growing mode, relative to |s|; rounding leaves 1e-12, or 1e-6 where two modes meet
@@ -261,7 +262,7 @@ def critical_load(
     flow = () if damping is None else damping.loads(model.beam)
 
     def at(factor: float) -> DampedModes:
-        rest = static_equilibrium(model, loads=[*flow, *(load.scaled(factor) for load in acting)])
+        rest = primary_equilibrium(model, [*flow, *(load.scaled(factor) for load in acting)])
         return damped_modes(model, damping, count=min(4, model.freedoms // 2), equilibrium=rest)
 
     stable = 0.0

@@ -23,9 +23,9 @@ import numpy as np
 from ancf_casadi.dynamics.base_motion import BaseMotion, Piece, pieces_between
 from ancf_casadi.dynamics.placed_load import LOAD_SIZE
 from ancf_casadi.dynamics.tip_load import HarmonicLoad, TipLoad
-from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 
 NO_LOAD = HarmonicLoad((0.0, 0.0), 1.0)

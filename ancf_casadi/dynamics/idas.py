@@ -42,9 +42,9 @@ import scipy.sparse.linalg
 
 from ancf_casadi.dynamics.equations import Balance, Equations, scaled_matrix
 from ancf_casadi.dynamics.excitation import ENERGY_STATES, EXCITATION, Excitation, Segment, SegmentSolution
-from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 
 DEFAULTS: Mapping[str, Any] = {

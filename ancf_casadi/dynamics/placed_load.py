@@ -17,7 +17,8 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.strain import hermite, point_force
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
+from ancf_casadi.vibration.equilibrium import Equilibrium
+from ancf_casadi.vibration.statics import static_equilibrium
 
 LOAD_SIZE = 3  # components of a load: force x and y, N, and moment, N m
 TIP = PointLoad()  # point and frame of a load at the tip

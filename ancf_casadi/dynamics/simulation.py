@@ -34,14 +34,15 @@ from ancf_casadi.dynamics.radau.stepper import integrate_by_radau
 from ancf_casadi.dynamics.start import MotionSetup, Start, set_up
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.tolerance import default_tolerance
-from ancf_casadi.dynamics.trajectory import IntegratorUse, State, Trajectory
+from ancf_casadi.dynamics.trajectory import IntegratorUse, Trajectory
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.compilation import compiled
 from ancf_casadi.support.inputs import check_instance, choice, flag, physical, positive_or_infinite, whole
 from ancf_casadi.support.interrupts import noted_interrupts
-from ancf_casadi.vibration.equilibrium import Equilibrium
+from ancf_casadi.vibration.equilibrium import Equilibrium, warn_of_overbent_elements
 
 Method = Literal["auto", "idas", "radau"]
 
@@ -121,7 +122,8 @@ def simulate(
     Warns
     -----
     UserWarning
-        If damping by the tangent stiffness has added energy to the motion.
+        If damping by the tangent stiffness has added energy to the motion, the start is unstable or stretches the beam
+        unevenly, or an element bends by more than a cubic can follow.
 
     Notes
     -----
@@ -178,6 +180,7 @@ def simulate(
     run = replace(_trajectory(setup, use, done, began), interrupted=interrupted)
     _warn_of_energy_gain(run, setup.equations.law)
     _warn_of_short_elements(run)
+    warn_of_overbent_elements(model, run.coordinates)
     return run
 
 
@@ -271,9 +274,8 @@ def _warn_of_short_elements(run: Trajectory) -> None:
     model = run.model
     if model.measures.axial_points > 2:
         return
-    turned, natural = (_turns(e.reshape(-1, model.size // NODE, NODE)[:, model.root :, 2:])
-                       for e in (run.coordinates, model.straight))  # fmt: skip
-    bent = float(np.ptp(np.cumsum(turned - natural, axis=1), axis=1).max())
+    sums = np.insert(np.cumsum(-np.diff(model.end_angles(run.coordinates))[..., 0], axis=1), 0, 0.0, axis=1)
+    bent = float(np.ptp(sums, axis=1).max())
     shortest = float((model.beam.element_lengths / model.beam.thickness).min())
     least = SHORTEST_PER_BEND * bent
     if shortest >= least:
@@ -283,11 +285,3 @@ def _warn_of_short_elements(run: Trajectory) -> None:
         f"{least:.2g} the motion may be wrong; use fewer elements, or StrainMeasures(axial_points=3)",
         stacklevel=3,
     )
-
-
-def _turns(slopes: np.ndarray) -> np.ndarray:
-    """Return the angles by which the slopes (n, nodes, 2) turn along each element, from 0 at the first node."""
-    x, y = slopes[..., 0], slopes[..., 1]
-    turns = np.zeros_like(x)
-    turns[:, 1:] = np.arctan2(x[:, :-1] * y[:, 1:] - y[:, :-1] * x[:, 1:], x[:, :-1] * x[:, 1:] + y[:, :-1] * y[:, 1:])
-    return turns

@@ -14,6 +14,7 @@ at rest instead, and the clamp strikes it.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -30,11 +31,11 @@ from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, excitation_pi
 from ancf_casadi.dynamics.placed_load import TIP, equilibrium_under
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.tolerance import check_speed, checked_excitation, expected_travel
-from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.loads import LineLoad, PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.mechanics.state import State
 from ancf_casadi.mechanics.strain import axial_strain
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, is_one_of, physical, shown
@@ -145,6 +146,12 @@ def initial_state(
     if isinstance(start, Equilibrium):
         if start.model != model:
             raise InputError("the equilibrium belongs to another model", "start")
+        if not start.stable:
+            warnings.warn(
+                "the start is an unstable equilibrium, so rounding decides when and to which side the beam leaves it; "
+                "start from static_equilibrium(model), which is stable, or from a State beside it",
+                stacklevel=5,
+            )
     elif not is_one_of(start, get_args(Start)):
         known = ", ".join(get_args(Start))
         raise InputError(f"must be one of {known}, an Equilibrium or a State, got {shown(start)}", "start")
@@ -193,9 +200,10 @@ def _check_state(model: Model, excitation: Array, state: State) -> None:
     if strain > 0.01:  # largest axial strain of a given state; an equilibrium needs no check
         raise InputError(
             f"stretches the beam by {100 * strain:.1f} %, which sets off axial waves; bend it without stretching, "
-            "as static_equilibrium with a tip load does",
+            "as modes.state(mode, amplitude) and static_equilibrium with a tip load do",
             "start",
         )
+    _warn_of_uneven_stretch(model, state)
     node, velocity = excitation[:NODE], excitation[NODE : 2 * NODE]
     check_speed(model, np.abs(state.velocities).max(), "in the state", "start")
     if _distance(model, state.coordinates, node) > START_TOLERANCE:
@@ -212,6 +220,30 @@ def _check_state(model: Model, excitation: Array, state: State) -> None:
             f"{_point(velocity)} m/s at {state.time:g} s, which is an impact; give the base motion that led to the "
             "state and the time of the state",
             "start",
+        )
+
+
+def _warn_of_uneven_stretch(model: Model, state: State) -> None:
+    """Warn if axial waves will take the steps of a motion: if stretch that nothing holds has more energy than bending.
+
+    Supports hold an even strain of each span; weight and swing, forces of m (|g| + v^2/L), hold some unevenness.
+    """
+    beam, slopes = model.beam, model.gauss_slopes(state.coordinates)
+    width, thickness, _, modulus = model.properties
+    lengths, stiffness = np.repeat(beam.element_lengths / 2, 2), np.repeat(modulus * width * thickness, 2)
+    strain = axial_strain(slopes, "engineering")
+    places = np.array([s for index in range(beam.elements) for s in model.gauss_points(index)])
+    spans = np.searchsorted(np.sort([support.point for support in beam.supports]), places)
+    means = np.array([np.average(strain[spans == span], weights=lengths[spans == span]) for span in np.unique(spans)])
+    held = beam.mass * (math.hypot(*beam.gravity) + np.abs(state.velocities).max() ** 2 / beam.length)
+    uneven = np.maximum(np.abs(strain - means[np.unique(spans, return_inverse=True)[1]]) - held / stiffness, 0.0)
+    strain_energy = float(model.strain_energy(state.coordinates, model.properties))
+    bending_energy = strain_energy - float(stiffness * lengths @ strain**2) / 2
+    if float(stiffness * lengths @ uneven**2) / 2 > abs(bending_energy):
+        warnings.warn(
+            f"the start stretches the beam unevenly, by up to {100 * uneven.max():.2g} %, as a linear mode shape does: "
+            "axial waves take most of the steps; start from modes.state(mode, amplitude), which bends the beam only",
+            stacklevel=6,
         )
 
 

@@ -28,11 +28,11 @@ import numpy as np
 
 from ancf_casadi.dynamics.excitation import Excitation
 from ancf_casadi.dynamics.placed_load import TIP, equilibrium_under
-from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.loads import LineLoad, PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 
 TOLERANCE_PER_TRAVEL = {"idas": 6e-8, "radau": 2e-5}  # per expected travel A/L

@@ -52,8 +52,8 @@ from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.reduction.reduced import ReducedFunctions
 from ancf_casadi.support.files import check_file, check_ours, opened, write_file
 from ancf_casadi.support.inputs import check_instance, numbers, whole
-from ancf_casadi.vibration.equilibrium import static_equilibrium
 from ancf_casadi.vibration.modes import natural_modes
+from ancf_casadi.vibration.statics import static_equilibrium
 
 ALL = ("q", "v", "a", "base", "p")
 MOTION = ("q", "v", "base", "p")

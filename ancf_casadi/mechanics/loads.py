@@ -10,6 +10,7 @@ turns the cross-section, theta = atan2(r'_y, r'_x).  The generalized force on th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ancf_casadi.exceptions import InputError
@@ -176,3 +177,8 @@ class LineLoad(Displayed):
 
 
 Load = PointLoad | LineLoad
+
+
+def loads_text(loads: Sequence[Load]) -> str:
+    """Return loads in words."""
+    return "; ".join(load.text for load in loads) or "no load"

@@ -265,6 +265,13 @@ class Nodes(Displayed):
         points = [s for index in range(self.beam.elements) for s in self.gauss_points(index)]
         return np.array([self.slope_interpolation(s) @ e for s in points]).T
 
+    def end_angles(self, e: Array) -> Array:
+        """Return the angles from the slopes at both ends of each element to its chord, (..., n, 2), rad.
+
+        They are relative to those of the beam as manufactured; their difference is the turn of the element.
+        """
+        return _end_angles(e, self.root) - _end_angles(self.straight, self.root)
+
     def element_at(self, point: float) -> int:
         """Return the number, from 0, of the element with the point at arc length ``point`` (m)."""
         point = number(point, "point")
@@ -283,3 +290,12 @@ class Nodes(Displayed):
         row, first = np.zeros(self.size // 2), 2 * (index + self.root)
         row[first : first + 4] = functions(xi, float(self.beam.element_lengths[index]))
         return np.asarray(np.kron(row, np.eye(2)), dtype=np.float64)
+
+
+def _end_angles(e: Array, root: int) -> Array:
+    """Return the angles from the slopes at both ends of each element to its chord, (..., n, 2)."""
+    nodes = e.reshape(*e.shape[:-1], -1, NODE)[..., root:, :]
+    chords = np.diff(nodes[..., :2], axis=-2)[..., None, :]
+    slopes = np.stack([nodes[..., :-1, 2:], nodes[..., 1:, 2:]], axis=-2)
+    across = slopes[..., 0] * chords[..., 1] - slopes[..., 1] * chords[..., 0]
+    return np.asarray(np.arctan2(across, (slopes * chords).sum(axis=-1)))

@@ -62,8 +62,9 @@ from ancf_casadi.support.inputs import check_instance, numbers, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import counted
 from ancf_casadi.vibration.assembly import Structure
-from ancf_casadi.vibration.equilibrium import Equilibrium, neighbour, static_equilibrium
+from ancf_casadi.vibration.equilibrium import Equilibrium, neighbour
 from ancf_casadi.vibration.modes import Modes, natural_modes
+from ancf_casadi.vibration.statics import static_equilibrium
 
 MOST_DRAG_POINTS = 100
 BASE_INSTANTS = 3  # instants of a step at which the base motion enters: start, middle, end

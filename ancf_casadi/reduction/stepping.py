@@ -24,9 +24,10 @@ import numpy as np
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.excitation import SAME_TIME
 from ancf_casadi.dynamics.start import Start, set_up
-from ancf_casadi.dynamics.trajectory import Motion, State
+from ancf_casadi.dynamics.trajectory import Motion
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.state import State
 from ancf_casadi.reduction.forces import BASE_SIZE
 from ancf_casadi.reduction.reduced import BASE_INSTANTS, ReducedModel
 from ancf_casadi.support.arrays import Array, Index

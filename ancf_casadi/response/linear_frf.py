@@ -51,8 +51,9 @@ from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, choi
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Reported, Table, counted, spread
 from ancf_casadi.vibration.assembly import BANDWIDTH
-from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
+from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
+from ancf_casadi.vibration.statics import static_equilibrium
 
 FrfKind = Literal["receptance", "mobility", "accelerance", "transmissibility", "relative-transmissibility"]
 

@@ -75,6 +75,13 @@ class BandedFactors:
         correction = x @ np.linalg.inv(np.eye(len(rows)) + rows @ x)
         return BandedFactors(factors, pivots, width, rows, correction)
 
+    @property
+    def determinant(self) -> tuple[float, float]:
+        """Sign of the determinant of A, and the logarithm of its size."""
+        diagonal, swaps = self.band[2 * self.width], self.pivots != np.arange(self.band.shape[1])
+        sign = np.prod(np.sign(diagonal)) * (-1.0) ** np.count_nonzero(swaps)
+        return float(sign), float(np.log(np.abs(diagonal)).sum())
+
     def solve(self, right: NDArray[Any], *, overwrite: bool = False) -> NDArray[Any]:
         """Return the solutions for right-hand sides, a vector or columns."""
         solution = self._substituted(right, overwrite_b=overwrite)

@@ -22,9 +22,10 @@ H. B. Keller, Lectures on Numerical Methods in Bifurcation Problems, Springer (1
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 import scipy.linalg
@@ -40,7 +41,7 @@ from ancf_casadi.vibration.eigensolver import shift_of
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 LARGEST_STEP = 0.05  # change of the factor per step, relative to the largest factor, and first step along a branch
-FACTOR_STEP = 1e-4  # of the factor, relative to the largest, for the derivative where supports move
+FACTOR_STEP = 1e-4  # of the factor, relative to the largest, for the derivative of the places of the supports
 CONVERGED = 1e-11  # last correction of Newton's method relative to the sizes of the unknowns, and shortest step
 STIFF = 1e3  # slope above which points are sought at given factors, which rounding of q would change by 1e-13 or more
 LARGEST_TURN = 0.25  # norm of the change of a slope vector in one step; about the angle, rad
@@ -54,6 +55,7 @@ class Growing:
     model: Model
     loads: tuple[Load, ...]
     largest: float
+    weight: Array | float = 0.0  # forces that grow with the factor too, whatever the shape, such as gravity, (N,), N
 
     @cached_property
     def moves(self) -> bool:
@@ -113,7 +115,7 @@ class PathPoint:
         force, stiffness, mass = self.structure.linearisation(self.at)
         if not self.growing.model.is_held:
             stiffness = stiffness + shift_of(self.structure.model, stiffness, mass) * mass
-        return force, stiffness, mass
+        return force + (1.0 - self.factor / self.growing.largest) * self.growing.weight, stiffness, mass
 
     @cached_property
     def factors(self) -> BandedFactors:
@@ -123,9 +125,7 @@ class PathPoint:
     @cached_property
     def determinant(self) -> tuple[float, float]:
         """Sign of the determinant of K, and the logarithm of its size."""
-        diagonal, swaps = self.factors.band[2 * BANDWIDTH], self.factors.pivots != np.arange(self.q.size)
-        sign = np.prod(np.sign(diagonal)) * (-1.0) ** np.count_nonzero(swaps)
-        return float(sign), float(np.log(np.abs(diagonal)).sum())
+        return self.factors.determinant
 
     @cached_property
     def negative(self) -> int:
@@ -141,13 +141,14 @@ class PathPoint:
     @cached_property
     def rate(self) -> Array:
         """The derivative of R with respect to s/largest, (N,)."""
-        largest = self.growing.largest
+        largest, model = self.growing.largest, self.structure.model
+        unit = Structure.of(model, [load.scaled(largest) for load in self.growing.loads])
+        rate = replace(unit, parts=unit.parts[len(model.groups) :]).linearisation(self.at)[0] - self.growing.weight
         if self.growing.moves:
             ends = (replace(self, factor=self.factor + sign * FACTOR_STEP * largest) for sign in (1.0, -1.0))
-            return np.subtract(*(one.balance[0] for one in ends)) / (2 * FACTOR_STEP)
-        model = self.structure.model
-        unit = Structure.of(model, [load.scaled(largest) for load in self.growing.loads])
-        return replace(unit, parts=unit.parts[len(model.groups) :]).linearisation(self.at)[0]
+            way = np.subtract(*(end.at.coordinates for end in ends)) / (2 * FACTOR_STEP)
+            rate = rate + self.structure.whole_product(self.at)(way)
+        return np.asarray(rate)
 
     def solve(self, rows: Array, columns: Array, right: Array) -> Array:
         """Return the solution (x, y) of K (scale x) + columns y = right[:N], rows (x, y) = right[N:]."""
@@ -223,6 +224,44 @@ class PathPoint:
         """Return the way to another point, (N + 1,)."""
         way = (other.q - self.q) / self.structure.model.free_scale
         return np.append(way, (other.factor - self.factor) / self.growing.largest)
+
+
+@dataclass(frozen=True, eq=False)
+class PathLeg:
+    """One step along a path."""
+
+    end: PathPoint
+    critical: PathPoint | None = None  # the critical point on the way, if any
+    kind: Literal["limit", "bifurcation"] | None = None  # its kind
+
+
+def follow_path(here: PathPoint, tangent: Array, step: float, *, regular: bool = True) -> Iterator[PathLeg]:
+    """Follow a path up to the largest factor, or until no step is short enough; ``regular`` as of ``next_point``."""
+    while abs(here.factor) < here.growing.largest and step > CONVERGED:
+        following = next_point(here, tangent, step, regular=regular)
+        if following is None:
+            step /= 2
+            continue
+        points, direction = following
+        if len(points) == 2:
+            yield PathLeg(points[1], points[0], "limit" if tangent[-1] * direction[-1] < 0.0 else "bifurcation")
+        else:
+            yield PathLeg(points[0])
+        here, tangent, step, regular = points[-1], direction, min(2 * step, longest_step(direction)), True
+
+
+def null_shape(critical: PathPoint) -> Array:
+    """Return the null vector of K at a critical point in all coordinates, (size,); its largest displacement is 1 m."""
+    shape = critical.structure.model.moved(critical.null_vector())
+    places = shape.reshape(-1, NODE)[:, :2]
+    return np.asarray(shape / places.flat[np.abs(places).argmax()])
+
+
+def branch_tangent(bifurcation: PathPoint, shape: Array, side: int) -> Array:
+    """Return the tangent at a bifurcation of the path that crosses there, along its null vector (size,) or against."""
+    model = bifurcation.structure.model
+    direction = side * model.of_free(shape) / model.free_scale
+    return np.append(direction / size_of(direction), 0.0)
 
 
 def next_point(here: PathPoint, tangent: Array, step: float, *, regular: bool) -> tuple[list[PathPoint], Array] | None:

@@ -65,6 +65,15 @@ def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array,
     return eigenvalues[order], structure.model.moved(vectors[:, order])
 
 
+def is_definite(banded: Array) -> bool:
+    """Return whether a symmetric matrix stored by diagonals has only positive pivots, so only positive eigenvalues."""
+    try:
+        scipy.linalg.cholesky_banded(banded[BANDWIDTH:], lower=True, check_finite=False)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
 def rounding_of(model: Model) -> float:
     """Return the size below which a squared angular frequency is zero, (rad/s)^2."""
     width, thickness, _, modulus = model.properties

@@ -1,18 +1,11 @@
-"""Static equilibrium under gravity and loads at points of the beam.
+"""An equilibrium of a beam under gravity and loads at points of the beam, and the step to one from next to it.
 
 At rest the elastic force balances the loads, for all free coordinates:
 
-    R(e, s) = Q_e(e) - s (Q_g + sum_i (S_i^T F_i + m_i dtheta_i/de)) = 0,      theta = atan2(r'_y, r'_x),
+    R(e) = Q_e(e) - Q_g - sum_i (S_i^T F_i + m_i dtheta_i/de) = 0,      theta = atan2(r'_y, r'_x),
 
-with forces F_i and moments m_i (positive counterclockwise) at the points i and load factor s = 1.  A moment follows the
-slope at its point, so it contributes to the tangent stiffness dR/de.
-
-Newton's method converges from a neighbouring equilibrium.  The load factor therefore grows from 0, where the beam is
-straight, in steps that keep the rotation of every slope small.  A step that fails or rotates a slope too far is halved,
-so the solver follows the path instead of jumping to another equilibrium.  The path of the discrete beam ends where an
-element bends by about 0.6 rad, because two Gauss points do not control a cubic with more curvature (measured for a
-pure end moment with 5 to 10 elements).  An unstable equilibrium, such as a standing beam beyond buckling, is returned
-too; ``Equilibrium.is_stable`` marks it.
+with forces F_i and moments m_i (positive counterclockwise) at the points i.  A moment follows the slope at its point,
+so it contributes to the tangent stiffness dR/de.  Newton's method converges from a neighbouring equilibrium.
 
 The last correction of Newton's method, too small to be added to the coordinates, is kept beside them
 (``ancf_casadi.vibration.assembly``), so the balance holds to the rounding error of the forces on any mesh.
@@ -20,7 +13,8 @@ The last correction of Newton's method, too small to be added to the coordinates
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+import warnings
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
@@ -28,18 +22,16 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from ancf_casadi.exceptions import EquilibriumError
-from ancf_casadi.mechanics.loads import LineLoad, Load, PointLoad
+from ancf_casadi.mechanics.loads import Load, PointLoad, loads_text
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import factorised, sparse
-from ancf_casadi.support.inputs import check_instance, check_size, instances, number, vector
-from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Reported, Table, counted
 from ancf_casadi.vibration.assembly import Position, Structure, refined
-from ancf_casadi.vibration.eigensolver import lowest_modes, shift_of
+from ancf_casadi.vibration.eigensolver import is_definite, lowest_modes, shift_of
 
+LARGEST_BEND = 0.5  # of an element, rad; the error of positions is then 3e-4 of the length, and grows steeply
 LARGEST_ROTATION = 0.5  # norm of the change of a slope vector in one load step; about the angle, rad
 
 
@@ -70,7 +62,7 @@ class Equilibrium(Reported):
     >>> rest = static_equilibrium(Model(beam.with_(axis=(1.0, 0.0))))
     >>> rest.tip.round(3)
     array([ 0.48 , -0.132])
-    >>> round(rest.tip_angle, 3), rest.is_stable
+    >>> round(rest.tip_angle, 3), rest.stable
     (-0.357, True)
     """
 
@@ -86,7 +78,7 @@ class Equilibrium(Reported):
     @property
     def all_loads(self) -> tuple[Load, ...]:
         """All loads that are not zero."""
-        return _all_loads(self.tip_force, self.tip_moment, self.loads)
+        return tuple(load for load in (PointLoad(self.tip_force, self.tip_moment), *self.loads) if any(load.values))
 
     @property
     def structure(self) -> Structure:
@@ -120,16 +112,25 @@ class Equilibrium(Reported):
         return sparse(self.structure.linearisation(self.exact)[1]).tocsc()
 
     @cached_property
+    def stable(self) -> bool:
+        """True if no small disturbance grows; if forces follow the beam, as far as divergence goes."""
+        _, stiffness, mass = self.structure.linearisation(self.exact)
+        if any(load.follower for load in self.all_loads):
+            return factorised(stiffness).determinant[0] > 0.0
+        surely = is_definite(stiffness - shift_of(self.model, stiffness, mass) * mass)
+        return surely or lowest_modes(self.structure, self.exact, 1) is not None
+
+    @property
     def is_stable(self) -> bool:
-        """Stability: True if the tangent stiffness is positive definite."""
-        return lowest_modes(self.structure, self.exact, 1) is not None
+        """The same as ``stable``."""
+        return self.stable
 
     def table(self) -> Table:
         """Return position and angle of the tip, and the loads."""
         x, y = self.tip.tolist()
-        title = f"Equilibrium, {'stable' if self.is_stable else 'unstable'}"
+        title = f"Equilibrium, {'stable' if self.stable else 'unstable'}"
         rows = [("tip x", x, "m"), ("tip y", y, "m"), ("tip angle", self.tip_angle, "rad")]
-        return Table("equilibrium", title, ("quantity", "value", "unit"), rows, (_described(self.all_loads),))
+        return Table("equilibrium", title, ("quantity", "value", "unit"), rows, (loads_text(self.all_loads),))
 
     def to_dict(self) -> dict[str, Any]:
         """Return tip, stability, loads and nodal coordinates as plain data."""
@@ -137,98 +138,15 @@ class Equilibrium(Reported):
             "kind": "equilibrium",
             "tip_m": self.tip.tolist(),
             "tip_angle_rad": self.tip_angle,
-            "stable": self.is_stable,
+            "stable": self.stable,
             "loads": [asdict(load) for load in self.all_loads],
             "coordinates": self.coordinates.tolist(),
         }
 
     def _summary(self) -> str:
         x, y = np.round(self.tip, 6) + 0.0  # no -0.0
-        return f"tip ({x:g}, {y:g}) m, {counted(self.model.beam.elements, 'element')}"
-
-
-@lasting_interrupts()
-def static_equilibrium(
-    model: Model,
-    *,
-    tip_force: tuple[float, float] = (0.0, 0.0),
-    tip_moment: float = 0.0,
-    loads: Sequence[Load] = (),
-) -> Equilibrium:
-    """Return the equilibrium reached from the straight beam as gravity and all loads grow together.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    tip_force : (float, float)
-        Force at the tip in the laboratory frame, N.
-    tip_moment : float
-        Moment at the tip, positive counterclockwise, N m.
-    loads : sequence of PointLoad or LineLoad
-        Further loads, at any points and along any parts of the beam.
-
-    Raises
-    ------
-    InputError
-        If a load is not finite, or not on the beam.
-    EquilibriumError
-        If the path of equilibria cannot be followed to the full load.
-
-    Examples
-    --------
-    >>> from ancf_casadi import Beam, Model, static_equilibrium
-    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
-    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
-    >>> rest = static_equilibrium(Model(beam), tip_force=(0.02, 0.0))
-    >>> print(f"{1e3 * rest.tip[0]:.0f} mm sideways, {1e3 * (rest.tip[1] + beam.length):.0f} mm up")
-    59 mm sideways, 4 mm up
-    """
-    check_instance(model, "model", Model)
-    force, moment = vector(tip_force, "tip_force"), number(tip_moment, "tip_moment")
-    check_size(force, "tip_force")
-    check_size(moment, "tip_moment")
-    further = instances(loads, "loads", PointLoad, LineLoad, least=0)
-    acting = _all_loads(force, moment, further)
-    rest = Position.of(model.straight)
-    weight = -Structure.of(model).linearisation(rest)[0]
-    way = model.displacement if model.displacement.any() else None
-    factor, step, trials = 0.0, 1.0, 0
-    while factor < 1.0:
-        trials += 1
-        s = min(factor + step, 1.0)
-        loaded = Structure.of(model, [load.scaled(s) for load in acting])
-        trial = neighbour(loaded, rest, (1.0 - s) * weight, None if way is None else (s - factor) * way)
-        if trial is None:
-            step /= 2
-            # a path that needs smaller steps of the load factor, or more of them, is close to a fold
-            if step < 1e-5 or trials > 500:
-                if not model.is_held:
-                    raise EquilibriumError(
-                        f"no static equilibrium was found beyond {factor:.4g} of the load ({_described(acting)}, "
-                        f"gravity {model.beam.gravity} m/s^2): the supports do not hold the beam against rigid "
-                        "motions. Hold it, turn it to where it hangs, or simulate its motion from start='straight'"
-                    )
-                raise EquilibriumError(
-                    f"no static equilibrium was found beyond {factor:.4g} of the load ({_described(acting)}, "
-                    f"gravity {model.beam.gravity} m/s^2). Either an element bends by more than half a "
-                    "radian, which a cubic cannot follow (use more elements), or the beam buckles (tilt the axis), or "
-                    "a value is in the wrong unit"
-                )
-            continue
-        rest, factor = trial, s
-        step *= 2
-    return Equilibrium(model, rest.coordinates, force, moment, rest.remainder, further)
-
-
-def _all_loads(tip_force: tuple[float, float], tip_moment: float, loads: tuple[Load, ...]) -> tuple[Load, ...]:
-    """Return the loads that are not zero."""
-    return tuple(load for load in (PointLoad(tip_force, tip_moment), *loads) if any(load.values))
-
-
-def _described(loads: Sequence[Load]) -> str:
-    """Return the loads in words."""
-    return "; ".join(load.text for load in loads) or "no load"
+        state = "stable" if self.stable else "unstable"
+        return f"tip ({x:g}, {y:g}) m, {state}, {counted(self.model.beam.elements, 'element')}"
 
 
 def neighbour(
@@ -267,3 +185,29 @@ def neighbour(
         if converged and rotation > LARGEST_ROTATION:
             return None
     return None
+
+
+def overbent_elements_text(model: Model, coordinates: Array) -> str:
+    """Return what to do if an element bends too far in some coordinates (..., size); empty if none does."""
+    # the turn, or more if the slopes at the ends are turned to the same side of the chord
+    largest = float(np.abs(model.end_angles(coordinates)).sum(axis=-1).max(initial=0.0))
+    if largest <= LARGEST_BEND:
+        return ""
+    elements = math.ceil(model.beam.elements * largest / LARGEST_BEND)
+    return (
+        f"an element bends by {largest:.2g} rad, more than the {LARGEST_BEND:g} rad that a cubic can follow; use "
+        f"{elements} elements or more"
+    )
+
+
+def warn_of_overbent_elements(model: Model, coordinates: Array) -> None:
+    """Warn if an element bends too far in some coordinates (..., size)."""
+    if text := overbent_elements_text(model, coordinates):
+        warnings.warn(text, stacklevel=3)
+
+
+def short_elements_advice(model: Model) -> str:
+    """Return advice on elements so short that a bent beam is unstable (``docs/theory.md``); empty if none is."""
+    if model.measures.axial_points > 2 or model.beam.element_lengths.min() >= 1.5 * max(model.beam.thickness):
+        return ""
+    return "elements as short as the beam is thick are unstable in bending: use fewer"

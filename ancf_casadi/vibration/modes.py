@@ -15,6 +15,7 @@ Allemang 2003, "The modal assurance criterion: twenty years of use and abuse" (M
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,13 +29,17 @@ from numpy.typing import ArrayLike
 from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.banded import factorised
 from ancf_casadi.support.files import check_file, write_file
-from ancf_casadi.support.inputs import array, check_instance, numbers, whole
+from ancf_casadi.support.inputs import array, check_instance, number, numbers, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Reported, Table, counted, spread
+from ancf_casadi.vibration.assembly import Position
 from ancf_casadi.vibration.eigensolver import lowest_modes
-from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
+from ancf_casadi.vibration.equilibrium import Equilibrium, short_elements_advice, warn_of_overbent_elements
+from ancf_casadi.vibration.statics import static_equilibrium
 
 STATIONS = 101  # points along the beam at which shapes are given
 
@@ -132,6 +137,91 @@ class Modes(Reported):
         projector = mass @ self.shapes[:, mode] * self.tip_amplitudes()[mode]
         return np.asarray((coordinates - self.equilibrium.coordinates) @ projector)
 
+    def state(self, mode: int, amplitude: float) -> State:
+        """Return the beam at rest in the shape of one mode at a large amplitude, without stretching it.
+
+        A multiple of the mode shape itself would stretch the beam, and set off axial vibrations.  The state is the
+        shape of least energy in which the mode has this amplitude and the others of these modes have none.
+
+        Parameters
+        ----------
+        mode : int
+            Mode number, from 1.
+        amplitude : float
+            Displacement of the reference point (``reference_points``) from the equilibrium, m; negative for the other
+            side.
+
+        Raises
+        ------
+        InputError
+            If there is no such mode, it is a rigid motion, or the amplitude is not a number.
+        EquilibriumError
+            If the beam cannot be bent so far.
+
+        Examples
+        --------
+        >>> from ancf_casadi import Beam, Model, natural_modes, simulate
+        >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+        ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+        >>> modes = natural_modes(Model(beam), count=2)
+        >>> run = simulate(modes.model, start=modes.state(1, 0.2), duration=0.1)
+        >>> print(f"{1e3 * run.tip[0, 0]:.0f} mm")
+        194 mm
+        """
+        k, amplitude = whole(mode, "mode", 1, self.count) - 1, number(amplitude, "amplitude")
+        if self.frequencies[k] == 0.0:
+            raise InputError(f"mode {mode} is a rigid motion, which bends nothing", "mode")
+        coordinates = self._bent(k, amplitude)
+        warn_of_overbent_elements(self.model, coordinates)
+        return State(coordinates, np.zeros(self.model.size))
+
+    def _bent(self, k: int, amplitude: float) -> Array:
+        """Return the coordinates of ``state``, for a mode from 0."""
+        rest, largest = self.equilibrium.coordinates, abs(amplitude)
+        read, length = self.model.interpolation(self.reference_points[k]), self.model.beam.length
+        target, step = np.zeros(self.count), math.copysign(largest / float(self.tip_amplitudes()[k]), amplitude)
+        at, reached = rest, 0.0
+        for _ in range(100):
+            if abs(largest - reached) <= 1e-9 * length:
+                return at
+            trial = self._least_energy(at, target + step * (np.arange(self.count) == k))
+            if trial is None:
+                step /= 2
+                continue
+            target[k] += step
+            moved = float(np.linalg.norm(read @ (trial - rest)))
+            rate = step / (moved - reached) if moved != reached else math.nan
+            at, reached, step = trial, moved, rate * (largest - moved)
+        raise EquilibriumError(
+            f"mode {k + 1} cannot displace the beam by {largest:g} m at {self.reference_points[k]:g} m, only by "
+            f"{reached:.3g} m; give a smaller amplitude"
+        )
+
+    def _least_energy(self, near: Array, modal: Array) -> Array | None:
+        """Return the coordinates of least energy with modal coordinates (m,) near others; None if there are none.
+
+        They satisfy R = M Phi mu and Phi^T M (e - e_rest) = modal, by Newton's method.
+        """
+        model, structure, rest, at = self.model, self.equilibrium.structure, self.equilibrium.coordinates, near
+        held = model.of_free(model.mass(model.properties).sparse() @ self.shapes)
+        for _ in range(12):
+            balance, stiffness, _ = structure.linearisation(Position.of(at))
+            try:
+                solutions = factorised(stiffness).solve(np.column_stack([balance, held]))
+                missing = modal - held.T @ (model.of_free(at - rest) - solutions[:, 0])
+                change = model.moved(
+                    solutions[:, 1:] @ np.linalg.solve(held.T @ solutions[:, 1:], missing) - solutions[:, 0]
+                )
+            except np.linalg.LinAlgError:
+                return None
+            at = at + change
+            turned = np.abs((at - near) / model.scale).reshape(-1, NODE)[:, 2:].max()
+            if not turned < 1.0:  # 0.5 rad
+                return None
+            if float(np.abs(change / model.scale).max()) < 1e-10:
+                return np.asarray(at)
+        return None
+
     def along(self, points: ArrayLike) -> Array:
         """Return the displacement (x, y) of each mode at arc lengths (k,), m, as (m, k, 2); that of the tip is 1."""
         rows = np.stack([self.model.interpolation(s) @ self.shapes for s in numbers(points, "points")])
@@ -228,10 +318,10 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
         raise InputError("belongs to another model", "equilibrium")
     found = lowest_modes(equilibrium.structure, equilibrium.exact, count)
     if found is None:
-        short = model.beam.element_lengths.min() < 1.5 * max(model.beam.thickness)
+        short = short_elements_advice(model)
         raise EquilibriumError(
             "the equilibrium is unstable, so it has no modes; a standing beam may be too slender for its weight"
-            + (", and elements as short as the beam is thick are unstable in bending: use fewer" if short else "")
+            + (f", and {short}" if short else "")
         )
     eigenvalues, shapes = found
     moved = _reference_displacements(model, shapes)

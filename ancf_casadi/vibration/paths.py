@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import islice, pairwise
 from types import NoneType
 from typing import Any, Literal
 
@@ -31,17 +31,18 @@ from ancf_casadi.support.inputs import check_instance, instances, number, positi
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Displayed, Reported, Table, counted, spread
 from ancf_casadi.vibration.continuation import (
-    CONVERGED,
     LARGEST_STEP,
     Growing,
     PathPoint,
     at_factor,
+    branch_tangent,
+    follow_path,
     longest_step,
-    next_point,
-    size_of,
+    null_shape,
 )
 from ancf_casadi.vibration.eigensolver import lowest_modes
-from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
+from ancf_casadi.vibration.equilibrium import Equilibrium, warn_of_overbent_elements
+from ancf_casadi.vibration.statics import static_equilibrium
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,24 +284,23 @@ def equilibrium_path(
     here, tangent, step = _beginning(growing) if start is None else _crossing(growing, start, side)
     factors, equilibria, stable = [here.factor], [here.equilibrium], [start is None and here.negative == 0]
     critical: list[CriticalPoint] = []
-    regular = start is None
-    while abs(here.factor) < growing.largest and len(factors) <= most_steps + len(critical) and step > CONVERGED:
-        following = next_point(here, tangent, step, regular=regular)
-        if following is None:
-            step /= 2
-            continue
-        found, direction = following
-        if len(found) == 2:
-            critical.append(_critical(found[0], "limit" if tangent[-1] * direction[-1] < 0.0 else "bifurcation"))
-        factors += [one.factor for one in found]
-        equilibria += [one.equilibrium for one in found]
-        stable += [one is found[-1] and one.negative == 0 for one in found]
-        here, tangent, step, regular = found[-1], direction, min(2 * step, longest_step(direction)), True
+    for leg in islice(follow_path(here, tangent, step, regular=start is None), most_steps):
+        if leg.critical is not None and leg.kind is not None:
+            critical.append(
+                CriticalPoint(leg.critical.factor, leg.kind, leg.critical.equilibrium, null_shape(leg.critical))
+            )
+        for point in (leg.critical, leg.end):
+            if point is not None:
+                factors.append(point.factor)
+                equilibria.append(point.equilibrium)
+                stable.append(point is leg.end and point.negative == 0)
+        here = leg.end
     if len(factors) == 1:
         raise EquilibriumError(
             f"the path of equilibria has no point after the factor {here.factor:g}; use more elements, or a smaller "
             "largest factor if a value is in the wrong unit"
         )
+    warn_of_overbent_elements(model, np.array([equilibrium.coordinates for equilibrium in equilibria]))
     complete = abs(here.factor) >= growing.largest
     numbers = np.array(factors), tuple(equilibria), np.array(stable)
     return EquilibriumPath(model, acting, *numbers, tuple(critical), complete)
@@ -326,12 +326,4 @@ def _crossing(growing: Growing, start: CriticalPoint, side: int) -> tuple[PathPo
         raise InputError("is no bifurcation of a path of this model under these loads", "start")
     if abs(start.factor) >= growing.largest:
         raise InputError(f"must be beyond the start at {start.factor:g}, got {growing.largest:g}", "largest_factor")
-    shape = side * known.model.of_free(start.shape) / known.model.free_scale
-    return here, np.append(shape / size_of(shape), 0.0), LARGEST_STEP
-
-
-def _critical(point: PathPoint, kind: Literal["limit", "bifurcation"]) -> CriticalPoint:
-    """Return a point as a critical one."""
-    moved = point.structure.model.moved(point.null_vector())
-    places = moved.reshape(-1, NODE)[:, :2]
-    return CriticalPoint(point.factor, kind, point.equilibrium, moved / places.flat[np.abs(places).argmax()])
+    return here, branch_tangent(here, start.shape, side), LARGEST_STEP

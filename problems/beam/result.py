@@ -14,13 +14,13 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.dynamics.derivatives.sensitivity import flowing, held_start, start_jacobians
-from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.estimation.block import Block
 from ancf_casadi.estimation.determination import certainty
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import BlocksResult
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.tables import Table, known

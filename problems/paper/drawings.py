@@ -18,8 +18,8 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import hermite
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Axes, Figure
-from ancf_casadi.vibration.equilibrium import static_equilibrium
 from ancf_casadi.vibration.modes import natural_modes
+from ancf_casadi.vibration.statics import static_equilibrium
 from problems.study.drawing import drawn, line, new_figure, series
 from problems.study.part import Finding, Found
 

@@ -47,8 +47,9 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array, maxima
-from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
+from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
+from ancf_casadi.vibration.statics import static_equilibrium
 
 EFFECTS_TOLERANCE, LEAST_STEPS = 1e-5, 24  # tolerance of the integrator, and its least number of steps per period
 HORIZON = 5.0  # s, after which the paper finds the vibration under eta1 to have disappeared

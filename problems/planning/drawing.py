@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from ancf_casadi.set_up import draw_set_up
 from ancf_casadi.support.figures import MEASURED, SERIES, literal_text, plain_log_ticks
-from ancf_casadi.vibration.equilibrium import static_equilibrium
+from ancf_casadi.vibration.statics import static_equilibrium
 from problems.planning.comparison import PlannedComparison
 from problems.planning.result import TOGETHER, Plan, heads_of
 

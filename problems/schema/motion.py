@@ -29,7 +29,7 @@ from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.tracing import CURVE_POINTS, MOST_CURVE_POINTS, frequency_response
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_keys, located, physical, shown, unit_vector, whole
-from ancf_casadi.vibration.equilibrium import static_equilibrium
+from ancf_casadi.vibration.statics import static_equilibrium
 from problems.schema.beam import DAMPED_HELP, read_damped
 from problems.schema.table import Positive, StudyFile, made, read, told
 

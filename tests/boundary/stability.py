@@ -21,6 +21,7 @@ from ancf_casadi import (
     damped_modes,
     static_equilibrium,
 )
+from ancf_casadi.vibration.statics import primary_equilibrium
 from tests.boundary.unit_beam import AXIAL, unit_beam
 
 PUSH = PointLoad((-1.0, 0.0))
@@ -46,7 +47,7 @@ def euler_buckling(n):
     def buckles(push):
         """Whether the last column is unstable; its end moves along the beam by push/E A and no further."""
         end = Guide(1.0, (0.0, 1.0), displacement=(-push / AXIAL, 0.0))
-        return not static_equilibrium(Model(unit_beam(n, supports=(Clamp(0.0), end)))).is_stable
+        return not primary_equilibrium(Model(unit_beam(n, supports=(Clamp(0.0), end))), ()).stable
 
     return [*factors, bisect(lambda push: buckles(push) - 0.5, 1.0, 20.0, xtol=1e-9)]
 

@@ -91,10 +91,12 @@ def test_the_energy_lost_never_falls_while_a_strip_buckles_and_bends(standing, m
     assert np.diff(run.dissipated_energy).min() >= 0.0
 
 
+@pytest.mark.filterwarnings("ignore:an element bends")
 @BOTH
 def test_simulate_warns_where_the_tangent_law_adds_energy(standing, method):
     with pytest.warns(UserWarning, match=r"^damping added \S+ J to the motion from .* use .*'strain-rate'") as caught:
         run = fallen(standing, TANGENT, method)
+    caught = [warning for warning in caught if "an element bends" not in str(warning.message)]
     assert len(caught) == 1 and caught[0].filename == __file__
     lost = run.dissipated_energy
     gained = np.max(np.maximum.accumulate(lost) - lost)

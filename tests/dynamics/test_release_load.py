@@ -8,6 +8,8 @@ from ancf_casadi import Beam, InputError, Model, QuadraticDamping, motion, simul
 from ancf_casadi.dynamics.derivatives.sensitivity import held_start, start_jacobians
 from ancf_casadi.dynamics.start import START_LOAD_NAMES
 
+pytestmark = pytest.mark.filterwarnings("ignore:an element bends")  # of the three elements
+
 LOAD = np.array([4e-3, -1e-3, 1e-4, 0.03, 0.01, 2e-3])  # N, N, N m, and the same per second
 
 

@@ -23,7 +23,7 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics.trajectory import State
+from ancf_casadi.mechanics.state import State
 
 BOTH = pytest.mark.parametrize("method", ["idas", "radau"])
 SMALL = 5e-4  # m, a thousandth of the length

@@ -22,6 +22,7 @@ from ancf_casadi import (
 )
 from ancf_casadi.damping import FRICTION_CONSTANT
 from ancf_casadi.plot import rendered
+from ancf_casadi.vibration.statics import primary_equilibrium
 
 
 def cantilever_tip(beam, bending_stiffness, f, alpha=0.0, beta=0.0):
@@ -223,4 +224,4 @@ def test_an_unstable_equilibrium_has_no_response():
     standing = Beam.uniform(length=1.0, width=5e-3, thickness=0.5e-3, axis=(0.0, 1.0), density=8000.0,
                             elastic_modulus=210e9, elements=4)  # fmt: skip
     with pytest.raises(EquilibriumError, match="unstable"):
-        linear_frf(Model(standing))
+        linear_frf(Model(standing), equilibrium=primary_equilibrium(Model(standing), ()))

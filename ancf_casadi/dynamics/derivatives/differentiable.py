@@ -26,9 +26,9 @@ from ancf_casadi.dynamics.derivatives.tangent import MotionRun
 from ancf_casadi.dynamics.start import Start, set_up
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.tolerance import default_tolerance
-from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.callbacks import kept
 from ancf_casadi.support.inputs import flag, physical, positive, positive_or_infinite

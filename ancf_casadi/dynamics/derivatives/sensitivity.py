@@ -57,11 +57,11 @@ from ancf_casadi.dynamics.placed_load import LOAD_SIZE, TIP, equilibrium_under
 from ancf_casadi.dynamics.radau.stepper import RadauStep, Stepper
 from ancf_casadi.dynamics.start import LOAD_NAMES, START_LOAD_NAMES, Start, check_clamp, initial_state, rigid_motion
 from ancf_casadi.dynamics.tip_load import TipLoad
-from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model, changed_model
 from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.vibration.equilibrium import Equilibrium
 

@@ -27,9 +27,9 @@ import numpy as np
 from ancf_casadi.dynamics.excitation import ENERGY_STATES, EXCITATION, SAME_TIME, Excitation, Segment, SegmentSolution
 from ancf_casadi.dynamics.radau.collocation import RADAU, STAGES, Collocation
 from ancf_casadi.dynamics.radau.newton import Newton, StepControl
-from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import Buffered
 

@@ -38,7 +38,7 @@ from ancf_casadi.response.harmonic_balance.system import (
 )
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 from ancf_casadi.support.compilation import compiled
-from ancf_casadi.vibration.equilibrium import static_equilibrium
+from ancf_casadi.vibration.statics import static_equilibrium
 
 GRAVITY_SIZE = 2  # first parameters of a beam, which do not vary
 KEPT = 8  # systems whose Functions are kept

@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.start import Start
 from ancf_casadi.dynamics.tip_load import TipLoad
-from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.state import State
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import array, check_instance, numbers, physical

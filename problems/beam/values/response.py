@@ -29,9 +29,10 @@ from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.assembly import per_element, scatter, structure_properties
-from ancf_casadi.vibration.equilibrium import Equilibrium, neighbour, static_equilibrium
+from ancf_casadi.vibration.equilibrium import Equilibrium, neighbour
 from ancf_casadi.vibration.modal_state import ModalState, coordinate_derivatives, follow, followed_modes, gradient
 from ancf_casadi.vibration.modes import natural_modes
+from ancf_casadi.vibration.statics import static_equilibrium
 from problems.beam.properties import scaled, scaled_model
 
 Respond = Callable[[Array], tuple[Array, Array]]  # factors (p,) -> values (m,) and their Jacobian (m, p)

@@ -1,0 +1,202 @@
+"""The stable static equilibrium that a straight beam reaches as gravity, loads and displacements of supports grow.
+
+Newton's method converges from a neighbouring equilibrium.  The load factor therefore grows from 0, where the beam is
+straight, in steps that keep the rotation of every slope small.  A step that fails or rotates a slope too far is halved,
+so the solver follows the path instead of jumping to another equilibrium.
+
+A step that ends in an unstable equilibrium has passed a critical point.  The path is then followed from the last stable
+equilibrium by pseudo-arclength continuation (``ancf_casadi.vibration.continuation``): through limit points, and, where
+a bifurcation takes the stability of the path, along the path that crosses there.  Loads that favour one side bend the
+beam to this side before it buckles; only a perfectly symmetric beam has a choice, which ``side`` makes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ancf_casadi.exceptions import EquilibriumError, InputError
+from ancf_casadi.mechanics.loads import LineLoad, Load, PointLoad, loads_text
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.inputs import check_instance, check_size, instances, number, vector, whole
+from ancf_casadi.support.interrupts import lasting_interrupts
+from ancf_casadi.vibration.assembly import Position, Structure
+from ancf_casadi.vibration.continuation import (
+    LARGEST_STEP,
+    Growing,
+    PathLeg,
+    PathPoint,
+    branch_tangent,
+    follow_path,
+    longest_step,
+    null_shape,
+)
+from ancf_casadi.vibration.equilibrium import Equilibrium, neighbour, short_elements_advice, warn_of_overbent_elements
+
+MOST_PATH_STEPS = 500  # along the path to a stable equilibrium; buckled, slack and hanging strips take 10 to 150
+
+
+@lasting_interrupts()
+def static_equilibrium(
+    model: Model,
+    *,
+    tip_force: tuple[float, float] = (0.0, 0.0),
+    tip_moment: float = 0.0,
+    loads: Sequence[Load] = (),
+    side: int = 1,
+) -> Equilibrium:
+    """Return the stable equilibrium reached from the straight beam as gravity, loads and displacements grow together.
+
+    A beam that buckles on the way bends to the side that the loads favour.  ``equilibrium_path`` gives the unstable
+    equilibria too.
+
+    Parameters
+    ----------
+    model : Model
+        The beam.
+    tip_force : (float, float)
+        Force at the tip in the laboratory frame, N.
+    tip_moment : float
+        Moment at the tip, positive counterclockwise, N m.
+    loads : sequence of PointLoad or LineLoad
+        Further loads, at any points and along any parts of the beam.
+    side : {1, -1}
+        Side to which a beam buckles if neither loads nor shape favour one: that of the largest displacement along
+        positive x or y, or the other.
+
+    Raises
+    ------
+    InputError
+        If a load is not finite, or not on the beam.
+    EquilibriumError
+        If no path of equilibria leads to a stable one under the full load.
+
+    Warns
+    -----
+    UserWarning
+        If an element bends by more than a cubic can follow.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, Pin, static_equilibrium
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> rest = static_equilibrium(Model(beam), tip_force=(0.02, 0.0))
+    >>> print(f"{1e3 * rest.tip[0]:.0f} mm sideways, {1e3 * (rest.tip[1] + beam.length):.0f} mm up")
+    59 mm sideways, 4 mm up
+
+    A strip between two pins buckles as they approach each other:
+
+    >>> pins = Pin(0.0), Pin(0.5, displacement=(-0.02, 0.0))
+    >>> strip = Model(beam.with_(axis=(1.0, 0.0), gravity=(0.0, 0.0), supports=pins))
+    >>> [round(1e3 * float(static_equilibrium(strip, side=side).position(0.25)[1])) for side in (1, -1)]
+    [63, -63]
+    """
+    check_instance(model, "model", Model)
+    force, moment = vector(tip_force, "tip_force"), number(tip_moment, "tip_moment")
+    check_size(force, "tip_force")
+    check_size(moment, "tip_moment")
+    further, side = instances(loads, "loads", PointLoad, LineLoad, least=0), whole(side, "side", -1, 1)
+    if side == 0:
+        raise InputError("must be 1 or -1", "side")
+    straight = Equilibrium(model, model.straight, force, moment, loads=further)
+    at, factor = _follow_load(model, straight.all_loads, stable=True)
+    if factor < 1.0:
+        at = _follow_path(model, straight.all_loads, side)
+    warn_of_overbent_elements(model, at.coordinates)
+    return replace(straight, coordinates=at.coordinates, remainder=at.remainder)
+
+
+def primary_equilibrium(model: Model, loads: Sequence[Load]) -> Equilibrium:
+    """Return the equilibrium under loads on the path from the straight beam, stable or not; branches are not taken."""
+    at, factor = _follow_load(model, loads, stable=False)
+    if factor < 1.0:
+        raise _no_equilibrium(model, loads, factor)
+    return Equilibrium(model, at.coordinates, remainder=at.remainder, loads=tuple(loads))
+
+
+def _follow_load(model: Model, loads: Sequence[Load], *, stable: bool) -> tuple[Position, float]:
+    """Return the last equilibrium, or the last stable one, up to the full load in steps of the load, and its factor."""
+    at, factor, step, trials = Position.of(model.straight), 0.0, 1.0, 0
+    weight = -Structure.of(model).linearisation(at)[0]
+    way = model.displacement if model.displacement.any() else None
+    # a path that needs smaller steps of the load factor, or more of them, is close to a critical point
+    while factor < 1.0 and step >= 1e-5 and trials < 500:
+        trials += 1
+        s = min(factor + step, 1.0)
+        loaded = Equilibrium(model, at.coordinates, loads=tuple(load.scaled(s) for load in loads))
+        trial = neighbour(loaded.structure, at, (1.0 - s) * weight, None if way is None else (s - factor) * way)
+        if trial is None:
+            step /= 2
+            continue
+        if stable and not replace(loaded, coordinates=trial.coordinates, remainder=trial.remainder).stable:
+            break
+        at, factor = trial, s
+        step *= 2
+    return at, factor
+
+
+def _follow_path(model: Model, loads: Sequence[Load], side: int) -> Position:
+    """Return the stable equilibrium under the full load at the end of the path from the straight beam."""
+    straight = Position.of(model.straight)
+    growing = Growing(model, tuple(loads), 1.0, -Structure.of(model).linearisation(straight)[0])
+    here, factor = PathPoint(growing, model.of_free(model.straight), 0.0, straight.remainder), 0.0
+    try:
+        tangent = here.tangent(np.append(np.zeros(here.q.size), 1.0))
+    except np.linalg.LinAlgError:
+        raise _no_equilibrium(model, loads, factor) from None
+    legs, unstable = follow_path(here, tangent, longest_step(tangent)), 0
+    for _ in range(MOST_PATH_STEPS):
+        leg = next(legs, None)
+        if leg is None or leg.end.negative > 1:
+            break
+        if leg.critical is not None and leg.kind == "bifurcation" and not unstable:
+            legs, unstable = _follow_branch(leg.critical, side), 1
+            continue
+        unstable = leg.end.negative
+        if not unstable:
+            factor = max(factor, leg.end.factor)
+            if factor >= 1.0:
+                return leg.end.at
+    raise _no_equilibrium(model, loads, factor, snaps=unstable > 0)
+
+
+def _follow_branch(crossing: PathPoint, side: int) -> Iterator[PathLeg]:
+    """Follow the path that crosses at a bifurcation: to a side, or to the other one if only that is stable."""
+    shape = null_shape(crossing)
+    ways = [
+        follow_path(crossing, branch_tangent(crossing, shape, way), LARGEST_STEP, regular=False)
+        for way in (side, -side)
+    ]
+    first_legs = [next(way, None) for way in ways]
+    k = next((k for k, leg in enumerate(first_legs) if leg is not None and leg.end.negative == 0), 0)
+    leg = first_legs[k]
+    if leg is not None:
+        yield leg
+        yield from ways[k]
+
+
+def _no_equilibrium(model: Model, loads: Sequence[Load], factor: float, *, snaps: bool = False) -> EquilibriumError:
+    """Return the error of a path of equilibria that has none, or none that is stable, beyond a load factor."""
+    advice = (
+        ". Either an element bends by more than half a radian, which a cubic cannot follow (use more elements), or the "
+        "beam buckles, or a value is in the wrong unit"
+    )
+    if not model.is_held:
+        advice = (
+            ": the supports do not hold the beam against rigid motions. Hold it, turn it to where it hangs, or "
+            "simulate its motion from start='straight'"
+        )
+    elif short := short_elements_advice(model):
+        advice = f": {short}"
+    elif snaps:
+        advice = (
+            ": there the path of equilibria turns unstable, and the beam snaps to a distant shape. Simulate the "
+            "motion, use more elements if one bends by more than half a radian, or follow the path by equilibrium_path"
+        )
+    return EquilibriumError(
+        f"no static equilibrium was found beyond {factor:.4g} of the load ({loads_text(loads)}, "
+        f"gravity {model.beam.gravity} m/s^2){advice}"
+    )

@@ -12,6 +12,7 @@ no inverse; Eq. (32) is then the definition of C and leaves all other modes unda
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import final
@@ -25,6 +26,8 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, is_sequence, number, physical, shown
 from ancf_casadi.vibration.modes import Modes
+
+FOREIGN = 0.2  # deviation of frequencies or modal masses beyond which modes are those of another beam
 
 
 @final
@@ -47,6 +50,11 @@ class ModalDamping(DampingLaw):
     ------
     InputError
         If a ratio is negative, 1 or more, a frequency is not positive, or the numbers of values do not fit.
+
+    Warns
+    -----
+    UserWarning
+        If the frequencies, or the modal masses in the beam that is damped, differ by more than a fifth from the modes.
 
     Examples
     --------
@@ -82,6 +90,16 @@ class ModalDamping(DampingLaw):
             raise InputError(f"has {len(given)} values for {len(self.ratios)} ratios", "frequencies")
         frequencies = tuple(physical(frequency, "frequencies") for frequency in given)
         object.__setattr__(self, "frequencies", frequencies)
+        own = self.modes.frequencies[: len(frequencies)]
+        for k, (measured, computed) in enumerate(zip(frequencies, own.tolist(), strict=True), start=1):
+            if abs(measured - computed) > FOREIGN * computed:
+                warnings.warn(
+                    f"the frequency of mode {k}, {measured:.4g} Hz, is far from the {computed:.4g} Hz of the modes, so "
+                    f"its damping ratio in a motion is {measured / computed:.3g} times the one given; match the beam "
+                    "first, or correct the frequencies",
+                    stacklevel=3,
+                )
+                break
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -113,8 +131,24 @@ class ModalDamping(DampingLaw):
         if self.modes.model.size != model.size:
             raise InputError("belong to a beam with another number of elements", "modes")
         mass = self.modes.model.mass(self.modes.model.properties).sparse()
+        self._warn_of_another_beam(model)
         B = cs.DM(mass @ self.modes.shapes[:, : len(self.ratios)])
         return np.asarray(turned(B, self.modes.model.beam.axis, model.beam.axis).full())
+
+    def _warn_of_another_beam(self, model: Model) -> None:
+        """Warn if the modes are not those of a beam with this mass, so that a mode has another ratio than given."""
+        if self.modes.model.beam == model.beam:
+            return
+        shapes = turned(cs.DM(self.modes.shapes), self.modes.model.beam.axis, model.beam.axis).full()
+        masses = np.sum(shapes * (model.mass(model.properties).sparse() @ shapes), axis=0)[: len(self.ratios)]
+        k = int(np.abs(masses - 1).argmax())
+        if abs(masses[k] - 1) > FOREIGN:
+            warnings.warn(
+                f"the modes of ModalDamping are those of another beam: mode {k + 1} has {masses[k]:.3g} times its "
+                "modal mass in this one, so its damping ratio differs about as much; make the law from natural_modes "
+                "of this beam",
+                stacklevel=3,
+            )
 
     def modal_coefficients(self, parameters: cs.MX) -> cs.MX:
         """Return 2 zeta omega."""

@@ -84,6 +84,8 @@ def shift_of(model: Model, stiffness: Array, mass: Array) -> float:
     """Return the shift a for matrices of the free coordinates, stored by diagonals, (rad/s)^2."""
     translation, positions = (model.of_free(np.resize(row, model.size)) for row in ([1.0, 0, 0, 0], [1.0, 1.0, 0, 0]))
     total_mass = translation @ (sparse(mass) @ translation)
+    if not total_mass:  # supports hold the positions of all nodes
+        return 0.0
     return float(10.0 * EPSILON * (stiffness[BANDWIDTH] @ (positions != 0.0)) / total_mass)  # c in the shift a
 
 

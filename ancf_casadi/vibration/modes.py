@@ -16,6 +16,7 @@ Allemang 2003, "The modal assurance criterion: twenty years of use and abuse" (M
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -37,7 +38,7 @@ from ancf_casadi.support.inputs import array, check_instance, number, numbers, w
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Reported, Table, counted, spread
 from ancf_casadi.vibration.assembly import Position
-from ancf_casadi.vibration.eigensolver import lowest_modes
+from ancf_casadi.vibration.eigensolver import lowest_modes, rounding_of
 from ancf_casadi.vibration.equilibrium import Equilibrium, short_elements_advice, warn_of_overbent_elements
 from ancf_casadi.vibration.statics import static_equilibrium
 
@@ -293,9 +294,15 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
     Raises
     ------
     InputError
-        If ``count`` is not a whole number in this range, or the equilibrium belongs to another model.
+        If ``count`` is not a whole number in this range, the equilibrium belongs to another model, or supports hold
+        all nodes.
     EquilibriumError
         If the equilibrium is unstable, or none is found.
+
+    Warns
+    -----
+    UserWarning
+        If rounding limits the frequencies.
 
     Examples
     --------
@@ -312,6 +319,11 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
     check_instance(model, "model", Model)
     check_instance(equilibrium, "equilibrium", Equilibrium, NoneType)
     count = whole(count, "count", 1, model.freedoms)
+    if not model.of_free(np.resize([1.0, 1.0, 0.0, 0.0], model.size)).any():
+        raise InputError(
+            "hold every node, so no mode moves one; use more elements, so that nodes lie between the supports",
+            "supports",
+        )
     if equilibrium is None:
         equilibrium = static_equilibrium(model)
     if equilibrium.model != model:
@@ -324,6 +336,14 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
             + (f", and {short}" if short else "")
         )
     eigenvalues, shapes = found
+    # an eigenvalue at this limit is wrong by up to a tenth of a percent
+    limited = np.count_nonzero(eigenvalues < 10 * rounding_of(model)) if model.is_held else 0
+    if limited:
+        warnings.warn(
+            f"rounding limits the frequencies up to mode {limited}: the beam is so slender that its bending is lost "
+            "beside its stretching; check thickness and length",
+            stacklevel=4,
+        )
     moved = _reference_displacements(model, shapes)
     larger = np.abs(moved).argmax(axis=0)
     shapes *= np.where(moved[larger, np.arange(count)] < 0, -1.0, 1.0)

@@ -102,11 +102,15 @@ def static_equilibrium(
     if side == 0:
         raise InputError("must be 1 or -1", "side")
     straight = Equilibrium(model, model.straight, force, moment, loads=further)
-    at, factor = _follow_load(model, straight.all_loads, stable=True)
-    if factor < 1.0:
-        at = _follow_path(model, straight.all_loads, side)
+    at = stable_position(model, straight.all_loads, side)
     warn_of_overbent_elements(model, at.coordinates)
     return replace(straight, coordinates=at.coordinates, remainder=at.remainder)
+
+
+def stable_position(model: Model, loads: Sequence[Load], side: int = 1) -> Position:
+    """Return the coordinates of ``static_equilibrium``, without a warning."""
+    at, factor = _follow_load(model, loads, stable=True)
+    return at if factor >= 1.0 else _follow_path(model, loads, side)
 
 
 def primary_equilibrium(model: Model, loads: Sequence[Load]) -> Equilibrium:

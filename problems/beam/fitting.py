@@ -30,6 +30,7 @@ References
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from functools import partial
@@ -241,7 +242,11 @@ def beam_problem(
         number, names = whole(harmonics, "harmonics", 1), [unknown.name for unknown in own]
         block = curve_block(one, numbered, law, names, first, modes=count, harmonics=number)
         blocks.append(block if apart else block.checked(frequencies))
-    blocks += [ValueBlock(record.with_model(models[id(record.model)]), first) for record in values]
+    shared, numbers = Counter(record.name for record in values), Counter[str]()
+    for record in values:
+        numbers[record.name] += 1
+        repeated = str(numbers[record.name]) if shared[record.name] > 1 else ""
+        blocks.append(ValueBlock(record.with_model(models[id(record.model)]), first, repeated))
     return FitProblem(tuple(blocks), own, robust), models[id(model)], first
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ancf_casadi.exceptions import FitError
 from ancf_casadi.export import Document, Identification, write_document
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import located
@@ -59,6 +60,8 @@ def run_match(options: argparse.Namespace) -> Output:
     new_files([options.file], options.out, options.plot)
     with located(f"{options.file}: [match]"):
         match = match_frequencies(beam, **request)
+    if match.max_relative_error > 0.5:  # of a frequency; such a beam is not the one that was measured
+        raise FitError(f"{options.file}: [match]: {match.warnings[0]}")
     if options.out is None:
         return result_output(match, options.plot)
     document = Document(Model(match.beam), identifications=[Identification.of(match)])

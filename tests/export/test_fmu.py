@@ -367,6 +367,7 @@ class TestRefusals:
         with pytest.raises(InputError, match="the point must be on the beam"):
             beam_functions(document.model, document.damping, markers=(0.6,))
 
+    @pytest.mark.filterwarnings("ignore:the modes of ModalDamping are those of another beam")
     def test_a_document_of_another_beam_or_law(self, functions, document):
         thicker = Model(document.model.beam.with_(thickness=1e-3))
         for other in (Document(thicker, document.damping), Document(document.model, RayleighDamping(beta=1e-5))):

@@ -8,6 +8,7 @@ from ancf_casadi import (
     EquilibriumError,
     InputError,
     Model,
+    Pin,
     PointLoad,
     StrainMeasures,
     mac,
@@ -228,3 +229,18 @@ def test_an_unstable_equilibrium_has_no_modes(paper_beam):
         EquilibriumError, match=r"^the equilibrium is unstable, so it has no modes; a standing beam may be"
     ):
         natural_modes(slender, equilibrium=primary_equilibrium(slender, ()))
+
+
+@pytest.mark.parametrize("thickness", [1e-8, 3e-9, 1e-9])
+def test_frequencies_that_rounding_limits_are_named(paper_beam, thickness):
+    """Slenderness 5e7 and more; the first two frequencies once came out as 0."""
+    with pytest.warns(UserWarning, match=r"^rounding limits the frequencies up to mode \d: the beam is so slender"):
+        natural_modes(Model(paper_beam(thickness=thickness, gravity=(0.0, 0.0))))
+
+
+@pytest.mark.parametrize(
+    "points", [(0.0, 0.25, 0.5), (0.0, 0.125, 0.25, 0.375, 0.5), (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)], ids=["3", "5", "6"]
+)
+def test_supports_at_every_node_are_one_line(paper_beam, points):
+    with pytest.raises(InputError, match="supports: hold every node, so no mode moves one; use more elements"):
+        natural_modes(Model(paper_beam(len(points) - 1, supports=tuple(Pin(point) for point in points))))

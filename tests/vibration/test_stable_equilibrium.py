@@ -259,7 +259,7 @@ def random_strip(seed):
     along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
     moved = random.uniform(-0.3, 0.05) * along + random.choice([0.0, random.uniform(-0.2, 0.2)]) * across
     return strip(
-        int(random.choice([20, 30, 40])),
+        int(random.choice([30, 40, 50])),
         supports,
         tuple(moved),
         float(random.choice([0.0, random.uniform(-0.6, 0.6)])),

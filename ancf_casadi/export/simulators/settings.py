@@ -188,7 +188,8 @@ def dampers(terms: Iterable[DampingLaw], modes: Modes, amplitude: float) -> Damp
             alpha, beta = _equivalent(term, modes, same_speed(modes, amplitude))
             warning = (
                 f"{type(term).__name__} becomes alpha = {alpha:.4g} 1/s and beta = {beta:.4g} s, which meet the "
-                f"damping ratio of mode 1 at a tip amplitude of {amplitude:.4g} m alone"
+                f"damping ratio of mode 1 at a tip amplitude of {amplitude:.4g} m, and further ratios of the law as "
+                "well as these two can"
             )
             found = replace(
                 found, alpha=found.alpha + alpha, beta=found.beta + beta, warnings=(*found.warnings, warning)
@@ -197,12 +198,13 @@ def dampers(terms: Iterable[DampingLaw], modes: Modes, amplitude: float) -> Damp
 
 
 def _equivalent(term: DampingLaw, modes: Modes, amplitudes: Array) -> tuple[float, float]:
-    """Return alpha and beta, 0 or more, that meet the first damping ratio, and the others by least squares."""
+    """Return alpha and beta, 0 or more, that meet the first damping ratio, and the others given by least squares."""
     ratios, of_alpha, of_beta = (
         law.damping_ratios(modes, amplitudes) for law in (term, RayleighDamping(1.0), RayleighDamping(beta=1.0))
     )
     beta = 0.0
-    if isinstance(term, ModalDamping):
+    if isinstance(term, ModalDamping) and len(term.ratios) > 1:
+        ratios, of_alpha, of_beta = (own[: len(term.ratios)] for own in (ratios, of_alpha, of_beta))
         gains = of_beta - of_beta[0] / of_alpha[0] * of_alpha
         missing = ratios - ratios[0] / of_alpha[0] * of_alpha
         beta = float(np.clip(gains @ missing / (gains @ gains), 0.0, ratios[0] / of_beta[0]))

@@ -333,6 +333,12 @@ class ValueBlock(Block):
 
     record: PropertyRecord  # with the beam in the configuration of the test
     first: Mapping[str, float]  # first values of the unknown properties by name, SI units
+    number: str = ""  # that tells the record apart from others of its name
+
+    @property
+    def title(self) -> str:
+        """Name of the record, with the number and the length of the beam if others have this name."""
+        return self.record.name + (f" {self.number}, {self.record.model.beam.length:g} m" if self.number else "")
 
     systematic = accuracy = ACCURACY  # also of the fit: residuals without standard deviations have no known size
 
@@ -376,7 +382,7 @@ class ValueBlock(Block):
         for quantity, unit in dict(zip(record.quantities, record.units, strict=True)).items():
             own = kinds == quantity
             measured = record.measured[own]
-            name = record.name if own.all() else f"{record.name}, {quantity}"
+            name = self.title if own.all() else f"{self.title}, {quantity}"
             found.append(
                 PredictedChannel(name, unit, measured, measured + rest[own], errors[own], record.places[own],
                                  record.axis, math.nan, np.abs(measured), tuple(labels[own].tolist()), quantity)
@@ -389,8 +395,8 @@ class ValueBlock(Block):
         values = record.measured + fitted.residuals * record.scatter
         rows = zip(record.labels, record.units, record.measured.tolist(), values.tolist(), strict=True)
         lines = [
-            f"{record.name}, {label}: measured {measured:.6g}, computed {computed:.6g} {unit}".rstrip()
+            f"{self.title}, {label}: measured {measured:.6g}, computed {computed:.6g} {unit}".rstrip()
             for label, unit, measured, computed in rows
         ]
-        data = {"kind": "values", "name": record.name, "labels": list(record.labels), "units": list(record.units)}
+        data = {"kind": "values", "name": self.title, "labels": list(record.labels), "units": list(record.units)}
         return Account(lines, (), {**data, "measured": record.measured.tolist(), "computed": values.tolist()})

@@ -32,7 +32,7 @@ from ancf_casadi.vibration.assembly import per_element, scatter, structure_prope
 from ancf_casadi.vibration.equilibrium import Equilibrium, neighbour
 from ancf_casadi.vibration.modal_state import ModalState, coordinate_derivatives, follow, followed_modes, gradient
 from ancf_casadi.vibration.modes import natural_modes
-from ancf_casadi.vibration.statics import static_equilibrium
+from ancf_casadi.vibration.statics import stable_position, static_equilibrium
 from problems.beam.properties import scaled, scaled_model
 
 Respond = Callable[[Array], tuple[Array, Array]]  # factors (p,) -> values (m,) and their Jacobian (m, p)
@@ -86,7 +86,7 @@ def _read_at_rest(
     structure = replace(rest.structure, properties=own)
     at = neighbour(structure, rest.exact)
     if at is None:
-        at = static_equilibrium(scaled_model(model, owners, factors), loads=rest.loads).exact
+        at = stable_position(scaled_model(model, owners, factors), rest.all_loads)
     state = ModalState(structure, at, np.arange(0), np.zeros(0), np.zeros((model.size, 0)))
     dq = coordinate_derivatives(state, directions)
     force, change = _base_forces(state, dq, directions)

@@ -25,6 +25,8 @@ from problems.beam.motions.weights import first_weights
 from tests.problems.beam.conftest import EVERY, SENSORS
 from tests.problems.beam.truth import scores
 
+pytestmark = pytest.mark.filterwarnings("ignore:an element bends")  # of the three elements
+
 TRUTH = 0.5  # alpha, 1/s
 GUESS = RayleighDamping(alpha=0.3, beta=1e-3)
 X = Sensor("position")

@@ -309,3 +309,10 @@ class TestInput:
     def test_records_must_be_records(self, given, kind):
         with pytest.raises(InputError, match="records: must be"):
             fit_beam(given(), kind, unknowns=["elastic_modulus"])
+
+
+def test_records_of_one_name_are_told_apart_by_number_and_length(given):
+    records = [frequencies(given(length=length)) for length in (0.4, 0.45, 0.5)]
+    report = fitted(records, ["elastic_modulus"]).report()
+    for text in ("frequencies 1, 0.4 m, ", "frequencies 2, 0.45 m, ", "frequencies 3, 0.5 m, "):
+        assert text in report

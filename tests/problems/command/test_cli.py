@@ -819,12 +819,26 @@ class TestFailure:
     """Exit code 1, and one line that says what to try."""
 
     def test_a_beam_that_cannot_stand(self, files, capsys):
+        pendulum = edited(BEAM, ("axis = [0.0, -1.0]", 'axis = [0.0, 1.0]\nsupports = [{kind = "pin", point = 0.0}]'))
+        (files / "beam.toml").write_text(pendulum)
+        assert main(["modes", "beam.toml"]) == 1
+        assert "turn it to where it hangs" in one_line(capsys)
+
+    def test_a_beam_too_slender_to_stand_vibrates_about_its_bent_shape(self, files, capsys):
         slender = edited(
             BEAM, ("axis = [0.0, -1.0]", "axis = [0.0, 1.0]"), ("thickness = 0.5e-3", "thickness = 0.2e-3")
         )
         (files / "beam.toml").write_text(slender)
-        assert main(["modes", "beam.toml"]) == 1
-        assert "unstable" in one_line(capsys)
+        assert main(["modes", "beam.toml", "--json"]) == 0
+        x, y = json.loads(capsys.readouterr().out)["equilibrium_tip_m"]
+        assert x > 0.2 and y < 0.1  # of 0.5 m
+
+    def test_a_match_that_is_half_off(self, files, capsys):
+        """98 % off once ended with exit code 0."""
+        far = "targets = [100.0, 900.0]  # "
+        (files / "beam.toml").write_text(edited(BEAM, ("targets = ", far), ("bounds = 0.10", "bounds = 0.01")))
+        assert main(["match", "beam.toml"]) == 1
+        assert "the targets are out of reach of these unknowns" in one_line(capsys)
 
     def test_a_fit_that_does_not_converge(self, files, capsys, monkeypatch):
         def fails(*_, **__):

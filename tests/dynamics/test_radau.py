@@ -123,6 +123,7 @@ def test_small_vibrations_keep_their_frequency():
 # --------------------------------------------------------------------------------------------------- shared Functions
 
 
+@pytest.mark.filterwarnings("ignore:the frequency of mode")
 def test_functions_serve_all_numbers_of_a_law_and_a_beam_but_no_other_law_mesh_or_axis():
     beam = Beam.uniform(**BEAM, elements=2)
     modes = natural_modes(Model(beam), count=2)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ancf_casadi.decay.envelope import DampingCurve as DampingCurve
     from ancf_casadi.decay.envelope import LawCurve as LawCurve
     from ancf_casadi.decay.envelope import damping_curve as damping_curve
+    from ancf_casadi.decay.release import separate_takes as separate_takes
     from ancf_casadi.dynamics.base_motion import BaseMotion as BaseMotion
     from ancf_casadi.dynamics.base_motion import FixedBase as FixedBase
     from ancf_casadi.dynamics.base_motion import HarmonicBase as HarmonicBase

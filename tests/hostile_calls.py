@@ -232,6 +232,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "amplitude_response": (a.amplitude_response, {"model": reduced, "amplitudes": (1e-5, 1e-4), "points": 5}
             | {"base": steady, "load": None, "force": None, "tolerance": 1e-5}),
         "backbone": (a.backbone, {"model": reduced, "mode": 1, "amplitude": 1e-3, "points": 3, "tolerance": 1e-5}),
+        "separate_takes": (a.separate_takes, {"record": record}),
         "damping_curve": (a.damping_curve, {"record": record, "periods": 3.0, "release_time": 0.0}),
         "frequency_response": (a.frequency_response, {
             "model": reduced, "frequencies": (0.9 * f, 1.1 * f), "base": steady, "points": 5, "start": None,

@@ -21,7 +21,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.decay.evidence import evident
-from ancf_casadi.decay.release import MINIMUM_PERIODS, MINIMUM_SAMPLES, Release, find_release, grows_slowly
+from ancf_casadi.decay.release import LEVEL, MINIMUM_PERIODS, MINIMUM_SAMPLES, Release, find_release, grows_slowly
 from ancf_casadi.decay.rest import REST_TERMS, Rest, rest_position
 from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency, typical_step
 from ancf_casadi.decay.track import local_decay
@@ -36,6 +36,8 @@ from ancf_casadi.support.inputs import number
 # test_noise_that_a_sensor_averages_over_three_samples_is_hardly_ever_taken_for_an_oscillation (COLOURED doubled).
 MOST_GAPS = 20.0  # length of a record, in lengths of its samples without the gaps
 FEW_SAMPLES = 3.0  # per period, below which a note warns of aliasing
+FADED = 3.0  # decay times after which an oscillation is over: a longer record would show no more of it
+HEAVY_FREQUENCIES = 16  # of a heavily damped oscillation, and rates of a relaxation, that are tried
 COLOURED = 0.5  # share of the samples that count as independent beside an oscillation; few sensors have white noise
 CLOSE = 0.1  # relative distance of two frequencies, below which they may be of one mode
 
@@ -81,10 +83,20 @@ def first_guess(record: Measurement, *, release_time: float | None = None, rest:
         raise InputError(f"is constant{since}, nothing oscillates", "record")
     if np.ptp(without_line(t, y)) <= len(y) * np.spacing(np.abs(y).max()):  # all that rounding leaves
         raise InputError("is a straight line, nothing oscillates", "record")
-    line = np.array([np.ones(len(t)), t])  # a drift that is not asked for must not hide the oscillation
+    line = np.array([np.ones(len(t)), t / t[-1]])  # a drift that is not asked for must not hide the oscillation
     candidates = _candidates(t, y, line)
+    faded = False
+    if candidates[0].ω_d * t[-1] < 2 * math.pi * MINIMUM_PERIODS:
+        moving = 0 if release_time is not None else _first_departure(y)
+        since = t[moving:] - t[moving]
+        heavy = _heavily_damped(since, y[moving:], np.array([np.ones(len(since)), since / since[-1]]))
+        if heavy is not None:
+            begin, t, y, candidates = begin + moving, since, y[moving:], [heavy]
+            line = np.array([np.ones(len(t)), t / t[-1]])
+            found = replace(found, reason="the end of rest") if moving else found
+            faded = heavy.λ * t[-1] > FADED
     best = candidates[0]
-    if best.ω_d * t[-1] < 2 * math.pi * MINIMUM_PERIODS:
+    if best.ω_d * t[-1] < 2 * math.pi * MINIMUM_PERIODS and not faded:
         raise InputError(
             f"has fewer than two periods of free decay in the {t[-1]:.3g} s from {time[begin]:g} s on "
             f"({found.reason}), or nothing oscillates; record longer, or give the time of the release",
@@ -120,7 +132,8 @@ def with_rest(guess: DecayGuess, record: Measurement, rest: Rest) -> DecayGuess:
         found.append((_with_rate(t, y, ω_d, λ, np.array([np.ones(len(t)), moved])[:count]), rate))
     best, rate = min(found, key=lambda one: one[0].misfit)
     c, s, *level = best.linear.tolist()
-    note = [] if count > 1 else _drift(record, t, best, _with_rate(t, y, ω_d, λ, np.array([np.ones(len(t)), t])))
+    line = np.array([np.ones(len(t)), t / t[-1]])
+    note = [] if count > 1 else _drift(record, best, _with_rate(t, y, ω_d, λ, line))
     return replace(
         guess,
         amplitude=math.hypot(c, s),
@@ -155,6 +168,40 @@ def _candidates(t: Array, y: Array, baseline: Array) -> list[_Candidate]:
     return sorted(refined, key=lambda one: one.misfit)
 
 
+def _first_departure(y: Array) -> int:
+    """Return the index of the first sample that departs from the level of the first ones, 0 if too few follow."""
+    first = y[:MINIMUM_SAMPLES]
+    departed = np.abs(y - np.median(first)) > max(LEVEL * np.ptp(y), 4 * float(np.std(first)))
+    index = int(np.argmax(departed))
+    return index if len(y) - index >= MINIMUM_SAMPLES else 0
+
+
+def _heavily_damped(t: Array, y: Array, baseline: Array) -> _Candidate | None:
+    """Return a heavily damped oscillation, which has no peak in the spectrum; None if it may as well be a relaxation.
+
+    A relaxation is the sum of two exponentials.
+    """
+    frequencies = np.geomspace(math.pi / t[-1], math.pi * len(t) / (4 * t[-1]), HEAVY_FREQUENCIES)
+    best = min(
+        (_with_rate(t, y, ω_d, λ, baseline) for ω_d in frequencies.tolist() for λ in (0.5 * ω_d, ω_d, 1.5 * ω_d)),
+        key=lambda candidate: candidate.misfit,
+    )
+    for width in (0.5, 0.25, 0.1, 0.05):  # relative, of a search about the best so far
+        factors = np.exp(width * np.linspace(-1.0, 1.0, 5)).tolist()
+        trials = [_with_rate(t, y, a * best.ω_d, b * best.λ, baseline) for a in factors for b in factors]
+        best = min(best, *trials, key=lambda candidate: candidate.misfit)
+    rates = np.geomspace(0.5 / t[-1], len(t) / (4 * t[-1]), HEAVY_FREQUENCIES)
+    fading = np.exp(-np.outer(rates, t))
+    relaxed = min(_misfit(y, np.vstack([fading[i], fading[j], baseline])) for i in range(len(rates)) for j in range(i))
+    return best if evident(relaxed, best.misfit, COLOURED * len(y), 0, float(np.var(y)) * len(y)) else None
+
+
+def _misfit(y: Array, basis: Array) -> float:
+    """Return the sum of the squares that the rows of a basis leave."""
+    basis = basis / np.linalg.norm(basis, axis=1)[:, None]
+    return float(np.sum((y - np.linalg.lstsq(basis @ basis.T, basis @ y)[0] @ basis) ** 2))
+
+
 def _best_rate(t: Array, y: Array, ω_d: float, baseline: Array) -> _Candidate:
     """Return the oscillation with the best decay rate of a list, for a given frequency."""
     rates = np.geomspace(0.1 / t[-1], ω_d / 2, 2 + max(0, int(math.log2(5 * ω_d * t[-1]))))  # a factor of 2 apart
@@ -164,8 +211,11 @@ def _best_rate(t: Array, y: Array, ω_d: float, baseline: Array) -> _Candidate:
 def _with_rate(t: Array, y: Array, ω_d: float, λ: float, baseline: Array) -> _Candidate:
     """Return the oscillation with a given frequency and decay rate."""
     basis = np.vstack([np.exp(-λ * t) * np.array([np.cos(ω_d * t), np.sin(ω_d * t)]), baseline])
+    length = np.linalg.norm(basis, axis=1)  # a drift per second may be far smaller or larger than the oscillation
+    length[length == 0.0] = 1.0
+    basis /= length[:, None]
     linear = np.linalg.lstsq(basis @ basis.T, basis @ y)[0]
-    return _Candidate(ω_d, λ, linear, float(np.sum((y - linear @ basis) ** 2)))
+    return _Candidate(ω_d, λ, linear / length, float(np.sum((y - linear @ basis) ** 2)))
 
 
 def _check_oscillation(y: Array, baseline: Array, best: _Candidate) -> None:
@@ -207,9 +257,9 @@ def _notes(record: Measurement, t: Array, y: Array, found: list[_Candidate]) -> 
     return notes
 
 
-def _drift(record: Measurement, t: Array, level: _Candidate, line: _Candidate) -> list[str]:
+def _drift(record: Measurement, level: _Candidate, line: _Candidate) -> list[str]:
     """Return a note if an oscillation about a line leaves far less than one about a constant."""
     if line.misfit > level.misfit / 2:
         return []
-    moved = f"{abs(line.linear[3]) * t[-1]:.2g} {record.sensor.unit}"
+    moved = f"{abs(line.linear[3]):.2g} {record.sensor.unit}"
     return [f"the rest position moves by about {moved} over the record; fit it too (rest='drift', or 'creep')"]

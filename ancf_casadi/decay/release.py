@@ -37,11 +37,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ancf_casadi.decay.evidence import evident
+from ancf_casadi.decay.evidence import MODEL_ERROR, evident
+from ancf_casadi.decay.outliers import without_outliers
 from ancf_casadi.decay.spectrum import GAP, LEAST_SAMPLES, peak_frequencies, step_frequency, typical_step
 from ancf_casadi.decay.track import Track, losses_of, regression, since_start, track
-from ancf_casadi.records.processing import without_line
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.processing import resolution, without_line
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
+from ancf_casadi.support.inputs import check_instance
 
 # Tests that fail: test_a_record_in_which_nothing_oscillates_is_refused (either minimum halved),
 # test_an_excitation_that_grows_out_of_the_noise_is_not_taken_for_rest_and_release (REST_SWING doubled, GROWN halved),
@@ -53,6 +56,12 @@ REST_SWING = 0.25  # largest swing of a window at rest, relative to all; with a 
 GROWN = 0.8  # relative swing that a released beam reaches within a period; that of a driven beam grows slowly
 MOST_WINDOWS = 128  # limits the time of the search, which grows with the cube (benchmarks/test_decay_fit.py)
 FEWEST = 3  # windows with a force, and without: B, C and p need three
+ALL_RELEASES = "fit_decays(separate_takes(record)), or --release all"
+MOST_TAKE_WINDOWS = 512  # of a record with several releases
+JUMP = 1.25  # least growth of the amplitude at a release, from one window to the next but one
+MOST_UNEXPLAINED = 0.04  # share of the motion that free decays leave; random responses leave more
+QUANTISED = 0.15  # error of the amplitude of a quantised oscillation, in steps of the quantisation
+FALLING = 1.05  # largest growth of the amplitude from window to window that counts as a decay, for the noise in it
 LEVEL = 0.02  # departure that does not count as motion, relative to the largest swing
 
 
@@ -69,6 +78,14 @@ def find_release(time: Array, measured: Array) -> Release:
     """Return the start of the free decay in values of any sensor, the first unless rest or an excitation precedes."""
     if len(time) < MINIMUM_SAMPLES or np.ptp(measured) == 0.0:
         return Release(0, "the first sample")
+    takes = find_takes(time, measured)
+    if takes:
+        begins = ", ".join(f"{time[take.start]:.4g} s" for take in takes)
+        note = (
+            f"the record holds {len(takes)} releases, at about {begins}; the last one is fitted (all: {ALL_RELEASES})"
+        )
+        last = find_release(time[takes[-1].start :], measured[takes[-1].start :])
+        return Release(takes[-1].start + last.index, "the last of several releases", (note, *last.notes))
     period = 1 / step_frequency(time, without_line(time, measured))
     rest, grows = _end_of_rest(time, measured, period)
     forced = rest + end_of_excitation(time[rest:], measured[rest:])
@@ -147,9 +164,10 @@ def end_of_excitation(time: Array, displacement: Array) -> int:
     if P < 2 * FEWEST + 1:
         return 0
     k = (found.time - found.time[0]) / found.length
+    rounded = P * (QUANTISED * resolution(displacement) / MODEL_ERROR) ** 2  # a motion with the errors of quantisation
 
     def clearly(free: float, forced: float, unknowns: int) -> bool:
-        return evident(free, forced, 2 * P, unknowns, motion=float(np.vdot(z, z).real))
+        return evident(free, forced, 2 * P, unknowns, motion=max(float(np.vdot(z, z).real), rounded))
 
     log_q, free = _tails(k, z)
     if not clearly(float(free[0]), _scatter(k, z, log_q[0]), 10 - 4):  # no smooth z is clearly better than one mode
@@ -174,6 +192,88 @@ def end_of_excitation(time: Array, displacement: Array) -> int:
         return 0
     last = max(s for s, left in misfits.items() if not clearly(left, best, 0))
     return int(np.searchsorted(time, time[0] + found.number[last] * found.length - typical_step(time) / 2))
+
+
+def find_takes(time: Array, measured: Array) -> list[slice]:
+    """Return the samples of each free decay in a record with several releases; empty if there are fewer than two.
+
+    A release raises the amplitude within two windows, before and after which it falls.  The takes are several if a free
+    decay in each of them is evident beside one free decay, and beside two or three modes that beat.
+    """
+    if len(time) < LEAST_SAMPLES or np.ptp(measured) == 0.0:
+        return []
+    frequency = peak_frequencies(time, measured - measured.mean())[0]
+    found = track(time - time[0], measured, 2 * math.pi * frequency, most=MOST_TAKE_WINDOWS, degree=1, to_end=True)
+    z, size = found.z, found.amplitude
+    if len(z) < 2 * FEWEST + 1:
+        return []
+    k = (found.time - found.time[0]) / found.length
+    least = REST_SWING * float(size.max())
+    jumps = [0]
+    for i in range(2, len(z) - 2):
+        falls = size[i - 1] <= FALLING * size[i - 2] and size[i + 2] <= FALLING * size[i + 1] >= size[i]
+        if falls and size[i + 1] > max(JUMP * size[i - 1], least) and i - jumps[-1] > 1:
+            jumps.append(i)
+    ends = [*jumps[1:], len(z)]
+    takes = [slice(begin + 2 * (begin > 0), end) for begin, end in zip(jumps, ends, strict=True)]
+    takes = [take for take in takes if take.stop - take.start >= FEWEST + 1 and size[take].max() > least]
+    if len(takes) < 2:
+        return []
+    one = min(_lossy(k, z), _beating(k, z, 2), _beating(k, z, 3))
+    several = sum(_lossy(k[take] - k[take.start], z[take]) for take in takes)
+    motion = float(np.vdot(z, z).real)
+    if several > MOST_UNEXPLAINED * motion or not evident(one, several, 2 * len(z), 5 * len(takes), motion):
+        return []
+    step = typical_step(time)
+    edges = time[0] + found.length * np.append(found.number, found.number[-1] + 1) - step / 2
+    return [slice(*np.searchsorted(time, edges[[take.start, take.stop]]).tolist()) for take in takes]
+
+
+def separate_takes(record: Measurement) -> tuple[Measurement, ...]:
+    """Return each free decay of a record with several releases as a record; the record alone if there is one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Measurement, separate_takes
+    >>> time = np.arange(3000) / 100.0
+    >>> since = time % 15.0  # released at 0 and at 15 s
+    >>> record = Measurement(time, 0.02 * np.exp(-0.2 * since) * np.cos(12.0 * since))
+    >>> [f"{take.time[0]:.1f} to {take.time[-1]:.1f} s" for take in separate_takes(record)]
+    ['0.0 to 14.6 s', '15.6 to 29.6 s']
+    """
+    check_instance(record, "record", Measurement)
+    record = without_outliers(record)
+    takes = find_takes(record.time, record.values) or [slice(None)]
+    return tuple(
+        Measurement(record.time[take], record.values[take], record.name, record.sensor, record.notes) for take in takes
+    )
+
+
+def unexplained_before(time: Array, measured: Array, ω: float, λ: float) -> tuple[float, float]:
+    """Return the parts of the mean square of a record before a release that a mode under a harmonic force leaves.
+
+    The first is explained by a harmonic force on the mode with frequency ω and rate λ (rad/s), the second is not.
+    """
+    if len(time) < LEAST_SAMPLES:
+        return 0.0, 0.0
+    found = track(time - time[0], measured, ω, most=MOST_TAKE_WINDOWS, degree=1, to_end=True)
+    if len(found.z) < 2 * FEWEST + 1:
+        return 0.0, 0.0
+    k, z = (found.time - found.time[0]) / found.length, found.z
+    noise = _scatter(k, z, _tails(k, z)[0][0])
+    left = max(_forced(np.append(k, k[-1] + 1), z, complex(-λ * found.length))[0] - noise, 0.0)
+    return max(float(np.vdot(z, z).real) - noise - left, 0.0) / (2 * len(k)), left / (2 * len(k))
+
+
+def unexplained_share(time: Array, measured: Array, ω: float) -> float:
+    """Return the share of a motion near a frequency (rad/s) that neither one free mode nor two explain, noise apart."""
+    found = track(time - time[0], measured, ω, most=MOST_WINDOWS, degree=1)
+    k, z = (found.time - found.time[:1]) / found.length, found.z
+    if len(z) < 2 * FEWEST + 1:
+        return 0.0
+    noise = _scatter(k, z, _tails(k, z)[0][0])
+    return max(min(_lossy(k, z), _beating(k, z, 2)) - noise, 0.0) / float(np.vdot(z, z).real)
 
 
 def grows_slowly(time: Array, displacement: Array, frequency: float) -> bool:

@@ -23,7 +23,7 @@ from itertools import pairwise
 import numpy as np
 
 from ancf_casadi.decay.evidence import least_gain
-from ancf_casadi.records.processing import UNEVEN
+from ancf_casadi.records.processing import UNEVEN, without_line
 from ancf_casadi.support.arrays import Array
 
 PADDING = 4  # length of the transform in lengths of the record, and points of the grid for uneven times per step
@@ -67,6 +67,17 @@ def outstanding_peak(time: Array, values: Array, lowest: float) -> float | None:
             if power[highest] > best * around:
                 best, found = power[highest] / around, float(frequency[highest])
     return found
+
+
+def oscillating_power(time: Array, values: Array, lowest: float) -> float:
+    """Return the mean square of what oscillates in values above a frequency (Hz), without drift and white noise."""
+    flat = without_line(time, values)
+    frequency, power = _spectrum(time, flat)
+    above = power[frequency >= lowest]
+    if not (above.any() and power.any()):
+        return 0.0
+    noise = float(np.median(above)) / math.log(2) * above.size
+    return max(float(above.sum()) - noise, 0.0) / float(power.sum()) * float(np.mean(flat**2))
 
 
 def step_frequency(time: Array, values: Array) -> float:

@@ -68,8 +68,11 @@ class Track:
         return np.asarray(self.ω * self.time + np.unwrap(np.angle(self.z)))
 
 
-def track(time: Array, measured: Array, ω: float, *, most: int = 1000, degree: int = 0) -> Track:
-    """Return the oscillation near a frequency about a polynomial of a degree, in up to ``most`` windows."""
+def track(time: Array, measured: Array, ω: float, *, most: int = 1000, degree: int = 0, to_end: bool = False) -> Track:
+    """Return the oscillation near a frequency about a polynomial of a degree, in up to ``most`` windows.
+
+    It ends where noise hides the oscillation after its largest amplitude, or at the end of the record (``to_end``).
+    """
     step = typical_step(time)
     period, count = 2 * math.pi / (ω * step), (time[-1] - time[0]) / step + 1  # both in steps
     size = round(period * max(1, math.ceil(LEAST_SAMPLES / period), math.ceil(count / period / most)))
@@ -92,7 +95,8 @@ def track(time: Array, measured: Array, ω: float, *, most: int = 1000, degree: 
     if end:
         error = np.sqrt(variance * np.median(left / (counts[number] - unknowns)))
         seen = visible(np.abs(z), error, counts[number])
-        end = next((k for k in range(int(np.argmax(np.abs(z))) + 1, end) if not seen[k]), end)
+        if not to_end:
+            end = next((k for k in range(int(np.argmax(np.abs(z))) + 1, end) if not seen[k]), end)
     return Track(middle[:end], z[:end], number[:end], seen[:end], size * step, ω)
 
 

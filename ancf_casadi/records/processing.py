@@ -163,6 +163,12 @@ def sampling(time: Array) -> dict[str, float]:
     return dict(zip(names, found, strict=True))
 
 
+def resolution(values: Array) -> float:
+    """Return the step between the values of a quantised record; 0 if most values differ."""
+    levels = np.unique(values)
+    return float(np.median(np.diff(levels))) if 1 < len(levels) < len(values) / 4 else 0.0
+
+
 def quality_warnings(time: Array, values: Array) -> list[str]:
     """Return a sentence for each fault of a record without gaps."""
     return [text for text in (_clipped(values), _aliased(time, values)) if text]

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from ancf_casadi.decay.phase import FrequencyLaw
+from ancf_casadi.decay.release import separate_takes
 from ancf_casadi.decay.rest import Rest
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
@@ -43,6 +44,12 @@ def add_fit_decay(parser: argparse.ArgumentParser) -> None:
         "files", nargs="+", metavar="FILE", help="record of a free decay; several files are takes of the same mode"
     )
     add_law_options(parser, auto=True)
+    parser.add_argument(
+        "--release",
+        choices=("last", "all"),
+        default="last",
+        help="of several releases in one record, fit the last, or all as takes of the same mode (default: last)",
+    )
     parser.add_argument(
         "--modes", type=positive_count, metavar="N", help="fit the strongest N modes at once, as fit-modes does"
     )
@@ -85,6 +92,10 @@ def run_fit_decay(options: argparse.Namespace) -> Output:
     new_files(options.files, *_numbered(options.plot, count), *_numbered(options.curve, count))
     times = releases(options, count)
     records = [read_record(path, options) for path in options.files]
+    if options.release == "all":
+        records = [take for record in records for take in separate_takes(record)]
+        count, times = len(records), [None] * len(records)
+        new_files(options.files, *_numbered(options.plot, count), *_numbered(options.curve, count))
     if options.modes is not None:
         return _modes(options, options.files[0], records[0], times[0])
     isolated: list[IsolatedMode] = []
@@ -126,6 +137,14 @@ def _modes(options: argparse.Namespace, file: str, record: Measurement, release:
 def _check(options: argparse.Namespace) -> None:
     """Refuse options that do not go together."""
     several = len(options.files) > 1
+    if options.release == "all":
+        others = {"--release-time": options.release_time, "--modes": options.modes, "--band": options.band,
+                  _automatic(options): _automatic(options) or None}  # fmt: skip
+        for name, value in others.items():
+            if value is not None:
+                raise InputError(
+                    f"fits one mode by one law to all releases; it does not go with {name}", "--release all"
+                )
     if automatic := _automatic(options):
         if options.robust:
             raise InputError("compares sums of squares; leave out --robust", automatic)

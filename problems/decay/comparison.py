@@ -36,6 +36,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import is_sequence, number, shown
 from ancf_casadi.support.interrupts import lasting_interrupts
 from problems.decay.laws import DECAY_TERMS, RATIO_BOUNDS, DecayModel, Law
+from problems.decay.limitations import refuse_unexplained
 from problems.decay.result import DecayFit
 from problems.decay.solution import after_release, as_record, fit_from
 from problems.decay.start import evident_law
@@ -127,6 +128,7 @@ def compare_decay_laws(
     if found is None:
         reasons = "; ".join(f"{_name(model)}: {reason}" for model, reason in failed.items())
         raise FitError(f"no law can be fitted; {reasons}")
+    refuse_unexplained(found.best, record)
     return found
 
 

@@ -25,6 +25,7 @@ from typing import Any, Literal, get_args
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import first_guess
+from ancf_casadi.decay.outliers import without_outliers
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest import Rest
 from ancf_casadi.estimation.solver.unknown import Priors
@@ -34,6 +35,7 @@ from ancf_casadi.support.inputs import check_instance, choice, flag, instances, 
 from ancf_casadi.support.interrupts import lasting_interrupts
 from problems.decay.comparison import compare_decay_laws, compared
 from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law
+from problems.decay.limitations import refuse_unexplained
 from problems.decay.result import DecayFit
 from problems.decay.solution import as_record, fit_from, fit_one
 from problems.decay.takes import DecayFits
@@ -123,7 +125,9 @@ def fit_decay(
         return replace(found.best, notes=(*found.best.notes, *open_choice))
     model = DecayModel(law, rest or "constant", frequency_law or "constant", ratio_bounds)  # type: ignore[arg-type]
     release = None if release_time is None else number(release_time, "release_time")
-    return fit_one(record, model, release_time=release, robust=robust, priors=dict(priors or {}))
+    fit = fit_one(record, model, release_time=release, robust=robust, priors=dict(priors or {}))
+    refuse_unexplained(fit, record)
+    return fit
 
 
 @lasting_interrupts()
@@ -176,7 +180,7 @@ def fit_decays(
     """
     model = DecayModel(law, rest, frequency_law, ratio_bounds)
     robust = flag(robust, "robust")
-    records = instances(records, "records", Measurement)
+    records = [without_outliers(record) for record in instances(records, "records", Measurement)]
     sensors = {record.sensor.quantity for record in records}
     if len(sensors) > 1:
         raise InputError(f"must have one quantity, got {', '.join(sorted(sensors))}; fit them apart", "records")
@@ -189,6 +193,8 @@ def fit_decays(
     every = fit_from(guesses, records, model, robust)
     pairs = zip(guesses, records, strict=True) if len(records) > 1 else ()
     alone = [fit_from([guess], [record], model, robust)[0] for guess, record in pairs]
+    for fit, record in zip(alone or every, records, strict=True):
+        refuse_unexplained(fit, record)
     settings: dict[str, Any] = {"law": law, "frequency_law": frequency_law, "rest": rest}
     again = partial(fit_decays, release_times=release_times, ratio_bounds=ratio_bounds, robust=robust, **settings)
     return DecayFits(every[0].fit, every, tuple(alone) or every, again=again)

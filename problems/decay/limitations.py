@@ -27,18 +27,23 @@ import scipy  # its packages are imported on first use
 
 from ancf_casadi.decay.first_guess import DecayGuess, first_guess
 from ancf_casadi.decay.phase import FREQUENCY_TERMS
+from ancf_casadi.decay.release import MOST_UNEXPLAINED, unexplained_before, unexplained_share
 from ancf_casadi.decay.rest import REST_TERMS
-from ancf_casadi.decay.spectrum import peak_frequencies
+from ancf_casadi.decay.spectrum import oscillating_power, peak_frequencies
 from ancf_casadi.estimation.agreement import DISAGREE, part_estimates
 from ancf_casadi.estimation.fit import Fit, colour_warning
-from ancf_casadi.exceptions import InputError
+from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.processing import resolution
 from ancf_casadi.support.arrays import Mask
 from ancf_casadi.support.tables import with_error
 
 if TYPE_CHECKING:
     from problems.decay.result import DecayFit
 
+LEAST_EXPLAINED = 0.5  # share of the motion, below which a fit is refused
+MOST_BEFORE = 0.15  # share of the motion of a record that an excitation before the decay may leave unexplained
+DETECTED = ("the first sample", "the end of")  # reasons for a release that the record shows
 NOISE_FREE = 1e-6  # residual relative to the amplitude, below which there is no noise
 FEW_PERIODS = 5  # of free decay, below which there is a warning
 MOST_ORDER, NEAR_ORDER = 5, 0.05  # highest harmonic that is named, and distance of its order from a whole number
@@ -110,15 +115,70 @@ def _uncertain(decay: DecayFit) -> str | None:
     return f"the damping ratio {uncertainty}: {advice}"
 
 
+def explained_share(decay: DecayFit) -> float:
+    """Return the share of the oscillation from the release on that the law explains; nan for one of several modes.
+
+    White noise is no oscillation, nor is a motion slower than half the frequency of the mode.
+    """
+    if len(decay.fit.residuals) == decay.rows.stop and len(decay.indices) < len(decay.fit.names):
+        return math.nan  # several modes explain the record together
+    motion = float(np.var(decay.displacement(decay.time)))
+    unexplained = oscillating_power(decay.time, decay.residuals, decay.frequency / 2)
+    return motion / (motion + unexplained) if motion else 0.0
+
+
+def refuse_unexplained(decay: DecayFit, record: Measurement) -> None:
+    """Raise a FitError if the decay explains less than half of its motion, or the record is a random response."""
+    share = decay.explained_share
+    if math.isnan(share):  # one of several modes
+        return
+    since, frequency = f"from {decay.release_time:g} s on", _residual_frequency(decay)
+    near = share < LEAST_EXPLAINED and 0.5 < frequency / decay.frequency < 1.5
+    if decay.release_reason.startswith(DETECTED) and (near or _is_random(decay, record)):
+        raise FitError(
+            f"the record looks like a response to a random excitation, not a free decay: a decay {since} explains "
+            f"{100 * share:.0f} % of the motion there, and nothing like it the rest; if the record holds a free decay, "
+            "give the time of its release"
+        )
+    if share < LEAST_EXPLAINED:
+        raise FitError(
+            f"a decay of {decay.frequency:.4g} Hz explains only {100 * share:.0f} % of the motion {since}, and the "
+            f"residuals oscillate at {frequency:.4g} Hz: fit_modes fits several modes; if an excitation goes on, give "
+            "the time of the release"
+        )
+
+
+def _is_random(decay: DecayFit, record: Measurement) -> bool:
+    """Return whether free modes do not explain the decay, or a harmonic excitation not what precedes it."""
+    ω, length = 2 * math.pi * decay.frequency, len(decay.time)
+    unexplained = min(1 - decay.explained_share, unexplained_share(decay.time, record.values[-length:], ω))
+    if unexplained > MOST_UNEXPLAINED:
+        return True
+    forced, unforced = unexplained_before(record.time[:-length], record.values[:-length], ω, decay.damping_ratio * ω)
+    decaying = float(np.var(decay.displacement(decay.time)))
+    early, late = len(record.time) - length, length
+    return early * unforced > MOST_BEFORE * (early * (forced + unforced) + late * decaying)
+
+
+def _residual_frequency(decay: DecayFit) -> float:
+    """Return the frequency (Hz) of the strongest oscillation in the residuals."""
+    return peak_frequencies(decay.time, decay.residuals - decay.residuals.mean())[0]
+
+
 def _unexplained(decay: DecayFit, noise_free: float) -> str | None:
-    """Return a warning if the residuals are not noise: the share of the motion that the law explains, and the rest."""
-    found = colour_warning(decay.fit, noise_free=noise_free)
-    if found is None or (len(decay.fit.residuals) == decay.rows.stop and len(decay.indices) < len(decay.fit.names)):
-        return found  # of several modes, which explain the record together
-    measured = decay.displacement(decay.time) - decay.residuals
-    rest = float(np.mean(decay.residuals**2) / np.var(measured))
-    digits = min(max(-1 - math.floor(math.log10(rest)), 0), 12)
-    frequency = peak_frequencies(decay.time, decay.residuals - decay.residuals.mean())[0]
+    """Return a warning if the residuals are not noise: the share of the motion that the law explains, and the cause."""
+    warning = colour_warning(decay.fit, noise_free=noise_free)
+    if warning is None or math.isnan(decay.explained_share):
+        return warning
+    residual = f"{decay.residual_rms:.2g} {decay.model.sensor.unit}".rstrip()
+    if decay.residual_rms < (step := resolution(decay.measured)) / 2:
+        return (
+            f"the residuals, {residual} rms, are those of the resolution of the record, "
+            f"{f'{step:.2g} {decay.model.sensor.unit}'.rstrip()}; the standard errors allow for their colour"
+        )
+    residual_share = float(np.mean(decay.residuals**2) / np.var(decay.measured))
+    digits = min(max(-1 - math.floor(math.log10(residual_share)), 0), 12)
+    frequency = _residual_frequency(decay)
     order = frequency / decay.frequency
     if order < 0.5:
         cause = "a slow motion: compare rest positions"
@@ -129,10 +189,9 @@ def _unexplained(decay: DecayFit, noise_free: float) -> str | None:
     else:
         cause = "another mode: fit_modes fits both"
     return (
-        f"the law explains {100 * (1 - rest):.{digits}f} % of the motion; the rest, {decay.residual_rms:.2g} "
-        f"{decay.model.sensor.unit} rms, is not noise but mostly an oscillation of {frequency:.4g} Hz, {cause}; "
-        "the standard errors allow for it"
-    ).replace("  rms", " rms")
+        f"the law explains {100 * (1 - residual_share):.{digits}f} % of the motion; the residuals, {residual} rms, are "
+        f"not noise: they oscillate at {frequency:.4g} Hz, {cause}; the standard errors allow for it"
+    )
 
 
 def _changing(decay: DecayFit) -> str | None:

@@ -27,7 +27,7 @@ from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.inputs import array
 from ancf_casadi.support.tables import known, to_width
 from problems.decay.laws import DECAY_QUANTITIES, DecayModel, Law
-from problems.decay.limitations import limitations
+from problems.decay.limitations import explained_share, limitations
 from problems.decay.prediction import predicted
 
 
@@ -181,6 +181,17 @@ class DecayFit(LeastSquaresResult):
             "record, without a loss for what was fitted"
         )
 
+    @cached_property
+    def measured(self) -> Array:
+        """Values of the record from the release on (m,), in the unit of the sensor; not of one of several modes."""
+        step = 10.0 ** (math.floor(math.log10(np.abs(self.residuals).max() or 1.0)) - 9)  # far below any resolution
+        return np.asarray(np.round((self.displacement(self.time) - self.residuals) / step) * step)
+
+    @cached_property
+    def explained_share(self) -> float:
+        """Share of the motion from the release on that the law explains, white noise apart; nan for one of several."""
+        return explained_share(self)
+
     @property
     def residual_rms(self) -> float:
         """Root mean square R of the residuals, Eq. (10), in the unit of the sensor."""
@@ -252,6 +263,7 @@ class DecayFit(LeastSquaresResult):
             "release_time_s": self.release_time,
             "release_reason": self.release_reason,
             f"residual_rms{'_m' * (self.model.sensor.unit == 'm')}": self.residual_rms,
+            "explained_share": known(self.explained_share),
             "sensor": self.model.sensor.quantity,
             "units": self.units,
             "samples": self.samples,
@@ -267,6 +279,8 @@ class DecayFit(LeastSquaresResult):
         lines += [f"  {name:<20}{getattr(self, name):>13.6g} {self._uncertainty(name)}" for name in shown]
         lines.append(f"  {'release':<20}{self.release_time:>13.6g} s  ({self.release_reason})")
         lines.append(f"  {'residual_rms':<20}{self.residual_rms:>13.3g} {self.model.sensor.unit}".rstrip())
+        if not math.isnan(self.explained_share):
+            lines.append(f"  {'explained':<20}{100 * self.explained_share:>13.4g} % of the motion from the release on")
         lines.append(f"  {'noise':<20}{self.fit.colour()}")
         lines.append(
             f"  {'solution':<20}{self.fit.rank} of {len(self.fit.names)} unknowns free of bounds, condition number "

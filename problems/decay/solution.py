@@ -33,6 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import DecayGuess, first_guess
+from ancf_casadi.decay.outliers import without_outliers
 from ancf_casadi.decay.phase import NODE_OF_OMEGA, FrequencyLaw, smooth_nodes, smooth_steps
 from ancf_casadi.decay.spectrum import is_even
 from ancf_casadi.estimation.agreement import allowing_for_later_starts
@@ -58,14 +59,14 @@ SIMPLER_LAWS: Sequence[FrequencyLaw] = ("constant", "linear", "quadratic", "loga
 
 
 def as_record(time: Measurement | ArrayLike, displacement: ArrayLike | None) -> Measurement:
-    """Return a record unchanged, and times (s) and displacements (m) as a record."""
+    """Return a record, or times (s) and displacements (m) as a record, without outliers."""
     if isinstance(time, Measurement):
         if displacement is not None:
             raise InputError("is part of the record already; leave it out", "displacement")
-        return time
+        return without_outliers(time)
     if displacement is None:
         raise InputError("is missing; give it after the times, or give a Measurement", "displacement")
-    return Measurement(time, displacement)
+    return without_outliers(Measurement(time, displacement))
 
 
 def fit_one(

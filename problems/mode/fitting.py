@@ -166,7 +166,7 @@ def _sorted(records: Any) -> tuple[list[Measurement], list[ResponseRecord]]:
                 )
             curves.append(one)
         elif isinstance(one, Measurement):
-            decays.append(one)
+            decays.append(as_record(one, None))
         elif is_sequence(one) and len(one) == 2:
             decays.append(as_record(*one))
         else:

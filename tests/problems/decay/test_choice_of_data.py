@@ -1,0 +1,253 @@
+"""A fit uses the part of a record that is a free decay, says which and how much it explains, or refuses it."""
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete, lfilter
+
+from ancf_casadi import Measurement, separate_takes
+from ancf_casadi.exceptions import AncfError, FitError
+from problems import fit_decay, fit_decays
+
+
+def decay(time, frequency, ratio, amplitude=1.0, phase=0.0):
+    omega = 2 * np.pi * frequency
+    return amplitude * np.exp(-ratio * omega * time) * np.cos(omega * np.sqrt(1 - ratio**2) * time + phase)
+
+
+def covers(fit, frequency, ratio, errors=4.0):
+    """Return whether a fit is right within four standard errors."""
+    error = fit.standard_errors
+    return (
+        abs(fit.frequency - frequency) < errors * error["frequency"]
+        and abs(fit.damping_ratio - ratio) < errors * error["damping_ratio"]
+    )
+
+
+# Outliers
+
+
+def record_with_outliers(seed, count):
+    """Return times, values, frequency, damping ratio, and the places of the outliers, 1.5 to 10 amplitudes large."""
+    rng = np.random.default_rng(seed)
+    frequency, size = rng.uniform(0.8, 12.0), int(rng.integers(800, 8000))
+    time = np.arange(size) / (frequency * rng.uniform(8, 120))
+    ratio = float(np.clip(rng.uniform(0.3, 4) / (2 * np.pi * frequency * time[-1]), 2e-4, 0.1))
+    amplitude = 10 ** rng.uniform(-4, 0)
+    values = decay(time, frequency, ratio, amplitude, rng.uniform(0, 6.28))
+    values += amplitude * 10 ** rng.uniform(-3, -1.3) * rng.normal(size=size)
+    places = np.sort(rng.choice(np.arange(4, size - 4, 8), count, replace=False))
+    values[places] = amplitude * rng.choice([-1, 1], count) * rng.uniform(1.5, 10, count)
+    return time, values, frequency, ratio, places
+
+
+@pytest.mark.parametrize("place", [3989, 1000, 40])
+def test_an_outlier_is_named_and_left_out_and_not_taken_for_the_release(place):
+    time = np.arange(0, 70, 0.01)
+    clean = decay(time, 1.2, 0.003, 0.5) + 0.005 * np.random.default_rng(3).normal(size=time.size)
+    values = clean.copy()
+    values[place] = 1.4
+    fit, expected = fit_decay(time, values), fit_decay(time, clean)
+    assert fit.release_time == 0.0
+    assert fit.damping_ratio == pytest.approx(
+        expected.damping_ratio, abs=0.2 * expected.standard_errors["damping_ratio"]
+    )
+    assert any(f"1 outlier was left out, at {time[place]:g} s" in note for note in fit.warnings)
+
+
+def test_a_clean_record_has_no_outlier():
+    time = np.arange(0, 20, 0.01)
+    noise = 0.005 * np.random.default_rng(3).normal(size=time.size)
+    for values in (
+        decay(time, 1.2, 0.01),
+        np.where(time < 5.0, 0.0, decay(time - 5.0, 1.2, 0.01)),
+        decay(time, 30.0, 0.001),
+    ):
+        assert not [note for note in fit_decay(time, values + noise).warnings if "outlier" in note]
+
+
+@pytest.mark.slow
+def test_records_with_outliers_are_fitted_as_those_without():
+    covered = 0
+    for seed in range(200):
+        time, values, frequency, ratio, _ = record_with_outliers(seed, 1 + 19 * (seed % 2))
+        try:
+            covered += covers(fit_decay(time, values), frequency, ratio)
+        except AncfError:
+            continue
+    assert covered >= 196
+
+
+# Random responses
+
+
+def random_response(seed, frequency, ratio, periods, samples_per_period=30.0):
+    """Return times and values of an oscillator under white noise."""
+    omega, rate = 2 * np.pi * frequency, samples_per_period * frequency
+    size = int(periods * samples_per_period)
+    numerator, denominator, _ = cont2discrete(([1], [1, 2 * ratio * omega, omega**2]), 1 / rate, "zoh")
+    values = lfilter(numerator.ravel(), denominator, np.random.default_rng(seed).normal(size=size + 2000))
+    return np.arange(size) / rate, 100 * values[2000:]
+
+
+@pytest.mark.parametrize(("frequency", "ratio", "periods"), [(2.0, 0.03, 240), (8.0, 0.01, 300), (1.0, 0.08, 120)])
+def test_a_random_response_is_refused_by_its_name(frequency, ratio, periods):
+    for seed in range(1, 4):
+        with pytest.raises(FitError, match="response to a random excitation, not a free decay"):
+            fit_decay(*random_response(seed, frequency, ratio, periods))
+
+
+@pytest.mark.slow
+def test_random_responses_are_refused():
+    """Those that fade within the record may look like a free decay at its end."""
+    refused = 0
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        ratio = 10 ** rng.uniform(-2.0, -1.0)
+        try:
+            fit_decay(*random_response(seed, rng.uniform(0.8, 12.0), ratio, rng.uniform(100, 400)))
+        except AncfError as error:
+            refused += "random excitation" in str(error)
+    assert refused >= 196
+
+
+def test_a_fit_states_the_share_that_it_explains_and_refuses_below_a_half():
+    time = np.arange(0, 20, 0.01)
+    noise = 1e-3 * np.random.default_rng(0).normal(size=time.size)
+    values = decay(time, 1.2, 0.01) + noise
+    fit = fit_decay(time, values + 0.5 * np.cos(2 * np.pi * 9.0 * time))
+    motion, other = np.var(decay(time, 1.2, 0.01)), 0.125
+    assert fit.explained_share == pytest.approx(motion / (motion + other), abs=2e-3)
+    assert fit.to_dict()["explained_share"] == fit.explained_share
+    assert f"{100 * fit.explained_share:.4g} % of the motion from the release on" in fit.report()
+    assert fit_decay(time, values).explained_share == pytest.approx(1.0, abs=1e-5)
+    others = 0.45 * (np.cos(2 * np.pi * 9.0 * time) + np.cos(2 * np.pi * 17.0 * time))
+    with pytest.raises(
+        FitError, match=r"explains only \d+ % of the motion from 0 s on, .* oscillate at .* Hz: fit_modes"
+    ):
+        fit_decay(time, values + others, release_time=0.0)
+
+
+# Several releases
+
+
+def record_of_takes(seed, takes):
+    rng = np.random.default_rng(seed)
+    frequency, step = rng.uniform(0.8, 8.0), 1 / rng.uniform(15, 80)
+    ratio = 10 ** rng.uniform(-2.5, -1.3)
+    lengths = np.maximum(rng.uniform(1.0, 3.0, takes) / (2 * np.pi * ratio), 8.0)  # periods
+    pieces = [
+        decay(np.arange(0, length, step), 1.0, ratio, rng.uniform(0.5, 1.0), rng.uniform(0, 6.28)) for length in lengths
+    ]
+    values = np.concatenate(pieces)
+    values += 10 ** rng.uniform(-3, -1.7) * rng.normal(size=values.size)
+    return np.arange(values.size) * step / frequency, values, frequency, ratio, np.cumsum([0, *map(len, pieces)])[:-1]
+
+
+@pytest.mark.parametrize("takes", [2, 3, 5])
+def test_several_releases_are_counted_and_the_last_is_fitted_or_all(takes):
+    time, values, frequency, ratio, begins = record_of_takes(takes, takes)
+    fit = fit_decay(time, values)
+    assert covers(fit, frequency, ratio)
+    assert fit.release_time >= time[begins[-1]]
+    assert any(note.startswith(f"the record holds {takes} releases, at about ") for note in fit.warnings)
+    parts = separate_takes(Measurement(time, values))
+    fits = fit_decays(parts)
+    assert len(fits) == takes
+    assert all(part.time[0] >= time[begin] for part, begin in zip(parts, begins, strict=True))
+    assert fits.estimates["frequency"] == pytest.approx(frequency, abs=4 * fits.standard_errors["frequency"])
+    assert fits.standard_errors["frequency"] < fit.standard_errors["frequency"]
+
+
+def test_one_release_is_one_take():
+    time = np.arange(0, 20, 0.01)
+    beat = decay(time, 1.2, 0.01) + decay(time, 1.3, 0.01, 0.6)
+    for values in (decay(time, 1.2, 0.01), np.where(time < 5.0, 0.0, decay(time - 5.0, 1.2, 0.01)), beat):
+        assert (
+            len(separate_takes(Measurement(time, values + 1e-3 * np.random.default_rng(0).normal(size=time.size)))) == 1
+        )
+
+
+@pytest.mark.slow
+def test_the_last_of_several_releases_is_fitted():
+    covered = 0
+    for seed in range(200):
+        time, values, frequency, ratio, _ = record_of_takes(seed, 2 + seed % 4)
+        try:
+            covered += covers(fit_decay(time, values), frequency, ratio)
+        except FitError:  # named
+            covered += 1
+    assert covered >= 196
+
+
+# Heavily damped, in any unit of time, and quantised
+
+
+def heavy_release(seed):
+    """Return times and values of a release from rest, in a third of the records after a while at rest."""
+    rng = np.random.default_rng(seed)
+    frequency, ratio = rng.uniform(0.3, 20.0), rng.uniform(0.6, 0.8)
+    omega, step = 2 * np.pi * frequency, 1 / (frequency * rng.uniform(20, 300))
+    damped, time = omega * np.sqrt(1 - ratio**2), np.arange(0, rng.uniform(2.0, 6.0) / frequency, step)
+    values = np.exp(-ratio * omega * time) * (np.cos(damped * time) + ratio * omega / damped * np.sin(damped * time))
+    if seed % 3 == 0:
+        values = np.append(np.ones(int(0.3 * time.size)), values)
+    values = values + 10 ** rng.uniform(-3.3, -2) * rng.normal(size=values.size)
+    return np.arange(values.size) * step, values, frequency, ratio
+
+
+@pytest.mark.parametrize("ratio", [0.6, 0.7, 0.8])
+def test_a_heavily_damped_release_from_rest_is_fitted(ratio):
+    omega, time = np.pi, np.arange(0, 5, 0.01)
+    damped = omega * np.sqrt(1 - ratio**2)
+    values = np.exp(-ratio * omega * time) * (np.cos(damped * time) + ratio * omega / damped * np.sin(damped * time))
+    values += 1e-3 * np.random.default_rng(0).normal(size=time.size)
+    for settings in ({}, {"release_time": 0.0}):
+        fit = fit_decay(time, values, **settings)
+        assert fit.damping_ratio == pytest.approx(ratio, abs=0.01)
+        assert covers(fit, 0.5, ratio)
+
+
+@pytest.mark.slow
+def test_heavily_damped_releases_are_fitted():
+    covered = 0
+    for seed in range(200):
+        time, values, frequency, ratio = heavy_release(seed)
+        try:
+            covered += covers(fit_decay(time, values), frequency, ratio)
+        except AncfError:
+            continue
+    assert covered >= 196
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e-4, 1e7])
+def test_no_unit_of_time_is_too_small_or_too_large(unit):
+    time = np.arange(0, 20, 0.01)
+    values = decay(time, 1.9, 0.01, 0.02) + 1e-4 * np.random.default_rng(0).normal(size=time.size)
+    fit, expected = fit_decay(unit * time, values), fit_decay(time, values)
+    assert unit * fit.frequency == pytest.approx(expected.frequency, rel=1e-9)
+    assert fit.damping_ratio == pytest.approx(expected.damping_ratio, rel=1e-6)
+    assert fit.warnings == expected.warnings
+
+
+@pytest.mark.parametrize(("amplitude", "step"), [(2.2e-3, 1e-3), (4.4e-3, 1e-3), (2.2e-3, 5e-4)])
+def test_a_quantised_record_is_named_as_such_and_not_as_clipped_nor_as_another_mode(amplitude, step):
+    time = np.arange(0, 20, 0.01)
+    fit = fit_decay(time, step * np.round(decay(time, 1.4, 0.01, amplitude) / step))
+    assert covers(fit, 1.4, 0.01)
+    assert any(f"those of the resolution of the record, {step:g} m" in note for note in fit.warnings)
+    assert not [note for note in fit.warnings if "clipped" in note or "another mode" in note]
+
+
+@pytest.mark.slow
+def test_quantised_records_are_fitted():
+    """With two to five steps per amplitude, the error is systematic, and larger than an eighth of a step in few."""
+    covered = 0
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        frequency, size = rng.uniform(0.8, 8.0), int(rng.integers(600, 6000))
+        time = np.arange(size) / (frequency * rng.uniform(12, 100))
+        ratio = float(np.clip(rng.uniform(0.3, 2.5) / (2 * np.pi * frequency * time[-1]), 3e-4, 0.05))
+        step = 1 / rng.uniform(1.6, 8.0)
+        values = decay(time, frequency, ratio, 1.0, rng.uniform(0, 6.28)) + rng.uniform(-0.5, 0.5) * step
+        covered += covers(fit_decay(time, 1e-3 * step * np.round(values / step)), frequency, ratio)
+    assert covered >= 190

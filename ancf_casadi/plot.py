@@ -6,7 +6,8 @@ Each function returns a matplotlib ``Figure``; ``rendered`` converts a figure to
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Mapping
+import itertools
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from matplotlib.figure import Figure, SubFigure
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.envelope import DampingCurve, LawCurve, draw_against_amplitude
+from ancf_casadi.decay.spectrum import power_spectrum
 from ancf_casadi.dynamics.damped_modes import DampedModes
 from ancf_casadi.dynamics.trajectory import Motion
 from ancf_casadi.estimation.figures import draw_autocorrelation
@@ -73,11 +75,38 @@ def decay_figure(
 
 
 @literal_text
-def fit_figure(time: Array, measured: Array, fitted: Array, unit: str = "m") -> Figure:
-    """Draw measured and fitted values over time (s), the residuals, and their autocorrelation."""
-    figure = Figure(figsize=(9, 7), layout="constrained")
-    over_time, below = figure.subfigures(2, 1, squeeze=False, height_ratios=(1.2, 1)).ravel()
-    _draw_fit(over_time, below, time, measured, lambda t: np.interp(np.asarray(t, dtype=float), time, fitted), "", unit)
+def decay_modes_figure(
+    time: Array,
+    measured: Array,
+    fitted: Array,
+    unit: str,
+    amplitudes: Mapping[str, Array],
+    frequencies: Sequence[float],
+) -> Figure:
+    """Draw a decay in several modes: record and fit, the residuals, spectra, and the amplitude of each mode.
+
+    ``amplitudes`` holds that of each mode at the times (s), by its label.
+    """
+    figure = Figure(figsize=(9, 9), layout="constrained")
+    over_time, below, lowest = figure.subfigures(3, 1, squeeze=False, height_ratios=(1.2, 1, 1)).ravel()
+    _draw_fit(over_time, below, time, measured, lambda t: np.interp(np.asarray(t, dtype=float), time, fitted),
+              "; ".join(amplitudes), unit)  # fmt: skip
+    spectrum, each = lowest.subplots(1, 2)
+    end = 2 * max(frequencies)
+    for values, label, colour in ((measured, "record", MEASURED), (measured - fitted, "record less fit", COMPUTED)):
+        frequency, power = power_spectrum(time, values - values.mean())
+        shown = (frequency > 0.0) & (frequency <= end)
+        spectrum.semilogy(frequency[shown], np.sqrt(power[shown]), lw=0.8, color=colour,
+                          label=label)  # fmt: skip
+    for place in frequencies:
+        spectrum.axvline(place, ls=":", lw=0.8, color=MEASURED)
+    spectrum.set(xlabel="frequency, Hz", ylabel="spectrum", yticks=[])
+    spectrum.legend(frameon=False, fontsize="small")
+    size, name = prefixed(float(np.abs(measured).max()), unit)
+    for (label, amplitude), (tint, *_) in zip(amplitudes.items(), itertools.cycle(SERIES)):
+        each.semilogy(time, amplitude / size, color=tint, label=label)
+    each.set(xlabel="time, s", ylabel=f"amplitude of each mode, {name}" if name else "amplitude of each mode")
+    each.legend(frameon=False, fontsize="small")
     return figure
 
 
@@ -303,6 +332,26 @@ def drawn_shape(modes: Modes, k: int) -> Array:
 
 
 @literal_text
+def match_figure(targets: Array, standard: Array, matched: Array, given: Beam, found: Beam,
+                 ranges: Mapping[str, Array]) -> Figure:  # fmt: skip
+    """Draw the deviations of natural frequencies (Hz) from their targets, and below the changes of the properties."""
+    figure = Figure(figsize=(8, 3.4 + 1.6 * len(ranges)), layout="constrained")
+    above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=(2.2, 1.2 + 1.6 * len(ranges))).ravel()
+    axes, places = above.subplots(), np.arange(len(targets))
+    for frequencies, label, colour, mark in (
+        (standard, "given beam", MEASURED, "x"),
+        (matched, "matched", COMPUTED, "o"),
+    ):
+        axes.plot(places, 100 * (frequencies / targets - 1), mark, color=colour, label=label)
+    axes.axhline(0.0, ls=":", lw=0.8, color=MEASURED)
+    axes.set(ylabel="deviation, %", xlabel="measured frequency", xticks=places,
+             xticklabels=[f"{target:.5g} Hz" for target in targets])  # fmt: skip
+    axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+    _draw_properties(below, given, found, ranges)
+    return figure
+
+
+@literal_text
 def properties_figure(given: Beam, found: Beam, ranges: Mapping[str, Array], width: float = 8.0) -> Figure:
     """Draw the relative change of the properties along a beam, and the ranges that fit equally well.
 
@@ -310,6 +359,11 @@ def properties_figure(given: Beam, found: Beam, ranges: Mapping[str, Array], wid
     property to draw; the figure is ``width`` inches wide.
     """
     figure = Figure(figsize=(width, 1.2 + 1.6 * len(ranges)), layout="constrained")
+    _draw_properties(figure, given, found, ranges)
+    return figure
+
+
+def _draw_properties(figure: Figure | SubFigure, given: Beam, found: Beam, ranges: Mapping[str, Array]) -> None:
     edges = 1e3 * np.linspace(0.0, found.length, found.elements + 1)
     plots = figure.subplots(len(ranges), 1, sharex=True, squeeze=False).ravel()
     for axes, name in zip(plots, (name for name in PROPERTIES if name in ranges), strict=True):
@@ -323,4 +377,3 @@ def properties_figure(given: Beam, found: Beam, ranges: Mapping[str, Array], wid
     plots[0].legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
     plots[-1].set(xlabel="arc length, mm")
     figure.align_ylabels()
-    return figure

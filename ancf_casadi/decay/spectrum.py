@@ -47,7 +47,7 @@ def is_even(time: Array) -> bool:
 
 def peak_frequencies(time: Array, swing: Array) -> list[float]:
     """Return candidates for the frequency (Hz) of an oscillation about 0, the highest peak first; one at even times."""
-    frequency, power = _spectrum(time, swing)
+    frequency, power = power_spectrum(time, swing)
     peaks = 1 + np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] >= power[2:]))
     if is_even(time) or not peaks.size:
         return [float(frequency[1 + np.argmax(power[1:])])]
@@ -57,7 +57,7 @@ def peak_frequencies(time: Array, swing: Array) -> list[float]:
 
 def outstanding_peak(time: Array, values: Array, lowest: float) -> float | None:
     """Return the frequency (Hz) above the lowest whose power stands out most of that around it; None if none does."""
-    frequency, power = _spectrum(time, values)
+    frequency, power = power_spectrum(time, values)
     best, found = least_gain(len(values), 3) / 2, None  # relative to the mean power of noise, its median over ln 2
     edges = np.searchsorted(frequency, lowest * 2 ** np.arange(0.0, math.log2(max(frequency[-1] / lowest, 1.0)), 0.5))
     for begin, end in pairwise([*edges.tolist(), len(frequency)]):
@@ -72,7 +72,7 @@ def outstanding_peak(time: Array, values: Array, lowest: float) -> float | None:
 def oscillating_power(time: Array, values: Array, lowest: float) -> float:
     """Return the mean square of what oscillates in values above a frequency (Hz), without drift and white noise."""
     flat = without_line(time, values)
-    frequency, power = _spectrum(time, flat)
+    frequency, power = power_spectrum(time, flat)
     above = power[frequency >= lowest]
     if not (above.any() and power.any()):
         return 0.0
@@ -112,7 +112,7 @@ def _quiet_variance(values: Array) -> float:
     return float(np.quantile(np.sum(rest**2, axis=1), 0.25)) / (LEAST_SAMPLES - 2)
 
 
-def _spectrum(time: Array, values: Array) -> tuple[Array, Array]:
+def power_spectrum(time: Array, values: Array) -> tuple[Array, Array]:
     """Return the frequencies (Hz) and the power of values at any times, up to half the sampling rate."""
     if is_even(time):
         return _even_spectrum((time[-1] - time[0]) / (len(time) - 1), values)

@@ -35,20 +35,21 @@ def criteria_figure(names: Sequence[str], aicc: Sequence[float], bic: Sequence[f
     figure = Figure(figsize=(7, 1.2 + 0.5 * len(names)), layout="constrained")
     axes = figure.subplots()
     places = np.arange(len(names))
-    for criterion, shift, label, colour in ((aicc, -0.2, "AICc", MEASURED), (bic, 0.2, "BIC", COMPUTED)):
+    for criterion, shift, label, colour in ((aicc, -0.12, "AICc", MEASURED), (bic, 0.12, "BIC", COMPUTED)):
         values = np.array(criterion)
         finite = np.isfinite(values)
-        axes.barh(
-            places[finite] + shift, values[finite] - values[finite].min(initial=np.inf), 0.4, color=colour, label=label
-        )
+        differences = values[finite] - values[finite].min(initial=np.inf)
+        axes.hlines(places[finite] + shift, 0.0, differences, color=colour, lw=2)
+        axes.plot(differences, places[finite] + shift, "o", color=colour, clip_on=False, label=label)
     axes.set_xscale("symlog", linthresh=10.0)
+    axes.axvspan(0.0, 10.0, color=COMPUTED, alpha=0.1, lw=0)
     highest = max(20.0, 1.1 * axes.get_xlim()[1])
     ticks = [tick for tick in (0, 5, 10, 100, 1000, 10_000, 100_000) if tick <= highest]
     axes.set(xlim=(0.0, highest), xticks=ticks, xticklabels=[f"{tick:d}" for tick in ticks])
     axes.minorticks_off()
-    axes.set(yticks=places, yticklabels=names, xlabel="difference from the lowest value; 10 is clear")
+    axes.set(yticks=places, yticklabels=names, xlabel="difference from the best law; not clear where shaded")
     axes.invert_yaxis()
-    axes.legend(frameon=False)
+    axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
     return figure
 
 

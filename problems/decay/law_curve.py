@@ -193,13 +193,21 @@ def takes_figure(fits: Mapping[str, DecayFits]) -> Figure:
 
 
 def modes_figure(fits: Mapping[str, DecayModes]) -> Figure:
-    """Draw the record, the sum of the modes, the residuals and their autocorrelation."""
-    from ancf_casadi.plot import fit_figure  # matplotlib is slow to import
+    """Draw the record, the sum of the modes, the residuals, spectra, and the amplitude of each mode."""
+    from ancf_casadi.plot import decay_modes_figure  # matplotlib is slow to import
 
     (modes,) = fits.values()
-    first = modes[0]
-    fitted = np.sum([fit.displacement(first.time) for fit in modes], axis=0)
-    return fit_figure(first.time, fitted - first.residuals, fitted, first.model.sensor.unit)
+    first, time = modes[0], modes[0].time
+    fitted = np.sum([fit.displacement(time) for fit in modes], axis=0)
+    speed = [(2 * math.pi * fit.frequency) ** first.model.sensor.derivatives for fit in modes]
+    amplitudes = {
+        f"{fit.frequency:.4g} Hz, {100 * fit.damping_ratio:.3g} %": factor * fit.amplitude * np.exp(
+            -2 * math.pi * fit.damping_ratio * fit.frequency * (time - time[0])
+        )
+        for fit, factor in zip(modes, speed, strict=True)
+    }  # fmt: skip
+    frequencies = [fit.frequency for fit in modes]
+    return decay_modes_figure(time, fitted - first.residuals, fitted, first.model.sensor.unit, amplitudes, frequencies)
 
 
 def _value(fit: DecayFit, name: str, scale: float, unit: str) -> str:

@@ -377,11 +377,12 @@ class FrequencyMatch(FitResult):
 
 
 def match_figure(matches: Mapping[str, FrequencyMatch]) -> Figure:
-    """Draw the changes of the properties along the beam, with the ranges that the data leave open."""
-    from ancf_casadi.plot import properties_figure  # slow to import: matplotlib
+    """Draw frequencies beside targets, and the changes of the properties, with the ranges that the data leave open."""
+    from ancf_casadi import plot  # slow to import: matplotlib
 
     (match,) = matches.values()
     known, space = match.identifiability, match.matching.space
     ends = np.column_stack([known.factors, known.factors]) if match.out_of_reach else known.spread
     changes = {name: own for name, own in space.by_property(ends - 1).items() if not lumped_kind(name)}
-    return properties_figure(space.beam, match.beam, changes)
+    targets, standard, matched = map(np.array, (match.targets, match.standard, match.frequencies))
+    return plot.match_figure(targets, standard, matched, space.beam, match.beam, changes)

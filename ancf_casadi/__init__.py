@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from ancf_casadi.mechanics.supports import Roller as Roller
     from ancf_casadi.mechanics.supports import Support as Support
     from ancf_casadi.records.channel import Recording as Recording
+    from ancf_casadi.records.layout import TableLayout as TableLayout
     from ancf_casadi.records.measurement import Measurement as Measurement
     from ancf_casadi.records.recording import read_recording as read_recording
     from ancf_casadi.records.sensor import Sensor as Sensor

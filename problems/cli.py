@@ -15,6 +15,7 @@ import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
+from io import TextIOWrapper
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from ancf_casadi.exceptions import AncfError, InputError
@@ -59,17 +60,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if "_ARGCOMPLETE" in os.environ:  # a shell asks for the completions of a line
         _complete(os.environ.get("COMP_LINE", ""))
     os.environ["MPLBACKEND"] = "agg"  # a command draws to files; the value of the user may name no backend
+    open_output = _open_streams()
     try:
         try:
-            return _run(arguments)
+            code = _run(arguments)
         finally:
             sys.stdout.flush()
+        return code if open_output or code else _failed("the result cannot be printed (standard output is closed)", 2)
     except BrokenPipeError:  # the reader of our output has left
         _discard_output()
         return 0
     except OSError as error:
         _discard_output()
         return _failed(f"the result cannot be printed ({error.strerror or error})", 2)
+
+
+def _open_streams() -> bool:
+    """Let standard streams write any character, to nowhere if they are closed; return whether the output was open."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number; otherwise a file would
+    was_open = sys.stdout is not None
+    sys.stdout = sys.stdout or open(os.devnull, "w")
+    sys.stderr = sys.stderr or open(os.devnull, "w")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    return was_open
 
 
 class _Parser(argparse.ArgumentParser):
@@ -85,7 +104,7 @@ class _Parser(argparse.ArgumentParser):
         line = " ".join(message.split())
         if len(line) > LONGEST:
             line = f"{line[: LONGEST - 3]}..."
-        self.exit(2, f"{self.prog}: {line}; see {self.prog} --help\n")
+        self.exit(2, f"{self.prog}: {_printable(line)}; see {self.prog} --help\n")
 
     def add_options(self) -> None:
         """Add the options of a subcommand, once."""
@@ -168,7 +187,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         except Exception as error:
             return _stopped(noted, written) if noted else _reported(error)
     if not options.json:
-        text = wrapped(text if failures else text + output.closing)
+        text = _printable(wrapped(text if failures else text + output.closing))
     if text:
         print(text, flush=True)
     return max([_reported(failure) for failure in failures], default=0)
@@ -187,7 +206,7 @@ def _write(files: Sequence[Callable[[], object]]) -> list[Exception]:
 
 def _show_warning(message: Warning | str, *where: Any, **more: Any) -> None:
     """Print a warning as one line, without the place in our sources that Python adds."""
-    print(f"ancf-casadi: warning: {message}", file=sys.stderr)
+    print(_printable(f"ancf-casadi: warning: {message}"), file=sys.stderr)
 
 
 def _reported(error: Exception) -> int:
@@ -208,8 +227,17 @@ def _stopped(noted: Sequence[int], written: str) -> int:
 
 
 def _failed(reason: object, code: int) -> int:
-    print(f"ancf-casadi: {' '.join(str(reason).split())}", file=sys.stderr)
+    print(_printable(f"ancf-casadi: {' '.join(str(reason).split())}"), file=sys.stderr)
     return code
+
+
+def _printable(text: str) -> str:
+    """Return a text without control characters, as ``printable`` of the tables, which is slow to import."""
+    if text.isascii() and text.replace("\n", "").isprintable():
+        return text
+    from ancf_casadi.support.tables import printable
+
+    return printable(text)
 
 
 def _discard_output() -> None:

@@ -18,7 +18,7 @@ from ancf_casadi.support.tables import Displayed, counted
 
 COUNTER_NAME = re.compile(
     r"(?:frames?|samples?|scans?|index|row|record|point|count(?:er)?|bildnummer)?[ _.#-]*"
-    r"(?:frames?|samples?|scans?|index|number|num|no|nr|n|#|id|count(?:er)?|idx)\.?",
+    r"(?:frames?|samples?|scans?|sequence|index|number|num|no|nr|n|#|id|count(?:er)?|idx)\.?",
     re.IGNORECASE,
 )
 PATH = re.compile(r"[\w\[\]]+(?:\.[\w\[\]]+)+")
@@ -63,6 +63,8 @@ class Recording(Displayed):
         Decisions of the reader that the user should know.
     lines : ndarray, optional
         Line of each row in a text file.
+    step : float, optional
+        Time between samples, s, if the file states it beside the columns.
 
     Examples
     --------
@@ -83,6 +85,7 @@ class Recording(Displayed):
     channels: tuple[RecordedChannel, ...]
     notes: tuple[str, ...] = ()
     lines: Index | None = None
+    step: float | None = None
 
     @property
     def name(self) -> str:
@@ -155,7 +158,12 @@ def is_frequency(channel: RecordedChannel) -> bool:
     """Return whether the name or the unit of a channel tells that it holds frequencies."""
     if channel.unit or channel.symbol:
         return bool(channel.unit and channel.unit.quantity == "frequency")
-    return FREQUENCY_NAME.fullmatch(_field(channel.name)) is not None
+    if FREQUENCY_NAME.fullmatch(_field(channel.name)) is None:
+        return False
+    values = channel.values[np.isfinite(channel.values)]  # f may be a force as well
+    return bool((values >= 0.0).all()) and (
+        bool((np.diff(values) >= 0.0).all()) or bool((np.diff(values) <= 0.0).all())
+    )
 
 
 def is_counter(channel: RecordedChannel) -> bool:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Recording, unit_notes
+from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
 from ancf_casadi.records.processing import (
     amplitude_spectrum,
     decimated,
@@ -22,7 +23,7 @@ from ancf_casadi.records.processing import (
     without_line,
 )
 from ancf_casadi.records.recording import read_recording
-from ancf_casadi.records.sensor import Sensor, sensor_of
+from ancf_casadi.records.sensor import NO_SCALE, Sensor, sensor_of
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
@@ -111,6 +112,7 @@ class Measurement(Displayed):
         time_unit: str | None = None,
         sample_rate: float | None = None,
         sensor: Sensor | None = None,
+        layout: TableLayout = NO_LAYOUT,
         progress: bool = False,
     ) -> Measurement:
         """Read one channel of a file.
@@ -121,7 +123,7 @@ class Measurement(Displayed):
             File in any format that ``read_recording`` reads.
         column : str or int, optional
             Name or number (from 1) of the column with the values; not needed if there is only one.
-        time, time_unit, sample_rate, progress
+        time, time_unit, sample_rate, layout, progress
             See ``read_recording``.
         unit : str, optional
             Unit of the values, such as ``mm``, in place of that in the file; without any, the SI unit of the sensor.
@@ -147,7 +149,9 @@ class Measurement(Displayed):
         >>> Measurement.from_file("decay.csv").values.round(4)  # m
         array([0.0121, 0.0118, 0.0109])
         """
-        recording = read_recording(path, time=time, time_unit=time_unit, sample_rate=sample_rate, progress=progress)
+        recording = read_recording(
+            path, time=time, time_unit=time_unit, sample_rate=sample_rate, layout=layout, progress=progress
+        )
         return cls.from_recording(recording, column, unit=unit, sensor=sensor)
 
     @classmethod
@@ -173,6 +177,8 @@ class Measurement(Displayed):
             others = unit_notes(recording.channels)
             notes = [note for note in recording.notes if note not in others]
             notes += () if given else unit_notes([channel])
+            if measured.quantity == "signal":
+                notes.append(f"column {channel.label} is {NO_SCALE.format(measured.unit or 'an unknown unit')}")
             return cls(channel.time, values, recording.name, measured, [f"{recording.name}: {note}" for note in notes])
 
     @cached_property

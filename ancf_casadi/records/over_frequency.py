@@ -22,9 +22,11 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording, find_channel, is_counter, is_frequency, listed
+from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
 from ancf_casadi.records.reading.formats import read_contents
-from ancf_casadi.records.units import known_unit
+from ancf_casadi.records.units import known_unit, parse_unit
 from ancf_casadi.support.arrays import Array, ComplexArray
+from ancf_casadi.support.inputs import check_instance
 
 PARTS = {
     "phase": "phase phases phi φ ϕ arg argument angle ang ph phasenwinkel",
@@ -83,9 +85,12 @@ class SpectralContents:
         return replace(self, columns=tuple(kept))
 
 
-def read_spectral(path: str | Path, frequency: str | int | None, *, progress: bool = False) -> SpectralContents:
+def read_spectral(
+    path: str | Path, frequency: str | int | None, *, layout: TableLayout = NO_LAYOUT, progress: bool = False
+) -> SpectralContents:
     """Read a file with a column of frequencies, which ``frequency`` may name, and tell the parts of its columns."""
-    contents = read_contents(path, progress=progress)
+    check_instance(layout, "layout", TableLayout)
+    contents = read_contents(path, layout=layout, progress=progress)
     axis = _axis(contents, frequency)
     columns: list[tuple[str, RecordedChannel]] = []
     notes = list(contents.notes)
@@ -99,7 +104,14 @@ def read_spectral(path: str | Path, frequency: str | int | None, *, progress: bo
             notes.append(f"column {channel.label} {why}, and is left out")
             continue
         columns.append((_part(channel), channel))
-    return SpectralContents(contents.path, _hertz(axis, contents.path) * axis.values, tuple(columns), tuple(notes))
+    found = SpectralContents(contents.path, _hertz(axis, contents.path) * axis.values, tuple(columns), tuple(notes))
+    if layout.imaginary is None:
+        return found
+    imaginary = find_channel([channel for _, channel in columns], layout.imaginary, "--imaginary", contents.path)
+    others = [("real" if part in ("", "amplitude") else part, channel) for part, channel in columns]
+    return replace(
+        found, columns=tuple(("imag" if channel is imaginary else part, channel) for part, channel in others)
+    )
 
 
 def functions_of(found: SpectralContents, phase_unit: str | None = None) -> list[SpectralFunction]:
@@ -141,7 +153,9 @@ def _function(own: Mapping[str, RecordedChannel], phase_unit: str | None, path: 
     channel, size = own["amplitude"], sine_amplitudes(own["amplitude"])
     if channel.symbol.casefold().startswith("db") or "db" in _words(channel.name):
         size = 10.0 ** (size / 20.0)
-        channel = replace(channel, symbol="", unit=None)
+        reference = channel.symbol.casefold().partition(" re ")[0]
+        symbol = channel.symbol[len(reference) + 4 :].removeprefix("1 ").strip()
+        channel = replace(channel, symbol=symbol, unit=parse_unit(symbol))
     if "phase" not in own:
         return SpectralFunction(channel, size, coherence)
     return SpectralFunction(channel, size * np.exp(1j * _phases(own["phase"], phase_unit, path)), coherence)
@@ -192,7 +206,9 @@ def _words(name: str) -> list[str]:
 
 def _part(channel: RecordedChannel) -> str:
     """Return the part that a column holds; empty if no word tells it."""
-    told = {PART_OF[word] for word in _words(channel.name) if word in PART_OF}
+    decibels = channel.symbol.casefold().startswith("db")  # such as dB re 1 m/N, where re is no real part
+    name = channel.name.replace(channel.symbol, "") if decibels else channel.name
+    told = {PART_OF[word] for word in _words(name) if word in PART_OF}
     first = next((part for part in PARTS if part in told), "")
     angle = channel.unit is not None and channel.unit.quantity == "angle"
     return "phase" if angle and first in ("", "phase") else first

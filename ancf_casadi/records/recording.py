@@ -6,6 +6,7 @@ only column that increases in equal steps, or the only one that increases at all
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,13 +23,16 @@ from ancf_casadi.records.channel import (
     listed,
     unit_notes,
 )
+from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
 from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.units import Unit, known_unit
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import physical, shown
+from ancf_casadi.support.inputs import check_instance, physical, shown
 
 LEAST_EQUAL_SHARE = 0.9  # share of steps upwards, or of equal steps, that tells a column of times
 FIRST_DATE, LAST_DATE = 2e4, 1e6  # days since 1900 or since the year 0, as workbooks and MATLAB count
+SECONDS = known_unit("s", "")
+JOINED_NAME = re.compile(r"sec|time|zeit|stamp|epoch", re.IGNORECASE)  # of the column of whole seconds
 RATE_ADVICE = "or give the sampling rate with --sample-rate"
 
 
@@ -38,6 +42,7 @@ def read_recording(
     time: str | int | None = None,
     time_unit: str | None = None,
     sample_rate: float | None = None,
+    layout: TableLayout = NO_LAYOUT,
     progress: bool = False,
 ) -> Recording:
     """Read a file of measurements.
@@ -52,6 +57,8 @@ def read_recording(
         Unit of the times, such as ``ms``, in place of that in the file.
     sample_rate : float, optional
         Samples per second, for a file without times; ``time`` may then name a column of frame numbers.
+    layout : TableLayout
+        Rows and columns of the file that the reader cannot tell by itself.
     progress : bool
         Whether to show a progress bar on a terminal if reading takes more than a second.
 
@@ -73,7 +80,8 @@ def read_recording(
     >>> [channel.name for channel in recording.channels], recording.time
     (['x_mm', 'y_mm'], array([0.  , 0.01, 0.02]))
     """
-    found = read_contents(path, progress=progress)
+    check_instance(layout, "layout", TableLayout)
+    found = read_contents(path, layout=layout, progress=progress)
     return with_times(found, time=time, time_unit=time_unit, sample_rate=sample_rate)
 
 
@@ -92,8 +100,11 @@ def with_times(
         unit = None if time_unit is None else known_unit(time_unit, "time_unit")
         if unit and unit.quantity != "time":
             raise InputError(f"{unit.symbol!r} is a unit of {unit.quantity}, not of time", "time_unit")
-        if sample_rate is None:
+        stated = found.step if time is None and not _has_time(found) else None
+        if sample_rate is None and stated is None:
             found = _from_column(found, time, unit)
+        elif sample_rate is None and stated is not None:
+            found = _from_rate(found, 1.0 / stated, time)
         else:
             found = _from_rate(found, physical(sample_rate, "sample_rate"), time)
     return replace(found, notes=found.notes + unit_notes(found.channels))
@@ -110,6 +121,8 @@ def _timed(channel: RecordedChannel) -> RecordedChannel:
 
 def _from_column(found: Recording, time: str | int | None, unit: Unit | None) -> Recording:
     """Return times from a column."""
+    if time is None and unit is None:
+        found = _with_joined_time(found)
     channel = _chosen(found) if time is None else find_channel(found.channels, time, "--time", found.path)
     if channel.fault:
         raise InputError(channel.fault, f"{found.path}: column {channel.label}")
@@ -145,7 +158,7 @@ def _chosen(found: Recording) -> RecordedChannel:
         named = [channel for channel in named if not _constant(channel.values)]  # such as the date
         exact = [channel for channel in named if channel.unit and channel.unit.quantity == "time"]
         named = exact if len(exact) == 1 else named
-    if len(named) == 1:
+    if len(named) == 1 and len(channels) > 1:
         return named[0]
     candidates = named
     if not named and any(is_frequency(channel) for channel in channels):
@@ -168,6 +181,46 @@ def _chosen(found: Recording) -> RecordedChannel:
     raise InputError(
         f"no column is clearly the time (there are {listed(channels)}); name one with --time, {RATE_ADVICE}", path
     )
+
+
+def _has_time(found: Recording) -> bool:
+    """Return whether a column must be the time, beside a step between samples in the file."""
+    return (
+        any(is_time(channel) and not _constant(channel.values) for channel in found.channels)
+        and len(found.channels) > 1
+    )
+
+
+def _with_joined_time(found: Recording) -> Recording:
+    """Return the channels of a file with one time instead of two columns of whole seconds and their fractions."""
+    named = [channel for channel in found.channels if is_time(channel) or JOINED_NAME.search(channel.name)]
+    pairs = [(whole, fraction) for whole in named for fraction in found.channels if fraction is not whole]
+    for whole, fraction in pairs:
+        digits = _fraction_digits(whole.values, fraction.values)
+        if whole.fault or fraction.fault or digits is None:
+            continue
+        seconds = (whole.values - whole.values[0]) + fraction.values / 10.0**digits
+        time = replace(whole, name=f"{whole.name} + {fraction.name}", values=seconds, symbol="s", unit=SECONDS)
+        channels = tuple(time if channel is whole else channel for channel in found.channels if channel is not fraction)
+        note = f"times from columns {whole.label}, whole seconds, and {fraction.label}, their fractions"
+        return replace(found, channels=channels, notes=(*found.notes, note))
+    return found
+
+
+def _fraction_digits(whole: Array, fraction: Array) -> int | None:
+    """Return the digits of the fractions of a second, 0, 3, 6 or 9; None unless two columns split the time so."""
+    if len(whole) != len(fraction) or len(whole) < 3 or not (np.isfinite(whole).all() and np.isfinite(fraction).all()):
+        return None
+    carries, falls = np.diff(whole), np.diff(fraction) < 0.0
+    if (whole != np.floor(whole)).any() or (carries < 0.0).any() or not falls.any() or (carries[falls] < 1.0).any():
+        return None
+    if (carries == 0.0).sum() < 2 or fraction.min() < 0.0:
+        return None
+    digits = next((digits for digits in (0, 3, 6, 9) if fraction.max() < 10.0**digits), None)
+    if digits is None or fraction.max() < 0.5 * 10.0**digits:
+        return None
+    steps = carries + np.diff(fraction) / 10.0**digits
+    return digits if (steps > 0.0).all() else None
 
 
 def _constant(values: Array) -> bool:
@@ -226,9 +279,12 @@ def _on_times(found: Recording, axis: RecordedChannel, seconds: Array, notes: tu
         first = int(np.argmax(~(steps > 0.0)))
         row, before = found.place(int(rows[first + 1])), found.place(int(rows[first]))
         repeated = "repeats" if steps[first] == 0.0 else "is earlier than"
+        leave_out = "remove the row" + (f" (--skip-rows {row.split()[1]})" if found.lines is not None else "")
         advice = (
-            "remove the row, or sort the rows"
-            if np.mean(steps == 0.0) < 1 - LEAST_EQUAL_SHARE
+            f"{leave_out}, or sort the rows"
+            if len(np.unique(seconds)) == len(seconds)
+            else leave_out
+            if np.count_nonzero(steps <= 0.0) < 3
             else f"name another column with --time, {RATE_ADVICE}"
         )
         raise InputError(

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel
-from ancf_casadi.records.units import Unit
-from ancf_casadi.support.inputs import choice, flag, number, shown, vector
+from ancf_casadi.records.units import UNITS, Unit
+from ancf_casadi.support.inputs import check_instance, choice, flag, number, shown, vector
 from ancf_casadi.support.tables import Displayed
 
-Quantity = Literal["position", "displacement", "velocity", "acceleration", "slope", "strain", "force", "moment"]
+Quantity = Literal[
+    "position", "displacement", "velocity", "acceleration", "slope", "strain", "force", "moment", "signal"
+]  # fmt: skip
 Frame = Literal["inertial", "body"]
 
 SENSOR_UNITS: Mapping[Quantity, str] = {
@@ -25,11 +28,21 @@ SENSOR_UNITS: Mapping[Quantity, str] = {
     "strain": "",
     "force": "N",
     "moment": "N m",
+    "signal": "",
 }
 IN_BODY_FRAME = ("velocity", "acceleration", "force")
 AT_CLAMP = ("force", "moment")
 # quantities of sensors, the usual one first, by the quantity of a unit if that has another name
 OTHER_NAMES: Mapping[str, tuple[Quantity, ...]] = {"length": ("displacement", "position"), "angle": ("slope",)}
+QUANTITY_WORDS: Mapping[Quantity, str] = {
+    "acceleration": "acc accel acceleration accelerometer beschleunigung beschl accx accy accz ax ay az",
+    "velocity": "vel velocity geschwindigkeit vitesse vibrometer ldv vx vy vz",
+    "strain": "strain gauge dms dehnung eps epsilon",
+    "force": "force kraft fx fy fz",
+    "slope": "angle slope winkel rotation",
+}
+QUANTITY_OF = {word: quantity for quantity, words in QUANTITY_WORDS.items() for word in words.split()}
+NO_SCALE = "in {}, without a scale: sizes hold for this sensor only; frequency and linear damping do not need one"
 
 
 @dataclass(frozen=True)
@@ -42,7 +55,7 @@ class Sensor(Displayed):
         ``position`` (a coordinate in the laboratory), ``displacement`` (its change from an unknown origin),
         ``velocity``, ``acceleration``, ``slope`` (the rotation of the cross-section from the axis of the straight beam,
         counterclockwise), ``strain`` (on the surface), ``force`` and ``moment`` (of the base on the beam at the clamp,
-        the moment counterclockwise).
+        the moment counterclockwise), ``signal`` (a reading without a scale, such as volts or pixels, of a decay).
     point : float, optional
         Arc length of the sensor from the clamp, m; the tip if not given.  Forces and moments are those at the clamp.
     direction : (float, float)
@@ -57,6 +70,8 @@ class Sensor(Displayed):
     distance : float, optional
         Distance of a strain gauge from the neutral axis along the normal, m; half the thickness of the beam if not
         given.  It is negative on the other surface.
+    signal_unit : str
+        Unit of a signal, as results print it.
 
     Raises
     ------
@@ -80,6 +95,7 @@ class Sensor(Displayed):
     frame: Frame = "inertial"
     gravity: bool = False
     distance: float | None = None
+    signal_unit: str = ""
 
     def __post_init__(self) -> None:
         """Validate."""
@@ -97,6 +113,9 @@ class Sensor(Displayed):
             raise InputError(f"must be 'inertial' for a {self.quantity}", "frame")
         if self.gravity and self.quantity != "acceleration":
             raise InputError(f"belongs to accelerations, not to a {self.quantity}", "gravity")
+        check_instance(self.signal_unit, "signal_unit", str)
+        if self.signal_unit and self.quantity != "signal":
+            raise InputError(f"belongs to signals, not to a {self.quantity}", "signal_unit")
         if self.distance is not None:
             number(self.distance, "distance")
             if self.quantity != "strain":
@@ -104,8 +123,8 @@ class Sensor(Displayed):
 
     @property
     def unit(self) -> str:
-        """SI unit of the record."""
-        return SENSOR_UNITS[self.quantity]
+        """SI unit of the record; that of a signal."""
+        return self.signal_unit or SENSOR_UNITS[self.quantity]
 
     @property
     def unit_direction(self) -> tuple[float, float]:
@@ -118,7 +137,7 @@ class Sensor(Displayed):
     def label(self) -> str:
         """Direction and place of the sensor in a legend: ``x, tip``."""
         place = "clamp" if self.quantity in AT_CLAMP else "tip" if self.point is None else f"{1e3 * self.point:.4g} mm"
-        if self.quantity in ("slope", "strain", "moment"):
+        if self.quantity in ("slope", "strain", "moment", "signal"):
             return place
         first, second = ("tangent", "normal") if self.frame == "body" else ("x", "y")
         x, y = self.unit_direction
@@ -137,27 +156,45 @@ class Sensor(Displayed):
 
 
 def sensor_of(channel: RecordedChannel, given: Unit | None, sensor: Sensor | None) -> tuple[float, Sensor]:
-    """Return the factor of a channel to SI units, and its sensor.
+    """Return the factor of a channel to the unit of its sensor, and the sensor.
 
-    The unit is that of the file if none is ``given``; without a sensor, the unit tells the quantity.  A unit that is
-    not understood, or does not fit the sensor, raises an ``InputError``.
+    The unit is that of the file if none is ``given``.  Without a sensor, the unit tells the quantity, or without a unit
+    the name; a unit that no sensor of a beam has, such as V or px, is that of a signal.  A unit that is not understood,
+    or does not fit the sensor, raises an ``InputError``.
     """
     unit = given or channel.unit
+    if sensor is not None and sensor.quantity == "signal":
+        return _signal(unit) if unit else (1.0, replace(sensor, signal_unit=sensor.signal_unit or channel.symbol))
     if unit is None:
         if channel.symbol:
-            raise InputError(f"the unit {shown(channel.symbol)} is not understood; give the unit with --unit")
-        return 1.0, sensor or Sensor()
+            raise InputError(
+                f"the unit {shown(channel.symbol)} is not understood; give the unit with --unit, or --sensor signal"
+            )
+        return 1.0, sensor or Sensor(_named_quantity(channel.name))
     fitting = OTHER_NAMES.get(unit.quantity) or tuple(own for own in SENSOR_UNITS if own == unit.quantity)
-    if not fitting:
-        raise InputError(
-            f"is in {unit.symbol}, a unit of {unit.quantity}, which no sensor measures; "
-            "give the scale with --unit, such as '0.25 mm', or 'strain' for values relative to the sensor"
-        )
     if sensor is None:
-        return unit.factor, Sensor(quantity=fitting[0])
+        return (unit.factor, Sensor(quantity=fitting[0])) if fitting else _signal(unit)
     if sensor.quantity not in fitting:
         raise InputError(
-            f"is in {unit.symbol}, a unit of {unit.quantity}, but the sensor measures {sensor.quantity}; "
-            "give the unit with --unit, or the quantity with --sensor"
+            f"is in {unit.symbol}, a unit of {unit.quantity}, but the sensor measures {sensor.quantity}; give the unit "
+            "or the scale with --unit, such as '0.25 mm', or the quantity with --sensor"
         )
     return unit.factor, sensor
+
+
+def _signal(unit: Unit) -> tuple[float, Sensor]:
+    """Return the factor to the plain unit of a quantity, if it has one, and the sensor of a signal in it."""
+    if unit.quantity == "time":
+        raise InputError(f"is in {unit.symbol}, a unit of time, which no sensor measures; name another with --column")
+    plain = next((symbol for symbol, factor in UNITS.get(unit.quantity, {}).items() if factor == 1.0), "")
+    return (
+        (unit.factor, Sensor("signal", signal_unit=plain))
+        if plain
+        else (1.0, Sensor("signal", signal_unit=unit.symbol))
+    )
+
+
+def _named_quantity(name: str) -> Quantity:
+    """Return the quantity that the name of a column without a unit tells, such as ``Acc`` or ``strain 1``."""
+    words = re.findall(r"[^\W\d_]+", name.casefold())
+    return next((QUANTITY_OF[word] for word in words if word in QUANTITY_OF), "displacement")

@@ -106,9 +106,10 @@ SEPARATING = " _.,·⋅*-"
 TIME_NAMES = re.compile(
     r"(?:elapsed|relative|rel\.?|abs\.?|absolute|sample|test|run|local|system)?[ _]*"
     r"(?:t|times?|zeit|temps|tiempo|tempo|tid|tijd|aika|time[ _-]?stamps?|date[ _/-]?time|uhrzeit|messzeit|"
-    r"seconds|secs?|milliseconds|x_value)",
+    r"seconds|secs?|milli(?:second)?s|micro(?:second)?s|nano(?:second)?s|x_value)",
     re.IGNORECASE,
 )
+CLOCK_UNITS = {"millis": "ms", "micros": "us", "nanos": "ns"}  # names of times in a unit, after functions of Arduino
 BEFORE_UNIT = re.compile(r" ?[(\[{</,]| in |[_ ](?=[^_ ]*$)")
 
 
@@ -233,7 +234,11 @@ def unit_in_name(name: str) -> tuple[str, Unit | None]:
 
 def unit_of(written: str, name: str) -> tuple[str, Unit | None]:
     """Return the unit of a column, as it is written, and its meaning: the one beside its name, or the one in it."""
-    return (written, parse_unit(written)) if written else unit_in_name(name)
+    if written:
+        return written, parse_unit(written)
+    words = re.findall(r"[^\W_]+", name.casefold())
+    clock = next((CLOCK_UNITS[word] for word in words if word in CLOCK_UNITS), "")
+    return (clock, parse_unit(clock)) if clock and names_time(name.strip()) else unit_in_name(name)
 
 
 def _runs(tokens: list[str], items: list[int]) -> list[tuple[int, int]]:

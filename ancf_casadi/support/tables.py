@@ -10,6 +10,7 @@ import csv
 import io
 import json
 import math
+import re
 import reprlib
 import textwrap
 from abc import ABC, abstractmethod
@@ -30,6 +31,9 @@ from ancf_casadi.support.inputs import instances
 
 REPORT_WIDTH = 100  # columns of a report on a terminal
 MOST_CHARACTERS = 180  # characters of an object on one line
+
+CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+FORMULA = re.compile(r"[=+\-@\t\r].")  # beginning of a cell that a spreadsheet may compute
 
 Cell = str | float | int | None
 
@@ -89,8 +93,7 @@ class Table(Displayed):
         """Return the table as CSV, numbers to all digits."""
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
-        writer.writerow(self.columns)
-        writer.writerows([["" if cell is None else cell for cell in row] for row in self.rows])
+        writer.writerows([[_plain_cell(cell) for cell in row] for row in (self.columns, *self.rows)])
         return out.getvalue()
 
     def _summary(self) -> str:
@@ -216,6 +219,11 @@ def to_json(value: Any) -> str:
     return json.dumps(_finite(value), indent=2, allow_nan=False) + "\n"
 
 
+def printable(text: str) -> str:
+    """Return a text with escape sequences in place of control characters, which a terminal would obey."""
+    return CONTROLS.sub(lambda match: ascii(match[0])[1:-1], text)
+
+
 def wrapped(text: str) -> str:
     """Return a report with long lines, but for rows of tables, folded at spaces and indented by two more columns."""
     lines: list[str] = []
@@ -232,6 +240,16 @@ def _shown(cell: Cell) -> str:
     if cell is None:
         return ""
     return f"{cell:.6g}" if isinstance(cell, float) else str(cell)
+
+
+def _plain_cell(cell: Cell) -> str | float | int:
+    """Return a cell for CSV; an apostrophe keeps spreadsheets from computing a text as a formula."""
+    if isinstance(cell, str) and FORMULA.match(cell):
+        try:
+            float(cell)
+        except ValueError:
+            return f"'{cell}"
+    return "" if cell is None else cell
 
 
 def _finite(value: Any) -> Any:

@@ -6,6 +6,7 @@ import argparse
 from typing import get_args
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.response.linear_frf import FrfKind
 from ancf_casadi.support.inputs import located
 from problems.command.output import Output, add_plot, comma_numbers, new_files, positive_count, result_output
@@ -43,7 +44,8 @@ def run_fit_frf(options: argparse.Namespace) -> Output:
         raise InputError("must be two frequencies LOW,HIGH", "--band")
     names = ("column", "frequency", "phase", "unit", "phase_unit")
     reading = {name: getattr(options, name) for name in names}
-    record = FrfRecord.from_file(options.file, options.kind, progress=True, **reading)
+    layout = TableLayout.of(vars(options))
+    record = FrfRecord.from_file(options.file, options.kind, layout=layout, progress=True, **reading)
     with located(options.file):
         fit = fit_frf(record, modes=options.modes, frequencies=options.frequencies, band=options.band)
     return result_output(fit, options.plot)

@@ -15,6 +15,7 @@ from ancf_casadi.decay.release import find_release
 from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording, is_counter, is_time
+from ancf_casadi.records.layout import LAYOUT_KEYS, TableLayout
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import quality_warnings, sampling
 from ancf_casadi.records.reading.formats import read_contents
@@ -58,7 +59,8 @@ def run_inspect(options: argparse.Namespace) -> Output:
     new_files([options.file], options.plot)
     if options.sample_rate is not None:
         physical(options.sample_rate, "--sample-rate")
-    recording, problem = read_contents(options.file, progress=True), ""
+    layout = TableLayout.of(vars(options))
+    recording, problem = read_contents(options.file, layout=layout, progress=True), ""
     try:
         recording = with_times(
             recording, time=options.time, time_unit=options.time_unit, sample_rate=options.sample_rate
@@ -234,6 +236,12 @@ def _command(name: str, options: argparse.Namespace, column: str | int | None) -
     for option, value in {**given, "--column": column, "--unit": options.unit, "--sensor": options.sensor}.items():
         if value is not None:
             words += [option, f"{value:g}" if isinstance(value, float) else str(value)]
+    for key in LAYOUT_KEYS:
+        if (value := getattr(options, key, None)) is not None:
+            words += [
+                f"--{key.replace('_', '-')}",
+                ",".join(map(str, value)) if isinstance(value, tuple) else str(value),
+            ]
     return shlex.join(words)
 
 

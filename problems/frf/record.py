@@ -17,6 +17,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import unit_notes
+from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
 from ancf_casadi.records.over_frequency import SpectralFunction, functions_of, read_spectral
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.response.linear_frf import FRF_UNITS, FrfKind
@@ -136,6 +137,7 @@ class FrfRecord(Displayed):
         unit: str | None = None,
         phase_unit: str | None = None,
         points: Sequence[float] | None = None,
+        layout: TableLayout = NO_LAYOUT,
         progress: bool = False,
     ) -> FrfRecord:
         """Read functions from a universal file (data set 58), or a MATLAB, HDF5, NPZ or text file.
@@ -153,6 +155,8 @@ class FrfRecord(Displayed):
             Unit of the values, such as ``mm/N``, and of the phases, in place of those in the file.
         points : sequence of float, optional
             Arc lengths of the outputs from the clamp, m.
+        layout : TableLayout
+            Rows and columns of the file that the reader cannot tell by itself, such as the column ``imaginary``.
         progress : bool
             Whether to show a progress bar on a terminal if reading takes more than a second.
 
@@ -175,7 +179,7 @@ class FrfRecord(Displayed):
         check_instance(unit, "unit", str, NoneType)
         if kind is not None:
             choice(kind, get_args(FrfKind), "kind")
-        found = read_spectral(path, frequency, progress=progress)
+        found = read_spectral(path, frequency, layout=layout, progress=progress)
         columns = tuple(("" if part == "level" else part, channel) for part, channel in found.columns)
         found = (
             replace(found, columns=columns)
@@ -189,7 +193,7 @@ class FrfRecord(Displayed):
         functions = [one for one in functions if np.iscomplexobj(one.values)]
         if not functions:
             raise InputError(
-                "has amplitudes only; a function needs its phase, or real and imaginary part",
+                "has amplitudes only; a function needs its phase (--phase), or real and imaginary part (--imaginary)",
                 f"{path}: column {bare[0].label}",
             )
         found_kind, values = in_si(functions, kind, unit, str(path))
@@ -199,6 +203,9 @@ class FrfRecord(Displayed):
         f = found.frequencies
         quality = [one.coherence for one in functions]
         coherence = None if any(one is None for one in quality) else np.array(quality, dtype=float)
+        if coherence is not None:
+            coherence, doubts = _shares(coherence)
+            notes += doubts
         kept = np.isfinite(f) & np.isfinite(values).all(axis=0) & (f != 0.0)
         if not kept.all():
             notes.append(f"{int((~kept).sum())} lines at 0 Hz or with a gap are left out")
@@ -300,6 +307,20 @@ class FrfRecord(Displayed):
     def _summary(self) -> str:
         shape = f"{counted(self.outputs, 'output')}, {counted(self.inputs, 'input')}"
         return f"{self.kind}, {shape}, {len(self.frequencies)} frequencies, {spread(self.frequencies, 'Hz')}"
+
+
+def _shares(coherence: Array) -> tuple[Array, list[str]]:
+    """Return coherences between 0 and 1, and notes: in percent if most are above 1; those beyond the limits at them."""
+    notes = []
+    if np.nanmedian(coherence) > 1.5 and np.nanmax(coherence) < 101.0:
+        coherence = coherence / 100.0
+        notes.append("the coherence is taken in percent")
+    beyond = (coherence < 0.0) | (coherence > 1.0 + 1e-6)  # more than rounding
+    if beyond.any():
+        notes.append(f"{int(beyond.sum())} coherences beyond 0 and 1 count as these limits")
+    if np.isnan(coherence).any():
+        notes.append(f"{int(np.isnan(coherence).sum())} coherences that are missing count as 0")
+    return np.clip(np.nan_to_num(coherence), 0.0, 1.0), notes
 
 
 def moving_mean(values: Array, half: int) -> Array:

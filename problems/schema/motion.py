@@ -21,6 +21,7 @@ from ancf_casadi.dynamics.tip_load import HarmonicLoad, MovingForce, SampledLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.channel import Recording
+from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.recording import read_recording
 from ancf_casadi.records.sensor import Quantity, Sensor
@@ -53,7 +54,8 @@ MOTION_KEYS = """\
   [release]     the load that holds the beam until time 0: tip_force (N),
                 tip_moment (N m)
 """
-READING = ("time", "time_unit", "sample_rate")  # keys that say how to read a file
+TIMES = ("time", "time_unit", "sample_rate")
+READING = (*TIMES, "names_row", "skip_rows", "leave_out")  # keys that say how to read a file
 AXES: dict[str, Quantity] = {"x": "position", "y": "position", "rotation": "slope"}
 COMPONENTS: dict[str, Quantity] = {"force_x": "force", "force_y": "force", "moment": "moment"}
 SIMULATION_KEYS = """\
@@ -104,7 +106,10 @@ def read_measured(file: StudyFile, given: Mapping[str, Any], where: str) -> Reco
     """Read the file that a table names, with its keys ``READING``."""
     path = file.beside(given["file"], f"{where}: file")
     with located(where):
-        return read_recording(path, progress=True, **{key: given.get(key) for key in READING})
+        times = {key: given.get(key) for key in TIMES}
+        return read_recording(
+            path, progress=True, layout=TableLayout.of({key: given.get(key) for key in READING}), **times
+        )
 
 
 def _columns(

@@ -25,6 +25,7 @@ from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.lumped import PART_KINDS, with_parts
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.channel import Recording
+from ancf_casadi.records.layout import LAYOUT_KEYS, TableLayout
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import array, check_keys, is_sequence, located, shown, whole
@@ -44,6 +45,8 @@ RECORD_KEYS = """\
                 ("inertial" or "body"), gravity (true or false: whether an
                 accelerometer feels it), distance (m, of a strain gauge from
                 the neutral axis), unit, time, time_unit, sample_rate (1/s), begin, end (s),
+                names_row (line with the names), skip_rows (lines to leave out),
+                leave_out (columns to leave out),
                 std (standard deviation), offset (bounds of an unknown time
                 offset, s), zero (bounds of an unknown reading at rest);
                 a key beside channels holds for all channels;
@@ -55,7 +58,8 @@ RECORD_KEYS = """\
                 records to predict with the estimates; the same keys
   [[curves]]    steady vibration: file, and if its names do not tell them the
                 columns frequency, column (amplitude), phase, level, and unit,
-                phase_unit, level_unit; or frequencies (Hz), values
+                phase_unit, level_unit, imaginary (column of imaginary parts),
+                names_row, skip_rows, leave_out as above; or frequencies (Hz), values
                 (amplitudes), phases (rad), levels; base = {amplitude (m),
                 direction} or load = {force (N), moment (N m)} at level 1 (if
                 not given: [base] or [load]; else levels in N are a force in x
@@ -101,7 +105,7 @@ SENSOR = {"point", "direction", "frame", "gravity", "distance"}
 NUMBERS = ("frequencies", "statics", "curves")  # tables of values, each made on its own
 CURVE_NUMBERS = {"frequencies", "values", "phases", "levels"}
 CURVE_MADE = {"sensor", "model", "notes"}  # of other keys
-CURVE_READING = {"file", "column", "frequency", "level", "phase", "unit", "level_unit", "phase_unit"}
+CURVE_READING = {"file", "column", "frequency", "level", "phase", "unit", "level_unit", "phase_unit", *LAYOUT_KEYS}
 UNKNOWN_KEYS = {"std", "offset", "zero"}
 CONFIGURATION = {"length", "axis", "tip_mass", "clamp_stiffness", *PART_KINDS}
 CHANNEL = {"file", "column", "unit", "sensor", "begin", "end", *SENSOR, *READING, *UNKNOWN_KEYS}
@@ -225,7 +229,8 @@ def _curve(file: StudyFile, given: Any, model: Model | None, where: str) -> Resp
     if model is None:
         own.setdefault("excitation_unit", "")
     with located(where):
-        return ResponseRecord.from_file(path, progress=True, **own)
+        layout = TableLayout.of({key: own.pop(key, None) for key in LAYOUT_KEYS})
+        return ResponseRecord.from_file(path, layout=layout, progress=True, **own)
 
 
 def excitation_of(file: StudyFile, given: Mapping[str, Any], where: str) -> dict[str, HarmonicBase | HarmonicLoad]:

@@ -31,6 +31,7 @@ from functools import cached_property, partial
 import casadi as cs
 
 from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model, axial_strains_near, curvature_at
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.sensor import AT_CLAMP, Sensor
@@ -84,8 +85,10 @@ class SampledMotion:
             case "force":
                 x, y = (self._of_clamp(cs.sum1(self._forces[k::NODE, :]), self._on_base[k, :]) for k in range(2))
                 return self._along(sensor, 0.0, (x, y))
-            case _:
+            case "moment":
                 return self._moment
+            case _:
+                raise InputError("a signal has no scale that a beam could be compared with; give its unit", "sensor")
 
     @cached_property
     def _forces(self) -> cs.MX:

@@ -25,9 +25,11 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording, is_time
 from ancf_casadi.records.reading.libraries import read_isolated, readable
 from ancf_casadi.records.reading.worker import check_unpacked, real_parts
-from ancf_casadi.records.units import parse_unit, unit_of
+from ancf_casadi.records.units import Unit, parse_unit, unit_of
 
 MOST_CHANNELS = 10_000
+STEP_NAMES = {"dt", "deltat", "ts", "tstep", "timestep", "tinc", "tinterval", "xincrement", "sampleinterval"}
+RATE_NAMES = {"fs", "fsamp", "sr", "rate", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "fps"}
 
 
 @np.errstate(all="ignore")  # extended precision may hold larger numbers
@@ -40,6 +42,7 @@ def recording_of(
     """Return the columns of named arrays: vectors, and matrices along their longer side; notes name the others."""
     channels: list[RecordedChannel] = []
     remarks = list(notes)
+    step: float | None = None
     for name, array in real_parts(arrays):
         values = np.squeeze(array)
         stamps = values.dtype.kind == "M"
@@ -54,9 +57,10 @@ def recording_of(
             remarks.append(f"{name!r} is no real vector or matrix, and is left out")
             continue
         if values.ndim == 0:
-            remarks.append(
-                f"{name!r} is a single number, {float(values):g}; a sampling rate is given with --sample-rate"
-            )
+            stated = stated_step(name, float(values))
+            step = step or stated
+            if not stated:
+                remarks.append(f"{name!r} is a single number, {float(values):g}, and is left out")
             continue
         columns = values[:, None] if values.ndim == 1 else values if values.shape[0] >= values.shape[1] else values.T
         if len(channels) + columns.shape[1] > MOST_CHANNELS:
@@ -66,12 +70,20 @@ def recording_of(
         for k, column in enumerate(columns.T, 1):
             own = name if columns.shape[1] == 1 else f"{name}[{k}]"
             channels.append(RecordedChannel(len(channels) + 1, own, np.array(column, dtype=float), symbol, unit))
-    return Recording(str(path), tuple(channels), tuple(remarks))
+    return Recording(str(path), tuple(channels), tuple(remarks), step=step)
 
 
 def seconds_from_first(dates: NDArray[Any]) -> NDArray[Any]:
     """Return dates of NumPy as seconds from the first one."""
     return (dates - dates.ravel()[0]) / np.timedelta64(1, "s") if dates.size else dates.astype(float)
+
+
+def stated_step(name: str, value: float) -> float | None:
+    """Return the time between samples, s, that a number states, such as ``dt`` or ``run.Fs``; None for any other."""
+    field = name.rpartition(".")[2].casefold().replace("_", "")
+    if not 0.0 < value < np.inf:
+        return None
+    return value if field in STEP_NAMES else 1.0 / value if field in RATE_NAMES else None
 
 
 def read_matlab(path: Path) -> Recording:
@@ -127,6 +139,25 @@ def read_npy(path: Path) -> Recording:
         if array is None:
             raise InputError("holds Python objects, which are not read; save arrays of numbers", str(path))
     return recording_of(path, [("values", array)])
+
+
+def read_wav(path: Path) -> Recording:
+    """Read the channels of a sound, as fractions of full scale, with its sampling rate."""
+    from scipy.io import wavfile  # slow to import
+
+    with readable(str(path), "WAV"):
+        rate, samples = wavfile.read(io.BytesIO(path.read_bytes()))
+    values = np.asarray(samples, dtype=float).reshape(len(samples), -1)
+    if samples.dtype.kind == "u":
+        values = values / 128.0 - 1.0  # 8 bits
+    elif samples.dtype.kind == "i":
+        values = values / -float(np.iinfo(samples.dtype).min)
+    full_scale, time = Unit("full scale", "fraction", 1.0), np.arange(len(values)) / rate
+    channels = [
+        RecordedChannel(k, f"channel {k}", column, full_scale.symbol, full_scale, time)
+        for k, column in enumerate(values.T, start=1)
+    ]
+    return Recording(str(path), tuple(channels), (f"times from the sampling rate in the file, {rate:g} 1/s",))
 
 
 def _array(file: BinaryIO, size: int, where: str) -> NDArray[Any] | None:

@@ -10,7 +10,8 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording
-from ancf_casadi.records.reading.arrays import read_hdf5, read_matlab, read_npy, read_npz
+from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
+from ancf_casadi.records.reading.arrays import read_hdf5, read_matlab, read_npy, read_npz, read_wav
 from ancf_casadi.records.reading.c3d import read_c3d
 from ancf_casadi.records.reading.labview import read_lvm, read_tdms
 from ancf_casadi.records.reading.text.reader import read_text
@@ -30,13 +31,14 @@ OTHER_FORMATS = {
 }
 
 
-def read_contents(path: str | Path, *, progress: bool = False) -> Recording:
+def read_contents(path: str | Path, *, layout: TableLayout = NO_LAYOUT, progress: bool = False) -> Recording:
     """Read all columns of a file of at most 1 GiB; refuse one in no known format."""
     with opened(path, 2**30) as file:
-        found = _read(Path(path), file.read(BYTES_LOOKED_AT), progress)
+        found = _read(Path(path), file.read(BYTES_LOOKED_AT), layout, progress)
     if not found.channels:
         raise InputError("has no channels of numbers", str(path))
-    return replace(found, channels=tuple(map(_within_range, found.channels)))
+    channels = layout.remaining(found.channels, str(path))
+    return replace(found, channels=tuple(map(_within_range, channels)))
 
 
 def _within_range(channel: RecordedChannel) -> RecordedChannel:
@@ -46,7 +48,7 @@ def _within_range(channel: RecordedChannel) -> RecordedChannel:
     return replace(channel, fault=channel.fault or beyond)
 
 
-def _read(file: Path, start: bytes, progress: bool) -> Recording:
+def _read(file: Path, start: bytes, layout: TableLayout, progress: bool) -> Recording:
     suffix = file.suffix.lower()
     for signature, message in OTHER_FORMATS.items():
         if start.startswith(signature):
@@ -65,8 +67,10 @@ def _read(file: Path, start: bytes, progress: bool) -> Recording:
         return read_tdms(file)
     if suffix == ".c3d" or (len(start) == BYTES_LOOKED_AT and start[1] == 0x50 and start[0] < 10 and b"\0" in start):
         return read_c3d(file)
+    if start[:4] in (b"RIFF", b"RIFX", b"RF64") and start[8:12] == b"WAVE":
+        return read_wav(file)
     if start.startswith(b"LabVIEW Measurement"):
         return read_lvm(file)
     if UNIVERSAL.match(start):
         return read_uff(file)
-    return read_text(file, progress=progress)
+    return read_text(file, layout, progress=progress)

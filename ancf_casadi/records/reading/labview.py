@@ -5,7 +5,9 @@ lvm-read gets the text instead of the file: from a file, it would read a pickled
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +74,7 @@ def read_tdms(path: Path) -> Recording:
     nptdms = library("nptdms", "TDMS files need it")
     notes: list[str] = []
     channels: list[RecordedChannel] = []
+    starts: list[Any] = []
     with readable(str(path), "TDMS"), open(path, "rb") as stream, nptdms.TdmsFile.open(stream) as file:
         found = [channel for group in file.groups() for channel in group.channels()]
         size = path.stat().st_size
@@ -85,7 +88,26 @@ def read_tdms(path: Path) -> Recording:
             if len(item) * item.dtype.itemsize > min(size * 2, MOST_DATA_BYTES):
                 raise InputError("declares more samples than it holds; it is damaged", f"{path}: {name}")
             channels.append(_channel(len(channels) + 1, name, item))
-    return Recording(str(path), tuple(channels), tuple(notes))
+            starts.append(item.properties.get("wf_start_time"))
+    return Recording(str(path), _on_one_clock(channels, starts), tuple(notes))
+
+
+def _on_one_clock(channels: Sequence[RecordedChannel], starts: Sequence[Any]) -> tuple[RecordedChannel, ...]:
+    """Return waveforms with times from the first start of all, where all state the instant of their start."""
+    timed = [k for k, channel in enumerate(channels) if channel.time is not None]
+    instants = {
+        k: int(np.datetime64(starts[k], "ns").astype(np.int64))
+        for k in timed
+        if isinstance(starts[k], np.datetime64 | datetime)
+    }
+    if len(instants) < len(timed) or not instants:
+        return tuple(channels)
+    first = min(instants.values())
+    delays = {k: 1e-9 * (instant - first) for k, instant in instants.items()}
+    return tuple(
+        replace(channel, time=channel.time + delays[k]) if channel.time is not None and delays[k] else channel
+        for k, channel in enumerate(channels)
+    )
 
 
 def _channel(number: int, name: str, item: Any) -> RecordedChannel:

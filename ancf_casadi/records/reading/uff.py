@@ -40,7 +40,7 @@ def read_uff(path: Path) -> Recording:
             units = file.read_sets(number)
             length, force = 1 / float(units["length"]), 1 / float(units["force"])
         for number in [k for k, kind in enumerate(types) if kind == 58][:10_000]:
-            function = file.read_sets(number)
+            function = _without_padding(file.read_sets(number))
             kind = int(function["func_type"])
             if kind == OVER_TIME and not np.iscomplexobj(function["data"]):
                 channels.append(_channel(len(channels) + 1, function, length, force, str(path)))
@@ -61,11 +61,17 @@ def read_uff(path: Path) -> Recording:
     return Recording(str(path), tuple(channels), tuple(notes))
 
 
+def _without_padding(function: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a function without what fills its last row beyond the stated number of values."""
+    count = int(function["num_pts"])
+    return {**function, "data": function["data"][:count], "x": function["x"][:count]}
+
+
 def _spectral(number: int, function: Mapping[str, Any], length: float, force: float) -> Iterator[RecordedChannel]:
     """Yield the columns of a function over frequency: real and imaginary part, or a coherence."""
     name, values = _name(function), np.asarray(function["data"])
     reference = f"{function.get('ref_node', 0)} {DIRECTIONS.get(int(function.get('ref_dir', 0)), '?')}"
-    if len(values) != function["num_pts"]:
+    if len(values) < function["num_pts"]:
         raise InputError(f"{name!r} has {len(values)} of {function['num_pts']} values; it is damaged")
     if int(function["func_type"]) == COHERENCE:
         yield RecordedChannel(number, f"{name} coherence", values.real.astype(float), reference=reference)
@@ -86,7 +92,7 @@ def _channel(number: int, function: Mapping[str, Any], length: float, force: flo
     node, direction = function.get("rsp_node", 0), function.get("rsp_dir", 0)
     name = f"node {node} direction {direction}" if name in ("", "NONE") else name
     values = np.array(function["data"], dtype=float)
-    if len(values) != function["num_pts"]:
+    if len(values) < function["num_pts"]:
         raise InputError(
             f"has {len(values)} of {function['num_pts']} values; it is damaged", f"{path}: function {number}"
         )

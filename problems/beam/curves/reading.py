@@ -65,13 +65,11 @@ def told_levels(found: SpectralContents) -> RecordedChannel | None:
 def reading_of(
     channel: RecordedChannel, given: Unit | None, sensor: Sensor | None, *, for_beam: bool
 ) -> tuple[float, Sensor]:
-    """Return the factor of the amplitudes to SI units, and the sensor; volts count as a strain without a beam."""
-    unit = given or channel.unit
-    if unit and unit.quantity == "voltage" and sensor is None:
-        if for_beam:
-            raise InputError("the reading is in V, which no sensor of a beam has; give its scale", "unit")
-        return unit.factor, Sensor("strain")
-    return sensor_of(channel, unit, sensor)
+    """Return the factor of the amplitudes to the unit of the sensor, and the sensor; a beam reads no signals."""
+    factor, read_by = sensor_of(channel, given, sensor)
+    if for_beam and read_by.quantity == "signal":
+        raise InputError(f"the reading is in {read_by.unit}, which no sensor of a beam has; give its scale", "unit")
+    return factor, read_by
 
 
 def excitation_at_one(

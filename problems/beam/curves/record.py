@@ -40,6 +40,7 @@ from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.channel import unit_notes
+from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
 from ancf_casadi.records.over_frequency import functions_of, read_spectral, sine_amplitudes
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.records.units import known_unit
@@ -172,6 +173,7 @@ class ResponseRecord(Displayed):
         base: HarmonicBase | None = None,
         load: HarmonicLoad | None = None,
         excitation_unit: ExcitationUnit | None = None,
+        layout: TableLayout = NO_LAYOUT,
         progress: bool = False,
         **settings: Any,
     ) -> ResponseRecord:
@@ -194,8 +196,10 @@ class ResponseRecord(Displayed):
             levels without a unit.  Without either, levels in units of motion are those of a base that moves in x, and
             levels in N those of a horizontal force at the tip.
         excitation_unit : {"", "N", "V", "m", "m/s", "m/s^2"}, optional
-            Unit of the levels for a fit without a beam; empty for that of the file.  A reading in volts then counts as
-            a strain.
+            Unit of the levels for a fit without a beam; empty for that of the file.  A reading in volts is then
+            a signal.
+        layout : TableLayout
+            Rows and columns of the file that the reader cannot tell by itself, such as the column ``imaginary``.
         progress : bool
             Whether to show a progress bar on a terminal if reading takes more than a second.
         **settings
@@ -223,7 +227,7 @@ class ResponseRecord(Displayed):
             None if text is None else known_unit(text, name)
             for text, name in ((unit, "unit"), (level_unit, "level_unit"))
         )
-        found = read_spectral(path, frequency, progress=progress)
+        found = read_spectral(path, frequency, layout=layout, progress=progress)
         found = found.only("--level", ["level"], level).only("--phase", ["phase"], phase)
         found = found.only("--column", ["amplitude", "real", ""], column)
         told = told_levels(found)

@@ -111,7 +111,7 @@ def test_volts_are_amplitudes_without_a_beam_only(tmp_path):
     path = table(tmp_path / "a.csv", "f_Hz,x_mV,phase_deg", F, 1e3 * Y, np.degrees(PHI))
     curve = without_beam(path)
     check(curve, levels=np.ones(4))
-    assert curve.sensor == Sensor("strain")
+    assert curve.sensor == Sensor("signal", signal_unit="V")
     with pytest.raises(InputError, match=r"excitation_unit: is missing, .* state it, for a command in a table \[\[cur"):
         without_beam(path, excitation_unit="")
     with pytest.raises(InputError, match="the reading is in V, which no sensor of a beam has; give its scale"):

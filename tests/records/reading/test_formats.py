@@ -12,7 +12,9 @@ from scipy.io import savemat
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.recording import read_recording
+from ancf_casadi.records.sensor import Sensor
 
 SILICONE = Path(__file__).parents[4] / "shared" / "data" / "silicone_beam"
 RATE = 100.0
@@ -81,7 +83,7 @@ class TestMatlab:
         np.testing.assert_allclose(record.time, TIME)
         np.testing.assert_allclose(record.values, 1e-3 * MM)
         notes = " ".join(read_recording(path).notes)
-        assert "'fs' is a single number, 100" in notes
+        assert read_contents(path).step == 1.0 / RATE  # of fs, which the column of times makes superfluous
         assert "'note' is a char, and is left out" in notes
 
     def test_a_matrix_has_a_channel_per_column(self, tmp_path):
@@ -385,8 +387,10 @@ class TestPoseTracks:
         seen = likelihood > 0.6
         np.testing.assert_allclose(record.time, TIME[seen])
         np.testing.assert_allclose(record.values, 0.5e-3 * MM[seen])
-        with pytest.raises(InputError, match=r"is in px, a unit of pixels.*--unit, such as '0.25 mm'"):
-            Measurement.from_file(path, "tip y", sample_rate=RATE)
+        signal = Measurement.from_file(path, "tip y", sample_rate=RATE)
+        np.testing.assert_allclose(signal.values, 2.0 * MM[seen])
+        assert signal.sensor == Sensor("signal", signal_unit="px")
+        assert "in px, without a scale" in signal.notes[-1]
 
     def test_a_plain_table_with_likelihoods(self, tmp_path):
         path = tmp_path / "record.csv"

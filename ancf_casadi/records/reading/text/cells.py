@@ -16,18 +16,23 @@ from typing import Literal
 
 import numpy as np
 
-from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.arrays import Array, ComplexArray, Index
 
 CLOCK = re.compile(r"(?:(\d{1,3}):)?(\d{1,2}):(\d{1,2}(?:[.,]\d*)?)")
 ISO = re.compile(r"(\d{4}-\d{2}-\d{2})[T ](\d{2}:\d{2}(?::\d{2})?(?:[.,]\d{1,9})?) ?(Z|UTC|[+-]\d{2}(?::?\d{2})?)?")
 HALF_DAY = 43_200.0  # s
-Kind = Literal["number", "gap", "stamp", "word"]
+Kind = Literal["number", "complex", "gap", "stamp", "word"]
 
 CELL_NUMBER = {
     ".": re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"),
     ",": re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?"),
 }
 GAPS = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "#nv", "missing", "nan(ind)", "-nan"})
+OVERRANGE = frozenset({
+    *(sign + name for sign in ("", "+", "-") for name in ("∞", "inf", "infinity", "1.#inf", "1.#inf00")),
+    "overrange", "overflow", "overload", "ovrflw", "ovl", "ol", "clipped",
+})  # fmt: skip
+CELL_COMPLEX = re.compile(r"\(?([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([+-])\s*([\d.,]+(?:[eE][+-]?\d+)?)\s*\*?[ij]\)?")
 COMMENTS = ("#", "%", "//", "!", "*")
 NUMBER_CHARACTERS = frozenset("0123456789+-.eE")
 
@@ -123,8 +128,10 @@ class Dialect:
         """Return what a cell holds."""
         if CELL_NUMBER[self.decimal].fullmatch(cell):
             return "number"
-        if cell.casefold() in GAPS:
+        if cell.casefold() in GAPS or cell.casefold() in OVERRANGE:
             return "gap"
+        if CELL_COMPLEX.fullmatch(cell):
+            return "complex"
         return "stamp" if is_stamp(cell) else "word"
 
     def numbers(self, cells: Sequence[str]) -> tuple[Array, int | None]:
@@ -147,10 +154,17 @@ class Dialect:
             kind = self.kind(cell.strip())
             if kind == "number":
                 values[index] = float(cell.replace(self.decimal, "."))
-            if kind in ("stamp", "word") or np.isinf(values[index]):
+            if kind in ("stamp", "word", "complex") or np.isinf(values[index]):
                 values[index] = np.nan
                 fault = index if fault is None else fault
         return values, fault
+
+    def complex_numbers(self, cells: Sequence[str]) -> tuple[ComplexArray, int | None]:
+        """Return the numbers in cells such as ``(1e-3-4e-4j)`` or ``1 - 2i``, as ``numbers`` does."""
+        matches = [CELL_COMPLEX.fullmatch(cell.strip()) for cell in cells]
+        real, fault = self.numbers([match[1] if match else cell for match, cell in zip(matches, cells, strict=True)])
+        imaginary, other = self.numbers([match[2] + match[3] if match else "0" for match in matches])
+        return real + 1j * imaginary, other if fault is None else fault
 
 
 def is_comment(line: str) -> bool:

@@ -89,6 +89,8 @@ def _longest_run(dialect: Dialect, lines: Sequence[str]) -> TableHead | None:
         return None
     width = len(kinds[start])
     inside = [k for k in range(start, len(lines)) if len(kinds[k]) == width][:count]
+    while len(inside) > 1 and _is_heading(kinds[inside[0]], kinds[inside[1]]):
+        inside, start = inside[1:], inside[1]
     usual = tuple(_usual([kinds[k][column] for k in inside]) for column in range(width))
     first = next((k for k in range(start) if len(kinds[k]) == width and _fits(kinds[k], usual)), start)
     rows = [split[k] for k in range(first, len(lines)) if len(split[k]) == width]
@@ -96,12 +98,12 @@ def _longest_run(dialect: Dialect, lines: Sequence[str]) -> TableHead | None:
 
 
 def _is_data(kinds: Sequence[Kind]) -> bool:
-    return "number" in kinds or "stamp" in kinds
+    return not {"number", "stamp", "complex"}.isdisjoint(kinds)
 
 
 def _usual(kinds: Sequence[Kind]) -> Kind:
     """Return what most cells of a column hold; gaps count only if there is nothing else."""
-    possible: tuple[Kind, ...] = ("number", "stamp", "word")
+    possible: tuple[Kind, ...] = ("number", "complex", "stamp", "word")
     counts = {kind: kinds.count(kind) for kind in possible}
     most = max(counts, key=lambda kind: counts[kind])
     return most if counts[most] else "gap"
@@ -113,6 +115,12 @@ def _fits(kinds: Sequence[Kind], usual: Sequence[Kind]) -> bool:
     return any(kind == expected for kind, expected in pairs) and all(
         kind in (expected, "gap") for kind, expected in pairs
     )
+
+
+def _is_heading(kinds: Sequence[Kind], below: Sequence[Kind]) -> bool:
+    """Return whether a row has a word above each number of the next row."""
+    above = [kind for kind, next_kind in zip(kinds, below, strict=True) if next_kind == "number"]
+    return bool(above) and set(above) == {"word"}
 
 
 def _rivals(run: TableHead, best: TableHead) -> bool:

@@ -19,13 +19,14 @@ Neuroscience 21 (2018); the limit 0.6 is its default.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import RecordedChannel, Recording
+from ancf_casadi.records.channel import COUNTER_NAME, RecordedChannel, Recording
 from ancf_casadi.records.reading.text.cells import is_comment, uncommented
 from ancf_casadi.records.reading.text.dialect import SEPARATORS, TableHead
 from ancf_casadi.records.units import Unit, names_time, parse_unit, unit_in_name, unit_of
@@ -33,38 +34,90 @@ from ancf_casadi.support.inputs import shown
 from ancf_casadi.support.tables import counted
 
 BRACKETED = re.compile(r"[(\[{<][^()\[\]{}<>]*[)\]}>]")
-NONE = frozenset({"", "-", "--", "[]", "()", "[-]", "(-)", "1", "none"})
+NONE = frozenset({"", "-", "--", "[]", "()", "[-]", "(-)", "1", "none", "Value", "Values", "value", "values"})
 ABOUT_UNITS = re.compile(r"\b(?:units?|einheit(?:en)?|unités?|unidad(?:es)?)\b", re.IGNORECASE)
+STATED_UNIT = re.compile(rf".*(?:{ABOUT_UNITS.pattern})\s*[,;:=\t]?\s*\"?([^\s,;:=\"]+)\"?[\s,;]*", re.IGNORECASE)
+AXIS = re.compile(r"(?:pos(?:ition)?[ _.]*)?[xyz]\d*", re.IGNORECASE)
+VALUE = (
+    r"\s*(?:\((?:hz|s|sec)\)|\[(?:hz|s|sec)\])?\s*[,;:=\t ]\s*\"?(\d+(?:\.\d*)?(?:e[+-]?\d+)?)\"?[ ,;\t]*([a-zµμ/]*)"
+)
+RATE = re.compile(
+    r"\"?(?:(?:sampl\w*|camera|capture|data|export|scan)[ _-]?(?:rate|freq(?:uency)?)|frequency|frame[ _-]?rate|"
+    rf"abtast(?:rate|frequenz)|messrate|fs|fps)\"?{VALUE}", re.IGNORECASE,
+)  # fmt: skip
+STEP = re.compile(
+    r"\"?(?:(?:sampl\w*|horizontal|time)[ _-]?(?:interval|period|step|increment)|(?:x[ _-]?)?increment|"
+    rf"x[ _-]?incr?|delta[ _]?[xt]|dt|t[ _]?inc|abtastintervall)\"?{VALUE}", re.IGNORECASE,
+)  # fmt: skip
 LEAST_LIKELIHOOD = 0.6  # likelihood of a point that counts
 LIKELIHOOD = re.compile(r"(.*[^\s_.])[ _.]+(?:likelihood|score|confidence|conf)", re.IGNORECASE | re.DOTALL)
 COORDINATE = re.compile(r"(.*[^\s_.])[ _.]+[xyz](?:[ _(\[].*)?", re.IGNORECASE | re.DOTALL)
 Head = tuple[str, str, Unit | None]  # name of a column, its unit as written, and the meaning of the unit
 
 
-def read_heading(above: Sequence[tuple[int, str]], table: TableHead, path: str) -> list[Head]:
-    """Return names and units from the lines above a table, given with their numbers; refuse rows of another width."""
+def read_heading(
+    above: Sequence[tuple[int, str]], table: TableHead, path: str, names_row: int | None = None
+) -> list[Head]:
+    """Return names and units from the lines above a table, given with their numbers; refuse rows of another width.
+
+    The names are those in the line ``names_row``, if it is not None.
+    """
     filled = [(number, line) for number, line in above if line.strip()]
     rows: list[list[str]] = []
+    if names_row is not None:
+        rows = [cells for number, line in filled if number > names_row and (cells := _cells(line, table))]
+        rows.insert(0, _named_row(filled, names_row, table, path))
+        filled = [(number, line) for number, line in filled if number < names_row]
     below = 0
-    while filled and len(rows) < 4:
+    while filled and names_row is None and len(rows) < 8:
         number, line = filled[-1]
         cells = _cells(line, table)
-        if cells is None or (rows and number < below - 1):
+        if cells is None or (rows and (number < below - 1 or STATED_UNIT.fullmatch(uncommented(line)))):
             break
-        rows.insert(0, cells)
+        rows.insert(0, _without_numbers(cells, table))
         filled.pop()
         below = number
     for number, line in filled:
-        if not is_comment(line):
-            _check_metadata(line, table, f"{path}, line {number}", named=bool(rows))
+        if not is_comment(line) and not rows:
+            _check_metadata(line, table, f"{path}, line {number}")
+    metadata = [uncommented(line) for _, line in filled]
+    matches = [match for text in _statements(metadata) if (match := STATED_UNIT.fullmatch(text.strip()))]
+    stated = {unit.quantity: unit for match in matches if (unit := parse_unit(match[1]))}
     heading = _heading(rows, table)
-    about = next((line for _, line in filled if ABOUT_UNITS.search(line)), None)
+    if stated and (completed := _with_stated_units(heading, stated)) != heading:
+        return completed
+    about = next((line for line in metadata if ABOUT_UNITS.search(line)), None)
     if about is None and not rows and filled and BRACKETED.search(filled[-1][1]):
         about = filled[-1][1]
     if about is None:
         return heading
     doubtful = shown(uncommented(about))
     return [(name, symbol or doubtful, unit) for name, symbol, unit in heading]
+
+
+def below_names(lines: Sequence[str], numbers: Sequence[int], names_row: int | None) -> list[str]:
+    """Return lines of a file, empty down to the row of the names if that is given."""
+    return [
+        line if names_row is None or number > names_row else "" for line, number in zip(lines, numbers, strict=True)
+    ]
+
+
+def _named_row(filled: Sequence[tuple[int, str]], names_row: int, table: TableHead, path: str) -> list[str]:
+    """Return the cells of the row with the names."""
+    line = next((line for number, line in filled if number == names_row), "")
+    cells = table.dialect.split(uncommented(line) if is_comment(line) else line)
+    while len(cells) > table.width and not cells[-1]:
+        cells.pop()
+    cells += [""] * (table.width - len(cells)) * (table.dialect.delimiter != " ")
+    if len(cells) != table.width:
+        fault = f"has {counted(len(cells), 'name')} for {counted(table.width, 'column')}; name another with --names-row"
+        raise InputError(fault, f"{path}, line {names_row}")
+    return cells
+
+
+def _without_numbers(cells: Sequence[str], table: TableHead) -> list[str]:
+    return ["" if kind == "gap" and table.dialect.kind(cell) == "number" else cell
+            for cell, kind in zip(cells, table.kinds, strict=True)]  # fmt: skip
 
 
 def _cells(line: str, table: TableHead) -> list[str] | None:
@@ -79,9 +132,51 @@ def _cells(line: str, table: TableHead) -> list[str] | None:
         cells.append("")
     while len(cells) > table.width and not cells[-1]:
         cells.pop()
-    if len(cells) != table.width or any(table.dialect.kind(cell) == "number" and cell != "1" for cell in cells):
+    if len(cells) != table.width or (table.width == 1 and _has_number(table, text.split())):
+        return None
+    if _has_number(table, [cell for cell, kind in zip(cells, table.kinds, strict=True) if kind != "gap"]):
         return None
     return cells if any(cells) else None
+
+
+def _has_number(table: TableHead, cells: Sequence[str]) -> bool:
+    return any(table.dialect.kind(cell) == "number" and cell != "1" for cell in cells)
+
+
+def _statements(lines: Sequence[str]) -> list[str]:
+    """Return lines of metadata, their pieces, and what stands below each piece as ``above: below``."""
+    plain = [uncommented(line).rstrip(",; \t") for line in lines]
+    pieces = [re.split(r"\s{2,}|[\t,;]\s*", text) for text in plain]
+    pairs = [(upper, lower) for upper, lower in pairwise(pieces) if len(upper) == len(lower) > 1]
+    below = [f"{name}: {value}" for upper, lower in pairs for name, value in zip(upper, lower, strict=True)]
+    return [*plain, *(piece for cells in pieces for piece in cells), *below]
+
+
+def sampling_step(lines: Sequence[str]) -> float | None:
+    """Return the time between samples, s, that the lines above a table state: as a rate, a step or an increment."""
+    for statement in _statements(lines):
+        for pattern, quantity in ((RATE, "frequency"), (STEP, "time")):
+            if match := pattern.match(statement.strip()):
+                unit = parse_unit(match[2]) if match[2] else None
+                value = float(match[1]) * (unit.factor if unit and unit.quantity == quantity else 1.0)
+                if 0.0 < value < np.inf:
+                    return 1.0 / value if quantity == "frequency" else value
+    return None
+
+
+def _with_stated_units(heading: Sequence[Head], stated: Mapping[str, Unit]) -> list[Head]:
+    """Return the columns with units that metadata state by their quantity, where the columns have none."""
+    values = [unit for quantity, unit in stated.items() if quantity != "time"]
+    times = [unit.quantity == "time" if unit else names_time(name) for name, _, unit in heading]
+    value = values[0] if len(values) == 1 and (any(times) or len(heading) == 1) else None
+    units = [
+        None if COUNTER_NAME.fullmatch(name) else stated.get("time") if is_time else value
+        for (name, _, _), is_time in zip(heading, times, strict=True)
+    ]
+    return [
+        (name, stated_unit.symbol, stated_unit) if stated_unit and not symbol else (name, symbol, unit)
+        for (name, symbol, unit), stated_unit in zip(heading, units, strict=True)
+    ]
 
 
 def _with_units(words: Sequence[str]) -> list[str]:
@@ -95,16 +190,18 @@ def _with_units(words: Sequence[str]) -> list[str]:
     return joined
 
 
-def _check_metadata(line: str, table: TableHead, where: str, *, named: bool) -> None:
+def _check_metadata(line: str, table: TableHead, where: str) -> None:
     """Check that a line above the table is no row of it."""
     cells = table.dialect.split(line)
     kinds = {table.dialect.kind(cell) for cell in cells}
     if kinds <= {"number", "gap", "stamp"} and kinds & {"number", "stamp"}:
         raise InputError(
-            f"has {counted(len(cells), 'column')} where the table has {table.width}; remove the line", where
+            f"has {counted(len(cells), 'column')} where the table has {table.width}; remove the line, or "
+            "leave it out with --skip-rows",
+            where,
         )
     twice = table.dialect.delimiter == "," and len(cells) > 1 and table.width == 2 * len(cells)
-    if not named and twice:
+    if twice:
         raise InputError(f"names {len(cells)} columns, but the rows have {table.width} cells; {SEPARATORS}", where)
 
 
@@ -117,20 +214,44 @@ def _heading(rows: list[list[str]], table: TableHead) -> list[Head]:
     if tracks:
         return tracks
     written = _units_row(rows)
-    names = numbered if written is not None and len(rows) == 1 else [row for row in rows if row is not written][-1]
-    names = [name or default for name, default in zip(names, numbered, strict=True)]
+    names = _names([row for row in rows if row is not written], table.width)
     symbols = ["" if cell in NONE else cell.strip("()[]{}<>").strip() for cell in written or [""] * table.width]
+    counters = [bool(COUNTER_NAME.fullmatch(symbol)) for symbol in symbols]  # such as Sequence in place of a unit
+    names = [symbol if counts else name for counts, symbol, name in zip(counters, symbols, names, strict=True)]
+    symbols = ["" if counts else symbol for counts, symbol in zip(counters, symbols, strict=True)]
+    names = [name or default for name, default in zip(names, numbered, strict=True)]
     return [(name, *unit_of(symbol, name)) for name, symbol in zip(names, symbols, strict=True)]
+
+
+def _names(rows: Sequence[Sequence[str]], width: int) -> list[str]:
+    """Return the names in the lowest of several rows, each with what stands above it if names are missing or equal.
+
+    A cell above several columns, such as the name of a marker above its coordinates, stands above the first of them.
+    """
+    if not rows:
+        return [""] * width
+    names = list(rows[-1])
+    for row in reversed(rows[:-1]):
+        lowest = [name for name in names if name]
+        if len(set(lowest)) == len(lowest) == width:
+            break
+        spread = list(row)
+        for k in range(1, width):
+            spread[k] = spread[k] or (spread[k - 1] if names[k] else "")
+        joined = [f"{above} {name}".strip() for above, name in zip(spread, names, strict=True)]
+        if len(set(joined)) > len(set(names)) or not all(names):
+            names = joined
+    return names
 
 
 def _units_row(rows: list[list[str]]) -> list[str] | None:
     """Return the row with the units: the one whose cells are most often units; of two other rows, the lower one."""
     for row in reversed(rows):
-        filled = [cell for cell in row if cell not in NONE]
+        filled = [cell for cell in row if cell not in NONE and not COUNTER_NAME.fullmatch(cell)]
         units = [cell for cell in filled if parse_unit(cell) or BRACKETED.fullmatch(cell)]
         if filled and 2 * len(units) >= len(filled) and (len(rows) > 1 or len(units) == len(row)):
             return row
-    if len(rows) == 1 or any(names_time(cell) or unit_in_name(cell)[1] for cell in rows[-1]):
+    if len(rows) == 1 or any(names_time(cell) or AXIS.fullmatch(cell) or unit_in_name(cell)[1] for cell in rows[-1]):
         return None
     return rows[-1]
 

@@ -20,12 +20,21 @@ from tqdm import tqdm
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording
-from ancf_casadi.records.reading.text.cells import Dialect, clock_seconds, is_comment, iso_nanoseconds, over_midnight
+from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
+from ancf_casadi.records.reading.text.cells import (
+    GAPS,
+    OVERRANGE,
+    Dialect,
+    clock_seconds,
+    is_comment,
+    iso_nanoseconds,
+    over_midnight,
+)
 from ancf_casadi.records.reading.text.dialect import TableHead, find_table
-from ancf_casadi.records.reading.text.header import Head, read_heading, without_unlikely
+from ancf_casadi.records.reading.text.header import Head, below_names, read_heading, sampling_step, without_unlikely
 from ancf_casadi.records.units import parse_unit
-from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.tables import counted
+from ancf_casadi.support.arrays import Array, ComplexArray, Index
+from ancf_casadi.support.tables import counted, printable
 
 BLOCK_BYTES = 4 * 2**20  # bytes
 MOST_LINE_BYTES = 2**20  # bytes
@@ -44,7 +53,7 @@ def text_blocks(path: Path, *, progress: bool = False) -> Iterator[bytes]:
         open(path, "rb") as file,
         tqdm(
             total=path.stat().st_size, disable=None if progress else True, delay=1.0, leave=False,
-            unit="B", unit_scale=True, desc=path.name,
+            unit="B", unit_scale=True, desc=printable(path.name),
         ) as bar,
     ):  # fmt: skip
         encoding, mark = _encoding(file.read(4096))
@@ -91,13 +100,14 @@ def _plain_ends(block: bytes) -> bytes:
     return block.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in block else block
 
 
-def read_text(path: Path, *, progress: bool = False) -> Recording:
+def read_text(path: Path, layout: TableLayout = NO_LAYOUT, *, progress: bool = False) -> Recording:
     """Read a table in plain text; refuse a row with too few or too many cells by its line."""
-    blocks = text_blocks(path, progress=progress)
+    blocks = _without_rows(text_blocks(path, progress=progress), layout.skip_rows)
     first = next(blocks, b"")
     lines, numbers = _head(first)
-    table = find_table(lines, numbers, str(path))
-    heading = read_heading(list(zip(numbers[: table.first], lines[: table.first], strict=True)), table, str(path))
+    table = find_table(below_names(lines, numbers, layout.names_row), numbers, str(path))
+    above = list(zip(numbers[: table.first], lines[: table.first], strict=True))
+    heading, step = read_heading(above, table, str(path), layout.names_row), sampling_step([line for _, line in above])
     skipped = numbers[table.first] - 1
     body = first.split(b"\n", skipped)[skipped]
     reader = _Reader(table, str(path))
@@ -106,7 +116,22 @@ def read_text(path: Path, *, progress: bool = False) -> Recording:
         reader.read(block, line)
         line, block = line + block.count(b"\n"), following
     reader.read(reader.without_text(block, line), line)
-    return without_unlikely(reader.contents(heading))
+    return without_unlikely(reader.contents(heading, step))
+
+
+def _without_rows(blocks: Iterator[bytes], skipped: Sequence[int]) -> Iterator[bytes]:
+    """Yield blocks with nothing but their ends in the lines to leave out."""
+    first = 1
+    for block in blocks:
+        count = block.count(b"\n")
+        inside = [line - first for line in skipped if first <= line <= first + count]
+        if inside:
+            lines = block.split(b"\n")
+            for k in inside:
+                lines[k] = b""
+            block = b"\n".join(lines)
+        first += count
+        yield block
 
 
 def _head(block: bytes) -> tuple[list[str], list[int]]:
@@ -138,6 +163,7 @@ class _Reader:
     lines: list[Index] = field(default_factory=list)
     faults: dict[int, str] = field(default_factory=dict)
     first_stamps: dict[int, int] = field(default_factory=dict)
+    overrange: dict[int, int] = field(default_factory=dict)  # number of such samples by column
     notes: list[str] = field(default_factory=list)
 
     def read(self, block: bytes, line: int) -> None:
@@ -210,7 +236,7 @@ class _Reader:
         self.blocks.append(np.column_stack([self._column(k, cells, lines) for k, cells in enumerate(columns)]))
         self.lines.append(np.array(lines, dtype=np.int32))
 
-    def _column(self, k: int, cells: Sequence[str], lines: Sequence[int]) -> Array:
+    def _column(self, k: int, cells: Sequence[str], lines: Sequence[int]) -> Array | ComplexArray:
         kind = self.table.kinds[k]
         if kind == "word":
             advice = CLOCKS if ":" in cells[0] else ""
@@ -218,11 +244,21 @@ class _Reader:
             return np.full(len(cells), np.nan)
         if kind == "stamp":
             values, fault = self._stamps(k, cells)
+        elif kind == "complex":
+            return self._complex(k, cells, lines)
         else:
             values, fault = self.table.dialect.numbers(cells)
+        if np.isnan(values).any():
+            self.overrange[k] = self.overrange.get(k, 0) + sum(cell.strip().casefold() in OVERRANGE for cell in cells)
         if fault is not None:
             what = "a time" if kind == "stamp" else "a finite number"
             self.faults.setdefault(k, f"line {lines[fault]}: {cells[fault].strip()[:40]!r} is not {what}")
+        return values
+
+    def _complex(self, k: int, cells: Sequence[str], lines: Sequence[int]) -> ComplexArray:
+        values, fault = self.table.dialect.complex_numbers(cells)
+        if fault is not None:
+            self.faults.setdefault(k, f"line {lines[fault]}: {cells[fault].strip()[:40]!r} is not a complex number")
         return values
 
     def _stamps(self, k: int, cells: Sequence[str]) -> tuple[Array, int | None]:
@@ -236,26 +272,41 @@ class _Reader:
         fault = next((i for i, cell in enumerate(cells) if self.table.dialect.kind(cell) != "stamp"), 0)
         return np.full(len(cells), np.nan), fault
 
-    def contents(self, heading: Sequence[Head]) -> Recording:
+    def contents(self, heading: Sequence[Head], step: float | None) -> Recording:
         """Return the columns."""
         if not self.blocks:
             raise InputError("has no rows of numbers; needs a table with a row per sample", self.path)
-        channels = []
+        channels: list[RecordedChannel] = []
+        imaginary: list[RecordedChannel] = []
         for k, (name, symbol, unit) in enumerate(heading):
             values = np.concatenate([block[:, k] for block in self.blocks])
+            fault = self.faults.get(k, "")
+            if self.table.kinds[k] == "complex":
+                channels.append(RecordedChannel(k + 1, f"{name} real", values.real, symbol, unit, fault=fault))
+                number = self.table.width + len(imaginary) + 1
+                imaginary.append(RecordedChannel(number, f"{name} imag", values.imag, symbol, unit, fault=fault))
+                continue
+            values = values.real
             if self.table.kinds[k] == "gap" and np.isnan(values).all():
                 continue
             if self.table.kinds[k] == "stamp":
                 values = values if k in self.first_stamps else over_midnight(values)
                 symbol, unit = "s", parse_unit("s")
-            channels.append(RecordedChannel(k + 1, name, values, symbol, unit, fault=self.faults.get(k, "")))
-        return Recording(self.path, tuple(channels), tuple(self.notes), np.concatenate(self.lines))
+            channels.append(RecordedChannel(k + 1, name, values, symbol, unit, fault=fault))
+        notes = [
+            f"{count} samples of column {heading[k][0]!r} are beyond the range, and are gaps"
+            for k, count in self.overrange.items()
+            if count
+        ]
+        lines = np.concatenate(self.lines)
+        return Recording(self.path, (*channels, *imaginary), (*self.notes, *notes), lines, step)
 
 
 def _is_text(line: str, dialect: Dialect) -> bool:
     """Return whether a line has words and no number."""
-    kinds = {dialect.kind(cell) for cell in dialect.split(line)}
-    return "word" in kinds and not kinds & {"number", "stamp"} and not is_comment(line)
+    cells = dialect.split(line)
+    numbers = {dialect.kind(cell) for cell in cells} & {"number", "stamp", "complex"}
+    return not numbers and any(cell.casefold() not in GAPS for cell in cells) and not is_comment(line)
 
 
 def _filled(block: bytes, delimiter: bytes) -> bytes:

@@ -54,7 +54,7 @@ def test_a_column_is_chosen_by_name_or_number_and_the_others_need_not_be_numbers
         ("\n\n", "record.csv: has no rows of numbers"),
         ("time_s,tip_m\n", "record.csv: has no rows of numbers"),
         ("t,x\n0,1\n1,two\n2,3\n", "record.csv: column 2 'x': line 3: 'two' is not a finite number"),
-        ("0,1\n\n1,inf\n2,1\n", "record.csv: column 2 'column 2': line 3: 'inf' is not a finite number"),
+        ("0,1\n\n1,1e999\n2,1\n", "record.csv: column 2 'column 2': line 3: '1e999' is not a finite number"),
         ("t,x\n0,1\n1,1e999\n2,1\n", "record.csv: column 2 'x': line 3: '1e999' is not a finite number"),
         ("0,1\n1,2,3\n2,3\n", "record.csv, line 2: has 3 columns where the table has 2; complete or remove the line"),
         ("0,1\n1\n", "record.csv, line 2: has 1 column where the table has 2"),

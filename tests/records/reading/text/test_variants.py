@@ -123,7 +123,6 @@ REFUSED = {
     "days since 1900": (
         lines(lambda k, t, y: f"{45429.5 + t / 86400:.9f},{y}", "Time,x_mm\n"), {}, "may count days; .*--time-unit",
     ),
-    "volts": (table("time_s,sensor (V)\n"), {}, "is in V, a unit of voltage.*--unit, such as '0.25 mm', or 'strain'"),
     "units told in a remark": (table("Units: ms and mm\ntime,x\n"), {}, "Units: ms and mm.*--time-unit"),
     "a name that does not fit the columns": (table("Time (ms) of the run; Disp (mm) of the tip\n"), {}, "--time-unit"),
     "large numbers without a unit of time": (
@@ -147,7 +146,7 @@ REFUSED = {
     ),
     "rows out of order": (
         lines(lambda k, t, y: f"{TIME[{90: 91, 91: 90}.get(k, k)]:.4f},{y:.6f}", "t_s,x_mm\n"), {},
-        "line 93: the time 0.9 s is earlier than that of line 92; remove the row, or sort the rows",
+        "line 93: the time 0.9 s is earlier than that of line 92; remove the row .--skip-rows 93., or sort the rows",
     ),
     "times rounded until they repeat": (
         table("t_s,x_mm\n", form="{:.1f}{}{:.6f}"), {},

@@ -76,10 +76,11 @@ class TableLayout(Displayed):
         """Return the layout in a mapping that may hold other keys, and None for a default."""
         return cls(**{name: options[name] for name in LAYOUT_KEYS if options.get(name) is not None})
 
-    def remaining(self, channels: Sequence[RecordedChannel], path: str) -> tuple[RecordedChannel, ...]:
-        """Return the channels without those to leave out."""
-        left_out = {find_channel(channels, name, "--leave-out", path).number for name in self.leave_out}
-        return tuple(channel for channel in channels if channel.number not in left_out)
+
+def chosen_channels(channels: Sequence[RecordedChannel], layout: TableLayout, path: str) -> tuple[RecordedChannel, ...]:
+    """Return the channels of a file without those that a layout leaves out."""
+    left_out = {find_channel(channels, name, "--leave-out", path).number for name in layout.leave_out}
+    return tuple(channel for channel in channels if channel.number not in left_out)
 
 
 LAYOUT_KEYS = tuple(declared.name for declared in fields(TableLayout))

@@ -236,3 +236,10 @@ class TestFile:
             for name, size in sizes.items():
                 text = (tmp_path / name).read_text()
                 assert len(text) == size and len(set(text)) == 1
+
+
+@pytest.mark.parametrize("text", ["=cmd|'/C calc'!A0", "@SUM(A1)", "+1+cmd|x", "-2+3+cmd", "\tx"])
+def test_no_text_of_a_csv_file_is_a_formula(text):
+    written = Table("a", "A", (text, "n"), [(text, -1.5), ("-0.25", None)]).csv()
+    rows = list(csv.reader(io.StringIO(written)))
+    assert rows == [[f"'{text}", "n"], [f"'{text}", "-1.5"], ["-0.25", ""]]

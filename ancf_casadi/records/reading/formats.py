@@ -10,7 +10,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording
-from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
+from ancf_casadi.records.layout import NO_LAYOUT, TableLayout, chosen_channels
 from ancf_casadi.records.reading.arrays import read_hdf5, read_matlab, read_npy, read_npz, read_wav
 from ancf_casadi.records.reading.c3d import read_c3d
 from ancf_casadi.records.reading.labview import read_lvm, read_tdms
@@ -37,7 +37,7 @@ def read_contents(path: str | Path, *, layout: TableLayout = NO_LAYOUT, progress
         found = _read(Path(path), file.read(BYTES_LOOKED_AT), layout, progress)
     if not found.channels:
         raise InputError("has no channels of numbers", str(path))
-    channels = layout.remaining(found.channels, str(path))
+    channels = chosen_channels(found.channels, layout, str(path))
     return replace(found, channels=tuple(map(_within_range, channels)))
 
 

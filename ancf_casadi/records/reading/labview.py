@@ -1,6 +1,7 @@
 """Files of LabVIEW: LVM text files through lvm-read, and TDMS files, which DIAdem writes too, through nptdms.
 
-lvm-read gets the text instead of the file: from a file, it would read a pickled copy beside it, and leave one.
+lvm-read gets lines instead of the file: from a file, it would read a pickled copy beside it, and leave one.  It keeps
+each number as an object, and therefore gets them block by block, each below the header.
 """
 
 from __future__ import annotations
@@ -17,28 +18,56 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording
 from ancf_casadi.records.reading.arrays import MOST_CHANNELS, seconds_from_first
 from ancf_casadi.records.reading.libraries import readable
-from ancf_casadi.records.reading.text.reader import decoded
+from ancf_casadi.records.reading.text.reader import decoded, text_blocks
 from ancf_casadi.records.reading.worker import MOST_DATA_BYTES
 from ancf_casadi.records.units import parse_unit, unit_of
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.optional import library
 
+END_OF_HEADER = "***End_of_Header***"  # of the file, and of each segment
+
 
 def read_lvm(path: Path) -> Recording:
     """Read the channels of an LVM file; refuse one with several segments."""
     lvm_read = library("lvm_read", "LVM files need it")
+    header: list[str] = []
+    blocks: list[Array] = []
+    segments = 0
     with readable(str(path), "LVM"):
-        found = lvm_read.read_str(decoded(path.read_bytes()))
-        if found["Segments"] != 1:
-            raise InputError(f"has {found['Segments']} segments; save each in a file of its own", str(path))
-        return Recording(str(path), tuple(_channels(found, found[0])))
+        for block in text_blocks(path):
+            lines = [f"{line}\n" for line in decoded(block).removesuffix("\n").split("\n")]
+            segments += sum(line.startswith(END_OF_HEADER) for line in lines) - (not header)
+            end = next((k for k, line in enumerate(lines, start=1) if line.startswith("X_Value")), len(lines))
+            header, lines = header or lines[:end], lines[0 if header else end :]
+            contents = lvm_read.read_lines([*header, *lines], _separator(header))
+            segments = max(segments, contents["Segments"])
+            if segments > 1:
+                raise InputError(f"has {segments} segments; save each in a file of its own", str(path))
+            blocks.append(np.asarray(contents[0]["data"], dtype=float))
+        return Recording(str(path), tuple(_channels(contents, contents[0], _stacked(blocks))))
 
 
-def _channels(header: Mapping[str, Any], segment: Mapping[str, Any]) -> list[RecordedChannel]:
-    names = [str(name) for name in segment["Channel names"]]
-    data = np.asarray(segment["data"], dtype=float)
-    if data.ndim != 2:
+def _separator(header: Sequence[str]) -> str:
+    """Return the character between the columns: the one behind the word ``Separator``; a tab if there is none."""
+    line = next((line for line in header if line.startswith("Separator")), "")
+    return line.strip()[9:10] or "\t"
+
+
+def _stacked(blocks: Sequence[Array]) -> Array:
+    """Return the rows of blocks, the shorter ones with nan at their ends."""
+    if any(block.ndim != 2 for block in blocks):
         raise InputError("has no rows of numbers")
+    width = max(block.shape[1] for block in blocks)
+    data = np.full((sum(map(len, blocks)), width), np.nan)
+    first = 0
+    for block in blocks:
+        data[first : first + len(block), : block.shape[1]] = block
+        first += len(block)
+    return data
+
+
+def _channels(header: Mapping[str, Any], segment: Mapping[str, Any], data: Array) -> list[RecordedChannel]:
+    names = [str(name) for name in segment["Channel names"]]
     layout = str(header.get("X_Columns", "One"))
     symbols = [str(text).strip() for text in segment.get("Y_Unit_Label", [])]
     channels: list[RecordedChannel] = []

@@ -1,11 +1,13 @@
 """The command: output, files and refusals."""
 
+import contextlib
 import errno
 import hashlib
 import importlib.util
 import json
 import os
 import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -1116,3 +1118,50 @@ def test_a_study_that_is_interrupted_leaves_no_processes(files, ending, send):
             left = False
         time.sleep(0.05)
     assert not left
+
+
+HOSTILE = "time_s,\x1b[2J\x1b]0;pwned\x07\n0,1\n1,2\n2,1\n3,2\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [("a.csv", []), ("\x1b[31m.csv", []), ("a.csv", ["--column", "\x1b[2J"]), ("a.csv", ["--sample-rate", "\x1b[2J"])],
+    ids=["a column", "a file", "an option", "a number"],
+)
+def test_control_characters_of_others_do_not_reach_the_terminal(tmp_path, capsys, name, arguments):
+    (tmp_path / name).write_text(HOSTILE)
+    with contextlib.suppress(SystemExit):
+        main(["inspect", str(tmp_path / name), *arguments])
+    printed = "".join(capsys.readouterr())
+    assert "\x1b" not in printed and "\x07" not in printed and "\\x1b" in printed
+
+
+CLOSED = {
+    "output": (">&-", 2, ""),
+    "errors": ("2>&-", 0, "tip"),
+    "both": (">&- 2>&-", 2, ""),
+    "input": ("<&-", 0, "tip"),
+}
+
+
+@pytest.mark.parametrize("stream", CLOSED)
+def test_closed_streams_end_without_a_traceback(tmp_path, stream):
+    redirection, code, printed = CLOSED[stream]
+    (tmp_path / "a.csv").write_text("time_s,tip\n0,1\n1,2\n2,1\n")
+    line = f"exec {shlex.quote(sys.executable)} -m problems.cli inspect a.csv {redirection}"
+    run = subprocess.run(["sh", "-c", line], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert run.returncode == code
+    assert printed in run.stdout and "Traceback" not in run.stderr
+    assert run.stderr == (
+        "ancf-casadi: the result cannot be printed (standard output is closed)\n" * (stream == "output")
+    )
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "cp1252"])
+def test_characters_that_a_terminal_lacks_are_escaped(tmp_path, encoding):
+    (tmp_path / "ünï³→.csv").write_text("time_s,ä→\n0,1\n1,2\n2,1\n", encoding="utf-8")
+    command = [sys.executable, "-m", "problems.cli", "inspect", "ünï³→.csv"]
+    environment = os.environ | {"PYTHONIOENCODING": encoding}
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, check=False, env=environment)
+    assert run.returncode == 0 and not run.stderr
+    assert "\\u2192" in run.stdout.decode(encoding)

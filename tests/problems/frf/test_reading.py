@@ -5,6 +5,7 @@ import pytest
 from scipy.io import savemat
 
 from ancf_casadi import InputError, read_recording
+from ancf_casadi.records.layout import TableLayout
 from problems import FrfRecord, fit_frf
 from problems.frf.record import frf_unit
 
@@ -125,3 +126,57 @@ def test_units_tell_the_kind(text, kind, factor):
 def test_what_is_not_clear_is_refused(tmp_path, head, options, message):
     with pytest.raises(InputError, match=message):
         FrfRecord.from_file(table(tmp_path / "a.csv", head, F, H[0].real, H[0].imag), **options)
+
+
+@pytest.mark.parametrize(
+    ("coherence", "note"),
+    [
+        (np.where(F < 2.0, 1.0000000000000009, 0.9), ""),
+        (np.where(F < 2.0, 99.5, 90.0), "the coherence is taken in percent"),
+        (np.where(F == F[7], 7.0, 0.9), "1 coherences beyond 0 and 1 count as these limits"),
+        (np.where(F == F[7], np.nan, 0.9), "1 coherences that are missing count as 0"),
+    ],
+    ids=["rounding", "percent", "a bad line", "a gap"],
+)
+def test_a_coherence_beyond_its_limits_is_clipped(tmp_path, coherence, note):
+    path = table(tmp_path / "a.csv", "f_Hz,H real (m/N),H imag (m/N),coherence", F, H[0].real, H[0].imag, coherence)
+    record = FrfRecord.from_file(path)
+    assert record.coherence.min() >= 0.0 and record.coherence.max() <= 1.0
+    assert float(np.median(record.coherence)) == pytest.approx(
+        float(np.nanmedian(coherence)) / (100 if "perc" in note else 1)
+    )
+    assert any(note in text for text in record.notes) or not note
+
+
+COMPLEX_TEXTS = {
+    "python": "({0.real:.8e}{0.imag:+.8e}j)", "matlab": "{0.real:.8e}{0.imag:+.8e}i",
+    "octave": "{0.real:.8e} {0.imag:+.8e}*i",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("style", COMPLEX_TEXTS)
+def test_complex_text_is_a_function(tmp_path, style):
+    path = tmp_path / "a.csv"
+    cells = [COMPLEX_TEXTS[style].format(complex(value)) for value in H[0]]
+    path.write_text("f (Hz),H (m/N)\n" + "".join(f"{f},{cell}\n" for f, cell in zip(F, cells, strict=True)))
+    np.testing.assert_allclose(FrfRecord.from_file(path).values[0, 0], H[0], rtol=1e-7)
+
+
+def test_a_table_without_names_is_read_by_the_column_of_the_imaginary_parts(tmp_path):
+    path = tmp_path / "a.txt"
+    np.savetxt(path, np.column_stack([F, H[0].real, H[0].imag]))
+    with pytest.raises(InputError, match="choose with --frequency"):
+        FrfRecord.from_file(path, unit="m/N")
+    with pytest.raises(InputError, match="--imaginary"):
+        FrfRecord.from_file(path, unit="m/N", frequency=1)
+    record = FrfRecord.from_file(path, unit="m/N", frequency=1, layout=TableLayout(imaginary=3))
+    np.testing.assert_allclose(record.values[0, 0], H[0])
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("m/N", 1.0), ("1 m/N", 1.0), ("mm/N", 1e-3)])
+def test_decibels_refer_to_their_unit(tmp_path, unit, factor):
+    head = f"f (Hz),H (dB re {unit}),phase (deg)"
+    path = table(tmp_path / "a.csv", head, F, 20.0 * np.log10(np.abs(H[0]) / factor), np.degrees(np.angle(H[0])))
+    record = FrfRecord.from_file(path)
+    assert record.kind == "receptance"
+    np.testing.assert_allclose(record.values[0, 0], H[0])

@@ -3,6 +3,7 @@
 import io
 import pickle
 import struct
+import tracemalloc
 import zipfile
 from pathlib import Path
 
@@ -331,6 +332,22 @@ class TestTdms:
             writer.write_segment([ChannelObject("run", "time", stamps), ChannelObject("run", "x_mm", MM)])
         np.testing.assert_allclose(Measurement.from_file(path).time, TIME, atol=1e-6)
 
+    @pytest.mark.parametrize("delay", [0, 250_000, 1_500_000])  # microseconds
+    def test_channels_that_start_later_have_later_times(self, tmp_path, delay):
+        from nptdms import ChannelObject, TdmsWriter
+
+        path = tmp_path / "record.tdms"
+        start = np.datetime64("2024-05-17T09:30:00", "us")
+        channels = [
+            ChannelObject("run", name, MM, {"wf_increment": 0.01, "wf_start_offset": 0.0, "wf_start_time": instant})
+            for name, instant in (("x_mm", start), ("y_mm", start + np.timedelta64(delay, "us")))
+        ]
+        with TdmsWriter(str(path)) as writer:
+            writer.write_segment(channels)
+        x, y = read_recording(path).channels
+        np.testing.assert_allclose(x.time, TIME, atol=1e-9)
+        np.testing.assert_allclose(y.time, TIME + 1e-6 * delay, atol=1e-9)
+
 
 LVM = """LabVIEW Measurement\t
 Writer_Version\t2
@@ -372,6 +389,59 @@ class TestLvm:
         path.write_text(LVM.format(columns="One", samples=len(TIME)) + rows)
         (tmp_path / "record.lvm.pkl").write_bytes(pickle.dumps({"Segments": 7}))
         assert len(Measurement.from_file(path).time) == len(TIME)
+
+    def test_a_long_file_takes_little_more_memory_than_its_numbers(self, tmp_path, monkeypatch):
+        path = tmp_path / "record.lvm"
+        values = np.arange(30_000) / 1000.0
+        path.write_text(LVM.format(columns="One", samples=30_000) + "".join(f"{t}\t{2.0 * t}\n" for t in values))
+        monkeypatch.setattr("ancf_casadi.records.reading.text.reader.BLOCK_BYTES", 2**14)
+        tracemalloc.start()
+        recording = read_contents(path)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        np.testing.assert_array_equal(recording.channels[0].time, values)
+        np.testing.assert_array_equal(recording.channels[0].values, 2.0 * values)
+        assert peak < 3 * path.stat().st_size
+
+    @pytest.mark.parametrize("rows", [2, 5000])
+    def test_several_segments_are_refused(self, tmp_path, monkeypatch, rows):
+        path = tmp_path / "record.lvm"
+        monkeypatch.setattr("ancf_casadi.records.reading.text.reader.BLOCK_BYTES", 2**14)
+        head, _, segment = LVM.format(columns="One", samples=rows).partition("\n\n")
+        numbers = "".join(f"{k}\t{k}\n" for k in range(rows))
+        path.write_text(f"{head}\n\n{segment}{numbers}\n{segment}{numbers}")
+        with pytest.raises(InputError, match="has 2 segments; save each in a file of its own"):
+            read_contents(path)
+
+
+class TestStatedRates:
+    @pytest.mark.parametrize(
+        ("name", "value"), [("dt", 0.01), ("Fs", 100.0), ("sample_rate", 100.0), ("run.fs", 100.0), ("Ts", 0.01)]
+    )
+    def test_a_number_beside_the_data_gives_the_times(self, tmp_path, name, value):
+        path = tmp_path / "record.npz"
+        np.savez(path, **{"tip_mm": MM, name: value})
+        np.testing.assert_allclose(Measurement.from_file(path).time, TIME, atol=1e-12)
+
+    @pytest.mark.parametrize("suffix", ["mat", "npz"])
+    def test_f_with_negative_values_is_a_force(self, tmp_path, suffix):
+        path = tmp_path / f"record.{suffix}"
+        columns = {"f": MM, "dt": 0.01}
+        savemat(path, columns) if suffix == "mat" else np.savez(path, **columns)
+        np.testing.assert_allclose(Measurement.from_file(path).time, TIME, atol=1e-12)
+
+
+class TestSound:
+    @pytest.mark.parametrize(("kind", "scale"), [("int16", 32768.0), ("int32", 2147483648.0), ("float32", 1.0)])
+    def test_samples_are_fractions_of_full_scale(self, tmp_path, kind, scale):
+        from scipy.io import wavfile
+
+        path = tmp_path / "record.wav"
+        wavfile.write(path, 100, (0.1 * MM * scale).astype(kind))
+        record = Measurement.from_file(path)
+        np.testing.assert_allclose(record.time, TIME)
+        np.testing.assert_allclose(record.values, 0.1 * MM, atol=1.0 / 32768.0)
+        assert record.sensor.unit == "full scale"
 
 
 class TestPoseTracks:

@@ -219,7 +219,10 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "Section": (a.Section, {"width": 1e-3, "thickness": 1e-3}),
         "Sensor": (a.Sensor, {
             "quantity": "displacement", "point": 0.3, "direction": (1.0, 0.0), "frame": "inertial", "gravity": False,
-            "distance": None,
+            "distance": None, "signal_unit": "",
+        }),
+        "TableLayout": (a.TableLayout, {
+            "names_row": 1, "skip_rows": (2,), "leave_out": ("x",), "imaginary": None,
         }),
         "Footage": (a.Footage, {
             "time": (0.0, 0.1), "images": np.zeros((2, 8, 8), np.uint8), "scale": 1e-3, "origin": (4.0, 0.0),
@@ -259,7 +262,8 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
             "model": reduced, "damping": None, "base": steady, "load": None, "force": None, "tolerance": 1e-5,
         }),
         "read_recording": (a.read_recording, {
-            "path": folder / "a.csv", "time": 1, "time_unit": "s", "sample_rate": None, "progress": False,
+            "path": folder / "a.csv", "time": 1, "time_unit": "s", "sample_rate": None, "layout": a.TableLayout(),
+            "progress": False,
         }),
         "reduce_model": (a.reduce_model, {
             "model": model, "modes": 1, "damping": law, "markers": (0.3,), "slope_points": None, "drag_points": None,

@@ -23,7 +23,7 @@ from ancf_casadi.records.processing import (
     without_line,
 )
 from ancf_casadi.records.recording import read_recording
-from ancf_casadi.records.sensor import NO_SCALE, Sensor, sensor_of
+from ancf_casadi.records.sensor import Sensor, sensor_of
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
@@ -178,7 +178,10 @@ class Measurement(Displayed):
             notes = [note for note in recording.notes if note not in others]
             notes += () if given else unit_notes([channel])
             if measured.quantity == "signal":
-                notes.append(f"column {channel.label} is {NO_SCALE.format(measured.unit or 'an unknown unit')}")
+                notes.append(
+                    f"column {channel.label} is in {measured.unit or 'its unit'}, without a scale: sizes hold for this sensor "
+                    "only; frequency and linear damping do not need one"
+                )
             return cls(channel.time, values, recording.name, measured, [f"{recording.name}: {note}" for note in notes])
 
     @cached_property

@@ -31,6 +31,7 @@ from ancf_casadi.support.inputs import check_instance, physical, shown
 
 LEAST_EQUAL_SHARE = 0.9  # share of steps upwards, or of equal steps, that tells a column of times
 FIRST_DATE, LAST_DATE = 2e4, 1e6  # days since 1900 or since the year 0, as workbooks and MATLAB count
+LEAST_SAMPLES, LONGEST_STEP = 30, 1.0  # times of so many samples without a unit with such steps, s, are asked for
 SECONDS = known_unit("s", "")
 JOINED_NAME = re.compile(r"sec|time|zeit|stamp|epoch", re.IGNORECASE)  # of the column of whole seconds
 RATE_ADVICE = "or give the sampling rate with --sample-rate"
@@ -258,6 +259,11 @@ def _seconds(channel: RecordedChannel, unit: Unit | None, path: str) -> tuple[Ar
     # span of such times relative to their size: a record of an hour at most
     if given is None and FIRST_DATE < largest < LAST_DATE and span < 1e-6 * largest:
         raise InputError("has no unit, and may count days; give the unit with --time-unit", where)
+    step = float(np.nanmedian(np.diff(channel.values), axis=None)) if len(channel.values) >= LEAST_SAMPLES else 0.0
+    if given is None and step >= LONGEST_STEP:
+        raise InputError(
+            f"has no unit, and steps of {step:g} s are long for a vibration; give the unit with --time-unit", where
+        )
     factor = given.factor if given else 1.0
     notes: tuple[str, ...] = () if given else (f"column {channel.label} has no unit; its times are taken in s",)
     values = channel.values

@@ -42,7 +42,6 @@ QUANTITY_WORDS: Mapping[Quantity, str] = {
     "slope": "angle slope winkel rotation",
 }
 QUANTITY_OF = {word: quantity for quantity, words in QUANTITY_WORDS.items() for word in words.split()}
-NO_SCALE = "in {}, without a scale: sizes hold for this sensor only; frequency and linear damping do not need one"
 
 
 @dataclass(frozen=True)

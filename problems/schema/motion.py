@@ -41,7 +41,7 @@ MOTION_KEYS = """\
                 sweep: the same with frequencies = [FIRST, LAST] (Hz)
                 sampled: file, with the columns (name or number) x, y and
                 rotation, of which one is enough; time, unit, time_unit,
-                sample_rate (1/s)
+                names_row, skip_rows, leave_out, sample_rate (1/s)
                 fixed: displacement (m), rotation (rad)
   [load]        force and moment at the tip, in the laboratory frame
                 harmonic: force (N), moment (N m), frequency (Hz), stop (s),
@@ -49,7 +49,7 @@ MOTION_KEYS = """\
                 sampled: time = [0, 5], force = [[1, 0], [1, 0]], moment; or
                 file, with the columns force_x, force_y and moment, of which
                 one is enough; time, unit, time_unit,
-                sample_rate (1/s)
+                names_row, skip_rows, leave_out, sample_rate (1/s)
                 moving: force (N), speed (m/s), point (m), begin (s), end (m)
   [release]     the load that holds the beam until time 0: tip_force (N),
                 tip_moment (N m)

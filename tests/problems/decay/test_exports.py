@@ -173,3 +173,12 @@ def test_sorting_is_advised_only_where_it_keeps_the_record(tmp_path, form, advis
     with pytest.raises(InputError) as caught:
         Measurement.from_file(path)
     assert bool(re.search("sort the rows", str(caught.value))) == advised
+
+
+@pytest.mark.parametrize(("name", "unit"), [("t", "ms"), ("time", "us"), ("Zeit", "ms"), ("x_value", "us")])
+def test_times_that_are_implausible_in_seconds_are_asked_for(tmp_path, name, unit):
+    path = tmp_path / "record.csv"
+    path.write_text(f"{name},y_mm\n" + rows("{:.0f},{:.5f}", TIME * {"ms": 1e3, "us": 1e6}[unit], DECAY))
+    with pytest.raises(InputError, match="has no unit, and steps of .* s are long for a vibration; .*--time-unit"):
+        Measurement.from_file(path)
+    check(fit_decay(Measurement.from_file(path, time_unit=unit)))

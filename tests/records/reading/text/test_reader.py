@@ -142,7 +142,7 @@ def test_plain_numbers_are_read_in_blocks(csv, monkeypatch, capsys):
     monkeypatch.setattr(reader._Reader, "_cells", None)
     monkeypatch.setattr("ancf_casadi.records.reading.text.reader.BLOCK_BYTES", 5000)
     text = "t,x,y\n" + "".join(f"{k},{k / 7!r},1\n" for k in range(950))
-    record = Measurement.from_file(csv(text), "x", progress=True)
+    record = Measurement.from_file(csv(text), "x", time_unit="ms", progress=True)
     assert record.values.tolist() == [k / 7 for k in range(950)]
     assert capsys.readouterr().err == ""
 

@@ -179,8 +179,8 @@ class Measurement(Displayed):
             notes += () if given else unit_notes([channel])
             if measured.quantity == "signal":
                 notes.append(
-                    f"column {channel.label} is in {measured.unit or 'its unit'}, without a scale: sizes hold for this sensor "
-                    "only; frequency and linear damping do not need one"
+                    f"column {channel.label} is in {measured.unit or 'its unit'}, without a scale: sizes hold for this "
+                    "sensor only; frequency and linear damping do not need one"
                 )
             return cls(channel.time, values, recording.name, measured, [f"{recording.name}: {note}" for note in notes])
 

@@ -38,8 +38,10 @@ start here with a new file; these can be read:
   universal files     data set 58: responses over time, frequency response functions
   C3D                 markers and analog channels of motion capture
   TDMS, LVM           channels of LabVIEW and DIAdem
+  WAV                 channels of a sound, as fractions of full scale
   pose tracks         tables of DeepLabCut, SLEAP and the like, with likelihoods
-values over frequency, complex or as amplitude and phase, are fitted by fit-frf
+a table with other rows or columns around it is read with --names-row,
+--skip-rows and --leave-out; values over frequency, complex or as amplitude and phase, are fitted by fit-frf
 (frequency response functions) and fit-response (steady vibration of a beam)
 """
 SPECTRUM_SAMPLES = 10  # samples of a spectrum

@@ -1,5 +1,6 @@
 """One decay of 4 Hz and 1 % in the styles of instruments and programs: read at once, or after the option named."""
 
+import json
 import re
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 from ancf_casadi import Measurement, TableLayout
 from ancf_casadi.exceptions import InputError
 from problems import fit_decay
+from problems.cli import main
 
 EXPORTS = Path(__file__).parents[4] / "shared" / "data" / "exports"
 TIME = np.arange(600) / 500.0
@@ -179,6 +181,30 @@ def test_sorting_is_advised_only_where_it_keeps_the_record(tmp_path, form, advis
 def test_times_that_are_implausible_in_seconds_are_asked_for(tmp_path, name, unit):
     path = tmp_path / "record.csv"
     path.write_text(f"{name},y_mm\n" + rows("{:.0f},{:.5f}", TIME * {"ms": 1e3, "us": 1e6}[unit], DECAY))
-    with pytest.raises(InputError, match="has no unit, and steps of .* s are long for a vibration; .*--time-unit"):
+    with pytest.raises(InputError, match=r"has no unit, and steps of .* s are long for a vibration; .*--time-unit"):
         Measurement.from_file(path)
     check(fit_decay(Measurement.from_file(path, time_unit=unit)))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["--names-row", "2", "--skip-rows", "3", "--leave-out", "y_mm"], ["--skip-rows", "1,3-3", "--leave-out", "3"],
+     ["--skip-rows", "1-1,3", "--column", "x_mm"]],
+    ids=["names", "rows", "column"],
+)  # fmt: skip
+def test_options_name_rows_and_columns(tmp_path, capsys, words):
+    path = tmp_path / "record.csv"
+    path.write_text(STYLES["rows of numbers above and below the names"][0])
+    assert main(["fit-decay", str(path), *words, "--json"]) == 0
+    fit = json.loads(capsys.readouterr().out)
+    assert fit["frequency_hz"] == pytest.approx(4.0, abs=1e-3)
+    assert fit["damping_ratio"] == pytest.approx(0.01, abs=1e-4)
+    assert main(["inspect", str(path), *words]) == 0
+    assert f"Next: ancf-casadi fit-decay {path} " in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("text", ["0", "5-3", "a", "1-999999999", "1,,2"])
+def test_lines_that_are_none_are_refused(tmp_path, capsys, text):
+    with pytest.raises(SystemExit):
+        main(["fit-decay", "record.csv", "--skip-rows", text])
+    assert "--skip-rows: must be lines such as 1-5,17" in capsys.readouterr().err

@@ -48,6 +48,23 @@ class TestUniversalFile:
         np.testing.assert_allclose(record.values, 1e-3 * MM, rtol=1e-6, atol=1e-9)
         assert record.sensor.quantity == "displacement"
 
+    @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # pyuff leaves the file open
+    @pytest.mark.parametrize("padding", [1, 2, 5])
+    def test_zeros_behind_the_last_value_are_left_out(self, tmp_path, padding):
+        import pyuff
+
+        path = tmp_path / "record.uff"
+        pyuff.UFF(str(path)).write_sets(uff_function(), mode="add")
+        lines = path.read_text().rstrip("\n").split("\n")
+        last = lines[-2]
+        width = len(lines[-3].rstrip("\r")) // 6  # of a value
+        lines[-2] = last.rstrip() + f"{0.0:{width}.5e}" * min(padding, 6 - len(last.rstrip()) // width)
+        lines.insert(-1, f"{0.0:{width}.5e}" * 6)
+        path.write_text("\n".join(lines) + "\n")
+        record = Measurement.from_file(path)
+        np.testing.assert_allclose(record.time, TIME, atol=1e-12)
+        np.testing.assert_allclose(record.values, 1e-3 * MM, rtol=1e-5, atol=1e-9)
+
     def test_the_units_of_the_file_hold_for_functions_without_a_label(self, tmp_path):
         import pyuff
 

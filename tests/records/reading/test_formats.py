@@ -56,10 +56,9 @@ class TestUniversalFile:
         path = tmp_path / "record.uff"
         pyuff.UFF(str(path)).write_sets(uff_function(), mode="add")
         lines = path.read_text().rstrip("\n").split("\n")
-        last = lines[-2]
-        width = len(lines[-3].rstrip("\r")) // 6  # of a value
-        lines[-2] = last.rstrip() + f"{0.0:{width}.5e}" * min(padding, 6 - len(last.rstrip()) // width)
-        lines.insert(-1, f"{0.0:{width}.5e}" * 6)
+        zeros = [f"{0.0:20.11e}"] * padding  # 250 values fill half of the last row
+        lines[-2] += "".join(zeros[:2])
+        lines[-1:-1] = ["".join(zeros[2:])] * (padding > 2)
         path.write_text("\n".join(lines) + "\n")
         record = Measurement.from_file(path)
         np.testing.assert_allclose(record.time, TIME, atol=1e-12)

@@ -220,7 +220,8 @@ def find_takes(time: Array, measured: Array) -> list[slice]:
     if len(takes) < 2:
         return []
     one = min(_lossy(k, z), _beating(k, z, 2), _beating(k, z, 3))
-    several = sum(_lossy(k[take] - k[take.start], z[take]) for take in takes)
+    share = sum(take.stop - take.start for take in takes) / len(z)  # of the windows, which hold as much of the noise
+    several = sum(_lossy(k[take] - k[take.start], z[take]) for take in takes) / share
     motion = float(np.vdot(z, z).real)
     if several > MOST_UNEXPLAINED * motion or not evident(one, several, 2 * len(z), 5 * len(takes), motion):
         return []

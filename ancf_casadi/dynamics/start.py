@@ -39,7 +39,7 @@ from ancf_casadi.mechanics.state import State
 from ancf_casadi.mechanics.strain import axial_strain
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, is_one_of, physical, shown
-from ancf_casadi.vibration.equilibrium import Equilibrium
+from ancf_casadi.vibration.equilibrium import Equilibrium, short_elements_advice
 
 Start = Literal["equilibrium", "straight", "impact"]
 
@@ -146,7 +146,7 @@ def initial_state(
     if isinstance(start, Equilibrium):
         if start.model != model:
             raise InputError("the equilibrium belongs to another model", "start")
-        if not start.stable:
+        if not (start.stable or short_elements_advice(start.model)):
             warnings.warn(
                 "the start is an unstable equilibrium, so rounding decides when and to which side the beam leaves it; "
                 "start from static_equilibrium(model), which is stable, or from a State beside it",

@@ -108,8 +108,11 @@ def static_equilibrium(
 
 
 def stable_position(model: Model, loads: Sequence[Load], side: int = 1) -> Position:
-    """Return the coordinates of ``static_equilibrium``, without a warning."""
-    at, factor = _follow_load(model, loads, stable=True)
+    """Return the coordinates of ``static_equilibrium``, without a warning.
+
+    The mesh of too short elements is unstable where the beam is not, so that its stability tells nothing.
+    """
+    at, factor = _follow_load(model, loads, stable=not short_elements_advice(model))
     return at if factor >= 1.0 else _follow_path(model, loads, side)
 
 

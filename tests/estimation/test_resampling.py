@@ -34,9 +34,6 @@ def coloured(seed, rho):
     return noise[-len(TIME) :]
 
 
-pytestmark = pytest.mark.filterwarnings("ignore:an element bends")  # of the coarse strip
-
-
 @pytest.fixture(scope="module")
 def decay():
     return fit_decay(TIME, swing() + 1e-3 * white(1))

@@ -59,7 +59,7 @@ else:
 def stopped_at(step):
     """Return the message of a fit after a Ctrl-C in a step of its integrations, and its number of steps."""
     run = subprocess.run(
-        [sys.executable, "-W", "error", "-c", FIT.replace("STOP", str(step))],
+        [sys.executable, "-W", "error", "-W", "ignore:an element bends", "-c", FIT.replace("STOP", str(step))],
         cwd=ROOT,
         capture_output=True,
         text=True,

@@ -18,7 +18,6 @@ from fmpy.fmi3 import FMU3Slave, fmi3LogMessageCallback
 
 from ancf_casadi import (
     BaseMotion,
-    Beam,
     ModalDamping,
     Model,
     QuadraticDamping,
@@ -29,6 +28,7 @@ from ancf_casadi import (
 )
 from ancf_casadi.dynamics.base_motion import Piece
 from ancf_casadi.export import beam_functions, write_fmu
+from benchmarks.beams import steel
 
 STEP, HELD, CONTROLLED, ALL = 0.01, 10, 500, 1000  # s; steps of communication
 INPUTS = ("base_x_acceleration", "base_y_acceleration", "base_angle_acceleration")
@@ -85,8 +85,7 @@ def drive(path, folder, size):
 
 
 def main():
-    strip = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
-    model = Model(Beam.uniform(**strip, elements=20))
+    model = Model(steel())
     laws = {
         "rayleigh": RayleighDamping(alpha=0.1, beta=1e-5),
         "quadratic": QuadraticDamping(eta1=0.2, eta2=0.5) + RayleighDamping(beta=1e-6),

@@ -1,6 +1,6 @@
 """Compare the time that this project and Exudyn take to reach the same accuracy.
 
-    python benchmarks/compare_exudyn.py [--case a|b|all] [--law mass|modal|drag|all] [--method idas|radau]
+    python -m benchmarks.compare_exudyn [--case a|b|all] [--law mass|modal|drag|all] [--method idas|radau]
 
 requires ``pip install exudyn`` and a C compiler.  ``exudyn_cases.py`` defines the cases and Exudyn's
 model.
@@ -39,11 +39,23 @@ from functools import partial
 from importlib.metadata import version
 
 import numpy as np
-from exudyn_cases import BEAM, LAWS, SAMPLE_RATE, Array, Bar, Case, Solution, blow, damping, large, solve_exudyn
 
 from ancf_casadi import Model, natural_modes, simulate, static_equilibrium
 from ancf_casadi.dynamics.simulation import Method
 from ancf_casadi.mechanics.nodes import NODE
+from benchmarks.exudyn_cases import (
+    BEAM,
+    LAWS,
+    SAMPLE_RATE,
+    Array,
+    Bar,
+    Case,
+    Solution,
+    blow,
+    damping,
+    large,
+    solve_exudyn,
+)
 
 ORDER = 2  # of generalized alpha
 FINER = 1.5  # least steps of a converged solution, relative to the finest rung
@@ -96,8 +108,8 @@ def main() -> None:
         sys.exit("Exudyn is not installed, so there is nothing to compare with: pip install exudyn")
     os.environ.update(dict.fromkeys(THREADS, "1"))
     laws = LAWS if arguments.law == "all" else (arguments.law,)
-    cases = [large(law, arguments.quick) for law in laws] if arguments.case in ("a", "all") else []
-    cases += [blow(arguments.quick)] if arguments.case in ("b", "all") else []
+    cases = [large(law, arguments.quick, arguments.shorten) for law in laws] if arguments.case in ("a", "all") else []
+    cases += [blow(arguments.quick, arguments.shorten)] if arguments.case in ("b", "all") else []
     print(_machine())
     for case in cases:
         compare(case, arguments.method, not arguments.interpreted, arguments.repeat)
@@ -179,7 +191,7 @@ def signal(case: Case, coordinates: Array) -> Array:
     """Return the compared signal in the window at the end: tip excursion or modal coordinate."""
     coordinates = coordinates[-round(case.window * SAMPLE_RATE) - 1 :]
     model = Model(BEAM)
-    held = np.array([case.base.amplitude * np.sin(2 * np.pi * case.base.frequency * case.base.stop_time), 0.0])
+    held: Array = np.array([case.base.amplitude * np.sin(2 * np.pi * case.base.frequency * case.base.stop_time), 0.0])
     if case.mode is None:
         return coordinates - static_equilibrium(model).coordinates[-NODE:-2] - held
     relative = coordinates - np.tile([*held, 0.0, 0.0], BEAM.elements + 1)
@@ -234,6 +246,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--method", choices=("idas", "radau"), default="radau", help="our integrator")
     parser.add_argument("--interpreted", action="store_true", help="run ours without a C compiler")
     parser.add_argument("--quick", action="store_true", help="short ladders, less accurate converged solutions")
+    parser.add_argument("--shorten", type=float, default=1.0, metavar="FACTOR", help="divide the simulated times")
     parser.add_argument("--repeat", type=int, default=1, metavar="N", help="keep the fastest of N runs")
     return parser
 

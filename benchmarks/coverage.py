@@ -72,13 +72,11 @@ from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.intervals import quantile
 from ancf_casadi.estimation.solver.noise import noise_with_stated
 from ancf_casadi.support.tables import Table
+from benchmarks.beams import DAMPING_RATIOS, silicone, steel
 from problems import Channel, FrequencyRecord, MarkerRecord, MotionRecord, ResponseRecord, StaticRecord, fit_beam
 from problems.beam.result import BeamFit
 
-STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
-STRIP = {"length": 0.2, "width": 0.01, "thickness": 2e-3, "density": 1070.0, "elastic_modulus": 264e3}
-PLAIN = {"length": 0.5, "width": 20e-3, "thickness": 1e-3, "density": 2700.0, "elements": 10}
-RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)
+PLAIN: dict[str, Any] = {"length": 0.5, "width": 20e-3, "thickness": 1e-3, "density": 2700.0, "elements": 10}
 NOISE, FLOOR = 0.01, 1e-3  # of response curves, relative to the amplitude and to the largest amplitude
 TIP = Sensor("displacement")
 AROUND = np.concatenate([[0.96, 0.98], np.linspace(0.988, 1.012, 9), [1.02, 1.04]])
@@ -104,9 +102,9 @@ def case(name: str) -> Case:
 
 def drag(eta2: float) -> Case:
     """Return a motion of a steel strip at its resonance; only drag is unknown."""
-    model = Model(Beam.uniform(**STEEL, elements=5))
+    model = Model(steel(5))
     modes = natural_modes(model, count=5)
-    law, base = ModalDamping(modes, RATIOS), HarmonicBase(1e-3, modes.frequencies[0], stop=4.0)
+    law, base = ModalDamping(modes, DAMPING_RATIOS), HarmonicBase(1e-3, modes.frequencies[0], stop=4.0)
     records = motion(model, law + QuadraticDamping(eta2=eta2) if eta2 else law, base, 1.0, 500.0, 2e-5)
     fixed = tuple(own.name for own in law.parameters)
     return Case(model, law + QuadraticDamping(eta2=0.1), {"eta2": eta2}, records, {"fixed": fixed})
@@ -114,7 +112,7 @@ def drag(eta2: float) -> Case:
 
 def strip() -> Case:
     """Return a motion of a soft strip."""
-    model = Model(Beam.uniform(**STRIP, elements=5))
+    model = Model(silicone(5))
     records = motion(model, QuadraticDamping(0.6, 4.0), HarmonicBase(0.02, 2.0, stop=0.5), 1.5, 40.0, 0.5e-3)
     return Case(model, QuadraticDamping(0.3, 8.0), {"eta1": 0.6, "eta2": 4.0}, records)
 
@@ -123,7 +121,7 @@ def motion(
     model: Model, law: DampingLaw, base: HarmonicBase, duration: float, sample_rate: float, noise: float
 ) -> Callable[[np.random.Generator], MarkerRecord]:
     """Return a measured motion of the tip as a function of a random generator."""
-    settings = {"duration": duration, "sample_rate": sample_rate, "tolerance": 1e-10}
+    settings: dict[str, Any] = {"duration": duration, "sample_rate": sample_rate, "tolerance": 1e-10}
     run = simulate(model, damping=law, base=base, method="radau", **settings)
     return lambda rng: MarkerRecord(run.time, run.tip + noise * rng.normal(size=run.tip.shape), base=base)
 
@@ -131,7 +129,7 @@ def motion(
 def sensors(samples: int, colours: tuple[float, ...]) -> Case:
     """Return a released motion of a soft strip, seen by four sensors with autoregressive noise of each coefficient."""
     truth = {"alpha": 1.0, "elastic_modulus": 264e3}
-    beam, law = Beam.uniform(**STRIP, elements=2), RayleighDamping(alpha=truth["alpha"])
+    beam, law = silicone(2), RayleighDamping(alpha=truth["alpha"])
     beams = beam, beam.with_(elastic_modulus=250e3)
     start, guess = (static_equilibrium(Model(one), tip_force=(2e-3, 0.0)) for one in beams)
     run = simulate(
@@ -163,7 +161,7 @@ def sensors(samples: int, colours: tuple[float, ...]) -> Case:
 
 def resonance(mode: int, ratio: float, eta2: float, levels: tuple[float, ...]) -> Case:
     """Return response curves about a mode; of the ratios, only that of this mode is unknown."""
-    model = Model(Beam.uniform(**STEEL, elements=8))
+    model = Model(steel(8))
     modes = natural_modes(model, count=mode)
     law = ModalDamping(modes, (0.01,) * (mode - 1) + (ratio,)) + QuadraticDamping(eta2=eta2)
     bases = [HarmonicBase(level, 1.0) for level in levels]
@@ -189,8 +187,8 @@ def response(
     """
     reduced = reduce_model(model, modes=8, damping=law)
     motions = [periodic_motion(reduced, base=replace(base, frequency=f)) for f in frequencies]
-    where = {"direction": sensor.direction, "relative": False}
-    values = np.array([motion.harmonics(sensor.point, **where)[1] for motion in motions])
+    harmonics = [motion.harmonics(sensor.point, direction=sensor.direction, relative=False) for motion in motions]
+    values = np.array([first for _, first, *_ in harmonics])
     spread = np.hypot(NOISE, FLOOR * abs(values).max() / abs(values))
 
     def record(rng: np.random.Generator) -> ResponseRecord:
@@ -205,7 +203,7 @@ def response(
 def joint() -> Case:
     """Return four kinds of measurement of a strip in an elastic clamp, with a mass at the tip for the frequencies."""
     truth = {"eta2": 1.0, "elastic_modulus": 210e9, "tip_mass": 0.5e-3, "clamp_stiffness": 0.4}
-    beam = Beam.uniform(**STEEL, elements=4, clamp_stiffness=truth["clamp_stiffness"])
+    beam = steel(4, clamp_stiffness=truth["clamp_stiffness"])
     first = beam.with_(elastic_modulus=[200e9] * 4, clamp_stiffness=0.5)
     model, guess, law, pull = Model(beam), Model(first), QuadraticDamping(0.5, truth["eta2"]), (2e-3, 0.0)
 
@@ -425,10 +423,10 @@ class FirstOrder:
         places = [fit.names.index(name) for name in truth]
         stated = np.repeat([block.stated for block in problem.blocks], [sum(block.series) for block in problem.blocks])
         if inside:
-            residuals, jacobian = fit.model(fit.coordinates.at(values) / fit.scale)
+            residuals, jacobian = map(np.asarray, fit.model(fit.coordinates.at(values) / fit.scale))
         else:
             residuals, jacobian = fit.residuals, fit.jacobian * fit.scale
-        return cls(np.asarray(residuals).ravel(), np.asarray(jacobian), places, inside, problem.scale, fit, stated)
+        return cls(residuals.ravel(), jacobian, places, inside, problem.scale, fit, stated)
 
     @cached_property
     def basis(self) -> tuple[np.ndarray, np.ndarray]:
@@ -444,7 +442,7 @@ class FirstOrder:
         found = noise_with_stated(noise - q @ along, q, self.fit.series, self.fit.times, self.stated, self.size)
         errors = np.sqrt(np.diag(inverse @ found.form(q) @ inverse.T))
         hits = np.abs(inverse @ along) <= quantile(0.95, found.freedom) * errors
-        return hits[self.places].astype(float).tolist()
+        return [float(hits[place]) for place in self.places]
 
 
 def coverage(name: str, seeds: range, *, executor: Executor | None = None, jobs: int = 1) -> Table:

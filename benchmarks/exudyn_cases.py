@@ -32,7 +32,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ancf_casadi import (
-    Beam,
     HarmonicBase,
     ModalDamping,
     Model,
@@ -42,15 +41,15 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.damping import DRAG_CONSTANT, DampingLaw
-from ancf_casadi.dynamics.simulation import Method, Start
+from ancf_casadi.dynamics.simulation import Method
+from ancf_casadi.dynamics.start import Start
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.strain import gauss
+from benchmarks.beams import DAMPING_RATIOS, steel
 
 Array = NDArray[np.float64]
 
-# hanging
-BEAM = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9, elements=20)
-RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)
+BEAM = steel()
 SAMPLE_RATE = 1000.0  # 1/s, in both programs
 LAWS = ("mass", "modal", "drag")
 
@@ -103,15 +102,15 @@ class Case:
     steps: tuple[float, ...]
 
 
-def large(law: str, quick: bool) -> Case:
-    """Return case (a) with one of the laws."""
+def large(law: str, quick: bool, shorten: float) -> Case:
+    """Return case (a) with one of the laws, its times divided by ``shorten``."""
     return Case(
         name="a",
         law=law,
         title="25 s of mode 1 with large rotations, tip over the last second",
-        base=HarmonicBase(amplitude=5e-3, frequency=1.85, stop=27.75 / 1.85),
-        duration=25.0,
-        window=1.0,
+        base=HarmonicBase(amplitude=5e-3, frequency=1.85, stop=15.0 / shorten),
+        duration=25.0 / shorten,
+        window=1.0 / shorten,
         start="equilibrium",
         mode=None,
         bars=(Bar("error", 1e-3),),
@@ -124,15 +123,15 @@ def large(law: str, quick: bool) -> Case:
     )
 
 
-def blow(quick: bool) -> Case:
-    """Return case (b)."""
+def blow(quick: bool, shorten: float) -> Case:
+    """Return case (b), its times divided by ``shorten``."""
     return Case(
         name="b",
         law="undamped",
         title="3 s of mode 5 after an impact on the clamp, modal coordinate over the last second",
-        base=HarmonicBase(amplitude=0.1e-3, frequency=94.3388, stop=2.0),
-        duration=3.0,
-        window=1.0,
+        base=HarmonicBase(amplitude=0.1e-3, frequency=94.3388, stop=2.0 / shorten),
+        duration=3.0 / shorten,
+        window=1.0 / shorten,
         start="impact",
         mode=4,
         bars=(Bar("amplitude", 1e-2), Bar("error", 1e-3)),
@@ -151,7 +150,7 @@ def damping(law: str, model: Model) -> DampingLaw | None:
         case "mass":
             return RayleighDamping(alpha=0.2325)
         case "modal":
-            return ModalDamping(natural_modes(model, count=len(RATIOS)), RATIOS)
+            return ModalDamping(natural_modes(model, count=len(DAMPING_RATIOS)), DAMPING_RATIOS)
         case "drag":
             return QuadraticDamping(eta1=0.15, eta2=0.11)
     return None
@@ -227,7 +226,13 @@ class _System:
         self.nodes = self._nodes()
         self.cables = self._cables()
         self._clamp()
-        {"mass": self._mass, "modal": self._modal, "drag": self._drag}.get(case.law, lambda: None)()
+        match given.law:
+            case RayleighDamping() as law:
+                self._mass(law)
+            case ModalDamping() as law:
+                self._modal(law)
+            case QuadraticDamping() as law:
+                self._drag(law)
         self.sensors = [self._sensor(node) for node in (self.nodes if case.mode is not None else self.nodes[-1:])]
         self.mbs.Assemble()
 
@@ -260,7 +265,7 @@ class _System:
             modulus = BEAM.elastic_modulus[k]
             cable = self.mbs.AddObject(
                 self.items.ObjectANCFCable2D(
-                    length=BEAM.element_length,
+                    length=BEAM.element_lengths[k],
                     massPerLength=BEAM.density[k] * section.area,
                     axialStiffness=modulus * section.area,
                     bendingStiffness=modulus * section.second_moment,
@@ -298,16 +303,16 @@ class _System:
                 self.items.ObjectConnectorCoordinate(markerNumbers=[fixed, own], **(motion if k == 0 else {}))
             )
 
-    def _mass(self) -> None:
-        model, alpha = self.given.model, self.given.law.alpha
+    def _mass(self, law: RayleighDamping) -> None:
+        model = self.given.model
         properties = model.groups[0].properties(model.properties).full()
         for k in range(BEAM.elements):
-            matrix = alpha * model.element.mass(properties[:, k]).full()
+            matrix = law.alpha * model.element.mass(properties[:, k]).full()
             self._viscous(self.nodes[k : k + 2], matrix)
 
-    def _modal(self) -> None:
-        projection = self.given.law.projection(self.given.model)
-        rates = 4 * math.pi * np.array(self.given.law.frequencies) * np.array(self.given.law.ratios)
+    def _modal(self, law: ModalDamping) -> None:
+        projection = law.projection(self.given.model)
+        rates = 4 * math.pi * np.array(law.frequencies) * np.array(law.ratios)
         self._viscous(self.nodes, projection * rates @ projection.T)
 
     def _viscous(self, nodes: list[Any], matrix: Array) -> None:
@@ -316,10 +321,10 @@ class _System:
             self.items.ObjectGenericODE2(nodeNumbers=nodes, massMatrix=np.zeros_like(matrix), dampingMatrix=matrix)
         )
 
-    def _drag(self) -> None:
+    def _drag(self, law: QuadraticDamping) -> None:
         """Add drag at 2 Gauss points per element; ours uses 4, which agrees to 1e-6."""
-        law, name = self.given.law, "ObjectConnectorCartesianSpringDamper"
-        share = BEAM.density[0] * BEAM.sections[0].area * BEAM.element_length / 2
+        length, name = BEAM.element_lengths[0], "ObjectConnectorCartesianSpringDamper"
+        share = BEAM.density[0] * BEAM.sections[0].area * length / 2
         linear = law.eta1 * share
         quadratic = law.eta2 * DRAG_CONSTANT * share
         sym = self.exu.symbolic
@@ -334,7 +339,7 @@ class _System:
         still = self.mbs.AddMarker(self.items.MarkerBodyPosition(bodyNumber=self.ground))
         for cable in self.cables:
             for xi in gauss(2)[0].tolist():
-                place = [xi * BEAM.element_length, 0.0, 0.0]
+                place = [xi * length, 0.0, 0.0]
                 own = self.mbs.AddMarker(self.items.MarkerBodyPosition(bodyNumber=cable, localPosition=place))
                 self.mbs.AddObject(
                     self.items.ObjectConnectorCartesianSpringDamper(

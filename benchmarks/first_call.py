@@ -12,10 +12,8 @@ compilers; on a shared machine, read the latter.  The first call may take 2 s mo
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import json
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -27,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi import (
-    Beam,
+    DampingLaw,
     HarmonicBase,
     ModalDamping,
     Model,
@@ -36,38 +34,40 @@ from ancf_casadi import (
     natural_modes,
     simulate,
 )
+from ancf_casadi.dynamics.simulation import Method
+from benchmarks.beams import DAMPING_RATIOS, silicone, steel
+from benchmarks.clock import processor_time
 from problems import MarkerRecord, fit_beam
-from tests.problems.paper import numbers as paper
 
-STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9, "elements": 20}
-SILICONE = {"length": 0.2, "width": 0.01, "thickness": 2e-3, "density": 1070.0, "elastic_modulus": 264e3, "elements": 8}
-CALLS = {
+CALLS: dict[str, dict[str, Any]] = {
     "first": {},
     "second": {},
     "other beam": {"density": 1000.0, "gravity": (0, -9.7)},
     "other mesh": {"elements": 12},
 }
-LAWS = {
-    "modal": lambda model: ModalDamping(natural_modes(model), paper.DAMPING_RATIOS),
+LAWS: dict[str, Callable[[Model], DampingLaw]] = {
+    "modal": lambda model: ModalDamping(natural_modes(model), DAMPING_RATIOS),
     "strain-rate": lambda model: RayleighDamping(alpha=0.228, beta=3.18e-5),
     "quadratic": lambda model: QuadraticDamping(eta1=0.15, eta2=0.11),
 }
-CASES = (*(f"{method}-{law}" for method in ("idas", "radau") for law in LAWS), "fit")
+ROOT = Path(__file__).parents[1]
+METHODS: tuple[Method, ...] = ("idas", "radau")
+CASES = {f"{method}-{law}": (method, law) for method in METHODS for law in LAWS}
 
 
 def call(case: str, seconds: float, **changes: Any) -> Callable[[], object]:
     """Return the call of a case, ready to be timed."""
     if case == "fit":
         return fit_call(seconds / 5, **changes)
-    model = Model(Beam.uniform(**STEEL | changes))
-    method, law = case.split("-", 1)
+    model = Model(steel(**changes))
+    method, law = CASES[case]
     base = HarmonicBase(amplitude=5e-3, frequency=1.85)
     return lambda: simulate(model, damping=LAWS[law](model), base=base, duration=seconds, method=method)
 
 
 def fit_call(seconds: float, **changes: Any) -> Callable[[], object]:
     """Return the fit of air drag to a noisy record of a silicone strip, simulated without a compiler."""
-    model, base = Model(Beam.uniform(**SILICONE | changes)), HarmonicBase(0.02, 2.0, stop=0.5)
+    model, base = Model(silicone(**{"elements": 8} | changes)), HarmonicBase(0.02, 2.0, stop=0.5)
     compilation, os.environ["ANCF_CASADI_COMPILE"] = os.environ["ANCF_CASADI_COMPILE"], "0"
     run = simulate(
         model,
@@ -83,29 +83,23 @@ def fit_call(seconds: float, **changes: Any) -> Callable[[], object]:
     return lambda: fit_beam(model, record, QuadraticDamping(0.3, 8.0), tolerance=1e-5)
 
 
-def processors() -> float:
-    """Return the processor time (s) of this process and its children."""
-    usages = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
-
-
 def measure(case: str, seconds: float) -> list[tuple[float, float]]:
     """Return wall time and processor time (s) of each of ``CALLS``."""
     found = []
     for changes in CALLS.values():
         made = call(case, seconds, **changes)
-        clock, used = time.perf_counter(), processors()
+        clock, used = time.perf_counter(), processor_time()
         made()
-        found.append((time.perf_counter() - clock, processors() - used))
+        found.append((time.perf_counter() - clock, processor_time() - used))
     return found
 
 
 def measured_apart(case: str, seconds: float, root: Path) -> list[tuple[float, float]]:
     """Run ``measure`` in a separate process, with the packages of a checkout and an empty cache."""
     with tempfile.TemporaryDirectory() as cache:
-        environment = {**os.environ, "ANCF_CASADI_CACHE": cache, "PYTHONPATH": str(root), "ANCF_CASADI_COMPILE": "1"}
+        additions = {"ANCF_CASADI_CACHE": cache, "ANCF_CASADI_COMPILE": "1", "PYTHONPATH": f"{root}{os.pathsep}{ROOT}"}
         command = [sys.executable, __file__, "--measure", case, "--seconds", str(seconds)]
-        done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, check=True, text=True)
+        done = subprocess.run(command, env=os.environ | additions, stdout=subprocess.PIPE, check=True, text=True)
     return [(clock, used) for clock, used in json.loads(done.stdout.splitlines()[-1])]
 
 
@@ -119,18 +113,17 @@ def show(label: str, found: Sequence[tuple[float, float]]) -> None:
 def main() -> None:
     """Measure the cases, each checkout in turn, and print a table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cases", nargs="+", choices=CASES, default=CASES)
+    parser.add_argument("--cases", nargs="+", choices=[*CASES, "fit"], default=[*CASES, "fit"])
     parser.add_argument("--seconds", type=float, default=10.0, help="simulated time; a fit uses a fifth of it")
     parser.add_argument("--before", type=Path, help="another checkout to compare with")
-    parser.add_argument("--measure", choices=CASES, help=argparse.SUPPRESS)
+    parser.add_argument("--measure", choices=[*CASES, "fit"], help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.measure:
         print(json.dumps(measure(options.measure, options.seconds)))
         return
-    here = Path(importlib.util.find_spec("ancf_casadi").origin).parents[1]
     print(f"{'seconds (of processors)':26s}" + "".join(f"{name:>16s}" for name in (*CALLS, "first - second")))
     for case in options.cases:
-        now = measured_apart(case, options.seconds, here)
+        now = measured_apart(case, options.seconds, ROOT)
         if options.before:
             before = measured_apart(case, options.seconds, options.before.resolve())
             show(f"{case}, before", before)

@@ -8,9 +8,10 @@ Each row is the least of several new processes, which take turns with the others
 from __future__ import annotations
 
 import argparse
-import resource
 import subprocess
 import sys
+
+from benchmarks.clock import processor_time
 
 COMMANDS = ("--version", "--help", "init --help", "inspect --help", "fit-decay --help", "study --help")
 IMPORTS = (
@@ -25,10 +26,9 @@ IMPORTS = (
 
 def used(arguments: list[str]) -> float:
     """Return the processor time (s) of a Python process."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    began = processor_time()
     subprocess.run([sys.executable, *arguments], check=True, stdout=subprocess.DEVNULL)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return processor_time() - began
 
 
 def main() -> None:

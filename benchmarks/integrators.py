@@ -15,7 +15,6 @@ import argparse
 import json
 import math
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -37,18 +36,19 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
+from ancf_casadi.dynamics.simulation import Method
 from ancf_casadi.dynamics.start import set_up
 from ancf_casadi.dynamics.tolerance import default_tolerance
-from tests.problems.paper import numbers as paper
+from benchmarks.beams import BENDING_STIFFNESS, DAMPING_RATIOS, steel
+from benchmarks.clock import processor_time
 
-METHODS = ("idas", "radau", "auto")
+METHODS: tuple[Method, ...] = ("idas", "radau", "auto")
 MOST_STEPS = 600_000
 SECONDS = 6.0
-MODEL = Model(paper.standard_beam())
+MODEL = Model(steel())
 MODES = natural_modes(MODEL)
-MODAL = ModalDamping(MODES, paper.DAMPING_RATIOS)
+MODAL = ModalDamping(MODES, DAMPING_RATIOS)
 DRAG = QuadraticDamping(eta1=0.15, eta2=0.11)
-BENDING_STIFFNESS = 210e9 * 5e-3 * 0.5e-3**3 / 12  # Table 1
 
 
 def driven(mode: int, amplitude: float) -> dict[str, Any]:
@@ -87,29 +87,23 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
 }
 
 
-def processors() -> float:
-    """Return the processor time (s) of this process and its children."""
-    usages = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
-
-
-def measure(case: str, method: str, seconds: float) -> dict[str, Any]:
+def measure(case: str, method: Method, seconds: float) -> dict[str, Any]:
     """Return the times of two calls (s), and tip (m), steps and integrator of the second."""
     settings, times = CASES[case](), []
     for _ in range(2):
-        began = processors()
+        began = processor_time()
         try:
             run = simulate(MODEL, duration=seconds, method=method, most_steps=MOST_STEPS, **settings)
         except SimulationError as failure:
             run = failure.partial
-        times.append(processors() - began)
+        times.append(processor_time() - began)
         if len(run.time) <= seconds * 1000:
             return {"times": times * 2, "tip": [], "steps": f">{run.steps}", "used": "fails"}
     (use,) = run.integrators
     return {"times": times, "tip": run.tip.tolist(), "steps": run.steps, "used": f"{use.method} {use.tolerance:.0e}"}
 
 
-def apart(case: str, method: str, seconds: float) -> dict[str, Any]:
+def apart(case: str, method: Method, seconds: float) -> dict[str, Any]:
     """Run ``measure`` in a separate process with an empty cache."""
     with tempfile.TemporaryDirectory() as cache:
         command = [sys.executable, __file__, "--measure", case, method, "--seconds", str(seconds)]
@@ -135,7 +129,8 @@ def main() -> None:
     parser.add_argument("--measure", nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.measure:
-        print(json.dumps(measure(*options.measure, options.seconds)))
+        case, method = options.measure
+        print(json.dumps(measure(case, method, options.seconds)))
         return
     print(f"{'call':22s}{'method':7s}{'first':>8s}{'second':>8s}{'error':>9s}{'steps':>9s}  used")
     for case in options.cases:

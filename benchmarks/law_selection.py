@@ -37,7 +37,6 @@ from scipy.signal import lfilter
 from scipy.stats import binom
 
 from ancf_casadi import (
-    Beam,
     DampingLaw,
     ModalDamping,
     Model,
@@ -55,6 +54,7 @@ from ancf_casadi.estimation.criteria import Candidate, expectation, judge
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.exceptions import AncfError
 from ancf_casadi.support.tables import Table
+from benchmarks.beams import silicone
 from problems import (
     DecayFit,
     MarkerRecord,
@@ -68,18 +68,27 @@ from problems import (
 from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED
 from problems.decay.laws import DecayModel, Law
 
-DECAYS = {"linear": (0.0, 0.25, 0.0), "quadratic": (0.0, 0.15, 0.5), "friction": (0.1, 0.15, 0.5)}  # eta0, eta1, eta2
+DECAYS: dict[Law, tuple[float, float, float]] = {  # eta0, eta1, eta2
+    "linear": (0.0, 0.25, 0.0),
+    "quadratic": (0.0, 0.15, 0.5),
+    "friction": (0.1, 0.15, 0.5),
+}
 LAWS = ("mass-proportional", "quadratic", "modal")
 NOISE = 0.5e-3  # m
 CLASSES = (0.0, 0.01, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.001)  # of probabilities
 SIGNIFICANT = 5.0  # least size of each term, standard errors
 
 
-def decay(law: str, seed: int, *, weak: bool) -> tuple[bool, bool]:
+def free_decay(law: Law, time: np.ndarray, amplitude: float) -> np.ndarray:
+    """Return the displacement (m) of a mode of 1.85 Hz."""
+    values = [cs.DM(value) for value in (2 * math.pi * 1.85, *DECAYS[law], amplitude, 0.2)]
+    return np.asarray(friction_decay(cs.DM(time), *values)).ravel()
+
+
+def decay(law: Law, seed: int, *, weak: bool) -> tuple[bool, bool]:
     """Return whether the true law of a decay is selected, and whether the verdict is settled."""
     time = np.arange(0.0, 0.8 if weak else 5.0, 1 / 500)
-    eta0, eta1, eta2 = DECAYS[law]
-    y = np.asarray(friction_decay(cs.DM(time), 2 * math.pi * 1.85, eta0, eta1, eta2, 0.076, 0.2)).ravel()
+    y = free_decay(law, time, 0.076)
     y += (4e-3 if weak else 2e-4) * np.random.default_rng(seed).standard_normal(len(time))
     comparison = compare_decay_laws(time, y, laws=tuple(DECAYS), frequency_laws=("constant",))
     return comparison.best.law == law, comparison.verdict.settled
@@ -158,9 +167,7 @@ def _least_term(fit: DecayFit) -> float:
 
 def strip() -> Model:
     """Return a soft, hanging silicone strip."""
-    return Model(
-        Beam.uniform(length=0.2, width=0.01, thickness=2e-3, density=1070.0, elastic_modulus=264e3, elements=3)
-    )
+    return Model(silicone(3))
 
 
 def laws(model: Model, guess: float) -> list[DampingLaw]:
@@ -209,11 +216,11 @@ def main() -> None:
         _print_power(options.runs)
         return
     one: Callable[..., tuple[bool, bool]] = decay if options.what == "decays" else motion
-    for law in DECAYS if options.what == "decays" else LAWS:
-        tasks: list[Any] = [partial(one, law, seed, weak=options.weak) for seed in range(options.runs)]
+    for name in DECAYS if options.what == "decays" else LAWS:
+        tasks: list[Any] = [partial(one, name, seed, weak=options.weak) for seed in range(options.runs)]
         right, settled = np.array(run_all(tasks, jobs=options.jobs)).T
         print(
-            f"{law:18} right {right.mean():6.1%}, settled {settled.mean():6.1%}, "
+            f"{name:18} right {right.mean():6.1%}, settled {settled.mean():6.1%}, "
             f"settled on a wrong law {(settled & ~right).mean():6.1%}",
             flush=True,
         )
@@ -239,9 +246,9 @@ def _print_calibration(rho: float, runs: int, jobs: int, *, weak: bool) -> None:
     found = run_all(tasks, jobs=jobs)
     true, _ = np.array([flags for flags, _, _ in found for flags in flags]).T
     probabilities = np.array([row for _, rows, _ in found for row in rows])
-    rows: list[list[str | float]] = []
+    rows: list[list[str | float | None]] = []
     for low, high in pairwise(CLASSES):
-        row: list[str | float] = [f"{low:g} to {high:g}"]
+        row: list[str | float | None] = [f"{low:g} to {high:g}"]
         for own in probabilities.T:
             inside = (own >= low) & (own < high)
             row += [int(inside.sum()), *(round(float(part[inside].mean()), 3) if inside.any() else None
@@ -261,31 +268,36 @@ def noisy(fit: Fit, terms: list[str], noise: np.ndarray) -> Candidate:
     """Return the candidate of a fit to the record that was fitted, plus noise of each residual."""
     scale, ends = fit.scale, (fit.lower / fit.scale, fit.upper / fit.scale)
     start = np.clip(fit.values / scale, ends[0] + 1e-9, ends[1] - 1e-9)
-    found = least_squares(
-        lambda z: fit.model(z)[0].full().ravel() - noise, start, lambda z: fit.model(z)[1].full(), ends, x_scale="jac"
-    )
-    own = replace(fit, values=found.x * scale, residuals=found.fun, jacobian=found.jac / scale)
+
+    def residuals(z: np.ndarray) -> np.ndarray:
+        values: np.ndarray = np.asarray(fit.model(z)[0]).ravel() - noise
+        return values
+
+    def jacobian(z: np.ndarray) -> np.ndarray:
+        return np.asarray(fit.model(z)[1])
+
+    found = least_squares(residuals, start, jacobian, ends, x_scale="jac")
+    own = replace(fit, values=found.x * scale, residuals=found.fun, jacobian=np.asarray(found.jac) / scale)
     return replace(Candidate.of("", own, terms), effective_samples=float(len(noise)))
 
 
 def _print_power(runs: int) -> None:
     """Print the announced probability of the right choice, and the share of right ones with its binomial limits."""
-    cases = []
+    cases: list[tuple[str, list[Fit], list[list[str]], int, float]] = []
     time = np.arange(0.0, 2.0, 1 / 100)
-    for amplitude, (truth, law) in product((0.02, 0.04), enumerate(("linear", "quadratic"))):
-        exact = np.asarray(friction_decay(cs.DM(time), 2 * math.pi * 1.85, *DECAYS[law], amplitude, 0.2)).ravel()
-        own = [fit_decay(time, exact, law=one, release_time=0.0).fit for one in ("linear", "quadratic")]
-        cases.append((f"decay of {amplitude:g} m, {law}", own, [["zeta"], ["eta1", "eta2"]], truth, 4e-4))
-    model = Model(
-        Beam.uniform(length=0.2, width=0.01, thickness=2e-3, density=1070.0, elastic_modulus=264e3, elements=2)
-    )
+    decay_laws: tuple[Law, Law] = ("linear", "quadratic")
+    for amplitude, (truth, decay_law) in product((0.02, 0.04), enumerate(decay_laws)):
+        exact = free_decay(decay_law, time, amplitude)
+        own = [fit_decay(time, exact, law=law, release_time=0.0).fit for law in decay_laws]
+        cases.append((f"decay of {amplitude:g} m, {decay_law}", own, [["zeta"], ["eta1", "eta2"]], truth, 4e-4))
+    model = Model(silicone(2))
     start = static_equilibrium(model, tip_force=(1e-3, 0.0))
     release = PlannedRecord.motion(Sensor("displacement"), duration=0.6, sample_rate=50.0, std=4e-4, start=start)
-    laws = [RayleighDamping(1.2), QuadraticDamping(eta2=8.0)]
-    record = {name: plan(model, {"release": release}, law).records[0] for name, law in zip("ab", laws, strict=True)}
-    for truth, name in enumerate("ab"):
-        fits = [fit_beam(model, record[name], law).fit for law in laws]
-        cases.append((f"release, {type(laws[truth]).__name__}", fits, [["alpha"], ["eta1", "eta2"]], truth, 1.0))
+    beam_laws = [RayleighDamping(1.2), QuadraticDamping(eta2=8.0)]
+    for truth, beam_law in enumerate(beam_laws):
+        record: Any = plan(model, {"release": release}, beam_law).records[0]
+        fits = [fit_beam(model, record, law).fit for law in beam_laws]
+        cases.append((f"release, {type(beam_law).__name__}", fits, [["alpha"], ["eta1", "eta2"]], truth, 1.0))
     for name, fits, terms, truth, std in cases:
         order = [truth, 1 - truth]
         announced = expectation(
@@ -295,7 +307,7 @@ def _print_power(runs: int) -> None:
         for seed in range(runs):
             noise = std * np.random.default_rng(seed).standard_normal(len(fits[0].residuals))
             right += judge([noisy(fit, own, noise) for fit, own in zip(fits, terms, strict=True)]).best == truth
-        low, high = binom.ppf([0.025, 0.975], runs, announced.right) / runs
+        low, high = (binom.ppf(level, runs, announced.right) / runs for level in (0.025, 0.975))
         print(f"{name:28} announced {announced.right:6.1%}, right {right / runs:6.1%}, 95 % of counts within "
               f"{low:.1%} to {high:.1%}", flush=True)  # fmt: skip
 

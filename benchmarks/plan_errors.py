@@ -26,7 +26,6 @@ import numpy as np
 from scipy.stats import chi2
 
 from ancf_casadi import (
-    Beam,
     DampingLaw,
     HarmonicBase,
     Model,
@@ -37,10 +36,9 @@ from ancf_casadi import (
     run_all,
     static_equilibrium,
 )
+from benchmarks.beams import silicone, steel
 from problems import BeamFit, Plan, PlannedRecord, ResponseRecord, fit_beam, plan
 
-STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
-STRIP = {"length": 0.2, "width": 0.01, "thickness": 2e-3, "density": 1070.0, "elastic_modulus": 264e3}
 TOLERANCE = 1e-5  # of the motions in fits, whose error is far below the noise
 DOWN = Sensor("displacement", direction=(0.0, -1.0))
 
@@ -58,7 +56,7 @@ class Rehearsal:
 @lru_cache
 def case(name: str) -> Rehearsal:
     """Return a case by name; the guesses of the plan are the truth."""
-    beam = Beam.uniform(**STRIP, elements=3 if name == "response" else 2)
+    beam = silicone(3 if name == "response" else 2)
     model, laser = Model(beam), Sensor("displacement")
     tone = float(natural_modes(model, count=1).frequencies[0])
     law, base = QuadraticDamping(0.6, 4.0), HarmonicBase(0.02, tone, stop=0.4)
@@ -84,7 +82,7 @@ def case(name: str) -> Rehearsal:
             unknowns=["natural_frequencies", "excitation"],
         )  # fmt: skip
     if name == "statics":
-        soft = Model(Beam.uniform(**STEEL, elements=2, axis=(1.0, 0.0), clamp_stiffness=0.4))
+        soft = Model(steel(2, axis=(1.0, 0.0), clamp_stiffness=0.4))
         weights = [PointLoad.hung(mass, point=0.4) for mass in (1e-3, 2e-3, 4e-3)]  # kg
         sensors = [Sensor("displacement", direction=(0.0, -1.0)), Sensor("slope", 0.05)]
         sags = PlannedRecord.static(soft, weights, sensors, std=[1e-4, 5e-4])

@@ -18,7 +18,6 @@ from typing import Any
 from unittest.mock import patch
 
 from ancf_casadi import (
-    Beam,
     HarmonicBase,
     ModalDamping,
     Model,
@@ -30,29 +29,20 @@ from ancf_casadi import (
 from ancf_casadi.dynamics.radau import stepper
 from ancf_casadi.dynamics.radau.stepper import Stepper
 from ancf_casadi.support.compilation import Buffered
+from benchmarks.beams import BENDING_STIFFNESS, DAMPING_RATIOS, steel
 
-BEAM: dict[str, Any] = {
-    "length": 0.5,
-    "width": 5e-3,
-    "thickness": 0.5e-3,
-    "density": 8000.0,
-    "elastic_modulus": 210e9,
-    "elements": 20,
-}
-STIFFNESS = 210e9 * 5e-3 * 0.5e-3**3 / 12
-RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)
 SWING = HarmonicBase(amplitude=5e-3, frequency=1.85)
 
 
 def motions() -> Iterator[tuple[str, Model, dict[str, Any]]]:
     """Yield description, model and settings of ``simulate`` of each motion."""
-    hanging = Model(Beam.uniform(**BEAM))
+    hanging = Model(steel())
     swing = {"base": SWING, "start": "equilibrium", "duration": 10.0}
-    law = ModalDamping(natural_modes(hanging, count=len(RATIOS)), RATIOS)
+    law = ModalDamping(natural_modes(hanging, count=len(DAMPING_RATIOS)), DAMPING_RATIOS)
     yield "10 s of mode 1, modal law", hanging, {**swing, "damping": law}
     yield "10 s of mode 1, mass-proportional", hanging, {**swing, "damping": RayleighDamping(alpha=0.2325)}
-    weightless = Model(Beam.uniform(**BEAM, axis=(1.0, 0.0), gravity=(0.0, 0.0)))
-    start = static_equilibrium(weightless, tip_force=(0.0, 9.1 * STIFFNESS / BEAM["length"] ** 2))
+    weightless = Model(steel(axis=(1.0, 0.0), gravity=(0.0, 0.0)))
+    start = static_equilibrium(weightless, tip_force=(0.0, 9.1 * BENDING_STIFFNESS / weightless.beam.length**2))
     yield (
         "1 s of an undamped release from 0.8 L, tolerance 1e-6",
         weightless,

@@ -14,7 +14,6 @@ import time
 from collections.abc import Callable
 
 from ancf_casadi import (
-    Beam,
     HarmonicBase,
     ModalDamping,
     Model,
@@ -25,6 +24,7 @@ from ancf_casadi import (
     reduce_model,
     simulate_reduced,
 )
+from benchmarks.beams import steel
 
 POINTS = 100
 
@@ -45,8 +45,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--full", action="store_true", help="also the full beam")
     full = parser.parse_args().full
-    beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9, elements=20)
-    model = Model(beam)
+    model = Model(steel())
     modes = natural_modes(model, count=8)
     law = ModalDamping(modes, ratios=(0.01, 0.003, 0.003, 0.003, 0.003)) + QuadraticDamping(eta2=0.1)
     reduced = reduce_model(model, modes=modes, damping=law)

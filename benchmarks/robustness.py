@@ -21,8 +21,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
+from typing import Any
 
 import numpy as np
 
@@ -47,7 +46,7 @@ def command(*arguments: str) -> None:
     errors = io.StringIO()
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(errors):
         try:
-            code = main(arguments)
+            code: object = main(arguments)
         except SystemExit as stopped:  # an option that argparse refuses
             code = stopped.code
     found = re.findall(r"^ancf-casadi[\w -]*: (?!warning: ).*", errors.getvalue(), flags=re.MULTILINE)
@@ -77,9 +76,10 @@ def inputs(rng: random.Random, files: dict[str, dict[str, bytes]]) -> tuple[str,
     return kind, ["inspect", name]
 
 
-def try_inputs(seed: int, count: int) -> Counter:
+def try_inputs(seed: int, count: int) -> Counter[tuple[str, str]]:
     """Count the outcomes of mutated inputs by kind."""
-    rng, counts = random.Random(seed), Counter()
+    rng = random.Random(seed)
+    counts: Counter[tuple[str, str]] = Counter()
     Path("seeds").mkdir()
     binary = library_files(Path("seeds"))
     files = {
@@ -103,9 +103,9 @@ def try_inputs(seed: int, count: int) -> Counter:
     return counts
 
 
-def try_calls(calls: Iterable[tuple[str, dict, Callable]]) -> Counter:
+def try_calls(calls: Iterable[tuple[str, dict[str, Any], Callable[..., object]]]) -> Counter[tuple[str, str]]:
     """Count the outcomes of hostile calls."""
-    counts = Counter()
+    counts: Counter[tuple[str, str]] = Counter()
     for number, (name, arguments, function) in enumerate(calls):
         result = outcome(function, arguments)
         counts["call", result if result in KNOWN else "fault"] += 1

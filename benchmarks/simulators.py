@@ -25,19 +25,20 @@ from typing import Any
 
 import numpy as np
 
-from ancf_casadi import Beam, ModalDamping, Model, QuadraticDamping, RayleighDamping, natural_modes
+from ancf_casadi import DampingLaw, ModalDamping, Model, QuadraticDamping, RayleighDamping, natural_modes
 from ancf_casadi.export import ExportedBeam, write_exudyn, write_mujoco, write_newton, write_pyelastica
 from ancf_casadi.export.simulators.segments import poles
+from benchmarks.beams import steel
 from problems import fit_decay, fit_modes
+from problems.decay.laws import Law
 
 CYCLES = 8  # of mode 1
-PAPER = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9, "elements": 20}
 
 
-def cases() -> dict[str, tuple[Model, Any, str]]:
+def cases() -> dict[str, tuple[Model, DampingLaw, Law]]:
     """Return model, damping law and law of the decay by name."""
-    hanging = Model(Beam.uniform(**PAPER))
-    bent = Model(Beam.uniform(**PAPER, axis=(1.0, 0.0), natural_curvature=2.0, tip_mass=2e-3))
+    hanging = Model(steel())
+    bent = Model(steel(axis=(1.0, 0.0), natural_curvature=2.0, tip_mass=2e-3))
     modal = ModalDamping(natural_modes(hanging, count=3), (0.0100, 0.0028, 0.0028))
     return {
         "rayleigh": (hanging, RayleighDamping(alpha=0.15, beta=1e-4), "linear"),

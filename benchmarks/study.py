@@ -10,26 +10,22 @@ from __future__ import annotations
 
 import argparse
 import os
-import resource
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
 
+from benchmarks.clock import processor_time
+
 
 def timed(out: Path, cache: Path, *options: str) -> tuple[float, float]:
     """Return the time (s) and the processor time (s) of a run and its processes."""
     environment = os.environ | {"ANCF_CASADI_CACHE": str(cache)}
-    used, began = _processor_time(), time.perf_counter()
+    used, began = processor_time(), time.perf_counter()
     command = [sys.executable, "-m", "problems.cli", "reproduce", "--out", str(out), *options]
     subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    return time.perf_counter() - began, _processor_time() - used
-
-
-def _processor_time() -> float:
-    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return usage.ru_utime + usage.ru_stime
+    return time.perf_counter() - began, processor_time() - used
 
 
 def main() -> None:

@@ -4,14 +4,14 @@ import time
 
 import pytest
 
-from ancf_casadi import Beam, HarmonicBase, Model, RayleighDamping, simulate
+from ancf_casadi import HarmonicBase, Model, RayleighDamping, simulate
+from benchmarks.beams import steel
 
 
 @pytest.fixture(scope="module")
 def run():
-    beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9, elements=20)
     base = HarmonicBase(amplitude=8e-3, frequency=1.88, stop=5.0)
-    return simulate(Model(beam), damping=RayleighDamping(alpha=0.2), base=base, duration=10.0, sample_rate=250.0)
+    return simulate(Model(steel()), damping=RayleighDamping(alpha=0.2), base=base, duration=10.0, sample_rate=250.0)
 
 
 @pytest.mark.parametrize("suffix", ["gif", "html"])

@@ -8,15 +8,14 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from ancf_casadi import Beam, ModalDamping, Model, RayleighDamping, natural_modes
+from ancf_casadi import ModalDamping, Model, RayleighDamping, natural_modes
 from ancf_casadi.export import beam_functions, values, write_c
 from ancf_casadi.support.compilation import Buffered
-
-STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
+from benchmarks.beams import steel
 
 
 def exported(elements, name):
-    model = Model(Beam.uniform(**STEEL, elements=elements))
+    model = Model(steel(elements))
     laws = {
         "strain-rate": lambda: RayleighDamping(alpha=0.2, beta=3e-5),
         "modal": lambda: ModalDamping(natural_modes(model), (0.01,) * 5),

@@ -8,11 +8,11 @@ import time
 import numpy as np
 import pytest
 
-from ancf_casadi import Beam, Model, natural_modes, static_equilibrium
+from ancf_casadi import Model, natural_modes, static_equilibrium
+from benchmarks.beams import steel
 from problems import match_frequencies
 from tests.problems.paper import numbers as paper
 
-STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 EXACT = (1.655293122, 10.373544922, 29.046226159, 56.919010528, 94.091202772)  # Hz, without gravity
 
 
@@ -31,7 +31,7 @@ def measured(benchmark, work):
 @pytest.mark.parametrize("elements", [20, 40, 80, 200, 400])
 def test_matching_all_widths_and_thicknesses(benchmark, elements):
     """2 n + 2 properties, 5 frequencies: limit 5 s with 200 elements, 15 s with 400."""
-    beam = Beam.uniform(**STEEL, elements=elements)
+    beam = steel(elements)
     match = measured(benchmark, lambda: match_frequencies(beam, targets=paper.TARGET_FREQUENCIES))
     benchmark.extra_info.update(build=match.build_seconds, solve=match.solve_seconds, iterations=match.iterations)
     assert match.max_relative_error < 1e-6
@@ -40,7 +40,7 @@ def test_matching_all_widths_and_thicknesses(benchmark, elements):
 @pytest.mark.parametrize("elements", [20, 200, 1000, 10_000])
 def test_natural_modes(benchmark, elements):
     """Five modes and their equilibrium without gravity; error after subtraction of the cubic element's error."""
-    model = Model(Beam.uniform(**STEEL, elements=elements, gravity=(0.0, 0.0)))
+    model = Model(steel(elements, gravity=(0.0, 0.0)))
     modes = measured(benchmark, lambda: natural_modes(model))
     waves = np.sqrt(modes.angular_frequencies * np.sqrt(modes.model.beam.mass / 0.5 / (210e9 * 5e-3 * 0.5e-3**3 / 12)))
     error = np.abs(modes.frequencies / EXACT - 1 - (waves * 0.5 / elements) ** 4 / 1440).max()
@@ -51,6 +51,6 @@ def test_natural_modes(benchmark, elements):
 @pytest.mark.parametrize("elements", [20, 1000, 3000, 10_000])
 def test_static_equilibrium(benchmark, elements):
     """Horizontal beam under its own weight."""
-    model = Model(Beam.uniform(**STEEL, elements=elements, axis=(1.0, 0.0)))
+    model = Model(steel(elements, axis=(1.0, 0.0)))
     rest = measured(benchmark, lambda: static_equilibrium(model))
     assert rest.tip[1] == pytest.approx(-0.1322053449, abs=1e-6)

@@ -28,7 +28,7 @@ def test_fit_frf(benchmark, count, outputs, ratio):
     rng, lines = np.random.default_rng(0), np.arange(10.0, 100.0, ratio)
     own = np.geomspace(12.0, 83.0, count) * rng.uniform(0.97, 1.03, count)
     parts = [np.outer(rng.normal(size=outputs), f**2 / (f**2 - lines**2 + 2j * ratio * f * lines)) for f in own]
-    values = sum(parts)
+    values = np.sum(parts, axis=0)
     noise = 1e-3 * np.median(np.abs(values)) * (rng.normal(size=(2, *values.shape)).T @ [1, 1j]).T
     fit = benchmark.pedantic(fit_frf, args=(FrfRecord(lines, values + noise, "receptance"),), rounds=1)
     assert fit.frequencies == pytest.approx(own, rel=1e-4)

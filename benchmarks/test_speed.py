@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from ancf_casadi import (
-    Beam,
     HarmonicBase,
     ModalDamping,
     Model,
@@ -22,15 +21,15 @@ from ancf_casadi import (
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.idas import SemiExplicit
 from ancf_casadi.support.compilation import compiled, interpreted
+from benchmarks.beams import DAMPING_RATIOS, steel
 from problems import match_frequencies
 from tests.problems.paper import numbers as paper
 
-STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 SWING = HarmonicBase(amplitude=5e-3, frequency=1.85)
 
 
 def model(elements=20):
-    return Model(Beam.uniform(**STEEL, elements=elements))
+    return Model(steel(elements))
 
 
 def law_of(name, beam):
@@ -40,7 +39,7 @@ def law_of(name, beam):
         "strain-rate": lambda: RayleighDamping(alpha=0.228, beta=3.18e-5),
         "tangent": lambda: RayleighDamping(alpha=0.228, beta=3.18e-5, stiffness="tangent"),
         "quadratic": lambda: QuadraticDamping(eta1=0.15, eta2=0.11),
-        "modal": lambda: ModalDamping(natural_modes(beam), paper.DAMPING_RATIOS),
+        "modal": lambda: ModalDamping(natural_modes(beam), DAMPING_RATIOS),
     }[name]()
 
 
@@ -70,7 +69,7 @@ def test_model_with_all_that_simulate_needs(benchmark):
 
 def test_frequency_matching(benchmark):
     """42 properties, 5 frequencies: limit 1 s to build and solve, 0.2 s to solve; ``test_meshes`` has finer meshes."""
-    beam = Beam.uniform(**STEEL, elements=20)
+    beam = steel()
     match = benchmark(lambda: match_frequencies(beam, targets=paper.TARGET_FREQUENCIES))
     benchmark.extra_info.update(build=match.build_seconds, solve=match.solve_seconds, iterations=match.iterations)
     assert match.max_relative_error < 1e-6
@@ -110,8 +109,8 @@ def test_equations_of_motion(benchmark, make):
     outputs = [np.zeros(residual.size_out(k), order="F") for k in range(2)]
     inputs[2][2:4, 0] = (0.0, -1.0)
     for k, values in enumerate(inputs):
-        buffer.set_arg(k, memoryview(values))
+        buffer.set_arg(k, values.data)
     for k, values in enumerate(outputs):
-        buffer.set_res(k, memoryview(values))
+        buffer.set_res(k, values.data)
     benchmark(call)
     assert np.isfinite(outputs[1]).all()

@@ -14,10 +14,8 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
-import resource
-import sys
 import tempfile
-import time
+from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -25,21 +23,14 @@ import cv2
 import numpy as np
 from scipy.stats import binomtest
 
-from ancf_casadi import Beam, Model, RayleighDamping, simulate, static_equilibrium, track_video
-from problems import MarkerRecord, fit_beam, fit_decay
-
-sys.path[0] = str(
-    Path(__file__).parents[1] / "examples"
-)  # in place of this folder, whose coverage.py is not that of pyidi
-from render_strip import bending_strip, frames, write_video  # noqa: E402
+from ancf_casadi import Model, RayleighDamping, simulate, static_equilibrium, track_video
+from benchmarks.beams import steel
+from benchmarks.clock import processor_time
+from examples.render_strip import bending_strip, frames, write_video
+from problems import BeamFit, DecayFit, MarkerRecord, fit_beam, fit_decay
 
 RATE = 240.0
 MARKS = [10, 20, 30, 40, 50, 60]
-
-
-def processor_time():
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.process_time() + children.ru_utime + children.ru_stime
 
 
 def write_h264(path, pictures):
@@ -71,10 +62,10 @@ def lucas_kanade(path, first):
     """Pyramidal, from frame to frame, with a check backwards."""
     pictures = read(path)
     before, found = next(pictures), [first.astype(np.float32)]
+    track = partial(cv2.calcOpticalFlowPyrLK, winSize=(21, 21), maxLevel=3)
     for picture in pictures:
-        settings = {"winSize": (21, 21), "maxLevel": 3}
-        points, _, _ = cv2.calcOpticalFlowPyrLK(before, picture, found[-1], None, **settings)
-        back, _, _ = cv2.calcOpticalFlowPyrLK(picture, before, points, None, **settings)
+        points, _, _ = track(before, picture, found[-1], found[-1].copy())
+        back, _, _ = track(picture, before, points, points.copy())
         points[np.hypot(*(back - found[-1]).T) > 0.5] = np.nan
         found.append(points)
         before = picture
@@ -129,15 +120,6 @@ def compare(count):
                     )
 
 
-def steel(elastic_modulus=210e9):
-    """The strip of the paper, hanging."""
-    return Model(
-        Beam.uniform(
-            length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=elastic_modulus, elements=8
-        )
-    )
-
-
 def filmed(path, run, seed, places):
     """Write a video of a strip at a random place and scale; return places (k, m, 2) of its marks, clamp and scale."""
     rng = np.random.default_rng(seed)
@@ -153,7 +135,7 @@ def filmed(path, run, seed, places):
 
 def chain(seeds, count):
     """Fit small decays, after mode 2 has died away, and large motions, to tracks of a filmed steel strip."""
-    model, law = steel(), RayleighDamping(alpha=0.15, beta=1e-3)
+    model, law = Model(steel(8)), RayleighDamping(alpha=0.15, beta=1e-3)
     for force in (1.1e-3, 3e-3, 8.6e-3, 0.03):
         start = static_equilibrium(model, tip_force=(force, 0.0))
         run = simulate(model, damping=law, start=start, duration=(count - 1) / RATE, sample_rate=RATE, tolerance=1e-8)
@@ -162,7 +144,7 @@ def chain(seeds, count):
         small = force < 0.01
         names = ("frequency", "damping_ratio") if small else ("elastic_modulus",)
         true = {name: exact.estimates[name] if small else 210e9 for name in names}
-        errors = {name: [] for name in names}
+        errors: dict[str, list[float]] = {name: [] for name in names}
         within = dict.fromkeys(names, 0)
         for seed in range(seeds):
             with tempfile.TemporaryDirectory() as folder:
@@ -172,11 +154,14 @@ def chain(seeds, count):
                 recording = track_video(path, markers=marks[0], ruler=ruler, clamp=clamp)
             values = np.stack([one.values for one in recording.channels], axis=1).reshape(count, -1, 3)
             if small:
-                fit = fit_decay(recording.time[late], values[late, -1, 0])
+                fit: DecayFit | BeamFit = fit_decay(recording.time[late], values[late, -1, 0])
             else:
                 record = MarkerRecord(recording.time, values[..., :2], points=[0.2, 0.3, 0.4, 0.5], start=start)
                 fit = fit_beam(
-                    steel(190e9), record, RayleighDamping(alpha=0.1, beta=5e-4), unknowns=["elastic_modulus"]
+                    Model(steel(8, elastic_modulus=190e9)),
+                    record,
+                    RayleighDamping(alpha=0.1, beta=5e-4),
+                    unknowns=["elastic_modulus"],
                 )
             for name in names:
                 low, high = fit.intervals()[name]

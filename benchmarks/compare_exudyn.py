@@ -153,7 +153,6 @@ def climb_ours(case: Case, method: Method, compiled: bool, repeat: int) -> tuple
         with _process({"ANCF_CASADI_CACHE": cache, "ANCF_CASADI_COMPILE": str(int(compiled))}) as process:
             cold, warm = (process.submit(solve, case, settings[0], duration=0.1).result() for _ in range(2))
             rungs = _climb(process, solve, case, settings, repeat)
-        with _process({"ANCF_CASADI_CACHE": cache}) as process:
             fine = process.submit(solve_ours, case, case.converged, method="radau").result()
     if fine.steps < FINER * rungs[-1].steps:
         print(f"our converged solution has only {fine.steps} steps: its own error matters", file=sys.stderr)

@@ -1,6 +1,6 @@
 """Coverage of the 95 % intervals of every kind of fit of a beam: the same measurements with other noise, fitted anew.
 
-    .venv/bin/python benchmarks/coverage.py --case joint --seeds 200 --jobs 2
+    .venv/bin/python -m benchmarks.coverage --case joint --seeds 200 --jobs 2
 
     drag, no-drag     a large motion of a steel strip with and without quadratic damping beside a known modal law
     strip             a large motion of a soft strip with viscous and quadratic damping

@@ -1,6 +1,6 @@
 """Measure the coverage of the 95 % intervals of decay fits under noise of many kinds and bad sampling.
 
-    .venv/bin/python benchmarks/decay_coverage.py --runs 400 --jobs 2
+    .venv/bin/python -m benchmarks.decay_coverage --runs 400 --jobs 2
 
 Each case has seeded records of a mode of 6.9 Hz with a damping ratio of 1 % at the release, an amplitude of 50 mm, 10 s
 at 200 samples per second, and a random phase.  The noise has a standard deviation of 1 mm, or of 0.1 mm beside a second

@@ -1,9 +1,9 @@
 """Count failed fits of seeded synthetic decays, and the coverage of their 95 % intervals.
 
-    .venv/bin/python benchmarks/decay_robustness.py --runs 1000                     law="quadratic"
-    .venv/bin/python benchmarks/decay_robustness.py --runs 250 --law friction       also: linear
-    .venv/bin/python benchmarks/decay_robustness.py --long --runs 1000              long decays, all laws in turn
-    .venv/bin/python benchmarks/decay_robustness.py --long --runs 100 --law auto    long decays, all laws each
+    .venv/bin/python -m benchmarks.decay_robustness --runs 1000                     law="quadratic"
+    .venv/bin/python -m benchmarks.decay_robustness --runs 250 --law friction       also: linear
+    .venv/bin/python -m benchmarks.decay_robustness --long --runs 1000              long decays, all laws in turn
+    .venv/bin/python -m benchmarks.decay_robustness --long --runs 100 --law auto    long decays, all laws each
 
 Record k depends on seed k only: linear, quadratic and mixed damping in turn (with ``--law friction`` also friction), 5
 to 2500 periods, 5 to 50 samples per period and at most 40 000 in all, noise of 1e-5 to 0.1 of the amplitude, and a

@@ -1,8 +1,8 @@
 """Compare the first call with the second: the cost of compilation from an empty cache, and the calls that reuse it.
 
-    .venv/bin/python benchmarks/first_call.py                          three laws, both integrators, a transient fit
-    .venv/bin/python benchmarks/first_call.py --before ../old          the same, in turn with another checkout
-    .venv/bin/python benchmarks/first_call.py --cases radau-modal fit --seconds 2
+    .venv/bin/python -m benchmarks.first_call                          three laws, both integrators, a transient fit
+    .venv/bin/python -m benchmarks.first_call --before ../old          the same, in turn with another checkout
+    .venv/bin/python -m benchmarks.first_call --cases radau-modal fit --seconds 2
 
 Each case runs in its own process with an empty cache.  It makes the same call twice, then one call with another beam
 and one with another number of elements.  Times are wall times and, in brackets, processor times including the

@@ -1,6 +1,6 @@
 """Processor time of imports and of the help texts of the command, relative to the import of numpy and casadi.
 
-Usage: python benchmarks/imports.py [--runs 5]
+Usage: python -m benchmarks.imports [--runs 5]
 
 Each row is the least of several new processes, which take turns with the others.
 """

@@ -1,7 +1,7 @@
 """Compare the integrators in calls with all defaults: processor time and error of IDAS, Radau and the default.
 
-    .venv/bin/python benchmarks/integrators.py
-    .venv/bin/python benchmarks/integrators.py --cases drag release --methods radau auto --seconds 1
+    .venv/bin/python -m benchmarks.integrators
+    .venv/bin/python -m benchmarks.integrators --cases drag release --methods radau auto --seconds 1
 
 Each call and integrator runs twice in its own process with an empty cache.  Columns: processor time of the first call,
 compilers included, and of the second, s; largest error of the tip relative to its travel, against Radau at a twentieth

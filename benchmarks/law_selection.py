@@ -1,11 +1,11 @@
 """Measure how often the true damping law is selected: seeded records of each law, each fitted with all laws.
 
-    .venv/bin/python benchmarks/law_selection.py combined --runs 100     decays with omega(A), all terms significant
-    .venv/bin/python benchmarks/law_selection.py calibration --runs 100  how often laws are right, by their probability
-    .venv/bin/python benchmarks/law_selection.py decays --runs 200       closed-form decays, compare_decay_laws
-    .venv/bin/python benchmarks/law_selection.py motions --runs 20       large motion of a beam, compare_laws
-    .venv/bin/python benchmarks/law_selection.py motions --runs 20 --weak    the same, too short and noisy to decide
-    .venv/bin/python benchmarks/law_selection.py power --runs 200        the share of right choices that plans announce
+    .venv/bin/python -m benchmarks.law_selection combined --runs 100     decays with omega(A), all terms significant
+    .venv/bin/python -m benchmarks.law_selection calibration --runs 100  how often laws are right, by their probability
+    .venv/bin/python -m benchmarks.law_selection decays --runs 200       closed-form decays, compare_decay_laws
+    .venv/bin/python -m benchmarks.law_selection motions --runs 20       large motion of a beam, compare_laws
+    .venv/bin/python -m benchmarks.law_selection motions --runs 20 --weak    the same, too short and noisy to decide
+    .venv/bin/python -m benchmarks.law_selection power --runs 200        the share of right choices that plans announce
 
 A run is right if the true law is the most probable one, and settled if the verdict says so.  ``combined`` draws
 decays under each damping law with each frequency law, of 30 to 150 periods with noise of 0.1 to 3 % of the amplitude,

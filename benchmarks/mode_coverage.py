@@ -1,12 +1,12 @@
 """Coverage of frequency and damping against amplitude of one mode, from simulated stepped sines.
 
-python -m benchmarks.mode_coverage [RUNS]
+python -m benchmarks.mode_coverage --runs 200
 
 Prints the share of 95 % bands that hold the truth at three amplitudes; ``docs/how_to/one_mode.md`` states the result.
 The records of response control have phases with the wrong sign and reference.
 """
 
-import sys
+import argparse
 import time
 
 import numpy as np
@@ -14,8 +14,11 @@ import numpy as np
 from tests.problems.mode.oscillators import CASES, held, records, truth_of
 
 
-def main(runs: int) -> None:
+def main() -> None:
     """Print a table with one row per oscillator and kind of control."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=200)
+    runs = parser.parse_args().runs
     print("| oscillator | held | frequency, three amplitudes, % | damping ratio, % | time of a fit |")
     print("|---|---|---|---|---|")
     for name, (one, laws) in CASES.items():
@@ -30,4 +33,4 @@ def main(runs: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 200)
+    main()

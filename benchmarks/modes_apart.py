@@ -1,6 +1,6 @@
 """Measure how often ``fit_modes`` tells modes apart: seeded records with a known number of modes.
 
-    .venv/bin/python benchmarks/modes_apart.py --runs 200 --jobs 2
+    .venv/bin/python -m benchmarks.modes_apart --runs 200 --jobs 2
 
 Each record is of one kind: a mode whose frequency and damping depend on the amplitude, by laws drawn at random; two
 close modes that beat; or such a moving mode with harmonics, whose phases are multiples of that of the mode and whose

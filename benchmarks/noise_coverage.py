@@ -1,6 +1,6 @@
 """Coverage of 95 % intervals from coloured residuals, in a linear model of six periods of a decay.
 
-    .venv/bin/python benchmarks/noise_coverage.py --runs 1000
+    .venv/bin/python -m benchmarks.noise_coverage --runs 1000
 
 Each of one or four sensors sees the decay with a phase and an offset of its own, in autoregressive noise.  The unknowns
 are the changes of the decay with its amplitude, phase, frequency and damping; the table lists the percentage of their

@@ -1,6 +1,6 @@
 """Standard errors that ``plan`` expects, and those of simulated and fitted records.
 
-    .venv/bin/python benchmarks/plan_errors.py --case mixture --seeds 200 --jobs 2
+    .venv/bin/python -m benchmarks.plan_errors --case mixture --seeds 200 --jobs 2
 
     decay        release of a strip; a laser with an unknown zero
     motions      the strip on a moving base, three times, with an accelerometer whose clock is unknown and a marker

@@ -1,6 +1,6 @@
 """Simulation-based calibration of ``fit.sample``: the rank of the truth among draws of the posterior is uniform.
 
-    python benchmarks/posterior.py --seeds 200
+    python -m benchmarks.posterior --seeds 200
 
 The truths come from ranges that are wide against the posterior, which has constant densities as priors.  Of 252 draws
 of a chain, every fourth counts, so that the ranks from 0 to 63 are nearly independent.  The table has the number of

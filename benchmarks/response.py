@@ -1,7 +1,7 @@
 """Time of response curves and backbones: the beam of the paper in eight modes, and the full beam with 20 elements.
 
-    .venv/bin/python benchmarks/response.py            reduced model
-    .venv/bin/python benchmarks/response.py --full     also the full beam, which takes minutes
+    .venv/bin/python -m benchmarks.response            reduced model
+    .venv/bin/python -m benchmarks.response --full     also the full beam, which takes minutes
 
 The curve passes both folds of mode 2 under modal and quadratic damping.  Each time is also given relative to that of
 10 s of ``simulate_reduced`` in the same process, because the machine is shared, and as processor time.
@@ -44,7 +44,8 @@ def main() -> None:
     """Print the times."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--full", action="store_true", help="also the full beam")
-    full = parser.parse_args().full
+    parser.add_argument("--seconds", type=float, default=10.0, help="of simulate_reduced")
+    options = parser.parse_args()
     model = Model(steel())
     modes = natural_modes(model, count=8)
     law = ModalDamping(modes, ratios=(0.01, 0.003, 0.003, 0.003, 0.003)) + QuadraticDamping(eta2=0.1)
@@ -52,7 +53,7 @@ def main() -> None:
     base = HarmonicBase(amplitude=5e-4, frequency=10.0)
 
     def run() -> int:
-        simulate_reduced(reduced, base=base, duration=10.0)
+        simulate_reduced(reduced, base=base, duration=options.seconds)
         return POINTS
 
     def curve() -> int:
@@ -61,11 +62,11 @@ def main() -> None:
         return len(found.motions)
 
     run()  # compiles
-    unit = timed("10 s of simulate_reduced", run, 0.0)
+    unit = timed(f"{options.seconds:g} s of simulate_reduced", run, 0.0)
     timed("mode 2 through both folds, 8 modes, first", curve, unit)
     timed("mode 2 through both folds, 8 modes, again", curve, unit)
     timed("backbone of mode 1, 8 modes", lambda: len(backbone(reduced, mode=1, amplitude=0.1).motions), unit)
-    if full:
+    if options.full:
         timed(
             "mode 2 through both folds, full beam",
             lambda: len(frequency_response(model, (10.0, 10.8), damping=law, base=base).motions),

@@ -5,7 +5,7 @@ asks for more than 10 s of processor time is interrupted as by Ctrl-C, and ends 
 exit code 130, a call with ``KeyboardInterrupt`` or what it has by then.  No process is left.  Anything else is a fault
 and is printed.  The mutations and the calls are those of the tests.
 
-    python benchmarks/robustness.py --seed 1 --inputs 20000 --calls 5000
+    python -m benchmarks.robustness --seed 1 --inputs 20000 --calls 5000
 """
 
 import argparse

@@ -9,7 +9,6 @@ import pytest
 
 from ancf_casadi.records.measurement import Measurement
 
-LINES = 3_000_000
 MOST_MEGABYTES = 1500.0
 LAYOUTS = {
     "plain": ("time_ms,x_mm,y_mm\n", lambda t, x: f"{t:.1f},{x:.6f},{-x:.6f}\n"),
@@ -34,19 +33,23 @@ def write(path: Path, layout: str, count: int) -> Path:
     return path
 
 
+@pytest.mark.parametrize("lines", [1000, 3_000_000])
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_reading(benchmark, tmp_path, layout):
-    path = write(tmp_path / "record.csv", layout, LINES)
+def test_reading(benchmark, tmp_path, layout, lines):
+    path = write(tmp_path / "record.csv", layout, lines)
     record = benchmark.pedantic(Measurement.from_file, args=(path, 2), rounds=1)
-    assert record.time[-1] == pytest.approx((LINES - 1) / 1e4, abs=1e-6)
+    assert record.time[-1] == pytest.approx((lines - 1) / 1e4, abs=1e-6)
 
 
-def test_memory_of_ten_million_lines(tmp_path):
-    path = write(tmp_path / "record.csv", "plain", 10_000_000)
+@pytest.mark.parametrize("lines", [1000, 10_000_000])
+def test_memory(tmp_path, lines):
+    path = write(tmp_path / "record.csv", "plain", lines)
     code = (
         "import resource, sys; from ancf_casadi.records.measurement import Measurement; "
-        "record = Measurement.from_file(sys.argv[1], 2); assert len(record.time) == 10_000_000; "
+        "record = Measurement.from_file(sys.argv[1], 2); assert len(record.time) == int(sys.argv[2]); "
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
     )
-    run = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
+    run = subprocess.run(
+        [sys.executable, "-c", code, str(path), str(lines)], capture_output=True, text=True, check=True
+    )
     assert float(run.stdout) < MOST_MEGABYTES

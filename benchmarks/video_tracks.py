@@ -1,7 +1,7 @@
 """Errors and costs of tracks in rendered videos, and of what is fitted to them.
 
-    .venv/bin/python benchmarks/video_tracks.py               # also Lucas-Kanade: OpenCV, and pyidi if installed
-    .venv/bin/python benchmarks/video_tracks.py --chain 24    # to frequency, damping ratio and modulus, 24 seeds
+    .venv/bin/python -m benchmarks.video_tracks               # also Lucas-Kanade: OpenCV, and pyidi if installed
+    .venv/bin/python -m benchmarks.video_tracks --chain 24    # to frequency, damping ratio and modulus, 24 seeds
 
 A strip with six marks turns its end by 60 degrees to either side at 2 Hz: 640 x 480 pixels, 240 frames per second,
 noise of 2 grey levels, exposure of a quarter of a frame, light that fades by a fifth, and each mark hidden for 5 % of
@@ -30,6 +30,7 @@ from examples.render_strip import bending_strip, frames, write_video
 from problems import BeamFit, DecayFit, MarkerRecord, fit_beam, fit_decay
 
 RATE = 240.0
+PATTERNS = ("dots", "checkers", "texture")
 MARKS = [10, 20, 30, 40, 50, 60]
 
 
@@ -86,7 +87,7 @@ def pyidi_lucas_kanade(path, first):
     return (first[:, None] + moved[..., ::-1]).transpose(1, 0, 2), None
 
 
-def compare(count):
+def compare(count, patterns):
     instants = np.arange(count) / RATE
     shapes = bending_strip(instants, 2.0, 1.05, 380.0, (320.0, 40.0))
     true = shapes[:, MARKS]
@@ -99,7 +100,7 @@ def compare(count):
     codecs = [("MJPG", "avi"), ("mp4v", "mp4"), *([("H.264", "mp4")] if importlib.util.find_spec("av") else [])]
     print("marks     codec  covered  method              rms px  largest px  lost  std/rms  CPU s")
     with tempfile.TemporaryDirectory() as folder:
-        for pattern, hidden in product(("dots", "checkers", "texture"), (False, True)):
+        for pattern, hidden in product(patterns, (False, True)):
             bars = covered if hidden else []
             pictures = list(frames(instants, shapes, MARKS, pattern=pattern, drift=-0.2, covered=bars))
             for codec, suffix in codecs:
@@ -180,9 +181,10 @@ def chain(seeds, count):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--frames", type=int, default=1000)
+    parser.add_argument("--patterns", nargs="+", choices=PATTERNS, default=PATTERNS, help="of the marks")
     parser.add_argument("--chain", type=int, metavar="SEEDS")
     options = parser.parse_args()
-    chain(options.chain, options.frames) if options.chain else compare(options.frames)
+    chain(options.chain, options.frames) if options.chain else compare(options.frames, options.patterns)
 
 
 if __name__ == "__main__":

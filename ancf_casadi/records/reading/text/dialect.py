@@ -2,8 +2,9 @@
 
 Each combination of delimiter and decimal sign splits the first lines of the file into cells.  The table is the longest
 run of lines with the same number of cells, at least one of which is a number or a time.  The combination wins that
-leaves the smallest share of words in the table.  Two combinations that leave none are ambiguous, and refused; a comma
-between two whole numbers may separate columns or decimals, so that other signs must decide:
+leaves the smallest share of words in the table, and then the most rows with numbers where most rows have them.  Two
+combinations that leave no words are ambiguous, and refused; a comma between two whole numbers may separate columns or
+decimals, so that other signs must decide:
 
 - ``0,05`` has a zero that no separate whole number would have, and is a decimal comma;
 - a header with fewer names than cells contradicts the comma as delimiter;
@@ -51,6 +52,11 @@ class TableHead:
         """Share of columns of words."""
         return self.kinds.count("word") / self.width
 
+    @property
+    def usual_rows(self) -> int:
+        """Number of rows with numbers where most rows have them."""
+        return sum(_fits([self.dialect.kind(cell) for cell in row], self.kinds) for row in self.rows)
+
 
 def find_table(lines: Sequence[str], numbers: Sequence[int], path: str) -> TableHead:
     """Return the table in the first lines of a file, whose line numbers are ``numbers``; refuse any ambiguity."""
@@ -59,7 +65,7 @@ def find_table(lines: Sequence[str], numbers: Sequence[int], path: str) -> Table
     runs = [run for dialect in possible if (run := _longest_run(dialect, lines))]
     if not runs:
         raise InputError("has no rows of numbers; needs a table with a row per sample", path)
-    best = min(runs, key=lambda run: (run.words, run.width == 1, -len(run.rows)))
+    best = min(runs, key=lambda run: (run.words, run.width == 1, -run.usual_rows))
     _check_commas(best, numbers, path)
     rival = next((run for run in runs if _rivals(run, best)), None)
     if rival:

@@ -160,6 +160,20 @@ def test_words_at_the_end_are_left_out_with_a_note(tmp_path, end, comma):
     assert note == f"line {22 + end.startswith(chr(10))}, {first!r}, and what follows are no numbers: left out"
 
 
+@pytest.mark.parametrize(
+    ("first", "delimiter"),
+    [("0;;", ";"), ("0\t\t", "\t"), ("0;0;", ";"), ("-1;;2", ";")],
+    ids=["gaps", "tabs", "one gap", "negative"],
+)
+def test_a_first_row_of_whole_numbers_and_gaps_does_not_hide_decimal_commas(tmp_path, first, delimiter):
+    path = tmp_path / "a.csv"
+    rows = [delimiter.join((f"{0.1 * k:.1f}", f"{k / 8:.3f}", f"{-k / 8:.3f}")) for k in range(1, 20)]
+    head = delimiter.join(("t (s)", "x (m)", "y (m)"))
+    path.write_text("\n".join([head, first, *(row.replace(".", ",") for row in rows)]) + "\n")
+    recording = read_recording(path)
+    assert recording.channels[-1].values.tolist()[-19:] == [-k / 8 for k in range(1, 20)]
+
+
 def test_words_in_the_middle_and_below_a_single_column(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("t_s;x_mm\n0;1\n1;2\nOVL\n2;3\n3;3\n")

@@ -15,7 +15,7 @@ from tests.problems.frf.test_fitting import four_modes as four_modes
 @pytest.mark.parametrize("seeds", [20, 1000])
 @pytest.mark.parametrize("k", range(5))
 def test_decay_fits_are_efficient(k, seeds):
-    """The scatter of n fits is known to 1/(2 n)^(1/2) of it, their mean to 1/n^(1/2); the limits are 3.6 times these."""
+    """The scatter of n fits is known to 1/(2 n)^(1/2) of itself, the mean to 1/n^(1/2); limits at 3.6 times these."""
     efficiency, bias, hits = decay.many_fits(decay.MODES[k], decay.CRAMER_RAO[k], seeds)
     np.testing.assert_allclose(efficiency, 1.0, atol=3.6 / (2 * seeds) ** 0.5)
     assert (np.abs(bias) < 3.6 / seeds**0.5).all()

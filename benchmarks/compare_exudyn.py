@@ -6,9 +6,9 @@ requires ``pip install exudyn`` and a C compiler.  ``exudyn_cases.py`` defines t
 model.
 
 Times.  Each program runs in its own process, one after the other, on one thread, over a ladder of accuracies:
-tolerances of the chosen integrator for this project, step sizes for Exudyn.  A time covers building the model and
-integrating it.  The compilation of this project, done once and cached, is listed separately; the matrices given to
-Exudyn cost it nothing.  Both programs take 1000 samples per second.
+tolerances of the chosen integrator for this project, step sizes for Exudyn.  A time is processor time, and covers
+building the model and integrating it.  The compilation of this project, done once and cached, is listed separately;
+the matrices given to Exudyn cost it nothing.  Both programs take 1000 samples per second.
 
 Errors.  Each solution is compared with the converged one of the same program: ``radau`` with a small tolerance here,
 and for Exudyn an extrapolation from its two smallest steps, with order 2.  In a window at the end,
@@ -16,10 +16,9 @@ and for Exudyn an extrapolation from its two smallest steps, with order 2.  In a
     error       is the largest distance of the two, relative to the largest excursion,
     amplitude   is the relative difference of their root mean squares.
 
-The last lines compare the times of the cheapest setting of each program within the limit; on a busy machine, read the
-CPU times.  The difference of the two converged solutions is printed as well: the meshes are the same, but the elements
-integrate the axial strain differently.  In case (b) it is about 3 % at the end with 20 elements, and 40 times as much
-with 10.
+The last lines compare the times of the cheapest setting of each program within the limit.  The difference of the two
+converged solutions is printed as well: the meshes are the same, but the elements integrate the axial strain
+differently.  In case (b) it is about 3 % at the end with 20 elements, and 40 times as much with 10.
 """
 
 from __future__ import annotations
@@ -31,7 +30,6 @@ import os
 import platform
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -43,6 +41,7 @@ import numpy as np
 from ancf_casadi import Model, natural_modes, simulate, static_equilibrium
 from ancf_casadi.dynamics.simulation import Method
 from ancf_casadi.mechanics.nodes import NODE
+from benchmarks.clock import processor_time
 from benchmarks.exudyn_cases import (
     BEAM,
     LAWS,
@@ -60,18 +59,17 @@ from benchmarks.exudyn_cases import (
 ORDER = 2  # of generalized alpha
 FINER = 1.5  # least steps of a converged solution, relative to the finest rung
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-ROW = "{:8}  {:16}  {:>8}  {:>8}  {:>8}  {:>9}  {:>9}"
+ROW = "{:8}  {:16}  {:>8}  {:>8}  {:>9}  {:>9}"
 
 
 @dataclass(frozen=True)
 class Rung:
-    """Run of one program at one accuracy: motion in the window, (k, c), number of steps, and seconds."""
+    """Run of one program at one accuracy: motion in the window, (k, c), number of steps, and processor time (s)."""
 
     setting: float
     signal: Array
     steps: int
-    wall: float
-    cpu: float
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -91,7 +89,7 @@ class Ladder:
     def cheapest(self, bar: Bar) -> Rung | None:
         """Return the fastest run within a limit."""
         within = [rung for rung in self.rungs if self.error(rung, bar.kind) <= bar.limit]
-        return min(within, key=lambda rung: rung.wall, default=None)
+        return min(within, key=lambda rung: rung.seconds, default=None)
 
     def label(self, rung: Rung) -> str:
         """Return the setting of a run in words."""
@@ -120,10 +118,10 @@ def compare(case: Case, method: Method, compiled: bool, repeat: int) -> None:
     print(f"\ncase {case.name}, {case.law}, {method}: {case.title}")
     ours, compilation = climb_ours(case, method, compiled, repeat)
     theirs = climb_exudyn(case, repeat)
-    print(ROW.format("program", "setting", "steps", "wall s", "cpu s", "error", "amplitude"))
+    print(ROW.format("program", "setting", "steps", "CPU s", "error", "amplitude"))
     for ladder in (ours, theirs):
         for rung in ladder.rungs:
-            cost = rung.steps, f"{rung.wall:.2f}", f"{rung.cpu:.2f}"
+            cost = rung.steps, f"{rung.seconds:.2f}"
             errors = (f"{ladder.error(rung, kind):.1e}" for kind in ("error", "amplitude"))
             print(ROW.format(ladder.program, ladder.label(rung), *cost, *errors))
     print(f"ours compiled in {compilation:.1f} s, once")
@@ -136,13 +134,13 @@ def verdict(bar: Bar, ours: Ladder, theirs: Ladder) -> str:
     """Return a line that compares the two programs at a limit."""
     found = [(ladder, ladder.cheapest(bar)) for ladder in (ours, theirs)]
     words = [
-        f"{ladder.program} {rung.wall:.2f} s ({ladder.label(rung)})" if rung else f"{ladder.program} not reached"
+        f"{ladder.program} {rung.seconds:.2f} s ({ladder.label(rung)})" if rung else f"{ladder.program} not reached"
         for ladder, rung in found
     ]
     own, other = (rung for _, rung in found)
     if own is None or other is None:
         return f"{bar.kind} of {bar.limit:g}: {', '.join(words)}"
-    ratio = f"Exudyn takes {other.wall / own.wall:.2f} times ours (cpu {other.cpu / own.cpu:.2f})"
+    ratio = f"Exudyn takes {other.seconds / own.seconds:.2f} times ours"
     return f"{bar.kind} of {bar.limit:g}: {', '.join(words)}; {ratio}"
 
 
@@ -156,7 +154,7 @@ def climb_ours(case: Case, method: Method, compiled: bool, repeat: int) -> tuple
             fine = process.submit(solve_ours, case, case.converged, method="radau").result()
     if fine.steps < FINER * rungs[-1].steps:
         print(f"our converged solution has only {fine.steps} steps: its own error matters", file=sys.stderr)
-    return Ladder("ours", rungs, signal(case, fine.coordinates)), max(0.0, cold.wall - warm.wall)
+    return Ladder("ours", rungs, signal(case, fine.coordinates)), max(0.0, cold.seconds - warm.seconds)
 
 
 def climb_exudyn(case: Case, repeat: int) -> Ladder:
@@ -170,7 +168,7 @@ def climb_exudyn(case: Case, repeat: int) -> Ladder:
 
 def solve_ours(case: Case, tolerance: float, *, method: Method, duration: float | None = None) -> Solution:
     """Run a case in this project, including the construction of the model and its law."""
-    wall, cpu = time.perf_counter(), time.process_time()
+    began = processor_time()
     model = Model(BEAM)
     run = simulate(
         model,
@@ -182,8 +180,8 @@ def solve_ours(case: Case, tolerance: float, *, method: Method, duration: float 
         method=method,
         tolerance=tolerance,
     )
-    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    return Solution(run.tip if case.mode is None else run.coordinates, run.steps, wall, cpu)
+    coordinates = run.tip if case.mode is None else run.coordinates
+    return Solution(coordinates, run.steps, processor_time() - began)
 
 
 def signal(case: Case, coordinates: Array) -> Array:
@@ -217,9 +215,9 @@ def _climb(
     rungs = []
     for setting in settings:
         runs = [process.submit(solve, case, setting).result() for _ in range(repeat)]
-        best = min(runs, key=lambda run: run.wall)
-        print(f"  {setting:g}: {best.wall:.2f} s", file=sys.stderr, flush=True)
-        rungs.append(Rung(setting, signal(case, best.coordinates), best.steps, best.wall, best.cpu))
+        best = min(runs, key=lambda run: run.seconds)
+        print(f"  {setting:g}: {best.seconds:.2f} s", file=sys.stderr, flush=True)
+        rungs.append(Rung(setting, signal(case, best.coordinates), best.steps, best.seconds))
     return rungs
 
 

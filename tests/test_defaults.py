@@ -174,6 +174,7 @@ def test_any_call_with_all_defaults_ends_soon_and_balances_its_energy(number):
 # ------------------------------------------------------------------------- which integrator, and how accurate
 
 
+@pytest.mark.slow
 def test_the_default_is_radau_and_options_of_idas_ask_for_idas(modes):
     base = HarmonicBase(5e-3, modes.frequencies[0])
     for settings, method, tolerance in (

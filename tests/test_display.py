@@ -150,7 +150,7 @@ def made(folder):
         reduced, simulate_reduced(reduced, base=base, duration=0.1, sample_rate=100.0), system,
         periodic_motion(system, force=force), backbone(system, amplitude=0.1, points=2),
         frequency_response(system, (0.1, 0.12), force=force), linear_frf(model, law, [1.0, 2.0, 3.0]),
-        Sensor("strain", point=0.1), record, read_recording(folder / "run.csv"), damping_curve(record),
+        Sensor("strain", point=0.1), ancf_casadi.TableLayout(names_row=2), record, read_recording(folder / "run.csv"), damping_curve(record),
         law_curve(fit_decay(record)), Channel(record), Camera(scale=(0.9, 1.1)), MotionRecord([record], base=base),
         MarkerRecord(TIME, np.column_stack([SWING, SWING])), MeasuredModes((1.9, 10.4), 0.01),
         StaticRecord(model, [PointLoad(force=(1e-3, 0.0))], [0.01], Sensor()), FrequencyRecord(model, [1.9, 10.4]),

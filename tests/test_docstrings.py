@@ -34,6 +34,7 @@ def beginner(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
     monkeypatch.setenv("ANCF_CASADI_COMPILE", "0")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("public", PUBLIC)
 def test_a_public_name_has_examples_that_print_what_they_say(public):
     if public is ancf_casadi.export.write_fmu and not (c_compiler() and importlib.util.find_spec("fmpy")):

@@ -52,6 +52,7 @@ def test_ex04_no_energy_goes_missing(example):
     assert found["lost"] > 0.1 * np.ptp(found["run"].kinetic_energy)
 
 
+@pytest.mark.slow
 def test_ex05_all_frequencies_are_met_within_the_bounds(example):
     found = example("ex05")
     assert found["match"].max_relative_error < 1e-6
@@ -77,11 +78,13 @@ def test_ex07_the_planned_motion_leaves_no_swing(example):
     assert found["runs"][1].tip[-1] == pytest.approx(found["runs"][1].tip[0] + (0.1, 0.0), abs=2e-4)
 
 
+@pytest.mark.slow
 def test_ex08_scipy_finds_the_profile(example):
     found = example("ex08")
     assert found["fit"].x == pytest.approx(found["truth"], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_ex09_the_decay_after_the_blow_gives_frequency_and_damping(example):
     found = example("ex09")
     run, (frequency, ratio) = found["run"], found["truth"]
@@ -102,6 +105,7 @@ def test_ex10_the_resonance_leans_and_the_air_straightens_it(example):
     assert curves["material and air"].amplitude().max() < 0.7 * curves["material"].amplitude().max()
 
 
+@pytest.mark.slow
 def test_the_toml_examples_run(capsys):
     assert main(["modes", str(EXAMPLES / "beam.toml")]) == 0
     assert "1.87613" in capsys.readouterr().out

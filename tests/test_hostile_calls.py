@@ -38,6 +38,7 @@ def there(folder, monkeypatch):
     return folder
 
 
+@pytest.mark.slow
 def test_every_public_function_is_called(folder):
     called = {name.partition(".")[0].partition(",")[0] for name in calls(folder)}
     assert called == set(public())

@@ -124,6 +124,7 @@ class TestAluminiumStrip:
         assert low > 30 * fit.combinations["bending_stiffness"][0] / 0.3
         assert math.isinf(high)
 
+    @pytest.mark.slow
     def test_thickness_and_modulus_trade_as_e_h_squared(self, page):
         """Frequencies of a beam without a tip mass determine E h^2/rho; 5 g change this little."""
         found = [fitted(page.strip_records(h), ["elastic_modulus"]) for h in page.THICKNESSES]
@@ -131,6 +132,7 @@ class TestAluminiumStrip:
         assert ratio == pytest.approx((page.THICKNESSES[1] / page.THICKNESSES[0]) ** 2, rel=5e-3)
         assert found[0].scatter == pytest.approx(found[1].scatter, rel=0.01)
 
+    @pytest.mark.slow
     def test_the_tip_mass_is_hardly_determined(self, page):
         low, high = fitted(page.strip_records(), ["elastic_modulus", "tip_mass"]).intervals()["tip_mass"]
         assert low < 1e-3

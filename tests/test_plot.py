@@ -45,6 +45,7 @@ def test_the_shapes_of_a_motion_figure_tell_start_and_end_without_colour(motion)
     assert [text.get_text() for text in in_plane.figure.legends[0].get_texts()] == ["at 0 s", "at 0.2 s"]
 
 
+@pytest.mark.slow
 def test_png_is_complete_and_the_same_each_time(motion):
     """Signature, image size in the header, end mark, and no date or version that would change the bytes."""
     first, second = rendered(motion.figure()), rendered(motion.figure())

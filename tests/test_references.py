@@ -100,6 +100,7 @@ def test_the_extension_of_a_rotating_beam_converges_to_the_closed_form():
     assert errors[-1] < 2.5e-4 * EXTENSION
 
 
+@pytest.mark.slow
 @BOTH
 def test_a_beam_that_rotates_steadily_keeps_its_extension(method):
     model = arm(8)
@@ -113,6 +114,7 @@ def test_a_beam_that_rotates_steadily_keeps_its_extension(method):
     assert abs(run.balance_error).max() < 3e-7 * run.kinetic_energy[0]
 
 
+@pytest.mark.slow
 def test_after_the_spin_up_of_simo_and_vu_quoc_the_beam_has_the_extension_of_steady_rotation():
     """Angle theta = (6/15) (t^2/2 + (15/(2 pi))^2 (cos(2 pi t/15) - 1)) up to 15 s, then 6 t - 45."""
     time, slow = np.linspace(0.0, 18.0, 361), SPIN_UP / (2 * np.pi)

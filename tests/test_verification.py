@@ -96,6 +96,7 @@ def test_an_undamped_mode_keeps_amplitude_and_frequency(
     assert abs(frequency / CUBIC_ELEMENTS[mode] - 1) < shift
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "tolerance", "limit"), [("idas", 1e-9, 5e-3), ("radau", 1e-9, 1e-3)])
 def test_five_modes_at_once_swing_independently(weightless, method, tolerance, limit):
     """Tip = sum A_k cos omega_k t, with omega_k of 20 cubic elements."""
@@ -132,6 +133,7 @@ def test_the_frequency_of_a_large_swing_rises_with_the_square_of_its_amplitude(p
     assert shift / reached**2 == pytest.approx(0.0193835, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("amplitude", [0.1, 0.2])
 def test_the_frequency_of_a_hanging_beam_hardly_depends_on_its_amplitude(paper_beam, amplitude):
     shift, reached = backbone(Model(paper_beam(8)), amplitude, 0, "radau", 1e-8)
@@ -211,6 +213,7 @@ def test_error_and_loss_of_energy_fall_with_the_tolerance_as_the_order_says(pape
     assert errors[1] < 5e-5 and losses[1] < 5e-5
 
 
+@pytest.mark.slow
 @BOTH
 @pytest.mark.parametrize("law", [None, RayleighDamping(alpha=1.0, beta=1e-4)], ids=["undamped", "damped"])
 def test_energy_is_kept_or_accounted_for_and_better_with_a_smaller_tolerance(thick, method, law):
@@ -270,6 +273,7 @@ def test_a_beam_turned_as_a_whole_is_strained_by_the_centrifugal_force_alone_and
     np.testing.assert_allclose(radius, LENGTH, rtol=2e-6)
 
 
+@pytest.mark.slow
 @BOTH
 def test_damping_by_the_reference_stiffness_resists_the_turn(paper_beam, method):
     model = Model(paper_beam(6, **WEIGHTLESS))
@@ -343,6 +347,7 @@ def test_the_power_of_the_clamps_force_is_the_work_of_the_base(thick, method):
     assert work == pytest.approx(run.base_work[-1], abs=1e-4 * abs(run.base_work).max())
 
 
+@pytest.mark.slow
 def test_the_force_on_the_clamp_of_a_thin_beam_is_right_within_long_steps_too(paper_beam):
     """A polynomial through the ends of the step would stretch the beam: E A is 1.2e7 times E I/L^2."""
     model = Model(paper_beam(6, **WEIGHTLESS))

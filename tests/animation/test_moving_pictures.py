@@ -75,6 +75,7 @@ def inked(picture, colour=GREEN):
     return np.column_stack([columns, rows])
 
 
+@pytest.mark.slow
 def test_a_circle_is_as_high_as_wide(paper_beam, tmp_path):
     """As the end moment 2 pi E I / L bends a beam without weight."""
     angle, radius = np.linspace(0.0, 2 * np.pi, 21), 0.5 / (2 * np.pi)
@@ -86,6 +87,7 @@ def test_a_circle_is_as_high_as_wide(paper_beam, tmp_path):
     assert width == pytest.approx(height, abs=1) and width > 300
 
 
+@pytest.mark.slow
 def test_the_tip_is_where_it_was_computed(run, tmp_path):
     """The straight beam of the first picture gives the origin and the scale of the others."""
     run.animate(tmp_path / "swing.gif", slower=1.0, points=())
@@ -104,6 +106,7 @@ def test_the_tip_is_where_it_was_computed(run, tmp_path):
     assert swing > 50 and run.tip[8 * 14, 0] != pytest.approx(run.tip[8 * 13, 0], abs=3 / scale)
 
 
+@pytest.mark.slow
 def test_a_file_has_the_pictures_and_the_duration_that_slow_motion_needs(run, tmp_path):
     run.animate(tmp_path / "swing.gif", slower=4.0, begin=0.2, end=0.3)
     pictures, seconds = frames(tmp_path / "swing.gif")
@@ -207,6 +210,7 @@ def test_modes_swing_about_the_equilibrium_and_say_how_they_are_exaggerated(mode
         assert np.linalg.norm(swing, axis=-1).max() == pytest.approx(0.15 * 0.5, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_computed_motion_lies_on_the_pictures_of_a_video(run, model, tmp_path):
     """Each picture is drawn at the time of that of the video, whose camera is turned."""
     time, turn = np.arange(0.0, 0.6, 0.07), 0.1
@@ -228,6 +232,7 @@ def test_computed_motion_lies_on_the_pictures_of_a_video(run, model, tmp_path):
         assert np.linalg.norm(line[(line @ (tip - before)).argmax()] - tip) < 2.5, k
 
 
+@pytest.mark.slow
 def test_a_page_holds_the_pictures_of_the_gif_and_loads_nothing(run, tmp_path):
     for suffix in ("gif", "html"):
         run.animate(tmp_path / f"swing.{suffix}", slower=1.0)

@@ -61,6 +61,7 @@ class Departing(BaseMotion):
         return (Piece(math.inf, lambda t, parameters: cs.vertcat(-ux * t, -uy * t, 0.0)),)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["radau", "idas"])
 def test_a_flow_is_still_air_for_a_base_that_moves_with_the_opposite_velocity(method):
     gust = {"start": static_equilibrium(HANGING), "method": method, "tolerance": 5e-10}
@@ -75,6 +76,7 @@ def test_a_flow_is_still_air_for_a_base_that_moves_with_the_opposite_velocity(me
     assert abs(blown.balance_error).max() < 1e-6 * kinetic
 
 
+@pytest.mark.slow
 def test_a_beam_of_two_thicknesses_stays_at_rest_in_a_flow():
     beam = HANGING.beam.with_(thickness=[0.5e-3, 0.5e-3, 0.3e-3, 0.3e-3])
     law = RayleighDamping(alpha=0.1) + WIND
@@ -91,6 +93,7 @@ def test_the_sag_in_a_flow_does_not_loosen_the_default_tolerance():
     assert blown == pytest.approx(still, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_derivatives_by_coefficients_and_flow_agree_with_central_differences():
     settings = {"duration": 0.05, "sample_rate": 40.0, "tolerance": 1e-10}
     function, theta = motion(HANGING, damping=WIND, **settings), cs.MX.sym("theta", 4)
@@ -103,6 +106,7 @@ def test_derivatives_by_coefficients_and_flow_agree_with_central_differences():
         np.testing.assert_allclose(found.full()[:, k], difference, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_reduced_model_and_the_exported_equations_are_those_in_the_flow():
     functions = beam_functions(HANGING, WIND, modes=1)
     p = values(functions.parameters)
@@ -119,6 +123,7 @@ def test_the_reduced_model_and_the_exported_equations_are_those_in_the_flow():
     )
 
 
+@pytest.mark.slow
 def test_steady_vibration_in_a_flow_also_of_modes_about_rest_in_still_air():
     """The mean of the reduced motion is the sag that the flow adds to the equilibrium of the modes."""
     base = HarmonicBase(amplitude=2e-3, frequency=1.9)

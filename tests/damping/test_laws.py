@@ -149,6 +149,7 @@ def test_a_simulated_decay_has_the_ratios_that_the_law_predicts(modes, law):
     np.testing.assert_allclose(measured, predicted, rtol=2e-3, atol=NUMERICAL_DAMPING / 4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", OBJECTIVE.values(), ids=OBJECTIVE)
 def test_with_zero_coefficients_a_law_does_not_damp(modes, law):
     assert not force(law(modes, 0.0), modes.model, modes.equilibrium.coordinates, np.ones(modes.model.size)).any()
@@ -266,6 +267,7 @@ def test_a_beam_of_varying_thickness_loses_the_energy_that_its_drag_takes(paper_
     assert law.eta2 > 1.2 * QuadraticDamping.from_drag(cd, air, beam.with_(thickness=0.5e-3)).eta2
 
 
+@pytest.mark.slow
 def test_the_first_swing_of_a_simulated_beam_loses_the_energy_of_its_drag(modes):
     """Energy per period (8/3) 1/2 rho_air Cd b omega^2 A^3 int |phi|^3 dp, with phi 1 at the tip."""
     cd, air, amplitude = 40.0, 1.2, 2e-3

@@ -124,6 +124,7 @@ def test_exported_accelerations_turn_with_the_beam(modes, make, degrees):
     assert abs(found - expected).max() < 1e-6 * difference
 
 
+@pytest.mark.slow
 def test_the_jacobians_of_the_residual_are_those_of_differences_under_a_turned_clamp(modes):
     functions = beam_functions(modes.model, ModalDamping(modes, RATIOS), modes=2)
     random = np.random.default_rng(4)

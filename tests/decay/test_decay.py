@@ -198,6 +198,7 @@ def test_a_record_in_which_nothing_oscillates_is_refused(displacement, message):
         first_guess(Measurement(TIME[: len(displacement)], displacement))
 
 
+@pytest.mark.slow
 def test_noise_is_hardly_ever_taken_for_an_oscillation():
     rng = np.random.default_rng(8)
     for _ in range(200):

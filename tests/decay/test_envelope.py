@@ -55,6 +55,7 @@ def test_errors_are_those_of_the_scatter(terms):
     assert np.mean(np.concatenate(deviations) ** 2) == pytest.approx(1.0, abs=0.2)
 
 
+@pytest.mark.slow
 def test_the_equation_of_motion_shows_its_terms():
     """A line through the curve of a numerical solution of Eq. (26) has eta1/(2 omega) and 4 eta2/(3 pi)."""
     η1, η2 = 0.1, 0.3
@@ -137,6 +138,7 @@ def test_unusable_records_are_refused():
         damping_curve(Measurement(TIME, np.ones(len(TIME))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind", ["white", "autoregressive", "second mode", "frequency falls with amplitude", "dropped"]
 )

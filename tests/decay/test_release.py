@@ -78,6 +78,7 @@ def test_frequency_and_damping_after_an_excitation_are_unbiased(ζ, noise, least
     assert ((np.abs(scores) < 2.0).mean(axis=0) >= 0.8).all()
 
 
+@pytest.mark.slow
 def test_without_the_finder_the_damping_would_be_wrong():
     t, x, _ = excited(0.01, 0.99, 20, 25, from_rest=False)
     y = x + 0.01 * np.random.default_rng(1).standard_normal(len(t))
@@ -134,6 +135,7 @@ def test_a_plain_decay_with_missing_frames_is_hardly_ever_taken_for_an_excitatio
     assert taken <= (kind == "two modes")
 
 
+@pytest.mark.slow
 def test_an_excitation_that_grows_out_of_the_noise_is_not_taken_for_rest_and_release():
     """From rest, slowly, in noise of a tenth; before, the first swing above the noise was the release in some."""
     rng, found = np.random.default_rng(14), 0
@@ -160,6 +162,7 @@ def test_a_release_after_rest_is_no_excitation(kind, missing):
         assert find_release(t[keep], x[keep]).reason != ENDS
 
 
+@pytest.mark.slow
 def test_the_end_of_an_excitation_is_found_with_dropped_frames():
     rng = np.random.default_rng(7)
     for k in range(8):

@@ -91,6 +91,7 @@ def test_the_energy_lost_never_falls_while_a_strip_buckles_and_bends(standing, m
     assert np.diff(run.dissipated_energy).min() >= 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:an element bends")
 @BOTH
 def test_simulate_warns_where_the_tangent_law_adds_energy(standing, method):
@@ -104,6 +105,7 @@ def test_simulate_warns_where_the_tangent_law_adds_energy(standing, method):
     assert f"added {gained:.2g} J" in str(caught[0].message)
 
 
+@pytest.mark.slow
 @BOTH
 def test_the_tangent_law_takes_energy_and_draws_no_warning_where_the_beam_is_stable(rubber_beam, method):
     """A hanging strip, whose stiffness is positive."""

@@ -44,6 +44,7 @@ def modal_series(points, times, terms=30):
     return q @ np.sin(np.outer(n, np.pi * points / LENGTH))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "begin"), [("radau", 0.0), ("idas", 0.05)])
 def test_a_simply_supported_beam_follows_the_modal_series_on_and_after_the_way(method, begin):
     load = MovingForce((0.0, -FORCE), speed=SPEED, begin=begin)
@@ -70,6 +71,7 @@ def test_the_generalized_force_is_that_of_a_load_at_the_same_place():
         np.testing.assert_allclose(Q, cs.evalf(fixed).full().ravel(), atol=1e-15)
 
 
+@pytest.mark.slow
 def test_a_force_on_the_beam_at_time_0_starts_from_equilibrium_also_with_derivatives():
     load = MovingForce((0.0, -1e-3), speed=0.5, point=0.1, end=0.2)
     settings = {"load": load, "damping": RayleighDamping(alpha=0.2), "duration": 0.05, "sample_rate": 100.0}

@@ -41,6 +41,7 @@ def stepper(model, law, base, start, end, tolerance):
     return run
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("base", "start", "end", "tolerance"),
     [
@@ -56,6 +57,7 @@ def test_newtons_method_takes_two_iterations(base, start, end, tolerance):
     assert run.newton.factorisations < 1.25 * run.steps
 
 
+@pytest.mark.slow
 def test_samples_of_a_step_together_equal_single_ones(monkeypatch):
     """Evaluate several instants of a step in one call."""
     model = Model(Beam.uniform(**BEAM, elements=6, clamp_stiffness=0.5))
@@ -81,6 +83,7 @@ def test_samples_do_not_change_the_steps():
     assert runs[0].steps == runs[1].steps
 
 
+@pytest.mark.slow
 def test_keeping_the_matrices_does_not_change_the_motion(monkeypatch):
     """Most steps of an undamped release reuse matrices; with fresh ones, the tip moves alike within 1e-7."""
     model = Model(Beam.uniform(**BEAM, elements=6, axis=(1.0, 0.0), gravity=(0.0, 0.0)))
@@ -103,6 +106,7 @@ def test_keeping_the_matrices_does_not_change_the_motion(monkeypatch):
     assert abs(kept.tip - fresh.tip).max() < 1e-7 * BEAM["length"] * math.sqrt(model.size)
 
 
+@pytest.mark.slow
 def test_small_vibrations_keep_their_frequency():
     """In mode 2 at 1e-3 L, the phase error after 10 periods is below 1e-6 of them at the default tolerance."""
     model = Model(Beam.uniform(**BEAM, elements=5, axis=(1.0, 0.0), gravity=(0.0, 0.0)))
@@ -149,6 +153,7 @@ def test_functions_serve_all_numbers_of_a_law_and_a_beam_but_no_other_law_mesh_o
         assert Collocation(Equations(Model(other), RayleighDamping(alpha=0.3))) in forms[len(laws) + 3 :]
 
 
+@pytest.mark.slow
 def test_a_run_with_the_functions_of_another_run_has_the_same_digits(uncompiled):
     model = Model(Beam.uniform(**BEAM, elements=3, tip_mass=1e-3, clamp_stiffness=0.5))
     settings = {"damping": RayleighDamping(0.3, 1e-3), "base": SWING, "duration": 0.2, "sample_rate": 50.0}

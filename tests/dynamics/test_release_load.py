@@ -64,6 +64,7 @@ def test_derivatives_by_load_and_properties_agree_with_central_differences(model
         np.testing.assert_allclose(found, expected, atol=1e-6 * abs(expected).max())
 
 
+@pytest.mark.slow
 def test_derivatives_by_lumped_properties_agree_with_central_differences(model):
     """The load and its rate bend a strip with a heavy tip on a soft clamp."""
     values = {"tip_mass": 1e-3, "clamp_stiffness": 1e-3}

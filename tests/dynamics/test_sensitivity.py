@@ -115,6 +115,7 @@ def test_reverse_derivatives_are_the_transposed_of_the_forward_ones(case, law, m
     assert float(cs.dot(along, cs.vec(weights))) == pytest.approx(float(cs.dot(reverse[2], direction)), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_motion_stands_in_an_expression_and_its_gradient_finds_the_damping_it_was_made_with(model):
     """Take Gauss-Newton steps from 20 % off, by the derivatives of the expression."""
     law = RayleighDamping(alpha=0.6)
@@ -131,6 +132,7 @@ def test_a_motion_stands_in_an_expression_and_its_gradient_finds_the_damping_it_
     assert value == pytest.approx(0.6, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_derivative_by_an_amplitude_that_grows_is_that_of_differences(model):
     base, amplitude = replace(BASE, ramp=0.3), cs.MX.sym("amplitude")
     tip = motion(model, base=base, **SETTINGS)(np.zeros(0), amplitude, model.properties)[-4, :]
@@ -212,6 +214,7 @@ def test_a_motion_is_integrated_once_for_its_value_and_all_its_derivatives(model
     assert len(seen) == 1
 
 
+@pytest.mark.slow
 def test_a_motion_of_too_many_steps_is_given_up(model, monkeypatch):
     settings = SETTINGS | {"duration": 0.05, "base": BASE, "start": "equilibrium"}
     at = [np.zeros(0), np.array([0.02]), model.properties.copy()]
@@ -244,6 +247,7 @@ def test_a_trial_is_given_up_by_the_steps_of_the_first_run(model, monkeypatch):
     assert module.Runs(problem).run(far).steps
 
 
+@pytest.mark.slow
 def test_no_step_is_longer_than_the_largest(model):
     """As in ``simulate``: limited to a tenth of the longest free step, a motion takes more steps, none longer."""
     settings = {"base": BASE, "start": "equilibrium", "times": np.arange(6) / 100, "tolerance": 1e-7}
@@ -319,6 +323,7 @@ def test_reverse_derivatives_by_lumped_properties_are_the_transposed_of_the_forw
     np.testing.assert_allclose(directions @ reverse, expected, atol=1e-9 * abs(expected).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LUMPED)
 def test_a_beam_with_one_lumped_property_has_one_more_input_with_exact_derivatives(model, name):
     """The tip after a swing; also without the tip mass, a limit that a fit may try."""
@@ -377,6 +382,7 @@ def test_supports_stay_in_place_as_curvature_and_prestress_change(model, start, 
         assert abs(found[..., k] - change).max() < 2e-4 * abs(change).max()
 
 
+@pytest.mark.slow
 def test_the_first_accelerations_after_a_release_are_those_of_the_changed_tip_mass(model, uncompiled):
     """The mass of the first accelerations is that of the values; so are their derivatives."""
     problem, at = lumped_problem(model, "held", FixedBase(), orders=3, times=np.array([0.0, 1e-3]))

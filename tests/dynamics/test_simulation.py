@@ -150,6 +150,7 @@ def test_a_beam_at_rest_whose_base_starts_with_a_velocity_suffers_an_impact(rubb
     assert abs(run.tip[-1] - rest[-4:-2]).max() > 1e-6
 
 
+@pytest.mark.slow
 def test_a_base_that_stops_at_once_causes_an_impact_too(rubber):
     stop = 0.0513
     base = HarmonicBase(AMPLITUDE, FREQUENCY, stop=stop, stop_at="once")
@@ -253,6 +254,7 @@ def test_a_falling_beam_converges_with_the_elements(released):
     assert coarse < 2e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law",
     [
@@ -308,6 +310,7 @@ def test_the_clamps_force_and_the_weight_change_the_momentum(rubber):
     np.testing.assert_allclose(momentum[-1] - momentum[0], impulse, atol=1e-3 * abs(momentum).max())
 
 
+@pytest.mark.slow
 def test_forces_in_a_sagging_beam_are_those_of_statics_to_second_order_in_the_element_length(paper_beam):
     """The weight w beyond a section loads it: N = w . t, M = int (r - r(s)) x mu g ds."""
     errors = []

@@ -37,6 +37,7 @@ def rigid(model, speed):
 # --------------------------------------------------------------------------------- what the numbers do not depend on
 
 
+@pytest.mark.slow
 def test_the_error_falls_with_the_tolerance(rubber):
     def tip(tolerance):
         base = HarmonicBase(AMPLITUDE, FREQUENCY)
@@ -48,6 +49,7 @@ def test_the_error_falls_with_the_tolerance(rubber):
     assert errors[2] < 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("segments", [1, 7, 60])
 def test_the_motion_does_not_depend_on_how_often_the_integrator_restarts(rubber, monkeypatch, segments):
     def run():
@@ -62,6 +64,7 @@ def test_the_motion_does_not_depend_on_how_often_the_integrator_restarts(rubber,
     assert abs(other.balance_error).max() < 1e-5 * np.ptp(usual.energy)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [10.0, 97.0, 250.0, 1000 / 7])
 def test_the_motion_does_not_depend_on_the_sampling_nor_on_where_the_stop_falls_between_samples(rubber, rate):
     base = HarmonicBase(AMPLITUDE, FREQUENCY, stop=0.1)
@@ -117,6 +120,7 @@ def test_compiled_equations_give_the_motion_of_the_interpreted_ones_and_are_foun
     np.testing.assert_array_equal(again.tip, compiled.tip)
 
 
+@pytest.mark.slow
 def test_a_compiler_that_does_not_work_is_done_without(paper_beam, monkeypatch, tmp_path):
     monkeypatch.setenv("ANCF_CASADI_CACHE", str(tmp_path))
     settings = {"damping": RayleighDamping(1.0, 1e-3), "method": "idas", "duration": 1.0, "sample_rate": 50.0}
@@ -251,6 +255,7 @@ def test_no_step_is_longer_than_allowed(small, method):
     assert free.steps < 500 and bounded.steps >= 999
 
 
+@pytest.mark.slow
 def test_radau_below_rounding_says_so_with_time_and_step(small):
     with pytest.raises(SimulationError, match=r"^the integrator could not continue at \S+ s with a step of \S+ s: "):
         simulate(small, start="straight", duration=0.1, tolerance=1e-29, method="radau")

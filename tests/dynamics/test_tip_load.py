@@ -246,6 +246,7 @@ def test_a_run_continues_from_any_sample_under_the_same_load(shaken, small):
         assert abs(rest.tip_load - run.tip_load[index:]).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_both_integrators_find_the_same_motion_under_a_force_and_a_moment(small):
     load = HarmonicLoad((0.02, 0.01), 1.5, moment=4e-3, stop=0.35)
     law = RayleighDamping(alpha=0.2, beta=1e-4)
@@ -304,6 +305,7 @@ def test_a_sampled_load_passes_through_its_samples_and_stays_between_them():
     assert not load.values(np.array([time[-1] + 1.0])).any()
 
 
+@pytest.mark.slow
 @BOTH
 def test_no_blow_is_stepped_over_however_short_weak_and_late_it_is(small, method):
     """Two blows of 1 ms in a record of 20 s, the second a fifth of the first: the work is that of the impulses."""

@@ -76,6 +76,7 @@ def test_the_interval_covers_a_positive_mean():
     assert hits[0.0] > hits[-math.inf] + 10, hits
 
 
+@pytest.mark.slow
 def test_the_interval_covers_the_mean_over_all_takes():
     """2000 sets of 5 takes with scatter of twice the errors: 95 % are known to 0.5 %."""
     rng = np.random.default_rng(1)

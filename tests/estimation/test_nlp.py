@@ -111,6 +111,7 @@ def test_as_many_residuals_as_unknowns_leave_no_scatter_to_judge_by():
     assert np.isnan(fit.errors).all()
 
 
+@pytest.mark.slow
 def test_confidence_intervals_cover_the_truth():
     truth, covered = np.array([-1.0, 2.0]), []
     rng = np.random.default_rng(2)

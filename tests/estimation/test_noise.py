@@ -48,6 +48,7 @@ def scatter(make, runs=400):
     return (ratio[0] + ratio[1]) / 2, ratio[2], np.mean([white for _, _, white in results])
 
 
+@pytest.mark.slow
 def test_white_residuals_count_as_white_and_have_the_errors_of_an_ordinary_fit():
     rng = np.random.default_rng(2)
     x = cs.DM(ANGLE)
@@ -169,6 +170,7 @@ def swings(size):
     return np.linalg.qr(np.column_stack([swing, t[:, None] * swing, np.ones(size)]))[0]
 
 
+@pytest.mark.slow
 def test_the_correlation_of_few_residuals_is_that_of_their_noise():
     """The fitted curve absorbs slow noise: the residuals themselves correlate at 0.41, and white ones at -0.06."""
     rng, basis = np.random.default_rng(0), swings(100)
@@ -182,6 +184,7 @@ def test_the_correlation_of_few_residuals_is_that_of_their_noise():
         assert np.std(found) == pytest.approx(math.sqrt((1 - rho**2) / 100), rel=0.25)
 
 
+@pytest.mark.slow
 def test_series_of_different_colours_have_their_own_spectra():
     """A white sensor and one with slow noise, which determine an unknown each: no common process fits both."""
     rng, one, runs = np.random.default_rng(1), swings(100), 100

@@ -133,6 +133,7 @@ def test_a_prediction_of_the_same_law_has_small_errors_and_no_warning(case):
     prediction.figure().draw_without_rendering()
 
 
+@pytest.mark.slow
 def test_another_fit_has_the_settings_of_the_first(case):
     kind, fit, records, _ = case
     other = pickle.loads(pickle.dumps(fit)).refit(records)

@@ -89,6 +89,7 @@ def test_steps_on_a_rocking_base_agree_with_simulate(functions):
     assert 3.0 < errors[0] / errors[1] < 5.0
 
 
+@pytest.mark.slow
 def test_rest_and_frequencies_agree_with_the_model(functions):
     model, exported = functions
     p, beam = values(exported.parameters), model.beam
@@ -101,6 +102,7 @@ def test_rest_and_frequencies_agree_with_the_model(functions):
         np.testing.assert_allclose(exported.frequencies(given).full().ravel(), frequencies, rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_node_on_a_slanted_roller_has_one_coordinate():
     model = Model(ROLLING)
     states = {signal.name: signal for signal in beam_functions(model, modes=1).states}

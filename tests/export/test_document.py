@@ -170,6 +170,7 @@ def refused(tmp_path, text: str | bytes) -> str:
 
 
 class TestRoundTrip:
+    @pytest.mark.slow
     @settings(max_examples=40, deadline=None)
     @given(beam=beams(), alpha=coefficients, beta=coefficients, eta1=coefficients, eta2=coefficients, data=st.data())
     def test_any_beam_and_law_survive_a_round_trip_to_the_last_bit(

@@ -126,6 +126,7 @@ def test_the_damping_force_dissipates_and_is_zero_at_rest(functions):
     assert float(cs.norm_inf(call(functions.damping_force, {**state, "v": 0 * state["v"]})[0])) < 1e-15
 
 
+@pytest.mark.slow
 def test_tip_markers_and_energies_agree_with_the_trajectory(model):
     law = RayleighDamping(alpha=0.2, beta=3e-5)
     functions = beam_functions(model, law, markers=(0.2, 0.35), modes=1)
@@ -154,6 +155,7 @@ def test_statics_and_modes_far_from_the_model_agree_with_a_new_model(paper_beam,
     assert functions.frequencies(p).full().ravel() == pytest.approx(natural_modes(other).frequencies, rel=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", [(1.0, 0.0), (0.0, -1.0), (0.0, 1.0)])
 def test_beams_with_elements_that_differ_by_factors_up_to_three(paper_beam, axis):
     beam = paper_beam(6, axis=axis, length=0.4)
@@ -172,6 +174,7 @@ def test_beams_with_elements_that_differ_by_factors_up_to_three(paper_beam, axis
     assert answered >= 4
 
 
+@pytest.mark.slow
 def test_a_buckled_beam_is_nan(paper_beam):
     """A standing strip has no modes under ten times its weight."""
     functions = beam_functions(Model(paper_beam(6, axis=(0.0, 1.0))))
@@ -183,6 +186,7 @@ def test_a_buckled_beam_is_nan(paper_beam):
     assert np.isnan(derivative.full()).any()
 
 
+@pytest.mark.slow
 def test_frequencies_of_a_weightless_beam_scale_with_its_properties(paper_beam):
     """Logarithmic derivatives of f are 0, 1, -1/2 and 1/2 for width, thickness, density and E; second ones are 0."""
     functions = beam_functions(Model(paper_beam(6, axis=(1.0, 0.0), gravity=(0.0, 0.0))), modes=3)
@@ -194,6 +198,7 @@ def test_frequencies_of_a_weightless_beam_scale_with_its_properties(paper_beam):
     np.testing.assert_allclose(second, 0.0, atol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["equilibrium", "frequencies"])
 def test_first_and_second_derivatives_of_statics_and_modes_agree_with_differences(paper_beam, what):
     functions = beam_functions(Model(paper_beam(3, axis=(1.0, -0.5))), modes=2)
@@ -237,6 +242,7 @@ def test_the_step_is_of_order_two(paper_beam):
     np.testing.assert_allclose(np.log2(np.array(errors[:-1]) / errors[1:]), 2.0, atol=0.1)
 
 
+@pytest.mark.slow
 def test_loaded_functions_give_the_same_numbers_in_another_process(functions, tmp_path):
     path = tmp_path / "beam.casadi"
     save_functions(functions, path)

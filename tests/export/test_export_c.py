@@ -225,6 +225,7 @@ def test_a_function_with_an_integrator_is_refused(model, functions, tmp_path, ca
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 def test_foreign_files_are_not_overwritten(functions, tmp_path):
     (tmp_path / "main.c").write_text("int main(void) { return 0; }\n")
     with pytest.raises(InputError, match="already exists"):

@@ -250,6 +250,7 @@ def test_the_description_names_beam_and_identifications(exported, document, tmp_
     assert read_document(tmp_path / "resources" / "beam.json").to_dict() == document.to_dict()
 
 
+@pytest.mark.slow
 def test_an_fmu_without_a_document(reduced, tmp_path, monkeypatch):
     """A document changes the description and the resources, and nothing else."""
     monkeypatch.setattr(fmu, "_compile", lambda compiler, sources, library, headers: library.write_bytes(b""))

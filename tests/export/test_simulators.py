@@ -131,6 +131,7 @@ def test_the_command_writes_a_beam_for_a_simulator_and_says_how_well_it_fits(tmp
     assert main(["export", "beam.toml", "--format", "json", "--out", "beam.json", "--segments", "9"]) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["hanging", "bent", "drag"])
 def test_mujoco_decays_like_the_beam(paper_beam, tmp_path, case):
     """Steps of the program: their poles, and the decay that ``fit_decay`` finds."""
@@ -197,6 +198,7 @@ def test_a_script_at_the_advised_settings_vibrates_and_decays_like_the_beam(pape
     assert fits[0].damping_ratio == pytest.approx(found.reached_damping_ratios[0], rel=5e-3)
 
 
+@pytest.mark.slow
 def test_the_advised_rod_meets_the_tolerances(paper_beam, tmp_path):
     found = write_pyelastica(Model(paper_beam()), tmp_path / "beam.py", damping=RAYLEIGH)
     assert found.reached_frequencies == pytest.approx(found.frequencies, rel=0.01)

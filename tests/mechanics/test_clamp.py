@@ -156,6 +156,7 @@ def test_derivatives_of_a_motion_agree_with_differences():
         assert abs(found - expected).max() < 2e-3 * abs(expected).max()
 
 
+@pytest.mark.slow
 def test_a_rotating_clamp_takes_the_beam_along(paper_beam):
     """Rotated by 90 degrees in 2 s and held, the beam comes to rest in the new direction with a relaxed spring."""
     model = Model(paper_beam(4, axis=(1.0, 0.0), gravity=(0.0, 0.0), tip_mass=0.002, clamp_stiffness=0.4))

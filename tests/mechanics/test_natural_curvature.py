@@ -39,6 +39,7 @@ def test_a_moment_straightens_a_coarse_bent_beam(paper_beam, bending_stiffness):
     assert rest.is_stable
 
 
+@pytest.mark.slow
 def test_the_straightened_beam_converges_at_order_four(paper_beam, bending_stiffness):
     errors = []
     for elements in (8, 16, 32):
@@ -48,6 +49,7 @@ def test_the_straightened_beam_converges_at_order_four(paper_beam, bending_stiff
     np.testing.assert_allclose(-np.diff(np.log2(errors)), 4.0, atol=0.1)
 
 
+@pytest.mark.slow
 def test_a_bent_beam_without_load_reads_no_force_and_no_moment(paper_beam):
     run = simulate(Model(paper_beam(8, natural_curvature=6.0, **WEIGHTLESS)), start="straight", duration=0.01)
     for point in (0.0, 0.11, 0.5):
@@ -56,6 +58,7 @@ def test_a_bent_beam_without_load_reads_no_force_and_no_moment(paper_beam):
         assert abs(run.axial_force(point)).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_a_bent_beam_under_a_moment_reads_this_moment(paper_beam, bending_stiffness):
     beam = paper_beam(16, natural_curvature=6.0, **WEIGHTLESS)
     moment = -3.0 * bending_stiffness(beam)

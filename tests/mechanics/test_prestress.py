@@ -53,6 +53,7 @@ def test_a_strip_buckles_beyond_the_critical_stress():
         natural_modes(Model(strip(HINGED, prestress=-1.001 * BUCKLING)), count=1)
 
 
+@pytest.mark.slow
 def test_stresses_of_elements_even_out_between_supports_and_vanish_beside_a_free_end():
     """Between supports the tension is the mean; beyond the last one the strip becomes shorter."""
     beam = strip((Clamp(0.0), Pin(0.25)), prestress=[4e6] * 3 + [8e6] * 3 + [10e6] * 6)

@@ -235,6 +235,7 @@ def test_a_beam_that_moves_with_its_base_is_free_of_stress(held):
 # --------------------------------------------------------------------------------------------------------- motions
 
 
+@pytest.mark.slow
 def test_a_free_beam_falls():
     run = simulate(Model(strip(supports=())), start="straight", duration=0.2, sample_rate=100.0)
     np.testing.assert_allclose(run.tip[:, 1], -0.5 - 9.81 / 2 * run.time**2, rtol=0.0, atol=1e-9)
@@ -265,6 +266,7 @@ MOTIONS = {
 THICK = {"thickness": 0.02, "elastic_modulus": 210e9 / 40**2}  # slow axial waves, which IDAS has to follow
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "method"), [(name, method) for name in ("free", "roller", "all") for method in ("radau", "idas")]
 )
@@ -294,6 +296,7 @@ def test_the_energy_of_a_pushed_beam_is_balanced(name, method):
     assert (np.diff(run.dissipated_energy) > 0.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [
@@ -315,6 +318,7 @@ def test_the_energy_of_a_beam_on_a_base_that_moves_and_turns_is_balanced(changes
     assert abs(run.base_work).max() > 0.1 or not beam.supports
 
 
+@pytest.mark.slow
 def test_a_dashpot_dissipates_the_work_of_its_force():
     """Energy lost is the integral of c v^2 at the point, and none is lost without the dashpot."""
     c = 0.05

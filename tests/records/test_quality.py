@@ -70,6 +70,7 @@ def test_a_peak_at_half_the_sampling_rate_is_found(place):
     assert quality_warnings(TIME, inside) == []
 
 
+@pytest.mark.slow
 def test_inspect_and_fits_say_it(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     clipped = 5.0 * np.clip(noisy(DECAY), -0.8, 0.8)

@@ -59,6 +59,7 @@ def linearised(reduced):
     return np.abs(roots), -np.real(roots) / np.abs(roots)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SET_UPS)
 def test_small_motion_has_the_frequencies_and_the_equilibrium_of_the_full_beam(name):
     model = strip(**SET_UPS[name])
@@ -85,6 +86,7 @@ def coarse_modes():
     return modes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "names"),
     [

@@ -56,6 +56,7 @@ def uneven(elements=20):
     return {"width": 5e-3 * rng.uniform(0.9, 1.1, elements), "thickness": 5e-4 * rng.uniform(0.9, 1.1, elements)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [{"axis": (1.0, 0.0)}, uneven(), ELASTIC],
@@ -183,6 +184,7 @@ def test_the_acceleration_balances_the_forces_of_the_full_model(hanging, modes):
     assert np.abs(work + elastic).max() < 1e-9 * np.abs(elastic).max()
 
 
+@pytest.mark.slow
 def test_energies_are_those_of_the_full_model_and_constant_without_damping(hanging, modes):
     reduced = reduce_model(hanging, modes=modes, slope_points=41)
     e, e_t = (part.full().ravel() for part in reduced.coordinates(Q, V, BASE))
@@ -220,6 +222,7 @@ def test_gravity_is_a_parameter_and_the_static_bend_converges_with_the_modes(wei
     assert np.all(np.diff(errors) < 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("amplitude", "exact"), [(0.1, 1.000194484), (0.2, 1.000785941)])
 def test_the_frequency_of_large_motion_is_exact_and_converges_with_the_modes(weightless, docs, amplitude, exact):
     errors = [abs(docs.frequency(reduce_model(weightless, modes=m), amplitude * 0.5) - exact) for m in (1, 3, 5)]
@@ -383,6 +386,7 @@ def test_a_drive_of_a_high_mode_that_starts_as_a_sine_leaves_more_of_the_first_m
     assert first > 3 * fifth
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ramp", [1.0, 5.0, 20.0])
 def test_with_a_ramp_it_leaves_the_mode_that_is_driven(driven_in_mode_5, ramp):
     """The rest of mode 1 is that of the stop, which holds the clamp 0.1 mm away from its mean position."""

@@ -30,6 +30,7 @@ def test_the_memory_of_a_run_grows_with_its_samples_not_with_its_steps(one_mode)
     assert most < 1.5 * least
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_a_run_of_very_many_steps_within_a_second(one_mode):
     """The run itself would take more than ten seconds."""
     handler = signal.signal(signal.SIGPROF, lambda *_: signal.raise_signal(signal.SIGINT))

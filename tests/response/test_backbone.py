@@ -53,6 +53,7 @@ def test_the_full_beam_has_the_reference_frequencies(weightless):
         assert curve.frequency(share * LENGTH) / curve.natural_frequency == pytest.approx(ratio, abs=2e-6)
 
 
+@pytest.mark.slow
 def test_gravity_takes_most_of_the_hardening_away(hanging):
     curve = backbone(reduce_model(hanging, modes=8), mode=1, amplitude=0.05)
     shift = curve.frequency(0.025) / curve.natural_frequency - 1
@@ -94,6 +95,7 @@ def test_the_damping_ratio_of_small_motion_is_that_of_the_law(hanging, mode):
         assert expected > 1e-3
 
 
+@pytest.mark.slow
 def test_under_quadratic_drag_the_damping_ratio_grows_in_proportion_to_the_amplitude(hanging):
     eta2, modes = 0.2, natural_modes(hanging, count=5)
     law = QuadraticDamping(eta2=eta2)

@@ -99,6 +99,7 @@ def test_a_curve_in_the_amplitude_passes_the_same_motions(reduced, second_mode):
         assert 0.97 * low < mean < 1.03 * high
 
 
+@pytest.mark.slow
 def test_the_curve_does_not_depend_on_its_direction(duffing):
     force = HarmonicForce(amplitude=0.1, frequency=0.1)
     up, down = (frequency_response(duffing, ends, force=force) for ends in ((0.1, 0.3), (0.3, 0.1)))
@@ -108,6 +109,7 @@ def test_the_curve_does_not_depend_on_its_direction(duffing):
     assert up.jumps.down == pytest.approx(down.jumps.down, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_an_isola_is_followed_from_one_of_its_motions():
     """A damping force that falls and rises with the amplitude detaches a part of the curve."""
     damping = 0.08 * v - 1.0 * v * q**2 + 2.2 * v * q**4
@@ -126,6 +128,7 @@ def test_an_isola_is_followed_from_one_of_its_motions():
     assert [own.kind for own in closed.bifurcations].count("fold") == 2
 
 
+@pytest.mark.slow
 def test_the_response_to_a_parameter_of_the_system_ends_at_the_response_with_that_value(duffing):
     force = HarmonicForce(amplitude=0.05, frequency=0.12)
     curve = parameter_response(duffing, "mu", (0.5, 2.0), force=force)
@@ -136,6 +139,7 @@ def test_the_response_to_a_parameter_of_the_system_ends_at_the_response_with_tha
     assert curve.amplitude()[0] != pytest.approx(curve.amplitude()[-1], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_force_at_the_tip_excites_the_full_and_the_reduced_beam_alike(hanging):
     law, load = RayleighDamping(alpha=0.3), HarmonicLoad(force=(5e-3, 0.0), frequency=1.7)
     reduced = periodic_motion(reduce_model(hanging, modes=5, damping=law), load=load)
@@ -148,6 +152,7 @@ def test_a_force_at_the_tip_excites_the_full_and_the_reduced_beam_alike(hanging)
     assert trajectory.load_work[-1] == pytest.approx(full.supplied_energy, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_half_a_period_is_enough_where_the_beam_is_symmetric(paper_beam):
     """An excitation along a tilted direction has no symmetry, but a small part along the axis changes little."""
     reduced = reduce_model(Model(paper_beam(8)), modes=3, damping=RayleighDamping(alpha=0.4))
@@ -190,6 +195,7 @@ def test_derivatives_of_a_motion_agree_with_differences(paper_beam, duffing, kin
         assert np.abs(product).max() > 1e-9
 
 
+@pytest.mark.slow
 def test_a_motion_without_neighbour_gives_nan_and_not_a_wrong_number(duffing):
     force = HarmonicForce(amplitude=0.1, frequency=0.1)
     curve = frequency_response(duffing, (0.1, 0.3), force=force)
@@ -210,6 +216,7 @@ def test_a_resonance_without_damping_gives_one_clear_line(hanging):
     assert motion.supplied_energy == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_drive_beyond_half_the_length_is_followed_or_refused(hanging):
     reduced = reduce_model(hanging, modes=4, damping=RayleighDamping(alpha=1.0))
     motion = periodic_motion(reduced, base=HarmonicBase(amplitude=0.3, frequency=1.0))

@@ -67,6 +67,7 @@ def test_a_curve_does_not_jump_to_an_isola():
     assert not curve.bifurcations and np.all(curve.stable)
 
 
+@pytest.mark.slow
 def test_an_isola_is_a_closed_curve_with_the_amplitudes_of_the_closed_form():
     """At its largest and smallest amplitude, the force balances the damping, to first order."""
     system, weak = isola_system(), HarmonicForce(WEAK, HZ)

@@ -94,6 +94,7 @@ def small_motion_errors(ε):
     ])  # fmt: skip
 
 
+@pytest.mark.slow
 def test_small_motion_follows_the_first_order_closed_form():
     """Amplitude, phase, growth of disturbances and folds; the remaining differences are of order eps^2."""
     coarse, fine = small_motion_errors(0.05), small_motion_errors(0.025)

@@ -132,6 +132,7 @@ def test_the_multipliers_are_those_of_the_monodromy_matrix_by_time_integration()
     assert distance(floquet_multipliers(*varying_system(64), 5.0), expected) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [64, 512])
 def test_fast_vibrations_of_a_fine_mesh_stay_stable_and_leave_slow_ones_alone(samples):
     size = 40

@@ -177,6 +177,7 @@ def test_friction_counts_with_its_slope_at_rest_and_a_warning_says_so(hanging):
     assert "the damping depends on the amplitude" in found.warnings[0]
 
 
+@pytest.mark.slow
 def test_the_result_is_reported_drawn_and_written(hanging):
     frf = linear_frf(hanging, RayleighDamping(alpha=0.2), points=(0.25, 0.5), kind="mobility")
     assert "Peaks of the mobility" in frf.report() and "0.25 m / 0.5 m" in frf.report()

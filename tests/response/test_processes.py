@@ -70,6 +70,7 @@ def test_a_pickled_motion_is_the_same_and_can_be_evaluated(motion):
             np.testing.assert_allclose(other, one, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_pickled_curve_has_the_same_motions(reduced, base):
     curve = frequency_response(reduced, base=base, frequencies=(0.97 * base.frequency, base.frequency))
     again = pickle.loads(pickle.dumps(curve))

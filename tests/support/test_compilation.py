@@ -358,6 +358,7 @@ class TestWithoutACompiler:
         with pytest.warns(UserWarning, match="no-such-compiler -O1 fails: .*No such file"):
             assert is_right(compiled(a_function()))
 
+    @pytest.mark.slow
     def test_that_there_is_none_is_told_once_in_a_process(self, cache):
         code = (
             "import casadi as cs; from ancf_casadi import *; "

@@ -138,6 +138,7 @@ def swallowed(seconds=5.0):
     return "went on"
 
 
+@pytest.mark.slow
 def test_casadi_swallows_a_ctrl_c_and_long_functions_raise_it_again():
     assert swallowed(0.01) == "went on"
     for call in (lasting_interrupts()(swallowed), lambda: run_all([swallowed])):
@@ -160,6 +161,7 @@ def test_a_command_raises_again_what_was_swallowed(number):
     assert noted == [number]
 
 
+@pytest.mark.slow
 def test_clean_up_is_not_interrupted_by_a_repetition():
     reached = []
     with pytest.raises(KeyboardInterrupt), lasting_interrupts():

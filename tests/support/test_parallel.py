@@ -56,6 +56,7 @@ def test_executors_give_the_numbers_of_the_serial_run(tasks):
             assert one.dissipated_energy.tobytes() == same.dissipated_energy.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_an_error_of_a_task_is_that_of_all(tasks, jobs):
     with pytest.raises(InputError, match="tolerance: must be positive"):

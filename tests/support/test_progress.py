@@ -23,7 +23,7 @@ def shown(monkeypatch):
         monkeypatch.setattr(sys, "stderr", stream)
         with progress.counter("fit"):
             for _ in range(3):
-                progress.step()
+                progress.count_step()
         return stream.getvalue()
 
     return run
@@ -40,9 +40,9 @@ def test_a_file_stays_empty(shown):
 def test_steps_are_counted_by_the_open_counter_alone(monkeypatch):
     counted = []
     monkeypatch.setattr(progress.tqdm, "update", lambda bar, n=1: counted.append(n))
-    progress.step()
+    progress.count_step()
     with progress.counter("fit"):
-        progress.step()
-        progress.step()
-    progress.step()
+        progress.count_step()
+        progress.count_step()
+    progress.count_step()
     assert counted == [1, 1]

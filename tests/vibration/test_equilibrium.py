@@ -154,6 +154,7 @@ def test_a_horizontal_beam_sags_under_its_own_weight(paper_beam):
     assert equilibrium.is_stable
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", [1000, 3000])
 def test_fine_meshes_sag_like_coarse_ones(paper_beam, elements):
     """Rounding of positions once stopped Newton's method with 3000 elements."""
@@ -162,6 +163,7 @@ def test_fine_meshes_sag_like_coarse_ones(paper_beam, elements):
     assert equilibrium.tip_angle == pytest.approx(-0.3574651341, abs=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "stable"), [(0.99999, True), (1.00001, False)])
 def test_fine_meshes_buckle_at_eulers_load(paper_beam, bending_stiffness, factor, stable):
     """The error of the cubic is 1e-13 here; rounding the stiffness changes its lowest eigenvalue by 1e-4."""
@@ -233,6 +235,7 @@ def test_the_stiffness_is_the_jacobian_of_the_imbalance_loads_included(paper_bea
     np.testing.assert_allclose(change, differences, atol=1e-6 * abs(differences).max())
 
 
+@pytest.mark.slow
 def test_an_element_bent_beyond_what_a_cubic_can_follow_is_an_error_with_advice(paper_beam, bending_stiffness):
     beam = paper_beam(5, axis=(1.0, 0.0), gravity=(0.0, 0.0))
     with pytest.raises(

@@ -64,6 +64,7 @@ def test_the_error_of_a_frequency_is_beta_l_to_the_fourth_over_1440(paper_beam, 
     assert (abs(errors - expected) < (0.02 + 0.07 * waves**2) * expected + 2e-9).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("elements", "axis"), [(100, (0.6, 0.8)), (400, (1.0, 0.0)), (2000, (0.6, 0.8))])
 def test_fine_meshes_keep_the_digits_of_the_low_frequencies(paper_beam, elements, axis):
     """Rounding the assembled stiffness changed the first frequency by 3e-7 with 400 elements, and by 1e-4 with 2000."""
@@ -75,6 +76,7 @@ def test_fine_meshes_keep_the_digits_of_the_low_frequencies(paper_beam, elements
     assert (abs(errors - expected) < 0.07 * waves**2 * expected + 1e-7 * waves**2 + 2e-10).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("axis", "exact"), [((0.0, -1.0), EXACT_HANGING), ((0.0, 1.0), EXACT_STANDING)])
 def test_a_fine_mesh_under_gravity(paper_beam, axis, exact):
     """Stretching, which the references neglect, changes the frequencies by 1e-7."""

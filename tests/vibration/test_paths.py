@@ -151,6 +151,7 @@ def test_equilibria_between_limit_points_are_unstable_and_all_others_stable(snap
     assert [snap.equilibria[k].is_stable for k in regular] == snap.stable[regular].tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("largest", [35.0, 1e3, 1e5])
 def test_no_limit_point_is_jumped_over_whatever_the_largest_factor(snap, largest):
     """The limit points and the drop between them are 7 % to 0.003 % of the largest factor."""
@@ -193,6 +194,7 @@ def test_columns_buckle_at_euler_loads(name):
         assert shape[:, 1] == pytest.approx((1 - np.cos(2 * math.pi * points)) / 2, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_a_column_that_may_sway_buckles_at_the_displacement_of_its_end_by_euler():
     """The guided end is displaced, so the factor is a strain; Timoshenko & Gere 1961: P L^2/EI = pi^2."""
     guide = Guide(1.0, direction=(0.0, 1.0), displacement=(-2e-7, 0.0))
@@ -201,6 +203,7 @@ def test_a_column_that_may_sway_buckles_at_the_displacement_of_its_end_by_euler(
     assert 1e8 * 2e-7 * buckling.factor == pytest.approx(math.pi**2, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_the_factor_of_a_bifurcation_does_not_depend_on_the_steps():
     loads = [PointLoad((-(math.pi**2), 0.0))]
     model = column(supports=(Pin(0.0), Roller(1.0)))
@@ -209,6 +212,7 @@ def test_the_factor_of_a_bifurcation_does_not_depend_on_the_steps():
     assert factors == pytest.approx([factors[0]] * 3, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_bifurcations_closer_than_a_step_are_all_found():
     loads = [PointLoad((-(math.pi**2), 0.0))]
     path = equilibrium_path(column(30, supports=(Pin(0.0), Roller(1.0))), loads=loads, largest_factor=120.0)
@@ -270,6 +274,7 @@ def test_a_deep_arch_reaches_its_limit_load():
     assert (100 * limit.factor, x, -y) == pytest.approx(ARCH, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_clamped_beam_under_a_central_force_hardens_without_critical_points():
     supports = (Clamp(), Clamp(20.0))
     model = model_of(30e6 * 0.125**3 / 12, 30e6 * 0.125, length=20.0, elements=40, supports=supports)
@@ -352,6 +357,7 @@ def test_a_slope_turns_by_at_most_a_quarter_radian_between_equilibria(load):
         assert path.equilibria[-1].tip == pytest.approx([math.sin(6.0) / 6, (1 - math.cos(6.0)) / 6], abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:an element bends")
 def test_an_imperfect_column_bends_without_critical_points():
     path = equilibrium_path(column(10), loads=[PointLoad((-(math.pi**2) / 4, 1e-3))], largest_factor=3.0)

@@ -157,6 +157,7 @@ class TestFollowing:
             found.append(state.frequencies)
         assert (np.ptp(found, axis=0) < 2e-11 * found[0]).all()
 
+    @pytest.mark.slow
     def test_a_fine_mesh_has_the_frequencies_of_natural_modes(self, paper_beam):
         """400 elements, from another beam's equilibrium; two different solvers once differed by 3.5e-7."""
         thin, bent = (Model(paper_beam(400, axis=(1.0, -1.0), thickness=t)) for t in (0.5e-3, 0.52e-3))

@@ -229,6 +229,7 @@ FULL = strip(
 COILED = strip(natural_curvature=0.2, supports=(Guide(0.1, (0.0, 1.0)), Pin(0.5)), attachments=(PointMass(0.3, 5e-3),))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", [FULL, COILED], ids=["full", "coiled"])
 @pytest.mark.parametrize("kind", ["static", "frequencies"])
 def test_derivatives_by_all_lumped_properties_agree_with_other_beams(model, kind):

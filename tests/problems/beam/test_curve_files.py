@@ -49,6 +49,7 @@ def test_headings_tell_the_columns_and_their_units(tmp_path, head, columns):
     np.testing.assert_allclose(beam.a * beam.load.force[0], FORCE)
 
 
+@pytest.mark.slow
 def test_matlab_structs_npz_and_hdf5(tmp_path):
     import h5py
 

@@ -137,6 +137,7 @@ def test_a_mixed_fit_is_reported_drawn_kept_and_repeated(first, exact, of_all):
         assert fit.predict(record).report()
 
 
+@pytest.mark.slow
 def test_a_prior_counts_as_one_more_measurement(first):
     """A modulus known to 1 % and one measured to s: the variances combine as 1/s^2 + 1/0.01^2."""
     frequencies = natural_modes(first, count=3).frequencies

@@ -263,6 +263,7 @@ def test_a_level_in_another_unit_is_named_before_a_fit(model, modes):
     assert "times that of the model; check the unit of its levels" in note and "such as mm" in note
 
 
+@pytest.mark.slow
 def test_the_modulus_is_a_factor_on_the_stiffness_of_the_model(model, modes, law):
     """The response of the model with a larger modulus is that of the beam with this modulus."""
     record = ResponseRecord(

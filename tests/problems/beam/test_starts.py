@@ -27,6 +27,7 @@ def released(start, rate, samples):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_doubled_frequency_along_the_beam_is_no_mode(start):
     """Regression: along the beam, 2.7 Hz was taken for mode 2; the fit started from a tenth of the modulus."""
     run = released(start, 60.0, 100)

@@ -72,6 +72,7 @@ class TestRecovery:
         assert fit.estimates["clamp_stiffness"] == pytest.approx(24.0, rel=1e-4)
         assert isinstance(fit, FitResult)
 
+    @pytest.mark.slow
     def test_modulus_and_density_from_statics_and_frequencies_of_two_lengths(self, given):
         models = given(0.5), given(0.7)
         records = [static(models[0], changed(models[0], elastic_modulus=1.3, density=0.8))]
@@ -95,6 +96,7 @@ class TestRecovery:
         assert found.elastic_modulus[0] == pytest.approx(fit.estimates["elastic_modulus"])
         assert found.clamp_stiffness == pytest.approx(fit.estimates["clamp_stiffness"])
 
+    @pytest.mark.slow
     def test_a_configuration_given_with_a_rigid_clamp_gets_the_estimated_stiffness(self, given):
         """It had the first value of the fit instead, because the rigid clamp is no lumped property."""
         model = given(clamp_stiffness=20.0)
@@ -103,6 +105,7 @@ class TestRecovery:
             assert fit.configured(other).beam.clamp_stiffness == pytest.approx(fit.estimates["clamp_stiffness"])
         assert fit.estimates["clamp_stiffness"] == pytest.approx(10.0, rel=1e-4)
 
+    @pytest.mark.slow
     def test_a_rigid_clamp_is_found_to_be_rigid(self, given):
         """The model has no clamp stiffness, so the fit starts from its own first value; E I/L = 1.2 N m."""
         fit = fitted(static(given(), noise=0.005, seed=2), ["bending_stiffness", "clamp_stiffness"])
@@ -112,6 +115,7 @@ class TestRecovery:
         below, above = fit.intervals()["bending_stiffness"]
         assert below < 0.6 < above
 
+    @pytest.mark.slow
     def test_bounds_are_in_si_units_and_hold(self, given):
         record = static(given(), changed(given(), elastic_modulus=1.5))
         fit = fitted(record, ["bending_stiffness"], bounds={"bending_stiffness": (0.5, 0.8)})

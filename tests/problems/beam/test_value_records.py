@@ -124,6 +124,7 @@ class TestDerivatives:
         loads = [PointLoad.hung(0.05, 0.45), [PointLoad((0.0, -1.0), 0.2, 0.31), PointLoad((0.3, 0.0))]]
         return StaticRecord(model, loads, np.ones((2, 6)), sensors), FrequencyRecord(model, [1.0, 2.0, 3.0])
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("which", [0, 1])
     def test_derivatives_by_all_properties_agree_with_differences(self, records, which):
         at, step = np.array([1.1, 0.9, 1.2, 0.8, 1.3, 0.7]), 1e-4

@@ -104,6 +104,7 @@ class TestModes:
 
 
 class TestMatch:
+    @pytest.mark.slow
     def test_json(self, files, capsys):
         assert main(["match", "beam.toml", "--json"]) == 0
         data = json.loads(capsys.readouterr().out)
@@ -133,6 +134,7 @@ class TestMatch:
         )
         assert "at a bound: nothing" in properties
 
+    @pytest.mark.slow
     def test_plot_and_unknowns(self, files, capsys):
         text = edited(
             BEAM, ("elements = 20", "elements = 6"), (", 53.20, 88.60", ""), ("bounds = 0.10", "bounds = 0.3")
@@ -211,6 +213,7 @@ class TestFitDecay:
         ratio, low, high, *_ = map(float, first.split(",")[6:])
         assert low < ratio < high and ratio == pytest.approx(0.02, rel=0.05)
 
+    @pytest.mark.slow
     def test_plot(self, files):
         assert main(["fit-decay", "decay.csv", "--plot", "new/fit.png"]) == 0
         assert (files / "new" / "fit.png").read_bytes().startswith(PNG)
@@ -236,6 +239,7 @@ class TestFitDecay:
 
 
 class TestSimulate:
+    @pytest.mark.slow
     def test_json(self, files, capsys):
         assert main(["simulate", "study.toml", "--json"]) == 0
         data = json.loads(capsys.readouterr().out)
@@ -245,6 +249,7 @@ class TestSimulate:
         assert 0.0 < data["tip_travel_m"][0] < 0.05
         assert data["steps"] > 100
 
+    @pytest.mark.slow
     def test_motion_as_csv(self, files, capsys):
         """All digits; the base stays where it first rests after 0.2 s, at three quarters of a period."""
         pictures = ["--plot", "new/motion.png", "--animate", "new/motion.gif", "--slower", "2"]
@@ -440,6 +445,7 @@ class TestExport:
         assert np.array_equal(found.damping.projection(found.model), law.projection(model))
         assert found.damping.parameters == law.parameters
 
+    @pytest.mark.slow
     def test_a_document_is_a_beam_for_the_other_commands(self, files, capsys):
         """The same numbers to the last digit as from the TOML file, whose damping travels with it."""
         assert main(["export", "study.toml", "--format", "json", "--out", "beam.json"]) == 0
@@ -463,6 +469,7 @@ class TestExport:
         assert main(["match", "match.toml", "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["matched_hz"] == pytest.approx([1.85, 10.19], rel=1e-6)
 
+    @pytest.mark.slow
     def test_an_identification_goes_along_with_the_hash_of_its_data(self, files, capsys):
         for name, command in (("decay", ["fit-decay", "decay.csv"]), ("match", ["match", "beam.toml"])):
             assert main([*command, "--json"]) == 0
@@ -478,6 +485,7 @@ class TestExport:
         digest = hashlib.sha256((files / "decay.csv").read_bytes()).hexdigest()
         assert [(file.name, file.sha256) for file in decay.data] == [("decay.csv", digest)]
 
+    @pytest.mark.slow
     def test_casadi_and_c(self, files, capsys):
         (files / "small.toml").write_text(edited(BEAM, ("elements = 20", "elements = 2")))
         call = ["export", "small.toml", "--markers", "0.25", "--json", "--format"]
@@ -920,6 +928,7 @@ class TestFullDisk:
         assert line == f"ancf-casadi: {command[-1]}: cannot be written (No space left on device)"
         assert sorted(files.iterdir()) == before
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("form", [[], ["--json"]])
     def test_study(self, files, capsys, full_disk, form):
         """A study cannot keep its first result, and says so."""
@@ -929,6 +938,7 @@ class TestFullDisk:
         )
         assert not list((files / "new").rglob("*.*"))
 
+    @pytest.mark.slow
     def test_export_leaves_nothing(self, files, capsys, full_disk):
         before = sorted(files.iterdir())
         assert main(["export", "beam.toml", "--format", "c", "--out", "c"]) == 2

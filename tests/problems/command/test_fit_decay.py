@@ -19,12 +19,14 @@ def near(data, name, truth):
 
 
 class TestModes:
+    @pytest.mark.slow
     def test_both_modes_of_a_record_are_found(self, run, decay):
         decay("two.csv", SLOW, FAST)
         slow, fast = json.loads(run("fit-modes", "two.csv", "--modes", "2", "--json").out)["modes"]
         for found, (frequency, ratio, _) in ((slow, SLOW), (fast, FAST)):
             assert near(found, "frequency", frequency) and near(found, "damping_ratio", ratio)
 
+    @pytest.mark.slow
     def test_without_a_count_the_modes_of_the_record_are_found(self, run, decay):
         decay("three.csv", SLOW, FAST, (50.0, 0.01, 1e-3))
         done = run("fit-modes", "three.csv", "--json")
@@ -45,10 +47,12 @@ class TestModes:
         assert run("fit-decay", "a.csv", "--curve", "curve.csv").code == 0
         assert (tmp_path / "curve.csv").read_text().splitlines()[1].split(",")[1].startswith("0.002")
 
+    @pytest.mark.slow
     def test_fit_decay_with_modes_is_the_same(self, run, decay):
         decay("two.csv", SLOW, FAST)
         assert run("fit-modes", "two.csv", "--modes", "2").out == run("fit-decay", "two.csv", "--modes", "2").out
 
+    @pytest.mark.slow
     def test_the_table_fits_a_terminal_and_the_figure_is_drawn(self, run, decay, tmp_path):
         decay("two.csv", SLOW, FAST)
         done = run("fit-modes", "two.csv", "--modes", "2", "--plot", "new/two.svg")
@@ -57,6 +61,7 @@ class TestModes:
 
 
 class TestBand:
+    @pytest.mark.slow
     @pytest.mark.parametrize(("band", "mode", "other"), [("2,4", SLOW, FAST), ("10,30", FAST, SLOW)])
     @pytest.mark.parametrize("law", ["linear", "quadratic"])
     def test_the_other_mode_is_subtracted(self, run, decay, band, mode, other, law):
@@ -68,6 +73,7 @@ class TestBand:
         assert data["residual_rms_m"] == pytest.approx(2e-5, rel=0.1)
         assert data["subtracted_hz"] == [[pytest.approx(other[0], rel=1e-3)]]
 
+    @pytest.mark.slow
     def test_the_errors_are_those_of_a_fit_of_both_modes(self, run, decay):
         decay("two.csv", SLOW, FAST)
         both = json.loads(run("fit-modes", "two.csv", "--modes", "2", "--json").out)["modes"][0]
@@ -75,12 +81,14 @@ class TestBand:
         for name in ("frequency_hz", "frequency_stderr_hz", "damping_ratio", "damping_ratio_stderr"):
             assert band[name] == pytest.approx(both[name], rel=0.02)
 
+    @pytest.mark.slow
     def test_close_modes_give_a_warning(self, run, decay):
         decay("close.csv", (3.0, 0.03, 5e-3), (3.5, 0.03, 4e-3))
         done = run("fit-decay", "close.csv", "--band", "2,3.2")
         assert done.code == 0
         assert "are close, and the latter is subtracted as if it were known" in " ".join(done.out.split())
 
+    @pytest.mark.slow
     def test_an_empty_band_is_refused_with_the_modes_that_are_there(self, run, decay):
         decay("two.csv", SLOW, FAST)
         done = run("fit-decay", "two.csv", "--band", "5,9")
@@ -89,6 +97,7 @@ class TestBand:
 
 
 class TestSeveralFiles:
+    @pytest.mark.slow
     def test_each_alone_and_all_at_once(self, run, decay):
         decay("a.csv", SLOW, seed=1)
         decay("b.csv", SLOW, seed=2)
@@ -140,6 +149,7 @@ def test_a_unit_at_the_end_of_a_name_is_read_or_refused(run, tmp_path):
             assert json.loads(done.out)["amplitude_m"] == pytest.approx(1.0 / (19.0**2 + 0.3**2), rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["fit-decay", "fit-modes"])
 def test_each_step_of_a_fit_is_shown_on_a_terminal(run, decay, monkeypatch, command):
     """Solutions and their iterations; the output is the same."""
@@ -211,6 +221,7 @@ def test_misuse_is_one_line(run, decay, tmp_path, options, what):
 class TestDecimate:
     """The option gives the estimates of the same part of the record, whose release it does not smooth."""
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("hold", [0.0, 1.0])
     def test_the_estimates_are_the_same(self, run, tmp_path, hold):
         time = np.arange(8000) / 500.0

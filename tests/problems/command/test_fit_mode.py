@@ -19,6 +19,7 @@ def curve_table(phase=0.0, scale=1.0, **extra):
     return "\n".join(["[[curves]]", *lines, *(f"{key} = {json.dumps(value)}" for key, value in extra.items())]) + "\n"
 
 
+@pytest.mark.slow
 def test_a_decay_and_a_curve_together(run, tmp_path):
     t = np.arange(0.0, 20.0, 0.01)
     noise = 1e-5 * np.random.default_rng(1).standard_normal(t.size)

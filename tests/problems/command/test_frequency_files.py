@@ -45,6 +45,7 @@ def functions(tmp_path):
 
 
 class TestFitFrf:
+    @pytest.mark.slow
     def test_modes_as_text_json_and_figure(self, run, functions, tmp_path):
         done = run("fit-frf", functions, "--frequencies", "10,20", "--plot", "fit.png")
         assert (done.code, done.err) == (0, "")

@@ -47,6 +47,7 @@ def test_channels_rate_spectrum_and_release_are_found(record, capsys):
     assert data["fit"]["periods"] == pytest.approx(22.0, abs=1.0)
 
 
+@pytest.mark.slow
 def test_a_formula_in_the_names_of_file_and_column_is_drawn_as_text(record, tmp_path, capsys):
     """Matplotlib once tried to set it, and failed."""
     name = record(head=r"Time (ms);$\undefined$ [mm]", name=r"$\undefined$.csv")
@@ -99,6 +100,7 @@ def test_a_unit_that_is_not_understood_is_marked_and_asked_for(record, capsys):
     assert "the unit 'Skt' is not understood; give the unit with --unit" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".png", ".pdf"])
 def test_the_figure_is_written(record, tmp_path, suffix):
     assert main(["inspect", record(), "--plot", f"new/figure{suffix}"]) == 0

@@ -60,6 +60,7 @@ def check(done) -> None:
     assert all(len(line) < 1000 for line in errors)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # the command prints them
 @pytest.mark.parametrize("seed", range(4))
 def test_mutated_studies(run, tmp_path, seed):

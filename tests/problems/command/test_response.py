@@ -85,6 +85,7 @@ def test_friction_is_followed_at_the_default_tolerance(study, capsys):
     assert large["peak_amplitude_m"] > 4.1 * small["peak_amplitude_m"]
 
 
+@pytest.mark.slow
 def test_the_figure_is_a_picture(study, capsys):
     study.write_text(STUDY.replace("[5e-5, 2e-4]", "1e-5"))
     assert main(["response", "study.toml", "--plot", "curve.png"]) == 0

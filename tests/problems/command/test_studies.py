@@ -29,6 +29,7 @@ def study(run, tmp_path):
 
 
 class TestInit:
+    @pytest.mark.slow
     def test_every_quick_command_runs_on_what_it_writes(self, run, study):
         assert run("modes", "study.toml").code == 0
         assert run("match", "study.toml").code == 0
@@ -191,6 +192,7 @@ def test_a_fit_shows_progress_on_a_terminal(run, study, tmp_path):
     assert b"Traceback" not in shown
 
 
+@pytest.mark.slow
 def test_modulus_and_tip_mass_from_numbers_in_the_file(run, tmp_path):
     """A sag under two weights and two frequencies, of a beam whose modulus and tip mass the file does not know."""
     truth = Beam.uniform(**STRIP, elements=4, tip_mass=1e-3)

@@ -51,6 +51,7 @@ def test_the_criteria_are_those_of_the_residuals():
     assert comparison.verdict.bic[0] - comparison.verdict.bic[1] > 10
 
 
+@pytest.mark.slow
 def test_a_law_with_a_term_at_its_bound_is_the_smaller_law():
     """For these seeds noise would make eta2 negative; Eq. (9) and (27) differ in the second order of the damping."""
     for seed in range(20):
@@ -78,6 +79,7 @@ def test_coloured_residuals_are_named():
     assert not any("correlate" in w for w in compare_decay_laws(TIME, record("quadratic")).verdict.warnings)
 
 
+@pytest.mark.slow
 def test_a_misfit_that_none_of_the_laws_explains_settles_nothing():
     """A second mode of 3 % is not noise: it correlates the residuals.  Counting all samples would select a law."""
     second = 2e-3 * np.cos(2 * math.pi * 3.1 * TIME) * np.exp(-TIME)
@@ -165,6 +167,7 @@ def test_a_law_without_a_term_does_not_win_where_the_term_may_be_large():
         assert sum(p for name, p in comparison.probabilities.items() if name.startswith("quadratic")) > 0.2
 
 
+@pytest.mark.slow
 def test_a_short_record_settles_nothing():
     time = TIME[:800]
     warnings = fit_decay(time, record("quadratic", noise=2e-3, time=time), law="auto", rest="constant").warnings
@@ -293,6 +296,7 @@ def test_an_open_choice_averages_its_laws(open_choice):
     assert mean.errors**2 == pytest.approx(p[0] * first.errors**2 + p[1] * second.errors**2 + between)
 
 
+@pytest.mark.slow
 def test_an_open_choice_names_the_record_that_decides(open_choice):
     chances = open_choice.deciding
     assert chances["twice the amplitude"] > chances["a later begin"]

@@ -330,6 +330,7 @@ def test_the_friction_of_the_exact_motion_is_found_to_first_order():
     assert fit_decay(TIME, y, law="quadratic").residual_rms > 2 * fit.residual_rms
 
 
+@pytest.mark.slow
 def test_several_records_share_what_belongs_to_the_mode():
     truth = 1.85, 0.15, 0.11
     large, small = (
@@ -413,6 +414,7 @@ def test_without_outliers_a_robust_fit_costs_little():
     assert fit_decay(TIME, swing(1.85, 0.01, 0.05), robust=True).damping_ratio == pytest.approx(0.01, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", TRUTHS)
 def test_both_kinds_of_intervals_agree_where_the_record_is_good(law):
     fit = fit_decay(TIME, rub(1.85, *TRUTHS[law], 0.076) + 1e-4 * noise(28), law=law)
@@ -497,6 +499,7 @@ def driven_in_mode_5(paper_beam):
     return record
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("known", [True, False], ids=["release given", "release detected"])
 def test_a_decay_that_holds_mostly_another_mode_than_the_driven_one_says_so(driven_in_mode_5, known):
     record, stop = driven_in_mode_5(ramp=0.0)
@@ -510,6 +513,7 @@ def test_a_decay_that_holds_mostly_another_mode_than_the_driven_one_says_so(driv
     assert not any("excitation" in text for text in fit.warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rest", [0.0, 0.5])
 def test_a_release_or_a_blow_that_sets_several_modes_in_motion_is_no_excitation(rest):
     time = np.arange(0.0, 8.0, 1e-3)
@@ -568,6 +572,7 @@ def test_weak_hum_and_a_mode_without_damping_hide_no_decay(ratio, hum):
     assert not any("hardly decays" in text for text in fit.warnings)
 
 
+@pytest.mark.slow
 def test_a_fit_survives_the_way_to_another_process():
     fit = fit_decay(TIME, swing(1.85, 0.01, 0.05) + 1e-3 * noise(36))
     copy = pickle.loads(pickle.dumps(fit))
@@ -609,6 +614,7 @@ def test_the_fitted_curve_is_that_of_the_record():
         np.testing.assert_allclose(fit.displacement(TIME[::50] + 3.0), y[::50], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_result_reads_as_text_and_as_json():
     fit = fit_decay(TIME, drag(26.84, 0.89, 0.05, 0.0076) + 2e-4 * noise(15), law="quadratic")
     table = json.loads(json.dumps(fit.to_dict(), allow_nan=False))

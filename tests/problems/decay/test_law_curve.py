@@ -67,6 +67,7 @@ def test_amplitudes_lie_between_the_release_and_the_end_of_the_record():
         law_curve(fit, [0.0, 0.01])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("periods", [5.0, 120.0])
 def test_the_figure_shows_record_residuals_and_both_curves(periods):
     fit = fitted(periods, frequency_law="constant" if periods < 10 else "linear")

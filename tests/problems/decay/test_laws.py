@@ -89,6 +89,7 @@ def test_a_linear_law_whose_frequency_turns_out_constant_is_eq_9():
     assert fit.frequency_slope == pytest.approx(0.0, abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("law", "frequency_law"), PAIRS)
 def test_estimates_are_within_their_errors(law, frequency_law):
     fit = fit_decay(TIME, record(law, frequency_law, 1e-4, 3), law=law, frequency_law=frequency_law)
@@ -145,6 +146,7 @@ def test_a_clamp_whose_frequency_is_logarithmic_is_told_from_the_other_laws(seed
         assert float(cs.evalf(frequency)) == pytest.approx(truth, rel=2e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_frequency_that_no_law_has_is_found_without_a_law(seed):
     """A contact opens at 3 mm: -1 % in a step of ln A.  The phase is in closed form: A = A0 exp(-r t)."""
@@ -169,6 +171,7 @@ def test_a_frequency_that_no_law_has_is_found_without_a_law(seed):
     assert fit.frequency_change == pytest.approx(-0.01, abs=4 * fit.standard_errors["frequency_change"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("noise", "low", "high"), [(8e-3, 0.5 * SMOOTHNESS, SMOOTHNESS), (1e-6, 0.0, 1e-4)])
 def test_a_prior_holds_a_smooth_frequency_where_noise_hides_it(noise, low, high):
     """Without it, the error of the first change would be 3 % in noise of 8 mm."""
@@ -179,6 +182,7 @@ def test_a_prior_holds_a_smooth_frequency_where_noise_hides_it(noise, low, high)
     assert low < math.sqrt(S[first, first] + S[second, second] - 2 * S[first, second]) < high
 
 
+@pytest.mark.slow
 def test_a_smooth_frequency_that_changes_much_contradicts_nothing_that_the_user_stated():
     fit = fit_decay(TIME, record("linear", "linear", 1e-4, k=(-0.3 / E0,)), frequency_law="smooth", release_time=0.0)
     assert "stated" not in fit.report()
@@ -209,6 +213,7 @@ def test_a_comparison_ends_with_the_neighbours_of_the_best_combination():
     assert len(fitted) < len(LAWS_COMPARED) * len(FREQUENCY_LAWS_COMPARED)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", DAMPING)
 def test_a_long_record_is_fitted_though_its_frequency_changes_by_many_cycles(law):
     """The peak of the spectrum is off by 10 cycles at the end of 1000 periods."""
@@ -231,6 +236,7 @@ def test_curves_against_amplitude_are_those_of_the_law():
     np.testing.assert_allclose(frequency, F * (1 - 0.01 * amplitudes / E0), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_several_records_share_the_frequency_law():
     late = record("quadratic", "linear", 1e-4, 8)[1200:]
     full = record("quadratic", "linear", 1e-4, 9)
@@ -241,6 +247,7 @@ def test_several_records_share_the_frequency_law():
     assert second.amplitude < first.amplitude
 
 
+@pytest.mark.slow
 def test_a_comparison_survives_a_law_that_cannot_be_fitted(monkeypatch):
     fit_from = comparison_module.fit_from
 
@@ -261,6 +268,7 @@ def test_a_comparison_survives_a_law_that_cannot_be_fitted(monkeypatch):
         compare_decay_laws(TIME, record("linear", "constant", 1e-4), laws=("friction",))
 
 
+@pytest.mark.slow
 def test_all_laws_are_combined():
     assert LAWS_COMPARED == ("linear", "quadratic", "friction", "power")
     assert FREQUENCY_LAWS_COMPARED == ("constant", "linear", "quadratic", "logarithmic")
@@ -289,12 +297,14 @@ def test_combinations_that_do_not_exist_are_refused(options, message):
         fit_decay(TIME, record("linear", "constant"), **options)
 
 
+@pytest.mark.slow
 def test_the_exponent_stays_within_its_bounds():
     """Friction is the exponent 0, the lowest."""
     fit = fit_decay(TIME, record("friction", "constant", 1e-4), law="power")
     assert 0.0 <= fit.intervals()["exponent"][0] <= fit.exponent <= fit.intervals()["exponent"][1] <= 4.0
 
 
+@pytest.mark.slow
 def test_the_power_law_fits_a_mode_without_damping():
     """No exponent fits better than another; the damping is at its bound, which is zero for all purposes."""
     fit = fit_decay(TIME, E0 * np.cos(ω * TIME + 0.3), law="power")

@@ -22,6 +22,7 @@ def hammer(seed=0, samples=12000, rate=2400.0, amplitude=0.01):
     return Measurement(t + 3.0, 2e-5 * np.round(y / 2e-5))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["linear", "quadratic"])
 def test_fewer_samples_give_the_estimates_and_errors_of_all(law, monkeypatch):
     record = hammer()
@@ -53,6 +54,7 @@ def test_a_mode_that_needs_all_samples_gets_them():
     assert (slow, fast) == (2500, 8000)
 
 
+@pytest.mark.slow
 def test_short_uneven_and_robust_fits_use_all_samples():
     record = hammer()
     short = record.cut(3.0, 3.0 + 4999.5 / 2400.0)
@@ -61,6 +63,7 @@ def test_short_uneven_and_robust_fits_use_all_samples():
         assert fit.fitted_samples == fit.samples
 
 
+@pytest.mark.slow
 def test_takes_keep_the_weights_of_their_samples():
     """Samples of takes of different length become fewer by the same ratio, as their noise is taken as equal."""
     takes = fit_decays([hammer(1), hammer(2, samples=6000)])

@@ -27,6 +27,7 @@ def noise(seed):
     return np.random.default_rng(seed).standard_normal(len(TIME))
 
 
+@pytest.mark.slow
 def test_modes_without_noise_are_given_back():
     fits = fit_modes(TIME, sum(swing(*mode) for mode in MODES) + 0.1, modes=3)
     for fit, (frequency, ratio, r0) in zip(fits, MODES, strict=True):
@@ -43,6 +44,7 @@ def test_the_order_of_strength_does_not_matter():
     assert (low.damping_ratio, high.damping_ratio) == pytest.approx((0.01, 0.0028), rel=1e-7)
 
 
+@pytest.mark.slow
 def test_each_mode_is_as_sure_as_alone_and_nothing_is_left_but_noise():
     together = sum(swing(*mode) for mode in MODES) + 2e-4 * noise(1)
     fits = fit_modes(TIME, together, modes=3)
@@ -80,12 +82,14 @@ def test_more_modes_than_there_are_are_left_out_with_a_warning():
     )
 
 
+@pytest.mark.slow
 def test_without_a_number_all_modes_are_found():
     fits = fit_modes(TIME, sum(swing(*mode) for mode in MODES) + 1e-4 * noise(5))
     assert [fit.frequency for fit in fits] == pytest.approx([mode[0] for mode in MODES], rel=1e-3)
     assert not any("supports" in warning for fit in fits for warning in fit.warnings)
 
 
+@pytest.mark.slow
 def test_a_frequency_that_depends_on_amplitude_is_not_split_into_two_modes():
     """The frequency rises from 6.86 to 6.92 Hz as the motion decays; the constant law leaves an oscillation there."""
     time, rate = np.arange(0.0, 12.0, 1 / 100), 0.25
@@ -110,6 +114,7 @@ def test_a_mode_whose_frequency_is_logarithmic_in_the_amplitude_is_one_mode(seed
     assert any("one mode near 6.9" in note and "frequency law" in note for note in fit.warnings)
 
 
+@pytest.mark.slow
 def test_two_close_modes_that_beat_are_kept():
     time = np.arange(0.0, 20.0, 1 / 100)
     pair = [(6.9, 0.002, 0.01), (7.1, 0.002, 0.006)]
@@ -142,6 +147,7 @@ def test_a_mode_at_twice_the_frequency_with_its_own_damping_is_no_harmonic():
     assert [fit.frequency for fit in fits] == pytest.approx([1.85, 3.72], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_coloured_noise_is_no_mode():
     rng, ρ = np.random.default_rng(11), 0.95
     drive = rng.standard_normal(len(TIME))

@@ -77,6 +77,7 @@ def test_silicone_creeps(load, most):
     assert np.ptp(list(ends)) < 5e-5
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not SILICONE.is_dir(), reason="the measured records are not part of the repository")
 def test_laws_of_silicone_that_do_not_hold_over_the_record_are_not_chosen():
     """A frequency quadratic in the amplitude, with the lower misfit, would have another sign after 0.3 s.

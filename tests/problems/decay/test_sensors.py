@@ -53,6 +53,7 @@ def test_the_law_is_recovered_from_any_sensor(law, quantity, noise):
     assert not any("not noise" in text for text in fit.warnings)
 
 
+@pytest.mark.slow
 def test_the_units_are_those_of_the_sensor():
     shaken = Measurement(TIME, curve("linear", "constant", Sensor("acceleration")), sensor=Sensor("acceleration"))
     fit = fit_decay(shaken, law="quadratic", release_time=0.0)
@@ -64,6 +65,7 @@ def test_the_units_are_those_of_the_sensor():
     assert fit_decay(turned, law="quadratic", release_time=0.0).units["eta2"] == "1/rad"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
 def test_curves_against_amplitude_are_those_of_the_displacement(quantity):
     """Windows and law give the decay rate eta1/2 + 4 eta2 omega A/(3 pi), as from a measured displacement."""
@@ -88,6 +90,7 @@ def test_the_figure_shows_the_record_in_its_unit_and_the_amplitude_in_that_of_th
     assert "record, m/s²" in labels and "record less fit, mm/s²" in labels and "amplitude, mm" in labels
 
 
+@pytest.mark.slow
 def test_modes_are_separated_in_an_acceleration():
     sensor = Sensor("acceleration")
     other = 2 * math.pi * 19.0

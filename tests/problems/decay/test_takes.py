@@ -37,6 +37,7 @@ def test_takes_of_equal_damping_agree_and_their_mean_is_the_joint_fit():
     assert [fit.damping_ratio for fit in fits] == [fits[0].damping_ratio] * 3
 
 
+@pytest.mark.slow
 def test_takes_that_differ_are_told_of_and_their_scatter_is_in_the_error():
     ratios = [0.010, 0.012, 0.011, 0.013]
     fits = fitted(ratios)

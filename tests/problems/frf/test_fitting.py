@@ -113,6 +113,7 @@ def test_functions_without_noise_give_the_exact_modes(four_modes):
     np.testing.assert_allclose(fit.constants[:, :, 0], [mode[2] for mode in modes], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_modes_out_of_the_band_do_not_disturb_those_in_it(four_modes):
     f, modes = four_modes
     values = modal_sum(f, modes)
@@ -253,6 +254,7 @@ def test_noise_that_all_functions_share_counts_once(four_modes):
         assert many.standard_errors[name] == pytest.approx(error, rel=0.1)
 
 
+@pytest.mark.slow
 def test_noise_that_is_correlated_along_the_frequency_gives_larger_errors(four_modes):
     f, modes = four_modes
     values, near = modal_sum(f, modes)[:1], [mode[0] for mode in modes]
@@ -303,6 +305,7 @@ def test_noise_alone_has_no_mode():
         fit_frf(FrfRecord(f, noise, "receptance"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1e-15, 1e15])
 def test_the_unit_of_the_values_does_not_matter(size):
     f = np.linspace(1.0, 20.0, 381)
@@ -311,6 +314,7 @@ def test_the_unit_of_the_values_does_not_matter(size):
     check(fit_frf(FrfRecord(f, values, "receptance")), [(8.0, 0.01, (size, 0.5 * size))])
 
 
+@pytest.mark.slow
 def test_without_sdypy_ema_approximate_frequencies_are_enough(four_modes, monkeypatch):
     f, modes = four_modes
     values = modal_sum(f, modes)
@@ -428,6 +432,7 @@ def test_a_nonlinear_resonance_is_one_mode_and_the_note_names_it():
     assert any(note.startswith("one mode near 17.") and "a second pole at 17." in note for note in fit.warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("assurance", "modes"), [(0.8, 2), (0.98, 1)])
 def test_two_poles_within_a_bandwidth_are_two_modes_if_their_shapes_differ(assurance, modes):
     f, rng = np.linspace(5.0, 30.0, 1001), np.random.default_rng(1)
@@ -453,6 +458,7 @@ def test_bins_are_few_and_lose_three_percent_of_the_precision_at_most():
     assert (means < 1.03 * all_lines).all()
 
 
+@pytest.mark.slow
 def test_bins_of_a_record_with_many_lines_leave_the_estimates_unchanged(monkeypatch):
     f, rng = np.arange(8.0, 32.0, 0.02), np.random.default_rng(21)
     modes = [(12.0, 0.02, (1.0, 0.5)), (25.0, 0.03, (0.6, -1.0))]

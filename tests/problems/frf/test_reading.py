@@ -61,6 +61,7 @@ class TestUniversalFiles:
             read_recording(path)
 
 
+@pytest.mark.slow
 def test_matlab_npz_and_text(tmp_path):
     savemat(tmp_path / "a.mat", {"test": {"f_Hz": F, "H": H.T, "remark": "x"}})
     np.savez(tmp_path / "a.npz", frequency=F, H=H)

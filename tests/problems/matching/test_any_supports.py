@@ -47,6 +47,7 @@ def test_modulus_and_stiffness_from_six_noisy_frequencies(make, name, truth, rig
     assert match.to_dict()["lumped"] == match.beam.lumped
 
 
+@pytest.mark.slow
 def test_one_frequency_determines_a_product_of_modulus_and_stiffness():
     given = clamped(200e9, 3.0)
     target = 1.01 * natural_modes(Model(given), count=1).frequencies
@@ -56,6 +57,7 @@ def test_one_frequency_determines_a_product_of_modulus_and_stiffness():
     assert statement.startswith("Of elastic_modulus, clamp_stiffness, they determine only elastic_modulus clamp_stiff")
 
 
+@pytest.mark.slow
 def test_the_curvature_of_an_arch_whose_hinges_stay():
     """The frequencies of an arch between two hinges depend on its curvature, here a negative one."""
     bent = Model(strip(natural_curvature=-0.5))

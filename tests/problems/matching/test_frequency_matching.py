@@ -73,6 +73,7 @@ class TestPaper:
         assert (match.beam.length, match.beam.axis, match.beam.gravity) == (0.5, (0.0, -1.0), (0.0, -9.81))
         assert match.beam.elements == standard.elements
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("seed", [1, 2])
     def test_another_start_ends_at_the_same_beam(self, match, seed):
         """42 properties against 5 frequencies: only the preference for the least change makes the result unique."""
@@ -92,6 +93,7 @@ class TestPaper:
         beta_l = np.array([1.8751, 4.6941, 7.8548, 10.9955, 14.1372]) / paper.ELEMENTS
         assert (np.abs(np.array(match.standard) / exact - 1) < beta_l**4 / 1440 + 2e-7).all()
 
+    @pytest.mark.slow
     def test_smallest_bounds_that_admit_the_targets(self):
         """Erratum 3: widths, thicknesses, density and modulus need 4.97 %, found without this program."""
         enough = match_frequencies(paper.standard_beam(), targets=paper.TARGET_FREQUENCIES, bounds=0.055)
@@ -111,6 +113,7 @@ class TestPaper:
         frequencies = natural_modes(Model(uniform), count=5).frequencies
         assert 100 * (frequencies / paper.OPTIMUM_FREQUENCIES - 1) == pytest.approx(percent, abs=0.06)
 
+    @pytest.mark.slow
     def test_a_standing_beam_cannot_be_matched(self):
         """Erratum 2: a standing beam misses by 1.7 % at best within bounds of 10 %; least squares by slightly more."""
         standing = paper.standard_beam().with_(axis=(0.0, 1.0))
@@ -120,6 +123,7 @@ class TestPaper:
 
 
 class TestLeastChange:
+    @pytest.mark.slow
     def test_frequencies_of_the_beam_itself_change_nothing(self):
         beam = small_beam()
         match = match_frequencies(beam, targets=natural_modes(Model(beam), count=3).frequencies.tolist())
@@ -135,6 +139,7 @@ class TestLeastChange:
         assert match.frequencies == pytest.approx(targets.tolist(), rel=1e-6)
         assert np.linalg.norm(factors(match.beam, beam) - 1) < np.linalg.norm(truth - 1)
 
+    @pytest.mark.slow
     def test_change_is_a_combination_of_the_sensitivities(self):
         """If no bound is active, c (m - 1) = sum_k y_k df_k/dm: any other change could be made smaller."""
         beam = small_beam()
@@ -146,6 +151,7 @@ class TestLeastChange:
         superfluous = weights * (found - 1) - sensitivities.T @ multipliers
         assert np.linalg.norm(superfluous) < 1e-4 * np.linalg.norm(weights * (found - 1))
 
+    @pytest.mark.slow
     def test_infeasible_targets_give_the_nearest_within_the_bounds(self):
         """At an active bound the squared error decreases only beyond it; elsewhere its gradient is almost zero."""
         beam, bounds = small_beam(), 0.01

@@ -58,6 +58,7 @@ class TestResiduals:
         found = matching.residuals(space.standard)[3:-2] / matching.unit
         assert found == pytest.approx(np.concatenate(expected), rel=1e-6, abs=1e-8)
 
+    @pytest.mark.slow
     def test_derivatives_against_differences(self, matching):
         space = matching.space
         rng = np.random.default_rng(3)

@@ -63,6 +63,7 @@ def measure(truth: Beam, numbers, *, std=1e-4, shape_std=1e-3, noise=None) -> Me
 
 
 class TestRecovery:
+    @pytest.mark.slow
     @pytest.mark.parametrize("seed", [None, 1])
     def test_thicknesses_from_frequencies_and_shapes(self, beam, truth, seed):
         """Four modes in any order and seven points determine five thicknesses, from two starts."""
@@ -98,6 +99,7 @@ class TestRecovery:
             total += d @ np.linalg.solve(covariance, d)
         assert 80 - 3 * 12.6 < total < 80 + 3 * 12.6
 
+    @pytest.mark.slow
     def test_a_smooth_taper(self, beam):
         """A linear taper of the width and a heavier material from four frequencies, without gravity."""
         weightless = beam.with_(gravity=(0.0, 0.0))
@@ -113,6 +115,7 @@ class TestRecovery:
 
 
 class TestLumped:
+    @pytest.mark.slow
     def test_tip_mass_and_clamp_stiffness(self, beam):
         """Both from five frequencies and two guesses, up to 40 % off; the clamp stiffness is the least certain."""
         truth = beam.with_(tip_mass=2.6e-3, clamp_stiffness=0.8, elastic_modulus=205e9)
@@ -141,6 +144,7 @@ class TestLumped:
 class TestCrossing:
     """25 mm instead of 20 mm: bending mode 4 has passed the first axial mode (2562 Hz)."""
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("start", [None, [1.3]])
     def test_bending_modes_are_followed_past_the_axial_one(self, stocky, start):
         measured = measure(stocky.with_(thickness=25e-3), [2, 4])
@@ -162,6 +166,7 @@ class TestCrossing:
 
 
 class TestOutOfReach:
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("gravity", "unknowns", "percent"),
         [
@@ -183,6 +188,7 @@ class TestOutOfReach:
         assert 100 * match.max_relative_error == pytest.approx(percent, abs=0.006)
         assert match.out_of_reach == (percent > 0)
 
+    @pytest.mark.slow
     def test_multipliers_say_what_wider_bounds_bring(self, beam):
         """With wider bounds the worst error falls by the sum of the multipliers times the widening, to first order."""
         targets = (natural_modes(Model(beam), count=3).frequencies * [1.05, 0.93, 1.04]).tolist()
@@ -195,6 +201,7 @@ class TestOutOfReach:
         assert fall == pytest.approx(0.0005 * narrow.multipliers.sum(), rel=0.05)
         assert {name for name, _ in narrow.holding} <= set(narrow.at_bound)
 
+    @pytest.mark.slow
     def test_least_squares_says_how_far_and_what_holds_it(self, beam):
         targets = (natural_modes(Model(beam), count=3).frequencies * [1.05, 0.93, 1.04]).tolist()
         match = match_frequencies(beam, targets=targets, unknowns=(THICKNESS,), bounds=0.01)
@@ -207,6 +214,7 @@ class TestOutOfReach:
         assert f"these bounds keep the beam from fitting better: {match.holding[0][0]}" in note
         assert note in match.report()
 
+    @pytest.mark.slow
     def test_out_of_reach_no_interval_is_given(self, beam):
         """The density is at no bound; the table once had lowest = highest = value, and "the data fix 3 of 6"."""
         targets = (natural_modes(Model(beam), count=3).frequencies * [1.05, 0.93, 1.04]).tolist()
@@ -251,6 +259,7 @@ class TestIdentifiability:
             assert (moved < known.spread[:, 1] + 1e-9).all()
         assert space.size == known.rank + len(known.null_space)
 
+    @pytest.mark.slow
     def test_spread_without_linear_programs_is_that_of_linear_programs(self, beam, monkeypatch):
         targets = (natural_modes(Model(beam), count=3).frequencies * [1.02, 0.99, 1.01]).tolist()
         unknowns = (THICKNESS, Smooth("width", terms=3, relative_bounds=0.05), Global("density"))
@@ -260,6 +269,7 @@ class TestIdentifiability:
         monkeypatch.setattr(Identifiability, "_reaches", lambda self, changes: np.zeros(len(changes), bool))
         assert replace(match.identifiability).spread == pytest.approx(found, abs=1e-7)
 
+    @pytest.mark.slow
     def test_prior_information_gives_errors_to_all(self, beam):
         """One frequency determines E/rho; with prior errors of 10 % of each, 7 % remain."""
         modes = natural_modes(Model(beam.with_(gravity=(0.0, 0.0))), count=1)
@@ -271,6 +281,7 @@ class TestIdentifiability:
         assert np.isnan(without).all()
         assert prior.identifiability.standard_errors == pytest.approx([0.1 / np.sqrt(2)] * 2, rel=1e-3)
 
+    @pytest.mark.slow
     def test_priors_are_further_measurements(self, beam):
         """One frequency determines the change of E/rho; priors of 1 % and 2 % share it as their variances."""
         weightless = beam.with_(gravity=(0.0, 0.0))
@@ -315,6 +326,7 @@ class TestIdentifiability:
 
         assert steps(Smoothness(weight=1e-6)) < 0.95 * steps(LeastChange(weight=1e-8))
 
+    @pytest.mark.slow
     def test_an_unknown_at_its_bound_is_known_to_the_others(self, beam, truth):
         """With the first element at its bound, the other errors are smaller than with all free; it has none."""
         measured = measure(truth, [0, 1, 2, 3])

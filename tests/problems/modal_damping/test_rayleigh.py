@@ -66,6 +66,7 @@ def test_without_deviations_the_scatter_tells_the_errors():
     assert fit.warnings == ()
 
 
+@pytest.mark.slow
 def test_the_errors_of_two_modes_are_those_of_their_ratios():
     """Eq. (17) is linear in the ratios: so are the fits to noisy ratios, and so their scatter."""
     deviations = np.array([3e-4, 1e-4])

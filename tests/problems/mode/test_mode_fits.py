@@ -172,6 +172,7 @@ def test_phases_that_do_not_decide_stay_as_they_are():
     assert fit_mode([near, far]).notes == ()
 
 
+@pytest.mark.slow
 def test_a_decay_alone_gives_what_fit_decay_gives():
     record = decay(cubic(), 0.01)
     settings = {"law": "quadratic", "frequency_law": "quadratic"}
@@ -181,6 +182,7 @@ def test_a_decay_alone_gives_what_fit_decay_gives():
         assert own.standard_errors[name] == pytest.approx(other.standard_errors[name], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_decay_and_a_resonance_together_have_smaller_errors_than_either():
     one, laws = CASES["cubic"]
     rng = np.random.default_rng(5)
@@ -193,6 +195,7 @@ def test_a_decay_and_a_resonance_together_have_smaller_errors_than_either():
     assert {one.name for one in both.agreements} >= {"frequency", "damping_ratio"}
 
 
+@pytest.mark.slow
 def test_amplitudes_without_phases_are_enough():
     _, laws = CASES["micro-slip"]
     rng = np.random.default_rng(2)
@@ -205,6 +208,7 @@ def test_amplitudes_without_phases_are_enough():
         assert found[name] == pytest.approx(value, abs=3.5 * errors[name])
 
 
+@pytest.mark.slow
 def test_a_phase_locked_backbone_needs_a_decay_or_the_modal_constant():
     one, sizes = cubic(), np.array([0.002, 0.004, 0.006, 0.008, 0.01])
     f, rate = np.array([one.backbone(size, OMEGA) for size in sizes]).T
@@ -254,6 +258,7 @@ def test_a_fit_that_explains_little_is_no_result():
         fit_mode(ResponseRecord(np.linspace(9.0, 11.0, 30), values, excitation_unit="N"))
 
 
+@pytest.mark.slow
 def test_a_prediction_of_another_level_and_of_a_decay_is_close():
     one, laws = CASES["cubic"]
     rng = np.random.default_rng(7)

@@ -64,6 +64,7 @@ def test_air_viscosity_causes_nearly_a_tenth_of_the_damping_of_mode_1(modes):
     assert 0.085 < 100 * ratio < 0.102
 
 
+@pytest.mark.slow
 def test_the_viscous_force_on_a_tapered_strip_takes_the_energy_that_the_ratio_says(paper_beam):
     """Loss 4 pi zeta times the energy; the loss is pi omega int c phi^2 dp, with c of the width at each point."""
     beam = paper_beam(4, width=(7e-3, 6e-3, 4.5e-3, 3e-3), gravity=(0.0, 0.0))
@@ -89,6 +90,7 @@ def test_the_drag_coefficient_returns_the_law_from_which_it_follows(paper_beam):
     assert implied_drag_coefficient(eta2, beam, Air(density=1.18))[0] == pytest.approx(1.3)
 
 
+@pytest.mark.slow
 def test_errors_of_eta2_and_of_the_density_of_the_air_add_up_as_in_seeded_draws(paper_beam):
     rng, beam = np.random.default_rng(0), paper_beam()
     draws = [

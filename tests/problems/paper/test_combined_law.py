@@ -104,6 +104,7 @@ def test_a_ratio_that_would_be_negative_is_at_its_bound_and_reported(modes):
     assert found.warnings[0] == "ratio1 is at its bound 0; the other standard errors take it as known"
 
 
+@pytest.mark.slow
 def test_table_4_has_no_common_drag_coefficient(modes):
     """Decays by Eq. (27) with its parameters, 500 frames per second for 5 s, noise of 0.2 mm."""
     time, rng, fits = np.arange(0.0, 5.0, 1 / 500), np.random.default_rng(22), []

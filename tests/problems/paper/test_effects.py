@@ -86,6 +86,7 @@ def test_the_beam_decays_as_the_formula_says_within_a_percent_at_76_mm(decay):
     assert decay.formula.at(3.0) < 0.6 * 0.076
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("eta1", "eta2"), [(2.0, 0.0), (1e-9, 40.0)])
 def test_at_small_amplitudes_the_beam_decays_as_one_mode(paper_beam, eta1, eta2):
     """The drag constant of mode 1 is 0.7389, that of the shape (21) 0.7405, 0.2 % more."""

@@ -38,6 +38,7 @@ def test_a_force_at_the_tip_has_the_given_size_and_direction(file):
     assert task.unit == "N" and task.damping is None
 
 
+@pytest.mark.slow
 def test_the_beam_is_reduced_unless_the_file_asks_for_all_of_it(file):
     drive = "base_amplitudes = 1e-4\n"
     for text, count in (("", 8), ("modes = 3\n", 3)):

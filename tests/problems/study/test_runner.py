@@ -173,6 +173,7 @@ class TestKept:
 
 
 class TestFailure:
+    @pytest.mark.slow
     @pytest.mark.parametrize("how", ["serial", "threads", "processes"])
     def test_is_our_error_and_keeps_the_finished_tasks(self, bench, how):
         """The failing task is the last of its part; the rest is not computed again."""

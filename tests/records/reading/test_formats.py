@@ -92,6 +92,7 @@ class TestUniversalFile:
 
 
 class TestMatlab:
+    @pytest.mark.slow
     @pytest.mark.parametrize("compressed", [False, True])
     def test_version_5(self, tmp_path, compressed):
         path = tmp_path / "record.mat"
@@ -103,12 +104,14 @@ class TestMatlab:
         assert read_contents(path).step == 1.0 / RATE  # of fs, which the column of times makes superfluous
         assert "'note' is a char, and is left out" in notes
 
+    @pytest.mark.slow
     def test_a_matrix_has_a_channel_per_column(self, tmp_path):
         path = tmp_path / "record.mat"
         savemat(path, {"data": np.column_stack([TIME, MM, -MM])})
         np.testing.assert_allclose(Measurement.from_file(path, "data[2]", unit="mm").values, 1e-3 * MM)
         np.testing.assert_allclose(Measurement.from_file(path, 3).values, -MM)
 
+    @pytest.mark.slow
     def test_structs_and_struct_arrays_are_named_by_their_path(self, tmp_path):
         path = tmp_path / "record.mat"
         runs = np.zeros(2, dtype=[("t", object), ("tip_mm", object), ("remark", object)])
@@ -122,6 +125,7 @@ class TestMatlab:
         record = Measurement.from_file(path, "runs[2].tip_mm", time="runs[2].t")
         np.testing.assert_allclose(record.values, 2e-3 * MM)
 
+    @pytest.mark.slow
     def test_cells_are_left_out_and_never_executed(self, tmp_path):
         path = tmp_path / "record.mat"
         savemat(path, {"cells": np.array([1, "a"], dtype=object)})
@@ -142,6 +146,7 @@ class TestMatlab:
         record = Measurement.from_file(path, "runs[2].tip_mm", time="runs[2].t")
         np.testing.assert_allclose(record.values, 2e-3 * MM)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("place", ["data set", "group", "file"])
     def test_attributes_of_hdf5_give_unit_and_sampling_rate(self, tmp_path, place):
         import h5py
@@ -281,6 +286,7 @@ class TestNumpy:
 
 
 class TestC3D:
+    @pytest.mark.slow
     def test_markers_and_analog_channels(self, tmp_path):
         import ezc3d
 

@@ -87,6 +87,7 @@ def test_the_place_within_a_pixel_does_not_matter(render, pattern, largest, star
     assert np.std(errors, axis=0).max() < largest
 
 
+@pytest.mark.slow
 def test_large_steps_between_frames_are_tracked(strip, found):
     """30 frames per second, and up to 43 px from frame to frame."""
     path, true = strip(30, rate=30.0, exposure=0.02, covered=[(3, 8, 14)])
@@ -95,12 +96,14 @@ def test_large_steps_between_frames_are_tracked(strip, found):
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(places[:, 3, 0])), np.arange(8, 14))
 
 
+@pytest.mark.slow
 def test_an_only_marker_is_not_mistaken_for_another_mark_when_it_comes_back_too_late(strip):
     path, true = strip(30, rate=30.0, exposure=0.02, covered=[(3, 8, 14)])
     with pytest.raises(InputError, match=r"no marker is seen after 0\.2333 s, as behind a cut"):
         track_video(path, markers=true[0, 3:])
 
 
+@pytest.mark.slow
 def test_marks_that_are_covered_together_come_back_as_themselves(strip, found):
     path, true = strip(60, covered=[(m, 20, 28) for m in range(4)])
     places, _ = found(track_video(path, markers=true[0]))
@@ -108,6 +111,7 @@ def test_marks_that_are_covered_together_come_back_as_themselves(strip, found):
     assert np.isnan(places[21:27]).all() and np.isfinite(places[30:]).all()
 
 
+@pytest.mark.slow
 def test_dots_are_found_and_numbered_from_the_clamp(strip, found):
     """Also beside them, from a place that the user clicks: the centre of a dot is tracked."""
     path, true = strip(20)
@@ -117,6 +121,7 @@ def test_dots_are_found_and_numbered_from_the_clamp(strip, found):
     assert np.abs(clicked - true).max() < 0.2
 
 
+@pytest.mark.slow
 def test_corners_are_found_where_there_are_no_dots(strip, found):
     path, true = strip(20, pattern="checkers")
     places, _ = found(track_video(path, region=(100, 40, 300, 220)))

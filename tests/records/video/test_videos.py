@@ -39,6 +39,7 @@ def test_distortion_of_the_lens_is_taken_out():
     assert np.isnan(positions[3]).all()
 
 
+@pytest.mark.slow
 def test_slow_motion_is_told_and_its_true_rate_is_taken(strip):
     path, true = strip(20, rate=30.0, exposure=0.02)
     recording = track_video(path, markers=true[0])
@@ -60,6 +61,7 @@ def test_times_of_the_file_are_taken_where_frames_are_missing_but_not_where_they
     assert "not even" in note
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_file_that_inspect_and_fits_read(strip, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path, true = strip(20, covered=[(1, 8, 12)])
@@ -84,6 +86,7 @@ def still(render, path, grey):
     render.write_video(path, [picture + (one if grey else 0) for one in noise], 30.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
@@ -130,6 +133,7 @@ def frames_of(path):
         yield from video.frames
 
 
+@pytest.mark.slow
 def test_damaged_bytes_anywhere_end_in_a_track_or_in_one_line(strip):
     path, true = strip(30)
     content = path.read_bytes()

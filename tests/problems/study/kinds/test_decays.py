@@ -60,6 +60,7 @@ class TestSynthetic:
             for other in (noise[1:], *(another[1:] for another in noises[:k])):
                 assert abs(np.corrcoef(noise[:-1], other)[0, 1]) < 4 / math.sqrt(noise.size)
 
+    @pytest.mark.slow
     def test_is_the_same_each_time_and_differs_with_the_seed(self, parts, study_file):
         again = {part.name: part for part in study_in(PAPER_FILE).parts}
         for name in ("modal_identification", "quadratic"):
@@ -77,6 +78,7 @@ class TestSynthetic:
 
 
 class TestFits:
+    @pytest.mark.slow
     def test_recover_the_truth_within_their_errors(self, study_file):
         """Frequency, eta1 and eta2 within four standard errors; the equivalent ratio at the amplitude of release."""
         (part,) = study_in(study_file(QUADRATIC)).parts
@@ -105,6 +107,7 @@ class TestFits:
             fit_plain(still, "linear", False)
 
 
+@pytest.mark.slow
 def test_measured_and_synthetic_records_stand_in_one_table(study_file, tmp_path):
     """A file in mm with a release in the middle; its figure is not called synthetic."""
     time = np.arange(0.0, 4.0, 0.005)

@@ -59,6 +59,7 @@ def test_decay_after_the_stop_has_the_predicted_ratio(third, name):
     assert result.numbers["amplitude_m"] < result.numbers["reached_amplitude_m"]
 
 
+@pytest.mark.slow
 def test_no_law_is_no_damping(third):
     """The integrator damps a thousand times less than the weakest law, and the amplitude is as planned."""
     result = third.result()
@@ -68,6 +69,7 @@ def test_no_law_is_no_damping(third):
     assert np.ptp(decay_curve(result).amplitude) < 2e-3 * result.numbers["amplitude_m"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LAWS)
 def test_first_mode_at_large_swing(first, name):
     """The ratio is the predicted one, within 2 %.
@@ -80,6 +82,7 @@ def test_first_mode_at_large_swing(first, name):
     assert result.numbers["damping_ratio"] == pytest.approx(result.numbers["expected_damping_ratio"], rel=0.02)
 
 
+@pytest.mark.slow
 def test_quadratic_damping_falls_with_the_amplitude_and_generic_damping_does_not(first):
     """Along one decay: eta1/(2 omega) + 4 eta2 A/(3 pi), and a constant."""
     for name in ("quadratic", "generic"):
@@ -104,6 +107,7 @@ def test_both_integrators_agree(third):
     assert idas.numbers["steps"] > 5 * radau.numbers["steps"]
 
 
+@pytest.mark.slow
 def test_what_figures_show_is_the_motion(third):
     """Relative to the clamp, from zero on, around the stop, and over the last period.
 
@@ -121,6 +125,7 @@ def test_what_figures_show_is_the_motion(third):
     assert np.abs(clamp[:, 1]).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_with_a_ramp_the_whole_motion_is_that_of_the_driven_mode_and_reaches_the_same_amplitude(third):
     """Mode 1 keeps what the stop leaves: the clamp rests its amplitude away from its mean position."""
     result = replace(third, terms=LAWS["generic"]).result(ramp=8.0)
@@ -129,6 +134,7 @@ def test_with_a_ramp_the_whole_motion_is_that_of_the_driven_mode_and_reaches_the
     assert result.numbers["damping_ratio"] == pytest.approx(result.numbers["expected_damping_ratio"], rel=2e-3)
 
 
+@pytest.mark.slow
 def test_drives_at_the_given_frequency_until_the_given_time(third):
     result = replace(third, terms=LAWS["generic"]).result(frequency=28.0, stop=0.8)
     assert 0.8 <= result.numbers["stop_s"] <= 0.8 + 0.5 / 28.0

@@ -41,6 +41,7 @@ def test_later_parts_take_the_matched_beam(report):
     assert report.results["match"]["matched_hz"] == pytest.approx([1.85, 10.19], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_beam_of_the_outcome_has_the_frequencies(study_file):
     study = study_in(study_file(BEAM, MATCH, LATER))
     part, found = study.parts[0], {"": Finding(None, beam=beam_data(study.beam))}

@@ -37,6 +37,7 @@ def test_errors_are_those_of_two_equations(study_file):
     assert [outcome.data["alpha_stderr"], outcome.data["beta_stderr"]] == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_errors_come_from_the_identified_decays(study_file):
     rows = [
         {"damping_ratio": 0.01, "damping_ratio_stderr": 1e-4},
@@ -56,6 +57,7 @@ def test_another_part_than_decays_is_refused(study_file, data):
         finding(study_file, DECAYS, text, decays=Finding(data))
 
 
+@pytest.mark.slow
 def test_the_table_shows_the_ratio_of_every_mode(study_file):
     """Erratum 5: Eq. (16) gives 0.3358, 0.5656, 0.9057 % for modes 3 to 5."""
     others = "others = {frequencies = [26.84, 53.20, 88.60], ratios = [0.0028, 0.0023, 0.0030]}\n"
@@ -65,6 +67,7 @@ def test_the_table_shows_the_ratio_of_every_mode(study_file):
     assert [row[2] for row in ratios.table().rows] == pytest.approx([1.0, 0.28, 0.3358, 0.5656, 0.9057], abs=5e-5)
 
 
+@pytest.mark.slow
 def test_misprint_and_reason_stand_beside_the_value():
     """Erratum 4 in Table 3 of the paper."""
     parts = {part.name: part for part in study_in(PAPER_FILE).parts}
@@ -76,6 +79,7 @@ def test_misprint_and_reason_stand_beside_the_value():
     assert any("ten times" in note for note in parts["proportional"].notes)
 
 
+@pytest.mark.slow
 def test_a_study_of_two_numbers_is_a_document(study_file, tmp_path):
     report = run_study(study_file(RAYLEIGH, "examples = [[4.0, 0.0], [4.0, 0.1]]\n"), tmp_path / "results")
     assert report.results["rayleigh"]["alpha"] == pytest.approx(0.228181, abs=5e-7)

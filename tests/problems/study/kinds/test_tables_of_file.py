@@ -33,6 +33,7 @@ def clamp(path, amplitude: float) -> None:
                comments="")  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_frequencies_are_those_of_the_beam(study_file, tmp_path):
     report = run_study(study_file(BEAM, '[[parts]]\nkind = "modes"\nmodes = 3\n'), tmp_path / "results")
     beam = Beam.from_toml(tmp_path / "study.toml")

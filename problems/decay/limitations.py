@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 LEAST_EXPLAINED = 0.5  # share of the motion, below which a fit is refused
 MOST_BEFORE = 0.15  # share of the motion of a record that an excitation before the decay may leave unexplained
 DETECTED = ("the first sample", "the end of")  # reasons for a release that the record shows
+GROWS = "the oscillation grows"
 NOISE_FREE = 1e-6  # residual relative to the amplitude, below which there is no noise
 FEW_PERIODS = 5  # of free decay, below which there is a warning
 MOST_ORDER, NEAR_ORDER = 5, 0.05  # highest harmonic that is named, and distance of its order from a whole number
@@ -135,10 +136,11 @@ def refuse_unexplained(decay: DecayFit, record: Measurement) -> None:
     since, frequency = f"from {decay.release_time:g} s on", _residual_frequency(decay)
     near = share < LEAST_EXPLAINED and 0.5 < frequency / decay.frequency < 1.5
     if decay.release_reason.startswith(DETECTED) and (near or _is_random(decay, record)):
+        growth = "".join(f", or {note.partition(':')[0]}" for note in decay.notes if note.startswith(GROWS))
         raise FitError(
-            f"the record looks like a response to a random excitation, not a free decay: a decay {since} explains "
-            f"{100 * share:.0f} % of the motion there, and nothing like it the rest; if the record holds a free decay, "
-            "give the time of its release"
+            f"the record looks like a response to a random excitation, not a free decay{growth}: a decay {since} "
+            f"explains {100 * share:.0f} % of the motion there, and nothing like it the rest; if the record "
+            "holds a free decay, give the time of its release"
         )
     if share < LEAST_EXPLAINED:
         raise FitError(

@@ -36,7 +36,7 @@ from ancf_casadi.decay.first_guess import DecayGuess, first_guess
 from ancf_casadi.decay.outliers import without_outliers
 from ancf_casadi.decay.phase import NODE_OF_OMEGA, FrequencyLaw, smooth_nodes, smooth_steps
 from ancf_casadi.decay.spectrum import is_even
-from ancf_casadi.estimation.agreement import allowing_for_later_starts
+from ancf_casadi.estimation.agreement import DISAGREE, allowing_for_later_starts
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solver.gauss_newton import HUBER, noise_of
 from ancf_casadi.estimation.solver.least_squares import least_squares
@@ -47,13 +47,14 @@ from ancf_casadi.records.processing import projected
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
 from problems.decay.laws import DecayModel, with_priors
-from problems.decay.limitations import NOISE_FREE, late_part
+from problems.decay.limitations import DAMPING, GROWS, NOISE_FREE, late_part
 from problems.decay.result import DecayFit
 from problems.decay.start import evident_law, of_motion, span_of, starting_values
 
 LEAST_REDUCED_LENGTH = 2500  # samples to which a longer record is reduced, if the band of the mode needs no more
 REDUCED_PER_PERIOD = 6  # samples that this band needs
 LATER_STARTS = (0.25, 0.5, 0.75)  # shares of the information before a later start, for which errors allow
+GROWING = (-0.999, 0.999)  # bounds of a damping ratio that may be negative
 NO_PRIORS: Priors = {}
 SIMPLER_LAWS: Sequence[FrequencyLaw] = ("constant", "linear", "quadratic", "logarithmic")  # than a smooth frequency
 
@@ -122,11 +123,39 @@ def fit_from(
     if counts != lengths:
         final = [curve_at(model, fit.values[list(own)]) for own in columns]
         residuals = [curve(decay.time) - decay.values for curve, decay in zip(final, decays, strict=True)]
+    growth = [
+        _growth(model, fit, own, decay, guess) for own, decay, guess in zip(columns, thinned, moving, strict=True)
+    ]
     given = [float(time[0]) if guess.reason == "given" else None for time, guess in zip(times, guesses, strict=True)]
     again = [partial(fit_one, model=stated, release_time=release, robust=robust, priors=priors) for release in given]
     return tuple(
-        DecayFit(fit, model, own, rows, time, rest, guess.reason, guess.notes, again=one)
-        for time, rest, own, rows, guess, one in zip(times, residuals, columns, parts, guesses, again, strict=True)
+        DecayFit(fit, model, own, rows, time, rest, guess.reason, (*guess.notes, *grows), again=one)
+        for time, rest, own, rows, guess, grows, one in zip(
+            times, residuals, columns, parts, guesses, growth, again, strict=True
+        )
+    )
+
+
+def _growth(
+    model: DecayModel, fit: Fit, columns: Sequence[int], decay: Measurement, guess: DecayGuess
+) -> tuple[str, ...]:
+    """Return a warning if a fit ends at its least damping because the oscillation of a record grows."""
+    damping = [k for k in columns if fit.names[k] in DAMPING]
+    if not all(fit.values[k] == fit.lower[k] >= 0.0 for k in damping):
+        return ()
+    growing = replace(model, law="linear", ratio_bounds=GROWING)
+    try:
+        alone, _ = _match(growing, [decay], [guess], robust=False)
+    except FitError:
+        return ()
+    position = alone.names.index("zeta")
+    # without noise, rounding alone may seem to grow
+    least = NOISE_FREE / (guess.ω * decay.time[-1])
+    if not alone.intervals(1 - DISAGREE)[position, 1] < -least:
+        return ()
+    return (
+        f"{GROWS}, by a damping ratio of about {alone.values[position]:.2g}: it is no free decay; "
+        "give a release after the growth, or the linear law with ratio_bounds below 0",
     )
 
 

@@ -1,5 +1,7 @@
 """A fit uses the part of a record that is a free decay, says which and how much it explains, or refuses it."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete, lfilter
@@ -251,3 +253,40 @@ def test_quantised_records_are_fitted():
         values = decay(time, frequency, ratio, 1.0, rng.uniform(0, 6.28)) + rng.uniform(-0.5, 0.5) * step
         covered += covers(fit_decay(time, 1e-3 * step * np.round(values / step)), frequency, ratio)
     assert covered >= 190
+
+
+# Growth
+
+
+@pytest.mark.parametrize("law", ["linear", "quadratic", "friction", "power"])
+@pytest.mark.parametrize("ratio", [-0.001, -0.002])
+def test_an_oscillation_that_grows_is_said_to_grow(law, ratio):
+    time = np.arange(0, 10, 0.01)
+    noise = 1e-5 * np.random.default_rng(1).normal(size=time.size)
+    fit = fit_decay(time, decay(time, 2.0, ratio, 2e-3) + noise, law=law)
+    stated = re.match(r"the oscillation grows, by a damping ratio of about (\S+):", fit.warnings[0])
+    assert float(stated[1]) == pytest.approx(ratio, rel=0.02)
+
+
+def test_several_takes_that_grow_are_said_to_grow():
+    time = np.arange(0, 10, 0.01)
+    noise = 1e-5 * np.random.default_rng(1).normal(size=(2, time.size))
+    takes = [
+        Measurement(time, decay(time, 5.0, -0.001, size) + own) for size, own in zip((2e-3, 3e-3), noise, strict=True)
+    ]
+    assert any(
+        "the oscillation grows, by a damping ratio of about -0.001:" in text for text in fit_decays(takes).warnings
+    )
+
+
+def test_an_oscillation_without_damping_does_not_grow():
+    time = np.arange(0, 10, 0.01)
+    noise = 1e-5 * np.random.default_rng(1).normal(size=time.size)
+    assert not any("grows" in text for text in fit_decay(time, decay(time, 2.0, 0.0, 2e-3) + noise).warnings)
+
+
+def test_a_refused_record_that_grows_is_said_to_grow():
+    time = np.arange(0, 10, 0.01)
+    noise = 1e-5 * np.random.default_rng(1).normal(size=time.size)
+    with pytest.raises(FitError, match=r"or the oscillation grows, by a damping ratio of about -0\.01: a decay from"):
+        fit_decay(time, decay(time, 2.0, -0.01, 2e-3) + noise)

@@ -254,17 +254,19 @@ class Fit:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Unknowns at a bound, correlations, contradicted standard deviations, and intervals that reach a bound."""
+        """Unknowns, as reports name them, at a bound, correlated or near a bound; contradicted standard deviations."""
+        names, units, factors = zip(*(unknown.report for unknown in self.unknowns), strict=True)
+        values = np.array(list(self.estimates.values())) * factors
         notes = [
-            f"{name} is at its bound {self[name]:g}; the other standard errors take it as known"
-            for name in self.at_bound
+            f"{names[k]} is at its bound {values[k]:g}; the other standard errors take it as known"
+            for k in np.flatnonzero(self.active_bounds).tolist()
         ]
         with np.errstate(invalid="ignore"):
             strong = np.triu(np.abs(self.correlations), 1) > CORRELATED
         exact = np.sqrt(np.diag(self.covariance)) < ROUNDING * self.scale  # where the residuals are rounding alone
         pairs = np.argwhere(strong & ~np.logical_and.outer(exact, exact)).tolist()
         if pairs:
-            named = [f"{self.names[i]} and {self.names[j]} ({self.correlations[i, j]:.3f})" for i, j in pairs]
+            named = [f"{names[i]} and {names[j]} ({self.correlations[i, j]:.3f})" for i, j in pairs]
             notes.append(
                 f"{', '.join(named)} correlate: the data determine a combination of each pair much better than the two "
                 "alone; more data, or fewer unknowns, would help"
@@ -278,10 +280,11 @@ class Fit:
             (low, high), unknown = self.intervals()[k], self.unknowns[k]
             for bound, end in ((unknown.lower, low), (unknown.upper, high)):
                 if end == bound:
-                    value = f"{self[unknown.name]:.2g} {unknown.unit}".rstrip()
+                    value = f"{values[k]:.2g} {units[k]}".rstrip()
+                    ends = ", ".join(f"{factors[k] * limit:.2g}" for limit in (low, high))
                     notes.append(
-                        f"{unknown.name} does not differ significantly from "
-                        f"{f'its bound {bound:g}' if bound else 'zero'}: {value}, 95 % interval [{low:.2g}, {high:.2g}]"
+                        f"{names[k]} does not differ significantly from "
+                        f"{f'its bound {factors[k] * bound:g}' if bound else 'zero'}: {value}, 95 % interval [{ends}]"
                     )
         return tuple(notes)
 

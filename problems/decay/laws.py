@@ -55,7 +55,7 @@ from ancf_casadi.decay.closed_forms import (
 from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.phase import AMPLITUDE_SPAN, FREQUENCY_TERMS, FrequencyLaw, frequency_change, integral
 from ancf_casadi.decay.rest import REST_TERMS, Rest, rest_position
-from ancf_casadi.estimation.solver.unknown import Priors, Unknown, with_prior
+from ancf_casadi.estimation.solver.unknown import Priors, Reported, Unknown, with_prior
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
@@ -109,6 +109,8 @@ FREQUENCY_REPORTED: Mapping[FrequencyLaw, tuple[str, ...]] = {  # where they are
     "smooth": ("frequency_change",),
 }
 NOT_AT_ZERO: tuple[FrequencyLaw, ...] = ("logarithmic", "smooth")  # whose omega is not the frequency at zero amplitude
+FREQUENCY = Reported("omega", "frequency", "Hz", 1 / (2 * math.pi))
+RATIO = Reported("zeta", "damping_ratio", "")
 DISPLACEMENT = Sensor()
 RATIO_BOUNDS = (0.0, 0.999)
 
@@ -155,7 +157,11 @@ class DecayModel:
     def shared(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of the mode."""
         ω, T = guess.ω, guess.duration
-        return [Unknown("omega", ω, 1 / T, lower=0.0, unit="rad/s"), *self._damping(guess), *self._bending(guess)]
+        return [
+            Unknown("omega", ω, 1 / T, lower=0.0, unit="rad/s", reported=FREQUENCY),
+            *self._damping(guess),
+            *self._bending(guess),
+        ]
 
     def _bending(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of the frequency law; k begins at 0, or at one turn where it has a second unknown."""
@@ -177,7 +183,7 @@ class DecayModel:
         if self.law in ("linear", "power"):
             # at a ratio of 0, no record would determine the exponent
             lower, upper = self.ratio_bounds if self.law == "linear" else (1e-9, math.inf)
-            ratio = Unknown("zeta", min(max(guess.ζ, lower), upper), scale, lower, upper)
+            ratio = Unknown("zeta", min(max(guess.ζ, lower), upper), scale, lower, upper, reported=RATIO)
             return [ratio, Unknown("exponent", 1.0, 1.0, *EXPONENTS)] if self.law == "power" else [ratio]
         full = {"eta1": 2 * ω, "eta2": 3 * math.pi / (4 * A), "eta0": math.pi * ω**2 * A / 2}  # with a ratio of 1
         part = guess.ζ / len(names)
@@ -186,7 +192,11 @@ class DecayModel:
     def own(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of a release and its record."""
         A, swing = guess.amplitude, guess.amplitude * guess.ω**self.sensor.derivatives
-        release = [Unknown("e0", A, A, lower=0.0, unit="m"), Unknown("phase", guess.phase, unit="rad")]
+        reported = Reported("e0", "amplitude", self.unit("amplitude"))
+        release = [
+            Unknown("e0", A, A, lower=0.0, unit="m", reported=reported),
+            Unknown("phase", guess.phase, unit="rad"),
+        ]
         scales = swing, swing / guess.length, 1 / guess.length
         bounds = (-math.inf, math.inf), (-math.inf, math.inf), (0.0, guess.ω / (2 * math.pi))
         return release + [

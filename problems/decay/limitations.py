@@ -217,11 +217,13 @@ def _changing(decay: DecayFit) -> str | None:
     if scipy.special.chdtrc(len(known), square) >= DISAGREE:
         return None
     worst = known[int(np.argmax(np.abs(normal)))]
-    name, unit = fit.names[worst], f" {fit.units[worst]}".rstrip()
+    name, unit, factor = fit.unknowns[worst].report
     split = time[int(np.argmax(late[rows]))]
-    before, after = (with_error(values[worst], found[worst, worst] ** 0.5) for values, found in parts)
+    before, after = (
+        with_error(factor * values[worst], factor * found[worst, worst] ** 0.5, unit) for values, found in parts
+    )
     return (
-        f"the law does not hold over the record: {name} is {before}{unit} up to {split:.4g} s, and {after}{unit} "
+        f"the law does not hold over the record: {name} is {before} up to {split:.4g} s, and {after} "
         "later; compare laws, or show damping and frequency against amplitude"
     )
 

@@ -34,6 +34,16 @@ LOG_NORMAL = "log-normal"  # third entry of a prior of the logarithm
 
 
 @dataclass(frozen=True)
+class Reported:
+    """The quantity that reports print in place of an unknown, which is proportional to it."""
+
+    symbol: str  # of the unknown; what follows it in the name, such as the number of a record, stays
+    quantity: str
+    unit: str
+    factor: float = 1.0  # quantity over unknown
+
+
+@dataclass(frozen=True)
 class Unknown:
     """A quantity to be estimated."""
 
@@ -46,6 +56,7 @@ class Unknown:
     offset: float | None = None  # of a stiffness: s of the coordinate 1/(x + s), see above
     prior: tuple[float, float] | None = None  # mean and standard deviation that are known without the data
     relative_prior: bool = False  # that of a normal logarithm: median, and relative standard deviation
+    reported: Reported | None = None  # if reports print another quantity
     curved: bool = False  # far from linear, so that intervals of derived quantities follow its likelihood; one in a fit
 
     def __post_init__(self) -> None:
@@ -57,6 +68,17 @@ class Unknown:
             raise InputError(f"the guess {self.guess:g} is not within [{self.lower:g}, {self.upper:g}]", self.name)
         if self.offset is not None and not self.lower + self.offset > 0.0:
             raise InputError(f"the lower bound {self.lower:g} must be above {-self.offset:g}", self.name)
+
+    @property
+    def report(self) -> tuple[str, str, float]:
+        """Name and unit in reports, and the ratio of the value there to that of the unknown."""
+        if self.reported is None:
+            return self.name, self.unit, 1.0
+        return (
+            self.reported.quantity + self.name.removeprefix(self.reported.symbol),
+            self.reported.unit,
+            self.reported.factor,
+        )
 
     @property
     def prior_std(self) -> float:

@@ -133,7 +133,7 @@ def test_no_damping_is_found_where_there_is_none(frequency, ratio, r0):
     fit = fit_decay(TIME, swing(frequency, 0.0, r0))
     assert fit.damping_ratio == 0.0
     assert math.isnan(fit.standard_errors["damping_ratio"])
-    assert fit.warnings == ("zeta is at its bound 0; the other standard errors take it as known",)
+    assert fit.warnings == ("damping_ratio is at its bound 0; the other standard errors take it as known",)
     assert fit.frequency == pytest.approx(frequency, rel=1e-9)
     assert fit.amplitude == pytest.approx(r0, rel=1e-6)
 
@@ -692,3 +692,25 @@ class TestSiliconeBeam:
         fit = fit_decay(Measurement.from_file(SILICONE / f"beam_{name}_tip.csv"))
         assert fit.frequency == pytest.approx(frequency, abs=0.06)
         assert 0.05 < fit.damping_ratio < 0.08
+
+
+@pytest.mark.parametrize(
+    ("law", "truth", "scatter", "stated"),
+    [
+        ("linear", (10.0, 0.0), 1e-5, "damping_ratio is at its bound 0"),
+        ("linear", (0.4, 0.02), 1e-3, "the law does not hold over the record: frequency is 0.4"),
+        ("linear", (2.0, 0.001), 0.3, "damping_ratio does not differ significantly from zero"),
+        ("power", (2.0, 0.01), 1e-3, "damping_ratio and exponent ("),
+    ],
+    ids=["bound", "change", "zero", "correlation"],
+)
+def test_notes_use_the_names_and_values_of_the_report(law, truth, scatter, stated):
+    frequency, ratio = truth
+    values = swing(frequency, ratio, 0.02) + scatter * 0.02 * noise(5)
+    if stated.startswith("the law"):
+        values = 0.02 * np.exp(-0.05 * TIME) * np.cos(2 * math.pi * (0.4 * TIME + 0.01 * TIME**2))
+        values += 1e-5 * noise(5)
+    fit = fit_decay(TIME, values, law=law, release_time=0.0)
+    notes = " ".join(fit.warnings)
+    assert stated in notes
+    assert not re.search(r"\b(zeta|omega|e0)\b", notes)

@@ -74,7 +74,7 @@ def test_a_law_that_does_not_hold_over_the_record_is_told_of():
     errors = math.hypot(whole.standard_errors["damping_ratio"], later.standard_errors["damping_ratio"])
     assert whole.damping_ratio - later.damping_ratio > 4 * errors
     (warning,) = [text for text in whole.warnings if "does not hold over the record" in text]
-    assert "zeta is 0.0" in warning
+    assert "damping_ratio is 0.0" in warning
     right = fit_decay(TIME, y, law="quadratic", release_time=0.0)
     assert not any("does not hold" in text for text in right.warnings)
 

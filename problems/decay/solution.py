@@ -306,6 +306,7 @@ def _match(
         "series": [*(len(t) for t in times), *[1] * held],
         "times": np.concatenate([*times, np.zeros(held)]),
         "stated": np.repeat([False, True], [measured.numel(), held]),
+        "systematic": _rounding(decays),
         "advice": "check the time of the release, or fit a law with fewer terms",
     }
     least = NOISE_FREE * _swing(model, guesses)
@@ -327,6 +328,15 @@ def _match(
     if not any(unknown.prior for unknown in unknowns):  # nobody stated what residuals may contradict
         fit = replace(fit, noise=replace(fit.noise, chance=math.nan))
     return fit, columns
+
+
+def _rounding(decays: Sequence[Measurement]) -> float:
+    """Return the systematic error that moves estimates as far as the white noise of rounding to floating-point numbers.
+
+    Numbers with the spacing s have an error of s/12^1/2; residuals may be less, since curves are rounded alike.
+    """
+    values = np.concatenate([decay.values for decay in decays])
+    return float(np.spacing(np.abs(values).max())) / math.sqrt(12 * len(values))
 
 
 def _prior_residuals(model: DecayModel, unknowns: Sequence[Unknown]) -> cs.Function:

@@ -714,3 +714,13 @@ def test_notes_use_the_names_and_values_of_the_report(law, truth, scatter, state
     notes = " ".join(fit.warnings)
     assert stated in notes
     assert not re.search(r"\b(zeta|omega|e0)\b", notes)
+
+
+@pytest.mark.parametrize(("offset", "amplitude"), [(1e9, 1e-2), (1e8, 1e-3), (-1e10, 1.0)])
+def test_the_digits_of_a_record_limit_its_errors(offset, amplitude):
+    """Rounding to multiples of s adds white noise of s/12^1/2, whose error of a constant is s/(12 m)^1/2."""
+    fit = fit_decay(TIME, offset + swing(2.0, 0.01, amplitude))
+    least = np.spacing(abs(offset)) / math.sqrt(12 * len(TIME))
+    assert least <= 1.05 * fit.standard_errors["offset"] < 3 * least
+    assert fit.damping_ratio == pytest.approx(0.01, abs=4 * fit.standard_errors["damping_ratio"])
+    assert fit.frequency == pytest.approx(2.0, abs=4 * fit.standard_errors["frequency"])

@@ -173,6 +173,17 @@ class LawCurve(Displayed):
     frequency_band: Array
     unit: str = "m"
 
+    def lines(self) -> list[str]:
+        """Return frequency and damping ratio at each amplitude as text, with their intervals."""
+        bands = zip(self.frequency_band.tolist(), self.damping_ratio_band.tolist(), strict=True)
+        return [
+            f"at {f'{amplitude:.3g} {self.unit}'.rstrip()}: frequency {frequency:.6g} Hz [{low:.6g}, {high:.6g}], "
+            f"damping_ratio {ratio:.4g} [{least:.4g}, {most:.4g}]"
+            for amplitude, frequency, ratio, ((low, high), (least, most)) in zip(
+                self.amplitude.tolist(), self.frequency.tolist(), self.damping_ratio.tolist(), bands, strict=True
+            )
+        ]
+
     def _summary(self) -> str:
         return f"{counted(len(self.amplitude), 'amplitude')}, {spread(self.amplitude, self.unit)}"
 

@@ -64,11 +64,7 @@ def law_curve(
         check_instance(fit.best, "fit", DecayFit)
         return _averaged(fit, amplitudes, level)
     if amplitudes is None:
-        last = fit.displacement(fit.time[fit.time > fit.time[-1] - 1 / fit.frequency])
-        per_amplitude = (2 * np.pi * fit.frequency) ** fit.model.sensor.derivatives  # of the record
-        visible = max(float(np.ptp(last)) / 2, fit.residual_rms) / per_amplitude
-        lowest = max(visible, fit.amplitude / 100)
-        chosen = np.geomspace(min(lowest, fit.amplitude / 2), fit.amplitude, 60)
+        chosen = np.geomspace(*fit.amplitude_range, 60)
     else:
         chosen = given_amplitudes(amplitudes)
     return with_bands(

@@ -18,7 +18,7 @@ at the amplitude R of reference, and without a law at A_2:
     logarithmic   omega (1 + k ln((A + A_s)/(R + A_s)))
                                                 frequency_log_slope of f (1 + k ln(1 + A/A_s)), and corner_amplitude A_s
     smooth        without a law, through values at seven amplitudes A_k
-                                                frequency_change at the release, relative to zero amplitude
+                                                frequency_change at the release, relative to the smallest amplitude
 
 Each release has its own amplitude e0 of the envelope and phase phi, under every law.  With Eq. (9) these are
 r0 = e0 cos(phi) and (v0 + zeta omega r0)/omega_d = -e0 sin(phi).  The ratio zeta of the power law refers to the
@@ -128,6 +128,7 @@ class DecayModel:
     ratio_bounds: tuple[float, float] = RATIO_BOUNDS  # of the linear law
     reference: float = 1.0  # amplitude R of the power laws and of the logarithmic law, m
     span: float = AMPLITUDE_SPAN  # largest amplitude over the smallest, of the smooth frequency
+    lowest: float | None = None  # smallest measured amplitude, m, where it is not that of the span
     sensor: Sensor = DISPLACEMENT
 
     def __post_init__(self) -> None:
@@ -311,12 +312,14 @@ class DecayModel:
         }
         if self.frequency_law == "power":
             found["frequency_change"] = self._change(amplitude, bending)
-        if self.frequency_law in NOT_AT_ZERO:
-            at_rest = 1 + self._change(cs.MX(0), bending)  # relative to omega
-            found["frequency"] *= at_rest
-        if self.frequency_law == "smooth":
-            found["frequency_change"] = (1 + self._change(amplitude, bending)) / at_rest - 1
+        if self.frequency_law == "smooth":  # within the measured amplitudes, beyond which it says nothing
+            at_release = 1 + self._change(amplitude, bending)  # relative to omega
+            found["frequency"] *= at_release
+            lowest = cs.MX(self.lowest or self.reference / self.span)
+            found["frequency_change"] = at_release / (1 + self._change(lowest, bending)) - 1
         if self.frequency_law == "logarithmic":
+            at_rest = 1 + self._change(cs.MX(0), bending)
+            found["frequency"] *= at_rest
             found["frequency_log_slope"] /= at_rest
             found["corner_amplitude"] = self.reference * cs.exp(bending[1])
         return cs.vertcat(*(found.get(name, cs.MX(0)) for name in DECAY_QUANTITIES))

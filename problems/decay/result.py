@@ -94,8 +94,8 @@ class DecayFit(LeastSquaresResult):
 
     frequency = _quantity(
         "frequency",
-        "Natural frequency f, Hz, at zero amplitude if it depends on the amplitude A; the undamped frequency under the "
-        "linear law.",
+        "Natural frequency f, Hz; the undamped one under the linear law.  If it depends on the amplitude A, it is that "
+        "at ``amplitude`` under the smooth law, and at zero amplitude under the others.",
     )
     frequency_slope = _quantity("frequency_slope", "k in f (1 + k A), 1/m; 0 under the other frequency laws.")
     frequency_curvature = _quantity("frequency_curvature", "k in f (1 + k A^2), 1/m^2; 0 under the other ones.")
@@ -193,6 +193,15 @@ class DecayFit(LeastSquaresResult):
         return explained_share(self)
 
     @property
+    def amplitude_range(self) -> tuple[float, float]:
+        """Smallest amplitude that the record shows above its noise, and that at the release."""
+        last = self.displacement(self.time[self.time > self.time[-1] - 1 / self.frequency])
+        per_amplitude = (2 * np.pi * self.frequency) ** self.model.sensor.derivatives  # of the record
+        visible = max(float(np.ptp(last)) / 2, self.residual_rms) / per_amplitude
+        lowest = max(visible, self.amplitude / 100)
+        return min(lowest, self.amplitude / 2), self.amplitude
+
+    @property
     def residual_rms(self) -> float:
         """Root mean square R of the residuals, Eq. (10), in the unit of the sensor."""
         return root_mean_square(self.residuals)
@@ -277,6 +286,10 @@ class DecayFit(LeastSquaresResult):
         lines = [f"{self.title}, {self.samples} samples from {self.release_time:g} s on; 95 % intervals"]
         lines += [f"  {self.fitted_band}"] if self.fitted_band else []
         lines += [f"  {name:<20}{getattr(self, name):>13.6g} {self._uncertainty(name)}" for name in shown]
+        if self.model.bends:
+            from problems.decay.law_curve import law_curve  # only here
+
+            lines += [f"  {line}" for line in law_curve(self, self.amplitude_range).lines()]
         lines.append(f"  {'release':<20}{self.release_time:>13.6g} s  ({self.release_reason})")
         lines.append(f"  {'residual_rms':<20}{self.residual_rms:>13.3g} {self.model.sensor.unit}".rstrip())
         if not math.isnan(self.explained_share):

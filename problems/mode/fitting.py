@@ -147,10 +147,12 @@ def fit_mode(
             solution = solve(problem, starts)
     except FitError as error:
         raise FitError("; ".join([*notes, str(error)]), error.stats) from None
-    largest = max([*(one.amplitude for one in alone), *(float(motion_amplitudes(one).max()) for one in curves)])
+    measured = [one.amplitude_range for one in alone]
+    measured += [(float(own.min()), float(own.max())) for own in map(motion_amplitudes, curves)]
+    smallest, largest = min(low for low, _ in measured), max(high for _, high in measured)
     again = partial(fit_mode, law=law, frequency_law=frequency_law, modal_constant=modal_constant,
                     rest=rest, ratio_bounds=ratio_bounds, priors=priors, robust=robust)  # fmt: skip
-    return ModeFit(solution.fit, solution, model, stated, laws, largest, notes, again=again)
+    return ModeFit(solution.fit, solution, model, stated, laws, smallest, largest, notes, again=again)
 
 
 def _sorted(records: Any) -> tuple[list[Measurement], list[ResponseRecord]]:

@@ -20,6 +20,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
+from ancf_casadi.support.tables import Table
 from problems.beam.curves.checks import oriented
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
 from problems.decay.law_curve import given_amplitudes, with_bands
@@ -51,8 +52,8 @@ class ModeFit(BlocksResult):
         Laws and equilibrium as they were requested.
     law_names : tuple of str
         Unknowns of the laws.
-    max_amplitude : float
-        Largest amplitude of the records, in the unit of the motion.
+    min_amplitude, max_amplitude : float
+        Smallest and largest amplitude of the records, in the unit of the motion.
     notes : tuple of str
         Corrections of phases, and doubts about levels.
 
@@ -74,6 +75,7 @@ class ModeFit(BlocksResult):
     model: DecayModel
     given: DecayModel
     law_names: tuple[str, ...]
+    min_amplitude: float
     max_amplitude: float
     notes: tuple[str, ...] = ()
 
@@ -91,16 +93,18 @@ class ModeFit(BlocksResult):
         order = list(DECAY_QUANTITIES)
         kept = [order.index(name) for name in OF_MODE]
 
+        model = replace(self.model, lowest=self.min_amplitude)
+
         def of(*x: cs.MX) -> cs.MX:
             law = [x[k] for k in self._laws]
-            every = self.model.quantities(*law, cs.MX(self.max_amplitude), cs.MX(0))
+            every = model.quantities(*law, cs.MX(self.max_amplitude), cs.MX(0))
             return cs.vertcat(every[kept], *(x[k] for k in others))
 
         return names, units, of
 
     @property
     def frequency(self) -> float:
-        """Natural frequency, Hz, at zero amplitude if it depends on the amplitude."""
+        """Natural frequency, Hz: under a smooth law at ``max_amplitude``, under others that bend at zero amplitude."""
         return self.estimates["frequency"]
 
     @property
@@ -119,14 +123,14 @@ class ModeFit(BlocksResult):
     def law_curve(self, amplitudes: ArrayLike | None = None, *, level: float = CONFIDENCE_LEVEL) -> LawCurve:
         """Return damping ratio and frequency against amplitude (k,), with the bands of their intervals.
 
-        Amplitudes are in the unit of the motion; from a hundredth of the largest on if not given.
+        Amplitudes are in the unit of the motion; those between the smallest and the largest measured one if not given.
 
         Raises
         ------
         InputError
             If an amplitude is not positive, or the level is not between 0 and 1.
         """
-        given = np.geomspace(self.max_amplitude / 100, self.max_amplitude, 60) if amplitudes is None else amplitudes
+        given = np.geomspace(self.min_amplitude, self.max_amplitude, 60) if amplitudes is None else amplitudes
         chosen = given_amplitudes(given)
 
         def against(*x: cs.MX) -> tuple[cs.MX, cs.MX]:
@@ -208,6 +212,17 @@ class ModeFit(BlocksResult):
         """The laws."""
         return f"mode with {self.model.law} damping, {self.model.frequency_law} frequency"
 
+    def table(self) -> Table:
+        """Return the estimates; notes say what each record shows, and the laws at the ends of the amplitudes."""
+        own = super().table()
+        return replace(own, notes=[*own.notes, *self._law_lines()])
+
+    def _law_lines(self) -> list[str]:
+        """Return frequency and damping ratio at the smallest and the largest measured amplitude, if they differ."""
+        if not self.model.bends and self.model.law == "linear":
+            return []
+        return self.law_curve([self.min_amplitude, self.max_amplitude]).lines()
+
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON: SI units, None for unknown values."""
         curve = self.law_curve()
@@ -215,6 +230,7 @@ class ModeFit(BlocksResult):
             **super().to_dict(),
             "law": self.model.law,
             "frequency_law": self.model.frequency_law,
+            "smallest_amplitude": self.min_amplitude,
             "largest_amplitude": self.max_amplitude,
             "against_amplitude": {
                 "amplitude": curve.amplitude.tolist(),

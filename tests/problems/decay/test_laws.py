@@ -328,3 +328,11 @@ def test_a_fit_that_does_not_converge_starts_again_elsewhere(monkeypatch):
     y = record("quadratic", "linear", 1e-4, 6)
     assert fit_decay(TIME, y, law="quadratic", frequency_law="linear").residual_rms == pytest.approx(1e-4, rel=0.05)
     assert starts[0] != starts[1]
+
+
+@pytest.mark.parametrize("slope", [-0.3, -0.05, 0.1])
+def test_a_smooth_frequency_of_a_decay_is_stated_at_its_amplitude(slope):
+    fit = fit_decay(TIME, record("linear", "linear", 1e-4, k=(slope / E0,)), frequency_law="smooth", release_time=0.0)
+    assert fit.frequency == pytest.approx(F * (1 + slope), rel=2e-3)
+    assert fit.report().count("frequency ") >= 3
+    assert f"at {fit.amplitude:.3g} m: frequency {fit.frequency:.6g} Hz" in fit.report()

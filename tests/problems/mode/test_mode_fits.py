@@ -318,3 +318,29 @@ def test_priors_add_their_information_and_keep_what_they_hold():
     assert held.fit.data_shares["omega"] == pytest.approx(0.5, abs=0.1)
     with pytest.raises(InputError, match="priors"):
         fit_mode(decay, priors={"omega": (12.0, 0.1)})
+
+
+def test_a_smooth_frequency_is_stated_at_measured_amplitudes():
+    """f = 80.62 - 0.6 a + 0.19 a^2 Hz and 0.119 + 0.052 a + 0.037 a^2 % at a = A/0.1 mm."""
+    rng, f = np.random.default_rng(0), np.linspace(79.2, 81.2, 41)
+    records = []
+    for a in (0.2, 0.6, 1.2, 1.8, 2.4):
+        natural, ratio = 80.62 - 0.6 * a + 0.19 * a**2, (0.119 + 0.052 * a + 0.037 * a**2) / 100
+        stiffness = (2 * np.pi) ** 2 * (natural**2 - f**2 + 2j * ratio * natural * f)
+        levels = 1e-4 * a * np.abs(stiffness) * (1 + 0.01 * rng.standard_normal(41))
+        values = -1e-4 * a * (2 * np.pi * f) ** 2 * (1 + 0.001 * rng.standard_normal(41))
+        values = values * np.exp(-1j * np.angle(stiffness) + 0.01j * rng.standard_normal(41))
+        records.append(
+            ResponseRecord(
+                f, values, levels=levels, excitation_unit="N", control="response", sensor=Sensor("acceleration")
+            )
+        )
+    fit = fit_mode(records, law="quadratic", frequency_law="smooth")
+    assert fit.frequency == pytest.approx(80.2744, abs=4 * fit.standard_errors["frequency"])
+    assert fit.standard_errors["frequency"] < 0.05
+    assert (fit.min_amplitude, fit.max_amplitude) == pytest.approx((20e-6, 240e-6), rel=5e-3)
+    curve = fit.law_curve()
+    assert (curve.amplitude[0], curve.amplitude[-1]) == pytest.approx((20e-6, 240e-6), rel=5e-3)
+    for amplitude, frequency in ((curve.amplitude[0], curve.frequency[0]), (curve.amplitude[-1], fit.frequency)):
+        assert f"at {amplitude:.3g} m: frequency {frequency:.6g} Hz" in fit.report()
+    assert curve.frequency_band[0, 0] < 80.5076 < curve.frequency_band[0, 1]

@@ -31,6 +31,9 @@ def add_fit_mode(parser: argparse.ArgumentParser) -> None:
         metavar="CURVE",
         help="files with response curves: frequency, amplitude, level with its unit, and if measured phase",
     )
+    parser.add_argument(
+        "--frequency", metavar="NAME", help="column of the frequencies in the files of --curve; name or number from 1"
+    )
     add_law_options(parser, auto=False)
     parser.add_argument(
         "--modal-constant",
@@ -53,7 +56,12 @@ def run_fit_mode(options: argparse.Namespace) -> Output:
     if not files:
         check_no_record_options(options, "give the file of a decay too, or leave it out")
     curves = [curve for path in tables for curve in read_curves(path)]
-    curves += [ResponseRecord.from_file(path, excitation_unit="", progress=True) for path in options.curve]
+    if options.frequency is not None and not options.curve:
+        raise InputError("names a column of --curve; give its files there, or leave it out", "--frequency")
+    curves += [
+        ResponseRecord.from_file(path, frequency=options.frequency, excitation_unit="", progress=True)
+        for path in options.curve
+    ]
     decays = [read_record(path, options) for path in files]
     times = releases(options, len(files)) if files else []
     with located(", ".join(given)):

@@ -70,3 +70,18 @@ def test_unusable_files_and_options_are_refused_in_one_line(run, tmp_path, table
     (tmp_path / "curves.toml").write_text(table)
     done = run("fit-mode", "curves.toml", *options)
     assert (done.code, done.out) == (code, "") and text in done.err and done.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("wanted", ["drive", "1"])
+def test_a_curve_without_clear_frequencies_is_read_by_the_option_that_the_message_names(run, tmp_path, wanted):
+    omega, W = 6 * np.pi, 2 * np.pi * F
+    values = 0.05 / (omega**2 - W**2 + 0.02j * omega * W)
+    columns = np.column_stack([F, np.full(F.size, 0.1), np.abs(values), np.degrees(np.angle(values))])
+    header = "drive,force (N),tip (m),phase (deg)"
+    np.savetxt(tmp_path / "up.csv", columns, delimiter=",", header=header, comments="")
+    done = run("fit-mode", "--curve", "up.csv")
+    assert done.code == 2 and "choose with --frequency" in done.err
+    estimates = json.loads(run("fit-mode", "--curve", "up.csv", "--frequency", wanted, "--json").out)["estimates"]
+    assert {one["name"]: one["value"] for one in estimates}["frequency"] == pytest.approx(3.0, rel=1e-4)
+    refused = run("fit-mode", "up.csv", "--frequency", wanted)
+    assert refused.code == 2 and "--frequency: names a column of --curve" in refused.err

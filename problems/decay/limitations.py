@@ -168,18 +168,16 @@ def _residual_frequency(decay: DecayFit) -> float:
 
 
 def _unexplained(decay: DecayFit, noise_free: float) -> str | None:
-    """Return a warning if the residuals are not noise: the share of the motion that the law explains, and the cause."""
+    """Return a warning if the residuals are not noise: their share of the motion, and the likely cause."""
     warning = colour_warning(decay.fit, noise_free=noise_free)
     if warning is None or math.isnan(decay.explained_share):
         return warning
     residual = f"{decay.residual_rms:.2g} {decay.model.sensor.unit}".rstrip()
     if decay.residual_rms < (step := resolution(decay.measured)) / 2:
         return (
-            f"the residuals, {residual} rms, are those of the resolution of the record, "
+            f"the residuals ({residual} rms) are those of the resolution of the record, "
             f"{f'{step:.2g} {decay.model.sensor.unit}'.rstrip()}; the standard errors allow for their colour"
         )
-    residual_share = float(np.mean(decay.residuals**2) / np.var(decay.measured))
-    digits = min(max(-1 - math.floor(math.log10(residual_share)), 0), 12)
     frequency = _residual_frequency(decay)
     order = frequency / decay.frequency
     if order < 0.5:
@@ -191,8 +189,8 @@ def _unexplained(decay: DecayFit, noise_free: float) -> str | None:
     else:
         cause = "another mode: fit_modes fits both"
     return (
-        f"the law explains {100 * (1 - residual_share):.{digits}f} % of the motion; the residuals, {residual} rms, are "
-        f"not noise: they oscillate at {frequency:.4g} Hz, {cause}; the standard errors allow for it"
+        f"the residuals ({residual} rms, {100 * (1 - decay.explained_share):.2g} % of the motion) are not noise: they "
+        f"oscillate at {frequency:.4g} Hz, {cause}; the standard errors allow for it"
     )
 
 

@@ -333,7 +333,7 @@ def test_ctrl_c_during_an_import_ends_in_one_line(files, module):
     assert (run.returncode, run.stderr) == (130, "ancf-casadi: stopped; nothing was written\n")
 
 
-@pytest.mark.parametrize("megabytes", [450, 600, 700])
+@pytest.mark.parametrize("megabytes", [400, 450, 500])
 def test_too_little_memory_for_the_solver_ends_in_one_line(files, megabytes):
     """The linear algebra of IPOPT tried to allocate its buffers for ever."""
     resource = pytest.importorskip("resource")

@@ -145,7 +145,9 @@ class PathPoint:
         unit = Structure.of(model, [load.scaled(largest) for load in self.growing.loads])
         rate = replace(unit, parts=unit.parts[len(model.groups) :]).linearisation(self.at)[0] - self.growing.weight
         if self.growing.moves:
-            ends = (replace(self, factor=self.factor + sign * FACTOR_STEP * largest) for sign in (1.0, -1.0))
+            ends = [replace(self, factor=self.factor + sign * FACTOR_STEP * largest) for sign in (1.0, -1.0)]
+            if any(getattr(support, "rotation", 0.0) for support in model.beam.supports):  # the free directions turn
+                return np.subtract(*(end.balance[0] for end in ends)) / (2 * FACTOR_STEP)
             way = np.subtract(*(end.at.coordinates for end in ends)) / (2 * FACTOR_STEP)
             rate = rate + self.structure.whole_product(self.at)(way)
         return np.asarray(rate)

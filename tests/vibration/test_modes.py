@@ -101,8 +101,7 @@ def test_elements_as_short_as_the_beam_is_thick_are_unstable_in_bending(paper_be
     assert static_equilibrium(three, tip_moment=moment).is_stable
     with pytest.raises(EquilibriumError, match="as short as the beam is thick are unstable in bending: use fewer"):
         natural_modes(two, equilibrium=primary_equilibrium(two, [PointLoad(moment=moment)]))
-    with pytest.raises(EquilibriumError, match="as short as the beam is thick are unstable in bending: use fewer"):
-        static_equilibrium(two, tip_moment=moment)
+    assert not static_equilibrium(two, tip_moment=moment).stable  # the mesh is, not the beam
 
 
 @pytest.mark.parametrize(("axis", "exact"), [((0.0, -1.0), EXACT_HANGING), ((0.0, 1.0), EXACT_STANDING)])

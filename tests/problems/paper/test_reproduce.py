@@ -15,6 +15,7 @@ import jsonschema
 import numpy as np
 import pytest
 
+from ancf_casadi.version import __version__
 from problems.cli import main
 from problems.paper import reproduce as reproducing
 from problems.paper.reproduce import PAPER_FILE
@@ -181,9 +182,9 @@ class TestResults:
         folder = small_paper.page.parent
         monkeypatch.chdir(folder.parent)
         assert main(["study", "small.toml", "--quick", "--jobs", "1", "--json"]) == 0
-        printed = capsys.readouterr().out
-        assert json.loads(printed) == json.loads((folder / "results.json").read_text())
-        assert json.loads(printed) == small_paper.to_dict()
+        printed = json.loads(capsys.readouterr().out)
+        assert printed.pop("version") == __version__
+        assert printed == json.loads((folder / "results.json").read_text()) == small_paper.to_dict()
         assert main(["study", "small.toml", "--quick", "--jobs", "1"]) == 0
         *text, last = capsys.readouterr().out.splitlines()
         assert (folder.parent / last).samefile(small_paper.page)
@@ -210,7 +211,9 @@ def finished(process: subprocess.Popen[str]) -> dict[str, Any]:
         output, errors = process.communicate(timeout=280)
     assert process.returncode == 0, errors
     assert "Warning" not in errors
-    return json.loads(output)
+    results: dict[str, Any] = json.loads(output)
+    assert results.pop("version") == __version__
+    return results
 
 
 @pytest.mark.slow

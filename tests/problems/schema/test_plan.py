@@ -6,6 +6,7 @@ import pytest
 
 from ancf_casadi import InputError, QuadraticDamping, RayleighDamping
 from ancf_casadi.estimation.criteria import Expectation
+from ancf_casadi.version import __version__
 from problems import PlannedComparison, plan, run_study
 from problems.cli import main
 from problems.schema.plan import read_plan
@@ -99,7 +100,7 @@ def test_the_command_prints_the_errors_and_the_best_list(study, capsys, tmp_path
     assert data["best"] == best and data["kind"] == "plan"
     assert data["standard_errors"] == pytest.approx(found.errors_of(best))
     report = run_study(study(SAG, TONES), tmp_path / "results", quick=True)
-    assert report.results["plan"] == data
+    assert {"version": __version__, **report.results["plan"]} == data
     ((_, table),) = report.parts[-1].tables
     assert table.columns[0].values == ("sag", "tones", "all together", "best list")
     assert "Best list within the budget 4 for D: " in table.notes[0]

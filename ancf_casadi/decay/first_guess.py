@@ -83,16 +83,16 @@ def first_guess(record: Measurement, *, release_time: float | None = None, rest:
         raise InputError(f"is constant{since}, nothing oscillates", "record")
     if np.ptp(without_line(t, y)) <= len(y) * np.spacing(np.abs(y).max()):  # all that rounding leaves
         raise InputError("is a straight line, nothing oscillates", "record")
-    line = np.array([np.ones(len(t)), t / t[-1]])  # a drift that is not asked for must not hide the oscillation
+    line = _line(t)  # a drift that is not asked for must not hide the oscillation
     candidates = _candidates(t, y, line)
     faded = False
     if candidates[0].ω_d * t[-1] < 2 * math.pi * MINIMUM_PERIODS:
         moving = 0 if release_time is not None else _first_departure(y)
         since = t[moving:] - t[moving]
-        heavy = _heavily_damped(since, y[moving:], np.array([np.ones(len(since)), since / since[-1]]))
+        heavy = _heavily_damped(since, y[moving:], _line(since))
         if heavy is not None:
             begin, t, y, candidates = begin + moving, since, y[moving:], [heavy]
-            line = np.array([np.ones(len(t)), t / t[-1]])
+            line = _line(t)
             found = replace(found, reason="the end of rest") if moving else found
             faded = heavy.λ * t[-1] > FADED
     best = candidates[0]
@@ -132,7 +132,7 @@ def with_rest(guess: DecayGuess, record: Measurement, rest: Rest) -> DecayGuess:
         found.append((_with_rate(t, y, ω_d, λ, np.array([np.ones(len(t)), moved])[:count]), rate))
     best, rate = min(found, key=lambda one: one[0].misfit)
     c, s, *level = best.linear.tolist()
-    line = np.array([np.ones(len(t)), t / t[-1]])
+    line = _line(t)
     note = [] if count > 1 else _drift(record, best, _with_rate(t, y, ω_d, λ, line))
     return replace(
         guess,
@@ -166,6 +166,11 @@ def _candidates(t: Array, y: Array, baseline: Array) -> list[_Candidate]:
             one = min(one, _with_rate(t, y, local.ω, max(local.λ, 0.0), baseline), key=lambda one: one.misfit)
         refined.append(one)
     return sorted(refined, key=lambda one: one.misfit)
+
+
+def _line(t: Array) -> Array:
+    """Return the baseline of a drift: its value at time 0, and its change over the record."""
+    return np.array([np.ones(len(t)), t / t[-1]])
 
 
 def _first_departure(y: Array) -> int:

@@ -133,8 +133,8 @@ def refuse_unexplained(decay: DecayFit, record: Measurement) -> None:
     share = decay.explained_share
     if math.isnan(share):  # one of several modes
         return
-    since, frequency = f"from {decay.release_time:g} s on", _residual_frequency(decay)
-    near = share < LEAST_EXPLAINED and 0.5 < frequency / decay.frequency < 1.5
+    since = f"from {decay.release_time:g} s on"
+    near = share < LEAST_EXPLAINED and 0.5 < _residual_frequency(decay) / decay.frequency < 1.5
     if decay.release_reason.startswith(DETECTED) and (near or _is_random(decay, record)):
         growth = "".join(f", or {note.partition(':')[0]}" for note in decay.notes if note.startswith(GROWS))
         raise FitError(
@@ -145,16 +145,16 @@ def refuse_unexplained(decay: DecayFit, record: Measurement) -> None:
     if share < LEAST_EXPLAINED:
         raise FitError(
             f"a decay of {decay.frequency:.4g} Hz explains only {100 * share:.0f} % of the motion {since}, and the "
-            f"residuals oscillate at {frequency:.4g} Hz: fit_modes fits several modes; if an excitation goes on, give "
-            "the time of the release"
+            f"residuals oscillate at {_residual_frequency(decay):.4g} Hz: fit_modes fits several modes; if an "
+            "excitation goes on, give the time of the release"
         )
 
 
 def _is_random(decay: DecayFit, record: Measurement) -> bool:
     """Return whether free modes do not explain the decay, or a harmonic excitation not what precedes it."""
     ω, length = 2 * math.pi * decay.frequency, len(decay.time)
-    unexplained = min(1 - decay.explained_share, unexplained_share(decay.time, record.values[-length:], ω))
-    if unexplained > MOST_UNEXPLAINED:
+    poor = 1 - decay.explained_share > MOST_UNEXPLAINED
+    if poor and unexplained_share(decay.time, record.values[-length:], ω) > MOST_UNEXPLAINED:
         return True
     forced, unforced = unexplained_before(record.time[:-length], record.values[:-length], ω, decay.damping_ratio * ω)
     decaying = float(np.var(decay.displacement(decay.time)))

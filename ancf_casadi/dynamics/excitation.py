@@ -78,9 +78,11 @@ class Excitation:
         found = self._derivatives[0](times[None, :], self.parameters).full()  # side by side
         return np.asarray(found.reshape(EXCITATION, times.size, count).swapaxes(0, 1))
 
-    def derivatives(self, time: float) -> Array:
-        """Return the clamped node and the time derivative of its acceleration, (16,), at a time."""
-        return np.asarray(self._derivatives[1](time, self.parameters).full().ravel())
+    def derivatives(self, times: Array) -> Array:
+        """Return the clamped node and the time derivative of its acceleration, (k, 16), at times (k,)."""
+        if not times.size:
+            return np.zeros((0, EXCITATION))
+        return np.asarray(self._derivatives[1](times[None, :], self.parameters).full().T)
 
     @cached_property
     def _derivatives(self) -> tuple[cs.Function, cs.Function]:

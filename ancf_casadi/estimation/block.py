@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self
 
@@ -113,12 +113,21 @@ class Block(ABC):
     weights: SeriesWeights | None = field(default=None, kw_only=True)  # None if each value has its own
     before: Any = field(default=None, kw_only=True, repr=False)  # version with other weights or less fine; None if none
 
-    accuracy = 1.0  # to which the residuals have to be fitted, in standard deviations
     meaningful = 0.0  # least relative shift of an estimate by the error of the discretisation that has a meaning
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the measurements without Functions and solutions, which the receiving process computes again."""
         return {own.name: getattr(self, own.name) for own in fields(self)} | {"before": None}
+
+    @property
+    def inaccuracy(self) -> float:
+        """Expected norm of the error of the residuals, in standard deviations, below which no fit can go."""
+        return 0.0
+
+    @property
+    def accurate(self) -> Self:
+        """The block as fine as the check of determination needs it, if it is coarse."""
+        return self
 
     @abstractmethod
     def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
@@ -174,14 +183,17 @@ class Block(ABC):
         weights = self.weights.improved(self.weights.split(residuals), robust=robust)
         return replace(self, weights=weights, before=self)
 
-    def error(self, values: Mapping[str, float], residuals: Array) -> Array:
-        """Return the error (m,) of residuals (m,) due to the discretisation, for values of the unknowns by name."""
+    def error(self, values: Mapping[str, float], residuals: Array, small: Callable[[Array], bool]) -> Array:
+        """Return the error (m,) of residuals (m,) due to the discretisation, for values of the unknowns by name.
+
+        ``small`` says whether an error shifts no estimate by much.
+        """
         return np.zeros(sum(self.series))
 
-    def refined(self, shift: float) -> Self | None:
-        """Return the block with a finer discretisation, whose error shifts an estimate by ``shift`` standard errors.
+    def refined(self, shift: float, error: Array) -> Self | None:
+        """Return the block with a finer discretisation; its error (m,) shifts an estimate by ``shift`` standard errors.
 
-        None if it cannot be finer, or must not be.
+        None if it need not, cannot or must not be finer.
         """
         return None
 

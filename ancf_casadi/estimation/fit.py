@@ -230,6 +230,12 @@ class Fit:
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(shifts * self.scale / errors)
 
+    @property
+    def remaining(self) -> Array:
+        """Step (n,) to the minimum of the linearised residuals, in standard errors; 0 at a bound."""
+        psi, weights = influence(self.residuals, self.huber)[0], row_weights(self.residuals, self.huber)
+        return np.where(self.active_bounds, 0.0, self.shifts(psi / weights**2))
+
     def quantile(self, level: float) -> float:
         """Return the quantile t of a two-sided interval (``quantile``)."""
         return quantile(level, self.noise.freedom)

@@ -64,7 +64,7 @@ import casadi as cs
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.estimation.solver.gauss_newton import influence, loss, loss_value, polish, residuals_and_jacobian
+from ancf_casadi.estimation.solver.gauss_newton import influence, loss, loss_value, minimise
 from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, Mask
@@ -289,11 +289,11 @@ def _fitted(fit: Fit, k: int, at: float, near: Array) -> tuple[Array, Fit]:
     start, lower, upper = near / fit.scale, fit.lower / fit.scale, fit.upper / fit.scale
     start[k] = at / fit.scale[k]
     lower[k], upper[k] = start[k] - HELD, start[k] + HELD
-    z, *_ = polish(fit.model, start, lower, upper, fit.huber, fit.systematic)
-    residuals, jacobian = residuals_and_jacobian(fit.model, z)
-    values, active = z * fit.scale, (z - lower < HELD) | (upper - z < HELD)
+    found = minimise(fit.model, start, lower, upper, huber=fit.huber, systematic=fit.systematic)
+    z, values = found.z, found.z * fit.scale
     values[k] = at
-    return values, _rest(fit, k, values, residuals, jacobian / fit.scale, active)
+    active = (z - lower < HELD) | (upper - z < HELD)
+    return values, _rest(fit, k, values, found.residuals, found.jacobian / fit.scale, active)
 
 
 def _rest(fit: Fit, k: int, values: Array, residuals: Array, jacobian: Array, active: Mask) -> Fit:

@@ -13,7 +13,8 @@ residual that the fit absorbs.  A few points that determine many unknowns would 
 
 The steps are: check that the data determine the unknowns (``determination``); fit; fit again with the weights that the
 residuals give; compute the error of each block's discretisation, and the shifts of the estimates that it causes; if one
-is above ``LARGEST_SHIFT`` standard errors, refine the block, and fit again from the estimates.
+is above ``LARGEST_SHIFT`` standard errors, refine the block, and fit again from the estimates.  An error of the
+derivatives shifts the estimates too; its size follows from the change of the Jacobian since the coarser fit.
 
 If an optimum need not be the only one, the fit starts from several points, and the result has all optima that fit as
 well as the best one within the 95 % level.
@@ -23,8 +24,9 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -47,15 +49,6 @@ LEAST_SHARE = 0.01  # least share 1 - h of the noise that a residual may show
 MOST_UNEXPLAINED = 0.5  # share of the mean square of a motion, beyond which a fit is no result
 OPTIMA_APART = 0.05  # relative difference of unknowns that belong to different optima
 FIT_ADVICE = "start from other guesses, set bounds, or fix some unknowns"
-LEAST_SQUARES_OPTIONS: Mapping[str, Any] = {
-    "ipopt.tol": 1e-4,
-    "ipopt.compl_inf_tol": 1e-7,
-    "ipopt.max_iter": 100,
-    "ipopt.accept_after_max_steps": 3,  # halvings; of shorter steps, the error of an integration hides the decrease
-    "ipopt.watchdog_shortened_iter_trigger": 1,  # then take full steps, judged by the gradient
-    "ipopt.mu_init": 1e-4,  # small, so that bounds do not push a good guess away
-    "ipopt.bound_mult_init_method": "mu-based",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,12 +99,10 @@ class FitProblem:
 
     def fitted(self, *, first: bool) -> Fit:
         """Return the estimates for the weights of the blocks; ``first`` checks that the data determine them."""
-        scale, count = self.scale, sum(self._sizes)
+        scale = self.scale
         if first and sum(self.series) >= len(self.unknowns):  # fewer residuals are refused below
-            negligible = scale * math.hypot(*(block.negligible for block in self.blocks))
-            check_determined(self.residuals, self.unknowns, negligible)
+            self._check_determined()
         systematic = scale * self.root_mean_square([block.systematic for block in self.blocks])
-        accuracy = scale * self.root_mean_square([block.accuracy for block in self.blocks])
         return least_squares(
             self.residuals,
             self.unknowns,
@@ -119,13 +110,25 @@ class FitProblem:
             gauss_newton=True,
             series=self.series,
             times=self.times,
-            noise=math.hypot(accuracy, math.sqrt(count) * systematic),
+            inaccuracy=scale * math.hypot(*(block.inaccuracy for block in self.blocks)),
             systematic=systematic,
             stated=np.repeat([*(block.stated for block in self.blocks), True], [*self._sizes, len(self._priors)]),
             deviation=scale,
-            options=LEAST_SQUARES_OPTIONS,
             advice=FIT_ADVICE,
         )
+
+    def _check_determined(self) -> None:
+        """Refuse unknowns of which the data determine combinations only."""
+        blocks = self.blocks, tuple(block.accurate for block in self.blocks)
+        for problem in (self, replace(self, blocks=blocks[1])):
+            negligible = problem.scale * math.hypot(*(block.negligible for block in problem.blocks))
+            try:
+                check_determined(problem.residuals, problem.unknowns, negligible)
+            except FitError:
+                if problem is not self or blocks[0] == blocks[1]:
+                    raise
+            else:
+                break
 
     def close(self) -> None:
         """Forget what the blocks no longer need once the fit has ended."""
@@ -222,33 +225,66 @@ def _differ(fit: Fit, other: Fit) -> bool:
 def _reweighted(problem: FitProblem, optima: Sequence[Fit]) -> tuple[FitProblem, Fit, Sequence[Fit]]:
     """Return the problem with the weights that residuals give, its estimates, and its other optima."""
     fit, *others = optima
-    own = fit.jacobian[:, ~fit.active_bounds] * fit.scale[~fit.active_bounds]
-    leverage = np.sum(np.linalg.qr(own)[0] ** 2, axis=1)
-    residuals = fit.residuals / problem.scale / np.sqrt(np.maximum(1 - leverage, LEAST_SHARE))
+    residuals = _noise(problem, fit)
     parts = [residuals[rows] for rows in problem.rows]
     better = [block.reweighted(part, robust=problem.robust) for block, part in zip(problem.blocks, parts, strict=True)]
     return (*_fitted_again(problem, better, fit), ()) if any(better) else (problem, fit, others)
 
 
+def _noise(problem: FitProblem, fit: Fit) -> Array:
+    """Return residuals (m,) as large as the noise in them, in standard deviations."""
+    own = fit.jacobian[:, ~fit.active_bounds] * fit.scale[~fit.active_bounds]
+    leverage = np.sum(np.linalg.qr(own)[0] ** 2, axis=1)
+    return np.asarray(fit.residuals / problem.scale / np.sqrt(np.maximum(1 - leverage, LEAST_SHARE)))
+
+
+def _shifts(problem: FitProblem, fit: Fit, block: Block, rows: slice, error: Array) -> Array:
+    """Return the shifts (n,) of the estimates by the error of the residuals of a block, in standard errors."""
+    change = np.zeros(len(fit.residuals))
+    change[rows] = problem.scale * error
+    return fit.shifts(change) + (fit.remaining if block.inaccuracy else 0.0)
+
+
+def _is_small(shift_by: Callable[[Array], Array], error: Array) -> bool:
+    """Return whether an error shifts no estimate by much."""
+    return bool(np.abs(shift_by(error)).max() <= LARGEST_SHIFT)
+
+
+def _turn(fit: Fit, before: Fit) -> Array:
+    """Return the typical shifts (n,) by the change of the Jacobian since a coarser fit, in standard errors.
+
+    At the minimum J' r = 0.  A change of J by D shifts the estimates by (J' J)^-1 D' r, where r is mostly noise.
+    """
+    free = ~fit.active_bounds
+    own, change = (part[:, free] * fit.scale[free] for part in (fit.jacobian, fit.jacobian - before.jacobian))
+    inverse = np.linalg.inv(own.T @ own)
+    sizes = np.zeros(len(fit.names))
+    sizes[free] = np.linalg.norm(change @ inverse, axis=0) / np.sqrt(np.diag(inverse))
+    return sizes
+
+
 def _refined(problem: FitProblem, fit: Fit, others: Sequence[Fit]) -> FitSolution:
     """Return the solution with blocks so fine that their errors shift no estimate by much."""
+    turn = np.zeros(len(fit.names))
     for _ in range(MOST_REFINEMENTS + 1):
         shifts = np.zeros((len(problem.blocks), len(fit.names)))
+        finer: list[Block | None] = []
         for own, block, rows in zip(shifts, problem.blocks, problem.rows, strict=True):
-            change = np.zeros(len(fit.residuals))
-            change[rows] = problem.scale * block.error(fit.estimates, fit.residuals[rows] / problem.scale)
-            own[:] = fit.shifts(change)
-        largest = [
-            meaningful(own, fit, block.meaningful).max() for own, block in zip(shifts, problem.blocks, strict=True)
-        ]
-        finer = [
-            block.refined(float(shift)) if shift > LARGEST_SHIFT else None
-            for block, shift in zip(problem.blocks, largest, strict=True)
-        ]
+            shift_by = partial(_shifts, problem, fit, block, rows)
+            error = block.error(fit.estimates, fit.residuals[rows] / problem.scale, partial(_is_small, shift_by))
+            own[:] = shift_by(error)
+            if block.inaccuracy:
+                own += np.copysign(turn, own)
+            shift = np.max(meaningful(own, fit, block.meaningful))
+            better = block.refined(float(shift), error) if math.isfinite(shift) else None
+            weighted = better and better.reweighted(_noise(problem, fit)[rows] + error, robust=problem.robust)
+            finer.append(weighted or better)
         if not any(finer):
             break
         coarse = [block for block, better in zip(problem.blocks, finer, strict=True) if better]
+        before = fit
         (problem, fit), others = _fitted_again(problem, finer, fit), ()
+        turn = _turn(fit, before)
         for block in coarse:
             block.close()
     return FitSolution(problem, fit, shifts, tuple(others))
@@ -282,4 +318,6 @@ def _fitted_again(problem: FitProblem, changed: Sequence[Block | None], fit: Fit
     """Return the problem with blocks that have become better or finer, and its estimates, from those of a fit."""
     blocks = tuple(new or old for new, old in zip(changed, problem.blocks, strict=True))
     problem = replace(problem, blocks=blocks, unknowns=tuple(started(problem.unknowns, fit.estimates)))
-    return problem, problem.fitted(first=False)
+    again = problem.fitted(first=False)
+    iterations, seconds = fit.iterations + again.iterations, fit.solve_seconds + again.solve_seconds
+    return problem, replace(again, iterations=iterations, solve_seconds=seconds)

@@ -57,6 +57,7 @@ from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.block import MotionBlock, motion_block
 from problems.beam.motions.marker_record import MarkerRecord, motion_record
 from problems.beam.motions.record import MotionRecord
+from problems.beam.motions.weights import coarse_tolerance
 from problems.beam.properties import CLAMP_STIFFNESS, first_values, is_property, owners_of, property_unknown, with_clamp
 from problems.beam.result import BeamFit, law_name
 from problems.beam.unknowns import (
@@ -234,7 +235,9 @@ def beam_problem(
     blocks: list[Block] = []
     for one, numbered in _configured(motions, model, models, apart):
         load = tuple(name.removeprefix("start_") for name in LOADS if name in wanted)
-        blocks.append(motion_block(one, numbered, law, first, load=load, tolerance=tolerance, robust=robust))
+        coarse = max(coarse_tolerance([record for _, record in numbered], one.beam.length), tolerance or 0.0)
+        settings: Any = {"load": load, "tolerance": coarse, "wanted": tolerance, "robust": robust}
+        blocks.append(motion_block(one, numbered, law, first, **settings))
     for one, numbered in _configured(curves, model, models, apart):
         # modes of the reduced model above the highest that a response curve is about
         enough = max(mode_of(record, frequencies) for record in curves) + 1 + 2

@@ -28,6 +28,7 @@ from problems.beam.curves.block import CurveBlock, curve_block
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.block import MotionBlock, motion_block, sensor_noise
 from problems.beam.motions.marker_record import motion_record
+from problems.beam.motions.weights import ACCURATE
 from problems.beam.properties import (
     CLAMP_STIFFNESS,
     PROPERTY_POWERS,
@@ -280,7 +281,7 @@ class BeamFit(BlocksResult):
             names, law = self.fit.names, self.guess
             return curve_block(model, [(none, one)], law, names, self.first, modes=modes, harmonics=harmonics)
         motions = [block for block in blocks if isinstance(block, MotionBlock)]
-        tolerance = min((block.tolerance for block in motions), default=None)
+        tolerance = min([ACCURATE, *(block.tolerance for block in motions)])
         own = motion_block(model, [(none, one)], self.guess, self.first, tolerance=tolerance)
         # the noise of the same sensor in the fit is more certain than that from a few samples
         noise, pairs = sensor_noise(blocks), zip(own.sensors, own.weights.deviations.tolist(), strict=True)

@@ -51,8 +51,7 @@ from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, concentration
 from ancf_casadi.estimation.solver.unknown import Unknown
-from ancf_casadi.exceptions import FitError
-from ancf_casadi.support.arrays import Array, ComplexArray, root_mean_square
+from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.callbacks import Differentiable, kept
 from ancf_casadi.support.tall import tall_qr
 from problems.decay.limitations import IMPRECISE
@@ -84,12 +83,7 @@ def refine(start: TrialFit) -> tuple[TrialFit, Fit]:
         "times": np.tile(start.model.frequencies, 2 * count),
         "advice": FRF_ADVICE,
     }
-    try:
-        fit = least_squares(
-            lambda *x: residuals(cs.vertcat(*x)), unknowns, noise=root_mean_square(start.weighted_residuals), **settings
-        )
-    except FitError:  # residuals of rounding alone do not tell where to stop
-        fit = least_squares(lambda *x: residuals(cs.vertcat(*x)), unknowns, **settings)
+    fit = least_squares(lambda *x: residuals(cs.vertcat(*x)), unknowns, **settings)
     return start.moved(fit.values), fit
 
 

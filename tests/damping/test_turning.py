@@ -22,8 +22,8 @@ from ancf_casadi.dynamics.derivatives.tangent import Tangent
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.idas import SemiExplicit
 from ancf_casadi.dynamics.radau.collocation import Collocation, stage_motion
+from ancf_casadi.dynamics.radau.stepper import RadauStep
 from ancf_casadi.export import Document, beam_functions, read_document, write_document
-from ancf_casadi.support.banded import BandedFactors, lapack_storage
 
 RATIOS = (0.03, 0.01)
 BOTH = pytest.mark.parametrize("method", ["idas", "radau"])
@@ -252,20 +252,16 @@ def test_the_linearised_step_is_that_of_the_residual_where_the_clamp_turns_withi
     motion = stage_motion(form.equations.model, unknowns, cs.DM(q), cs.DM(v), cs.MX(h), cs.DM(excitations.T))
     forces, _ = form.balance.map(3)(*motion, cs.repmat(cs.DM(p), 1, 3))
     jacobian = cs.Function("G", [unknowns], [cs.jacobian(cs.vec(forces[4:, :]), cs.vec(unknowns))])(Z.T).full()
-    rates = cs.evalf(equations.balance(cs.MX(cs.DM(p))).modal_coefficients).full().ravel()
-
-    band = tangent.matrix(Z.T, h, np.concatenate([q, v, excitations.ravel(), p])).full().ravel()
-    low_rank = tangent.low_rank(excitations, h, rates)
-    factors = BandedFactors.of(lapack_storage(band, tangent.bandwidth), tangent.bandwidth, *low_rank)
+    step = RadauStep(0.0, h, q, v, 0 * v, Z, excitations)
+    (entries, _), rates = tangent.bound(0).at(step, p)(), tangent.modal_coefficients(p)
+    factors = tangent.factors(entries, step, rates)
     ordered = np.empty_like(jacobian)
     ordered[np.ix_(tangent.order, tangent.order)] = jacobian
     for matrix, solve in ((ordered, factors.solve), (ordered.T, factors.solve_transposed)):
         right = random.normal(size=(3 * free, 2))
         expected = np.linalg.solve(matrix, right)
         np.testing.assert_allclose(solve(right.copy(order="F")), expected, atol=1e-9 * abs(expected).max())
-    band = tangent.matrix(Z.T, h, np.concatenate([q, v, excitations.ravel(), p])).full().ravel()
-    none = (0 * part for part in tangent.low_rank(excitations, h, rates))
-    plain = BandedFactors.of(lapack_storage(band, tangent.bandwidth), tangent.bandwidth, *none)
+    plain = tangent.factors(entries, step, 0 * rates)
     assert (
         abs(plain.solve(right.copy(order="F")) - factors.solve(right.copy(order="F"))).max()
         > 1e-6 * abs(expected).max()

@@ -129,7 +129,7 @@ def test_the_hessian_of_gauss_and_newton_leads_to_the_same_minimum(huber):
     approximate = least_squares(misra, unknowns, huber=huber, gauss_newton=True)
     np.testing.assert_allclose(approximate.values, exact.values, rtol=1e-8)
     np.testing.assert_allclose(approximate.covariance, exact.covariance, rtol=1e-6)
-    assert approximate.iterations != exact.iterations
+    assert (approximate.status, exact.status) == ("converged", "Solve_Succeeded")
 
 
 @pytest.mark.parametrize("huber", [math.inf, 0.1])

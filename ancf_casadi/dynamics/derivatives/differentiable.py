@@ -132,13 +132,13 @@ class Runs:
         self._last_forward: tuple[MotionRun, Array, Array] | None = None
 
     def function(self) -> cs.Function:
-        """Return the motion as a Function (damping, base, properties, *OPTIONAL) -> samples (orders N, k)."""
+        """Return the motion as a Function (damping, base, properties, *OPTIONAL) -> samples (orders rows, k)."""
         problem = self.problem
         sizes, model = dict(problem.layout.sizes), problem.equations.model
         names = ["damping", "base", "properties", *(name for name in OPTIONAL if sizes[name])]
         shapes = {"properties": model.properties.shape}
         inputs = [cs.MX.sym(name, *shapes.get(name, (sizes[name], 1))) for name in names]
-        rows, columns = problem.orders * model.size, problem.times.size
+        rows, columns = problem.orders * (model.size if problem.rows is None else len(problem.rows)), problem.times.size
         run = kept(_Motion(self, problem.layout.size, rows * columns), "run")
         samples = cs.reshape(run(cs.vertcat(*map(cs.vec, inputs))), rows, columns)
         return cs.Function("motion", inputs, [samples], names, ["coordinates"], {"never_inline": True})

@@ -46,6 +46,7 @@ from ancf_casadi.dynamics.derivatives.tangent import (
     Tangent,
     forward,
     reverse,
+    sample_weights,
     sampled,
     samples_of,
     stop_if_interrupted,
@@ -87,6 +88,7 @@ class SensitivityProblem:
     clocks: Index = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     span: tuple[float, float] | None = None  # first and last instant of the motion, s; if None, of the samples
     lumped: bool = False  # whether m, in the order of ``Model.lumped``, is a parameter
+    rows: Index | None = None  # coordinates to sample; all if None
 
     def __post_init__(self) -> None:
         """Validate."""
@@ -132,8 +134,9 @@ class SensitivityProblem:
             passages.append(Passage(piece, jacobian, steps, samples))
             left -= len(steps)
         rest = np.flatnonzero(times < first - SAME_TIME * (last - first))
-        orders = self.orders + bool(shifts.size)
-        found = sampled(model, passages, times, rest, orders)
+        weights = sample_weights(passages, times, self.orders + bool(shifts.size))
+        maps = self._maps
+        found = sampled(maps, passages, weights, times, rest)
         return MotionRun(
             parameters=parameters,
             times=times,
@@ -142,17 +145,19 @@ class SensitivityProblem:
             passages=passages,
             samples=found[:, : self.orders],
             rates=found[:, 1:] if shifts.size else np.zeros(0),
+            maps=maps,
+            weights=weights[:, : self.orders],
         )
 
     def forward(self, run: MotionRun, directions: Array) -> Array:
-        """Return the derivatives of the samples, (k, orders, 4 n + 4, d), along directions of the values, (..., d)."""
+        """Return the derivatives of the samples, (k, orders, rows, d), along directions of the values, (..., d)."""
         b, shifts = (directions[self.layout[name]] for name in ("base", "shifts"))
         parameters = self.equations.layout.join(directions.shape[1], **self._parts(directions))
         found = forward(self._tangent, run, run.start_jacobian @ directions, b, parameters)
         return found + run.rates[..., None] * shifts[self.clocks][:, None, None, :] if shifts.size else found
 
     def reverse(self, run: MotionRun, weights: Array) -> Array:
-        """Return the derivatives (..., d), by the values, of d sums of the samples, weights (k, orders, 4 n + 4, d)."""
+        """Return the derivatives (..., d), by the values, of d sums of the samples, weights (k, orders, rows, d)."""
         start, b, parameters = reverse(self._tangent, run, weights)
         direct = self.layout.join(weights.shape[3], base=b)
         for name, part in self._parts(direct).items():
@@ -160,6 +165,13 @@ class SensitivityProblem:
         if self.clocks.size:
             np.add.at(direct[self.layout["shifts"]], self.clocks, np.einsum("kon,kond->kd", run.rates, weights))
         return np.asarray(direct + run.start_jacobian.T @ start)
+
+    @cached_property
+    def _maps(self) -> tuple[Array, Array]:
+        """Maps from the free coordinates and from the base to the sampled coordinates, (rows, N) and (rows, 4)."""
+        model, rows = self.equations.model, slice(None) if self.rows is None else self.rows
+        of_base = model.whole(np.zeros((model.freedoms, NODE)), np.eye(NODE))
+        return model.moved(np.eye(model.freedoms))[rows], of_base[rows]
 
     @property
     def _tangent(self) -> Tangent:
@@ -247,7 +259,7 @@ class SensitivityProblem:
             steps.append(stepper.last_step)
         first, node = steps[0], excitation.at(excitation.begin)
         forces = self._tangent.force_jacobian(first.q, first.v, first.a, node, parameters).full()
-        jacobian = -scipy.sparse.linalg.splu(self._tangent.form.mass(parameters).sparse()).solve(forces)
+        jacobian = -np.linalg.solve(self._tangent.form.mass(parameters).full(), forces)
         return steps, jacobian, stepper.state
 
 

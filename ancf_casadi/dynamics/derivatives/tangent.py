@@ -29,7 +29,8 @@ first shape.  A sample at t + d, with an unknown shift d of its clock, changes w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 
@@ -39,18 +40,14 @@ import scipy.sparse
 
 from ancf_casadi.dynamics.equations import Balance, Equations, as_it_is
 from ancf_casadi.dynamics.excitation import EXCITATION, SAME_TIME, Excitation
-from ancf_casadi.dynamics.radau.collocation import QUINTIC, RADAU, STAGES, Collocation, powers, stage_motion
+from ancf_casadi.dynamics.radau.collocation import QUINTIC, RADAU, STAGES, Collocation, stage_motion
 from ancf_casadi.dynamics.radau.stepper import RadauStep
 from ancf_casadi.exceptions import SimulationError
-from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.support.banded import BandedFactors, lapack_place, lapack_storage
 from ancf_casadi.support.compilation import Buffered, compiled
 from ancf_casadi.support.interrupts import interrupted
-
-StepFunction = Callable[..., Array]  # (step, parameters, [vectors]) -> values of a Function (Z, h, u, [vector]), (k, d)
-NO_VECTOR = np.empty((0, 1))  # for a Function without one
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +58,12 @@ class Passage:
     acceleration_jacobian: Array  # of the first a with respect to q, v, the excitation and the parameters, (N, ...)
     steps: list[RadauStep]
     samples: list[Index]  # indices of the samples in each step
+
+    @cached_property
+    def owned(self) -> tuple[Index, Index, Array]:
+        """Indices of all samples in the piece, those of their steps, and the lengths of all steps."""
+        owner = np.repeat(np.arange(len(self.steps)), [own.size for own in self.samples])
+        return np.concatenate(self.samples), owner, np.array([step.length for step in self.steps])
 
     def stage_jacobians(self) -> Array:
         """Return the derivatives of the excitation by the m parameters of the base at the stages, (steps, 3, 16, m)."""
@@ -77,7 +80,9 @@ class MotionRun:
     rest: Index  # indices of the samples before the motion, at rest
     start_jacobian: Array  # of the first q and v with respect to theta, b, P, m and s, (2 N, ...)
     passages: list[Passage]  # its smooth pieces
-    samples: Array  # nodal coordinates and their time derivatives, (k, orders, 4 n + 4)
+    samples: Array  # nodal coordinates and their time derivatives, (k, orders, rows)
+    maps: tuple[Array, Array]  # from the free coordinates and the base to the rows, (rows, N) and (rows, 4)
+    weights: Array  # of q, v and a at both ends of its step in each sample, (k, orders, 6)
     rates: Array  # time derivatives of ``samples``, if there are shifts; else (0,)
 
     @property
@@ -92,11 +97,17 @@ def stop_if_interrupted() -> None:
         raise SimulationError("the motion was interrupted")
 
 
-def sample_weights(step: RadauStep, times: Array, orders: int) -> Array:
-    """Return the weights (s, orders, 6) of q, v and a at both ends of a step in the time derivatives at s instants."""
-    h = step.length
-    parts = np.array(powers((times - step.start) / h, orders)) / h ** np.arange(orders)[:, None, None]
-    return np.asarray(np.moveaxis(parts, 2, 0) @ QUINTIC.T * np.array([1.0, h, h**2, 1.0, h, h**2]))
+def sample_weights(passages: Sequence[Passage], times: Array, orders: int) -> Array:
+    """Return the weights (k, orders, 6) of q, v and a at both ends of its step in each sample and its derivatives."""
+    result = np.zeros((times.size, orders, 6))
+    for passage in passages:
+        inside, owner, lengths = passage.owned
+        h = lengths[owner]
+        x = (times[inside] - np.array([step.start for step in passage.steps])[owner]) / h
+        parts = np.array([[math.perm(m, order) * x ** max(m - order, 0) for m in range(6)] for order in range(orders)])
+        scaled = np.array([h**0, h, h**2]) / h ** np.arange(orders)[:, None, None]
+        result[inside] = np.einsum("omk,em,oek->koe", parts, QUINTIC, np.tile(scaled, (1, 2, 1)))
+    return result
 
 
 def clamp_jacobians(excitation: Excitation, times: Array, orders: int) -> Array:
@@ -113,27 +124,45 @@ def samples_of(times: Array, steps: list[RadauStep], begin: float, end: float, *
     return [np.flatnonzero(inside & (owner == k)) for k in range(len(steps))]
 
 
-def whole_samples(model: Model, q: Array, base: Array) -> Array:
-    """Return samples of all coordinates, (k, orders, 4 n + 4, ...), from those of the free ones and of the base."""
-    return np.moveaxis(model.whole(np.moveaxis(q, 2, 0), np.moveaxis(base, 2, 0)), 0, 2)
-
-
-def sampled(model: Model, passages: list[Passage], times: Array, rest: Index, orders: int) -> Array:
-    """Return the coordinates and their time derivatives, (k, orders, 4 n + 4), at the samples ``times`` (k,)."""
-    result = np.zeros((times.size, orders, model.size))
-    first = passages[0]
-    result[rest, 0] = model.whole(first.steps[0].q, first.excitation.at(first.excitation.begin)[:NODE])
+def sampled(maps: tuple[Array, Array], passages: Sequence[Passage], weights: Array, times: Array, rest: Index) -> Array:
+    """Return the samples at ``times`` (k,) and their time derivatives, (k, orders, rows)."""
+    (of_free, of_base), first = maps, passages[0]
+    result = np.zeros((*weights.shape[:2], len(of_free)))
+    result[rest, 0] = of_free @ first.steps[0].q + of_base @ first.excitation.at(first.excitation.begin)[:NODE]
     for passage in passages:
-        for step, samples in zip(passage.steps, passage.samples, strict=True):
-            if samples.size:
-                velocities = RADAU.inverse @ step.increments / step.length
-                accelerations = RADAU.inverse[-1] @ (velocities - step.v) / step.length
-                last = step.q + step.increments[-1], velocities[-1], accelerations
-                ends = np.array([step.q, step.v, step.a, *last])
-                nodes = [passage.excitation.derivatives(time) for time in times[samples].tolist()]
-                base = np.reshape(nodes, (samples.size, -1, NODE))[:, :orders]
-                result[samples] = whole_samples(model, sample_weights(step, times[samples], orders) @ ends, base)
+        inside, owner, lengths = passage.owned
+        used, owner = np.unique(owner, return_inverse=True)
+        steps, h = [passage.steps[k] for k in used.tolist()], lengths[used, None]
+        q, v, a = (
+            np.array([values for values in part]) for part in zip(*((s.q, s.v, s.a) for s in steps), strict=True)
+        )
+        increments = np.array([step.increments for step in steps])
+        V = np.matmul(RADAU.inverse, increments) / h[..., None]
+        last = q + increments[:, -1], V[:, -1], np.tensordot(V - v[:, None], RADAU.inverse[-1], (1, 0)) / h
+        ends = np.stack([q, v, a, *last], axis=1) @ of_free.T
+        base = passage.excitation.derivatives(times[inside]).reshape(inside.size, -1, NODE)[:, : weights.shape[1]]
+        result[inside] = weights[inside] @ ends[owner] + base @ of_base.T
     return result
+
+
+class BoundStep:
+    """A Function (Z, h, u, vectors) bound to arrays; a call returns its outputs, the same arrays each time."""
+
+    def __init__(self, function: cs.Function) -> None:
+        self._inputs = [np.zeros(function.numel_in(k)) for k in range(4)]
+        self._call = Buffered(function, *self._inputs)
+        self.vectors = self._inputs[-1].reshape(function.size_in(3), order="F").T  # (d, ...)
+
+    def at(self, step: RadauStep, parameters: Array) -> BoundStep:
+        """Set Z, h and u to those of a step."""
+        z, h, u, _ = self._inputs
+        z[:], h[0] = step.increments.ravel(), step.length
+        np.concatenate([step.q, step.v, step.excitations.ravel(), parameters], out=u)
+        return self
+
+    def __call__(self) -> list[Array]:
+        """Evaluate."""
+        return self._call()
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,60 +217,72 @@ class Tangent:
         return U.reshape(size, -1)[self.inverse_order], V.reshape(size, -1)[self.inverse_order]
 
     @cached_property
-    def matrix(self) -> cs.Function:
-        """(Z, h, u) -> G without its low-rank part, in the band storage of LAPACK."""
+    def assembly(self) -> scipy.sparse.csr_array:
+        """The matrix that sums the entries of K, D/h and M/h^2 of all elements to G, without its low-rank part.
+
+        G is in the band storage of LAPACK, column by column.
+        """
+        first = RADAU.inverse
+        return scipy.sparse.csr_array(
+            scipy.sparse.hstack([self._band(w) for w in (np.eye(STAGES), first, first @ first)])
+        )
+
+    def _linearised(self, d: int) -> cs.Function:
+        """(Z, h, u, du) -> entries of K, D/h and M/h^2 of all elements at the stages, and R_u du for d directions."""
         z, h, u = self._symbols
-        all_e, all_e_t, _, load = self._motion(z, h, u)
-        k, d, m = self._balance(u).tangents(all_e, all_e_t, load)
-        first, second = RADAU.inverse, RADAU.inverse @ RADAU.inverse
-        band = self._band(np.eye(STAGES)) @ cs.vec(k)
-        band += (self._band(first) @ cs.vec(d)) / h + (self._band(second) @ cs.vec(m)) / h**2
-        return cs.Function("tangent_matrix", [z, h, u], [cs.densify(band)], {"is_diff_in": [False] * 3})
+        all_e, all_e_t, all_e_tt, load = self._motion(z, h, u)
+        balance, du = self._balance(u), cs.MX.sym("du", u.numel(), d)
+        k, damping, m = balance.tangents(all_e, all_e_t, load)
+        entries = cs.vertcat(cs.vec(k), cs.vec(damping) / h, cs.vec(m) / h**2)
+        forces = cs.vec(self.form.equations.model.of_free(balance.forces(all_e, all_e_t, all_e_tt, load)[0]))
+        product = cs.densify(cs.jtimes(forces, u, du)) if d else cs.MX(0, 1)
+        return cs.Function("linearised", [z, h, u, du], [cs.densify(entries), product], {"is_diff_in": [False] * 4})
 
-    def steps(
-        self, run: MotionRun, passage: Passage, *, backwards: bool = False
-    ) -> Iterator[tuple[RadauStep, Index, BandedFactors]]:
-        """Go through the steps of a piece, each with the indices of the samples in it, and with the factors of G."""
-        order = -1 if backwards else 1
-        d = cs.evalf(self.form.equations.balance(cs.MX(cs.DM(run.parameters))).modal_coefficients).full().ravel()
-        for step, samples in zip(passage.steps[::order], passage.samples[::order], strict=True):
-            stop_if_interrupted()
-            band = lapack_storage(self._bound_matrix(step, run.parameters).ravel(), self.bandwidth)
-            low_rank = self.low_rank(step.excitations, step.length, d)
-            yield step, samples, BandedFactors.of(band, self.bandwidth, *low_rank)
+    def factors(self, entries: Array, step: RadauStep, modal_coefficients: Array) -> BandedFactors:
+        """Return the factors of G for the entries that ``_linearised`` returns."""
+        band = lapack_storage(self.assembly @ entries, self.bandwidth)
+        return BandedFactors.of(band, self.bandwidth, *self.low_rank(step.excitations, step.length, modal_coefficients))
 
-    def increments(self, step: RadauStep, factors: BandedFactors, parameters: Array, du: Array) -> Array:
-        """Return dZ = -G^-1 R_u du for d directions side by side, (3 N, d)."""
-        right = self._forward(step, parameters, du)
-        return -factors.solve(right[self.inverse_order], overwrite=True)[self.order]
+    def modal_coefficients(self, parameters: Array) -> Array:
+        """Return the coefficients of the low-rank part of the damping force."""
+        return np.asarray(self._modal_coefficients(parameters).full().ravel())
+
+    @cached_property
+    def _modal_coefficients(self) -> cs.Function:
+        parameters = cs.MX.sym("parameters", self.form.equations.layout.size)
+        found = self.form.equations.balance(parameters).modal_coefficients
+        return cs.Function("modal_coefficients", [parameters], [cs.densify(found)])
+
+    def bound(self, directions: int) -> BoundStep:
+        """Return ``_linearised``, bound to arrays."""
+        if directions not in self._bound:
+            self._bound[directions] = BoundStep(self._linearised(directions))
+        return self._bound[directions]
+
+    @cached_property
+    def _bound(self) -> dict[int, BoundStep]:
+        """The Functions by their numbers of directions, as far as used."""
+        return {}
 
     def given(self, step: RadauStep, factors: BandedFactors, parameters: Array, weights: Array) -> Array:
         """Return -R_u^T G^-T w for weights w of the increments, (3 N, d)."""
         residuals = -factors.solve_transposed(weights[self.inverse_order])[self.order]
-        return self._reverse(step, parameters, residuals)
+        bound, columns = self._reverse.at(step, parameters), []
+        for column in residuals.T:
+            bound.vectors[0] = column
+            columns.append(bound()[0].copy())
+        return np.column_stack(columns)
 
     @cached_property
-    def _forward(self) -> StepFunction:
-        return self._product(transposed=False)
-
-    @cached_property
-    def _bound_matrix(self) -> StepFunction:
-        return _bound(self.matrix)
-
-    @cached_property
-    def _reverse(self) -> StepFunction:
-        return self._product(transposed=True)
-
-    def _product(self, *, transposed: bool) -> StepFunction:
-        """Return the product of R_u, or of its transpose, and a vector."""
+    def _reverse(self) -> BoundStep:
+        """(Z, h, u, w) -> R_u^T w."""
         z, h, u = self._symbols
         forces, _ = self._balance(u).forces(*self._motion(z, h, u))
-        seed = cs.MX.sym("seed", len(self.order) if transposed else u.numel())
-        own = self.form.equations.model.of_free(forces)
-        product = cs.densify(cs.jtimes(cs.vec(own), u, seed, transposed))
-        return _bound(cs.Function("tangent_product", [z, h, u, seed], [product], {"is_diff_in": [False] * 4}))
+        w = cs.MX.sym("w", len(self.order))
+        product = cs.densify(cs.jtimes(cs.vec(self.form.equations.model.of_free(forces)), u, w, True))
+        return BoundStep(cs.Function("tangent_product", [z, h, u, w], [product], {"is_diff_in": [False] * 4}))
 
-    def _band(self, weights: Array) -> cs.DM:
+    def _band(self, weights: Array) -> scipy.sparse.csc_array:
         """Return the matrix that sums weighted element matrices of the stages into band storage.
 
         Weight (i, j) belongs to the derivative of the residual at stage i with respect to the increments at stage j.
@@ -256,11 +297,10 @@ class Tangent:
             places.append(lapack_place(row, column, width))
             entries.append(kept + i * count)
             values.append(weights[i, j] * products)
-        whole = scipy.sparse.csc_array(
+        return scipy.sparse.csc_array(
             (np.concatenate(values), (np.concatenate(places), np.concatenate(entries))),
             shape=((3 * width + 1) * shape[0], shape[1]),
         )
-        return cs.DM(whole)
 
     @property
     def _free(self) -> int:
@@ -291,27 +331,41 @@ def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters
     The directions (..., d) are those of the first q and v, of b, and of the parameters of the equation of motion.
     """
     free, d = len(start) // 2, start.shape[1]
-    dq, dv = start[:free], start[free:]
-    orders = run.samples.shape[1]
+    (of_free, of_base), orders = run.maps, run.samples.shape[1]
     result = np.zeros((*run.samples.shape, d))
-    first = run.passages[0]
-    model = tangent.form.equations.model
-    result[run.rest, 0] = model.whole(dq, first.excitation.jacobian(first.excitation.begin)[:NODE] @ b)
+    first, layout = run.passages[0], tangent.layout
+    dq, dv = start[:free].T, start[free:].T  # (d, N)
+    by_clamp = first.excitation.jacobian(first.excitation.begin)[:NODE]
+    result[run.rest, 0] = of_free @ start[:free] + of_base @ (by_clamp @ b)
+    bound, order = tangent.bound(d), tangent.inverse_order
+    du = bound.vectors
+    du[:, layout["parameters"]] = parameters.T
+    own_q, own_v, own_excitations = (layout[name] for name in ("q", "v", "excitations"))
+    modal_coefficients = tangent.modal_coefficients(run.parameters)
     for passage in run.passages:
         excitation = passage.excitation
-        da = passage.acceleration_jacobian @ np.vstack([dq, dv, excitation.jacobian(excitation.begin) @ b, parameters])
+        by_first = np.vstack([dq.T, dv.T, excitation.jacobian(excitation.begin) @ b, parameters])
+        da = (passage.acceleration_jacobian @ by_first).T
         stages = (passage.stage_jacobians() @ b).reshape(-1, STAGES * EXCITATION, d)
-        for (step, samples, factors), given in zip(tangent.steps(run, passage), stages, strict=True):
-            du = np.vstack([dq, dv, given, parameters])
-            dZ = tangent.increments(step, factors, run.parameters, du).reshape(STAGES, free, d)
-            dV = np.einsum("ij,jkl->ikl", RADAU.inverse, dZ) / step.length
-            accelerations = np.tensordot(RADAU.inverse[-1], dV - dv, 1) / step.length
-            ends = np.array([dq, dv, da, dq + dZ[-1], dV[-1], accelerations])
+        for step, samples, given in zip(passage.steps, passage.samples, stages, strict=True):
+            stop_if_interrupted()
+            du[:, own_q], du[:, own_v], du[:, own_excitations] = dq, dv, given.T
+            entries, product = bound.at(step, run.parameters)()
+            factors = tangent.factors(entries, step, modal_coefficients)
+            solved = factors.solve(product.reshape(d, -1)[:, order].T, overwrite=True)
+            unordered = np.empty((d, STAGES * free))
+            unordered[:, order] = -solved.T
+            dZ = unordered.reshape(d, STAGES, free)
+            dV = (RADAU.inverse @ dZ) / step.length
+            ends = dq, dv, da, dq + dZ[:, -1], dV[:, -1], RADAU.inverse[-1] @ (dV - dv[:, None]) / step.length
             if samples.size:
-                times = run.times[samples]
-                moved = np.tensordot(sample_weights(step, times, orders), ends, 1)
-                result[samples] = whole_samples(model, moved, clamp_jacobians(excitation, times, orders) @ b)
+                seen = np.array(ends) @ of_free.T  # (6, d, rows)
+                found = run.weights[samples].reshape(-1, 6) @ seen.reshape(6, -1)
+                result[samples] = found.reshape(samples.size, orders, d, -1).swapaxes(2, 3)
             dq, dv, da = ends[3:]
+        if b.size:
+            inside = passage.owned[0]
+            result[inside] += of_base @ (clamp_jacobians(excitation, run.times[inside], orders) @ b)
     return result
 
 
@@ -320,18 +374,20 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
 
     The weights are an array (k, orders, 4 n + 4, d); the instants of the samples are fixed.
     """
-    d, given_layout, model = weights.shape[3], tangent.layout, tangent.form.equations.model
+    d, given_layout, (of_free, of_base) = weights.shape[3], tangent.layout, run.maps
+    bound, modal_coefficients = tangent.bound(0), tangent.modal_coefficients(run.parameters)
     free = given_layout["q"].stop
     first_layout = Layout.of(q=free, v=free, excitation=EXCITATION, parameters=run.parameters.size)
     p, b = np.zeros((run.parameters.size, d)), np.zeros((run.passages[0].excitation.parameters.size, d))
     q = v = np.zeros((free, d))
     for passage in reversed(run.passages):
         excitation, a = passage.excitation, np.zeros((free, d))
-        stages = passage.stage_jacobians()[::-1]
-        for (step, samples, factors), jacobians in zip(
-            tangent.steps(run, passage, backwards=True), stages, strict=True
-        ):
-            ends = _sampled(model, run, passage, step, samples, weights, b)
+        stages, pairs = passage.stage_jacobians()[::-1], zip(passage.steps[::-1], passage.samples[::-1], strict=True)
+        for (step, samples), jacobians in zip(pairs, stages, strict=True):
+            stop_if_interrupted()
+            entries, _ = bound.at(step, run.parameters)()
+            factors = tangent.factors(entries, step, modal_coefficients)
+            ends = _sampled(run, passage, samples, weights, b)
             q, v, a = ends[3] + q, ends[4] + v, ends[5] + a
             by_velocities = RADAU.inverse[-1] / step.length
             velocities = np.multiply.outer(by_velocities, a)
@@ -350,35 +406,16 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
         b += excitation.jacobian(excitation.begin).T @ given
         p += parameters
     first, still = run.passages[0], weights[run.rest, 0].sum(axis=0)
-    b += first.excitation.jacobian(first.excitation.begin)[:NODE].T @ model.of_base(still)
-    return np.vstack([q + model.of_free(still), v]), b, p
+    b += first.excitation.jacobian(first.excitation.begin)[:NODE].T @ (of_base.T @ still)
+    return np.vstack([q + of_free.T @ still, v]), b, p
 
 
-def _sampled(
-    model: Model, run: MotionRun, passage: Passage, step: RadauStep, samples: Index, weights: Array, b: Array
-) -> Array:
+def _sampled(run: MotionRun, passage: Passage, samples: Index, weights: Array, b: Array) -> Array:
     """Return the weights (6, N, d) of q, v and a at both ends of a step from its samples; add those of b to ``b``."""
+    of_free, of_base = run.maps
     if not samples.size:
-        return np.zeros((6, model.freedoms, weights.shape[3]))
-    times, orders = run.times[samples], weights.shape[1]
-    own = np.moveaxis(weights[samples], 2, 0)
-    b += np.einsum("soim,isod->md", clamp_jacobians(passage.excitation, times, orders), model.of_base(own))
-    return np.asarray(np.einsum("soe,isod->eid", sample_weights(step, times, orders), model.of_free(own)))
-
-
-def _bound(function: cs.Function) -> StepFunction:
-    """Return a Function (Z, h, u, [vector]) that is evaluated for a step and each column of vectors."""
-    inputs = [np.zeros(function.numel_in(k)) for k in range(function.n_in())]
-    call = Buffered(function, *inputs)
-
-    def evaluate(step: RadauStep, parameters: Array, vectors: Array = NO_VECTOR) -> Array:
-        u = np.concatenate([step.q, step.v, step.excitations.ravel(), parameters])
-        for array, given in zip(inputs, (step.increments.ravel(), np.array(step.length), u), strict=False):
-            array[:] = given
-        columns = []
-        for column in vectors.T:
-            inputs[-1][: len(column)] = column
-            columns.append(call()[0].copy())
-        return np.column_stack(columns)
-
-    return evaluate
+        return np.zeros((6, of_free.shape[1], weights.shape[3]))
+    own = weights[samples]  # (s, orders, rows, d)
+    jacobians = clamp_jacobians(passage.excitation, run.times[samples], weights.shape[1])
+    b += np.einsum("soim,isod->md", jacobians, np.tensordot(of_base.T, own, (1, 2)))
+    return np.asarray(np.einsum("soe,isod->eid", run.weights[samples], np.tensordot(of_free.T, own, (1, 2))))

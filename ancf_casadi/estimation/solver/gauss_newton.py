@@ -18,13 +18,21 @@ percent larger than those of least squares.  Outliers hardly change the median o
 median, the standard deviation of normal residuals, estimates the noise.
 
 Gauss-Newton steps.  With the residuals r(z), their Jacobian J, and the diagonal matrix D of the second derivatives psi'
-of the loss, a step d minimises |D^1/2 J d + D^-1/2 psi|^2 within the bounds of z, a linear least-squares problem.
-IPOPT ends where the gradient is small, but the gradient is small over a wide range of an unknown that the data hardly
-determine.  These steps go on until |D^1/2 J d| is below a hundredth of the standard deviation of the residuals: the
-last step then moves no unknown by more than a hundredth of its standard error.
+of the loss, a step d minimises |D^1/2 J d + D^-1/2 psi|^2 within the bounds of z, a linear least-squares problem.  At
+first no unknown moves by more than its scale; this limit grows where the loss decreases as the linear problem predicts,
+and shrinks where it does not.  The last step is one that changes the residuals by less than ``LAST_STEP`` standard
+deviations: it moves no unknown by a larger part of its standard error, and the linear problem gives the residuals
+after it.
+
+The residuals may have an error of their own, such as that of an integration.  It changes the loss by much more than it
+moves the minimum, because it is nearly orthogonal to the columns of J.  Then a step also counts as good if the next
+one, by the same J, is less than half as long, whatever the loss (the natural monotonicity test of Deuflhard).  As such
+residuals and their Jacobians are expensive, the steps end earlier, and a step of less than one standard deviation
+leaves J as it is if the loss follows it.
 
 References
 ----------
+P. Deuflhard, Newton Methods for Nonlinear Problems, Springer (2004), Section 4.3.
 P. J. Huber, Robust Statistics, Wiley (1981), Sections 7.6, 7.8.
 P. Charbonnier, L. Blanc-Feraud, G. Aubert, M. Barlaud, Deterministic edge-preserving regularization in computed
 imaging, IEEE Transactions on Image Processing 6 (1997).
@@ -34,6 +42,7 @@ G. A. F. Seber, C. J. Wild, Nonlinear Regression, Wiley (1989), Section 2.1.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
@@ -42,11 +51,17 @@ import scipy  # its packages are imported on first use
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import evaluated
 from ancf_casadi.support.interrupts import delayed_interrupts
+from ancf_casadi.support.progress import count_step
 
 HUBER = 1.345  # threshold d over the standard deviation of the noise
-POLISHED = 0.01  # change of the residuals by the last step, in standard deviations
-POLISHED_ENOUGH = 0.1  # the same, accepted if further steps do not make it smaller
-POLISH_STEPS, POLISH_HALVINGS = 20, 5
+LAST_STEP = 1e-3  # change of the residuals by the last step, in standard deviations
+LAST_INACCURATE_STEP = 0.1  # the same where the residuals have an error of their own
+SHORT_STEP = 1.0  # the same, below which the Jacobian is taken to stay as it is
+ROUNDING = 1e-13  # the same, relative to that by unknowns from zero
+MOST_STEPS, MOST_FAILURES = 50, 6  # the latter in a row
+LEAST_GAIN, GOOD_GAIN = 1e-3, 0.75  # decrease of the loss over the predicted one
+NEARER = 0.5  # length of a further step after a step, by the same Jacobian, that shows progress to the minimum
+GROWTH, SHRINKAGE = 3.0, 0.25  # of the limit of a step
 
 
 def loss(residuals: cs.MX, huber: float) -> cs.MX:
@@ -89,58 +104,84 @@ def residuals_and_jacobian(evaluate: cs.Function, z: Array) -> tuple[Array, Arra
     """Return residuals (m,) and Jacobian (m, n) from a Function that gives both."""
     with delayed_interrupts():
         residuals, jacobian = evaluated(evaluate, z)
+    count_step()
     return residuals.ravel(), jacobian
 
 
-def gauss_newton_functions(evaluate: cs.Function, huber: float, weight: float) -> dict[str, cs.Function]:
-    """Return the options of ``nlpsol`` for a Hessian J' D J, with D the diagonal of psi/r, and a gradient J' psi.
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """The end of Gauss-Newton steps."""
 
-    ``weight`` divides the loss in the objective.
-    """
-    z, p, factor = cs.MX.sym("z", evaluate.size1_in(0)), cs.MX.sym("p", 0, 1), cs.MX.sym("factor")
-    r, jacobian = evaluate(z)
-    ratio = 1 / cs.sqrt(1 + (r / huber) ** 2)  # psi/r
-    rows = jacobian * cs.repmat(cs.sqrt(ratio), 1, jacobian.shape[1])
-    hessian = cs.triu(factor / weight * cs.mtimes(rows.T, rows))
-    gradient = cs.mtimes(jacobian.T, ratio * r) / weight
-    return {
-        "hess_lag": cs.Function("hess_lag", [z, p, factor, cs.MX(0, 1)], [hessian]),
-        "grad_f": cs.Function("grad_f", [z, p], [loss(r, huber) / weight, gradient]),
-    }
+    z: Array  # unknowns (n,)
+    residuals: Array  # (m,)
+    jacobian: Array  # of the residuals (m, n)
+    steps: int  # number of steps
+    settled: bool  # whether a further step is small, or below the error of the residuals
 
 
-def polish(
-    evaluate: cs.Function, z: Array, lower: Array, upper: Array, huber: float, systematic: float
-) -> tuple[Array, int, bool]:
-    """Return the unknowns after Gauss-Newton steps, the number of steps, and whether the last one was small enough.
+def minimise(
+    evaluate: cs.Function,
+    z: Array,
+    lower: Array,
+    upper: Array,
+    *,
+    huber: float = math.inf,
+    systematic: float = 0.0,
+    inaccuracy: float = 0.0,
+) -> Minimum:
+    """Minimise the loss within bounds by Gauss-Newton steps from z, in units of the scales of the unknowns.
 
-    A step that increases the loss by more than its noise is halved.
+    ``evaluate`` returns residuals and Jacobian; ``inaccuracy`` is the norm of the error of the residuals, below which
+    no step needs to be.
     """
     r, jacobian = residuals_and_jacobian(evaluate, z)
-    size = before = math.inf
-    for count in range(POLISH_STEPS):
+    small, y = LAST_INACCURATE_STEP if inaccuracy else LAST_STEP, cs.MX.sym("z", len(z))
+    values = cs.Function("values", [y], [evaluate.call([y], True, False)[0]])
+    reach, failures, steps, outdated = 1.0, 0, 0, False  # the last says whether J is that of an earlier z
+    while True:
         psi, curvature = influence(r, huber)
         weights = row_weights(r, huber)
         rows = weights[:, None] * jacobian
-        length = np.linalg.norm(rows, axis=0)
-        if not (np.isfinite(rows).all() and length.all()):
-            return z, count, False
-        bounds = (length * (lower - z)).tolist(), (length * (upper - z)).tolist()
-        step = scipy.optimize.lsq_linear(rows / length, -psi / weights, bounds, method="bvls").x / length
-        size = float(np.linalg.norm(rows @ step))
+        if not (np.isfinite(rows).all() and rows.any()):
+            return Minimum(z, r, jacobian, steps, settled=False)
+        step = _step(rows, psi / weights, lower - z, upper - z)
+        change = float(np.linalg.norm(rows @ step))
         deviation = math.sqrt(dispersion(r, max(len(r) - len(z), 1), huber, systematic) * curvature)
-        # The second condition ends steps that rounding or integration errors keep from shrinking.
-        if size <= POLISHED * deviation or before / 2 < size <= POLISHED_ENOUGH * deviation:
-            return z, count, True
-        before = size
-        highest = loss_value(r, huber) + POLISHED * deviation**2
-        for _ in range(POLISH_HALVINGS):
-            trial = np.clip(z + step, lower, upper)
-            r_trial, jacobian_trial = residuals_and_jacobian(evaluate, trial)
-            if loss_value(r_trial, huber) <= highest:
-                break
-            step = step / 2
+        rounding = ROUNDING * float(np.linalg.norm(rows * z))
+        if change <= max(small * deviation, inaccuracy, rounding):
+            last = np.clip(z + step, lower, upper)
+            return Minimum(last, r + jacobian @ (last - z), jacobian, steps + 1, settled=True)
+        if failures == MOST_FAILURES or steps == MOST_STEPS:
+            return Minimum(z, r, jacobian, steps, settled=False)
+        if np.abs(step).max() > reach:
+            step = _step(rows, psi / weights, np.maximum(lower - z, -reach), np.minimum(upper - z, reach))
+        trial = np.clip(z + step, lower, upper)
+        predicted = -float(psi @ (jacobian @ step)) - float(np.sum((rows @ step) ** 2)) / 2
+        short = bool(inaccuracy) and change <= SHORT_STEP * deviation
+        if short:
+            r_trial, jacobian_trial = evaluated(values, trial)[0].ravel(), jacobian
         else:
-            return z, count, size <= POLISHED_ENOUGH * deviation
-        z, r, jacobian = trial, r_trial, jacobian_trial
-    return z, POLISH_STEPS, size <= POLISHED_ENOUGH * deviation
+            r_trial, jacobian_trial = residuals_and_jacobian(evaluate, trial)
+        steps += 1
+        gain = (loss_value(r, huber) - loss_value(r_trial, huber)) / predicted
+        nearer = False
+        if inaccuracy and not gain > LEAST_GAIN and np.isfinite(r_trial).all():
+            further = _step(rows, influence(r_trial, huber)[0] / weights, lower - trial, upper - trial)
+            nearer = float(np.linalg.norm(rows @ further)) < NEARER * change
+        if gain > LEAST_GAIN or nearer:
+            outdated = short
+            z, r, jacobian, failures = trial, r_trial, jacobian_trial, 0
+            reach *= GROWTH if gain > GOOD_GAIN else 1.0
+        else:  # the loss increases, or is not finite
+            reach, failures = SHRINKAGE * float(np.abs(step).max()), failures + 1
+        if outdated and gain < GOOD_GAIN:
+            r, jacobian = residuals_and_jacobian(evaluate, z)
+            outdated, failures = False, 0
+
+
+def _step(rows: Array, right: Array, low: Array, high: Array) -> Array:
+    """Return the step d (n,) between bounds that minimises |rows d + right|^2."""
+    length = np.linalg.norm(rows, axis=0)
+    length = np.where(length > 0.0, length, 1.0)
+    found = scipy.optimize.lsq_linear(rows / length, -right, (length * low, length * high), method="bvls")
+    return np.asarray(found.x / length)

@@ -7,13 +7,14 @@ scale/x for a reciprocal unknown, is
 
 with S the diagonal matrix of the scales, J = dr/dx, and w the largest diagonal entry of S J' J S at the guess, so that
 the tolerance of the solver refers to the unknowns in units of their scales.  CasADi gives gradient and Hessian.
-``gauss_newton`` has the loss that replaces r^2/2 if some residuals are outliers, and the Gauss-Newton steps that follow
-if IPOPT works with the Gauss-Newton Hessian, and ``fit`` the uncertainty of the solution.
+``gauss_newton`` has the loss that replaces r^2/2 if some residuals are outliers, and the Gauss-Newton steps that take
+the place of IPOPT if second derivatives of the residuals are expensive; ``fit`` has the uncertainty of the solution.
 """
 
 from __future__ import annotations
 
 import math
+import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -22,14 +23,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.solver.gauss_newton import (
-    POLISHED_ENOUGH,
-    gauss_newton_functions,
-    influence,
-    loss,
-    polish,
-    residuals_and_jacobian,
-)
+from ancf_casadi.estimation.solver.gauss_newton import Minimum, influence, loss, minimise, residuals_and_jacobian
 from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.estimation.solver.noise import noise_with_stated
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, started
@@ -55,7 +49,7 @@ def least_squares(
     gauss_newton: bool = False,  # gradient from J and Hessian J' J: second derivatives of a motion are expensive
     series: Sequence[int] = (),  # lengths of the series of residuals, each in the order of time; white noise without
     times: Array | None = None,  # of the residuals, s; if None, those of a series are equally spaced
-    noise: float = 0.0,  # expected standard deviation of the residuals
+    inaccuracy: float = 0.0,  # norm of the error of the residuals, below which they need not be minimised
     systematic: float = 0.0,  # root mean square of a systematic error, for which the standard errors allow
     stated: Mask | None = None,  # residuals (m,) whose standard deviation the user states; those of a robust fit vary
     deviation: float = 1.0,  # the stated standard deviation
@@ -64,8 +58,7 @@ def least_squares(
 ) -> Fit:
     """Estimate unknowns within their bounds by least squares or, with ``huber``, by the pseudo-Huber loss.
 
-    With ``gauss_newton``, IPOPT stops when it expects the residuals to change by less than a tenth of ``noise``, and
-    Gauss-Newton steps do the rest.
+    With ``gauss_newton``, Gauss-Newton steps take the place of IPOPT (``gauss_newton``).
     """
     if not huber > 0.0:
         raise InputError(f"must be positive, got {huber:g}", "huber")
@@ -77,32 +70,19 @@ def least_squares(
     if evaluate.size1_out(0) < len(names):
         raise InputError(f"{evaluate.size1_out(0)} values cannot determine {len(names)} unknowns", "residuals")
 
-    r, jacobian = residuals_and_jacobian(evaluate, y.guess / y.scale)
-    weight = _weight(jacobian)
-    settings = {**TIGHT, **_near_start(r, weight), **(options or {})}
-    if gauss_newton:
-        settings = {**gauss_newton_functions(evaluate, huber, weight), **settings}
-        for name in ("ipopt.tol", "ipopt.compl_inf_tol"):
-            settings[name] = max(settings[name], POLISHED_ENOUGH * noise / math.sqrt(weight))
-    z = cs.MX.sym("z", len(names))
-    objective = loss(residuals(*y.symbols(cs.vertsplit(cs.DM(y.scale) * z))), huber) / weight
     bounds = {"lower": y.lower / y.scale, "upper": y.upper / y.scale}
-    solution = solve_nlp({"x": z, "f": objective}, y.guess / y.scale, **bounds, options=settings, advice=advice)
-
-    found, steps = solution.x, 0
+    began = time.perf_counter()
     if gauss_newton:
-        polished, count, settled = polish(evaluate, found, **bounds, huber=huber, systematic=systematic)
-        if settled:
-            found, steps = polished, count
-        elif noise:
-            raise FitError(
-                f"no minimum was found: {count} Gauss-Newton steps do not converge; {advice or 'start closer'}"
-            )
-    r, jacobian = residuals_and_jacobian(evaluate, found)
+        given: dict[str, Any] = {"huber": huber, "systematic": systematic, "inaccuracy": inaccuracy}
+        minimum, status = _by_steps(evaluate, y.guess / y.scale, bounds, given, advice), "converged"
+    else:
+        minimum, status = _by_ipopt(residuals, evaluate, y, huber, bounds, options, advice)
+    seconds = time.perf_counter() - began
+    found, r, jacobian = minimum.z, minimum.residuals, minimum.jacobian
     near = np.maximum(AT_BOUND, _unseen(r, jacobian, systematic))
     at_lower, at_upper = found - bounds["lower"] < near, bounds["upper"] - found < near
     values, active = np.select([at_lower, at_upper], [y.lower, y.upper], found * y.scale), at_lower | at_upper
-    if active.any():
+    if (values / y.scale != found).any():
         r, jacobian = residuals_and_jacobian(evaluate, values / y.scale)
     jacobian, free = jacobian / y.scale, ~active
     if not np.isfinite(jacobian).all():
@@ -130,12 +110,47 @@ def least_squares(
         condition=condition,
         huber=huber,
         systematic=systematic,
-        status=solution.status,
-        iterations=solution.iterations + steps,
-        solve_seconds=solution.solve_seconds,
+        status=status,
+        iterations=minimum.steps,
+        solve_seconds=seconds,
         model=evaluate,
-        settings={"gauss_newton": gauss_newton, "options": options, "advice": advice},
+        settings={"gauss_newton": gauss_newton, "inaccuracy": inaccuracy, "options": options, "advice": advice},
     )
+
+
+def _by_steps(
+    evaluate: cs.Function, guess: Array, bounds: Mapping[str, Array], settings: Mapping[str, Any], advice: str
+) -> Minimum:
+    """Return the minimum by Gauss-Newton steps."""
+    minimum = minimise(evaluate, guess, bounds["lower"], bounds["upper"], **settings)
+    if not minimum.steps:
+        _weight(minimum.jacobian)  # check
+    if not minimum.settled:
+        raise FitError(
+            f"no minimum was found: {minimum.steps} Gauss-Newton steps do not converge; {advice or 'start closer'}",
+            {"iter_count": minimum.steps},
+        )
+    return minimum
+
+
+def _by_ipopt(
+    residuals: Callable[..., cs.MX],
+    evaluate: cs.Function,
+    y: Coordinates,
+    huber: float,
+    bounds: Mapping[str, Array],
+    options: Mapping[str, Any] | None,
+    advice: str,
+) -> tuple[Minimum, str]:
+    """Return the minimum by IPOPT, and its return status."""
+    r, jacobian = residuals_and_jacobian(evaluate, y.guess / y.scale)
+    weight = _weight(jacobian)
+    settings = {**TIGHT, **_near_start(r, weight), **(options or {})}
+    z = cs.MX.sym("z", len(y.scale))
+    objective = loss(residuals(*y.symbols(cs.vertsplit(cs.DM(y.scale) * z))), huber) / weight
+    solution = solve_nlp({"x": z, "f": objective}, y.guess / y.scale, **bounds, options=settings, advice=advice)
+    found = residuals_and_jacobian(evaluate, solution.x)
+    return Minimum(solution.x, *found, solution.iterations, settled=True), solution.status
 
 
 def residual_function(residuals: Callable[..., cs.MX], coordinates: Coordinates) -> cs.Function:

@@ -11,7 +11,7 @@ derivatives are exact.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, Self
@@ -118,13 +118,13 @@ class CurveBlock(ResponseBlock):
             polar[:, 1, place] = np.angle(above * below.conj()) / width
         return np.array([own.sensitivities(*pair) for own, *pair in zip(motions, forces, polar, strict=True)])
 
-    def error(self, values: Mapping[str, float], residuals: Array) -> Array:
+    def error(self, values: Mapping[str, float], residuals: Array, small: Callable[[Array], bool]) -> Array:
         """Return the error of residuals, from one mode and two harmonics more."""
         return np.asarray(self.finer().at(values)[0] - residuals)
 
-    def refined(self, shift: float) -> Self | None:
+    def refined(self, shift: float, error: Array) -> Self | None:
         """Return the block with one mode and two harmonics more, twice at most."""
-        return self.finer() if self.refinements < 2 else None
+        return self.finer() if shift > LARGEST_SHIFT and self.refinements < 2 else None
 
     def checked(self, frequencies: Array) -> Self:
         """Return the block with the phases of its records as they should be; ``frequencies`` are those of the model."""

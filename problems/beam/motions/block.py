@@ -16,7 +16,7 @@ integrated.  A trial that takes ``MOST_STEP_RATIO`` times the steps of the first
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Self
@@ -37,15 +37,19 @@ from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, Recor
 from ancf_casadi.estimation.solve import LARGEST_SHIFT
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.sensor import Sensor
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, Index, root_mean_square
 from ancf_casadi.support.interrupts import delayed_interrupts
 from ancf_casadi.support.tables import known
 from problems.beam.motions.record import Channel, MotionRecord, labels_of
 from problems.beam.motions.weights import (
-    CHECK_RATIO,
+    ACCURATE,
+    ERROR_ORDER,
+    FIRST_RATIO,
+    LATER_RATIO,
+    LEAST_DECREASE,
     MODEL_STD,
+    MOST_VISIBLE,
     TIGHTEST,
-    first_tolerance,
     first_weights,
     tighter,
 )
@@ -66,7 +70,8 @@ class MotionBlock(Block):
     load: tuple[str, ...]  # unknown components of the tip load at the start
     tolerance: float  # of the integration
     weights: SeriesWeights = field(kw_only=True)  # of the channels
-    adaptive: bool = True  # the tolerance may become smaller
+    wanted: float | None = None  # the tolerance of the fit; None if its error shows which is needed
+    expected: Array | None = None  # error of the residuals (m,) to expect after that at a larger tolerance
 
     @property
     def records(self) -> Sequence[MotionRecord]:
@@ -99,6 +104,16 @@ class MotionBlock(Block):
         # effect of an undetermined combination of unknowns, in units of the tolerance times the travel
         return 3.0 * self.tolerance * math.sqrt(sum(self.series)) * self.systematic / MODEL_STD
 
+    @property
+    def inaccuracy(self) -> float:
+        """Norm of the integration error of all readings that fits may leave: the check of the error includes it."""
+        return 2.0 * self.negligible
+
+    @property
+    def accurate(self) -> Self:
+        """The same motions at a small tolerance."""
+        return self if self.tolerance <= ACCURATE else replace(self, tolerance=ACCURATE, before=self)
+
     @cached_property
     def equations(self) -> Equations:
         """The equations of motion, before the properties change."""
@@ -121,6 +136,9 @@ class MotionBlock(Block):
         """Forget the last runs, which are large."""
         for one, _ in self._motions:
             one.forget()
+        finer = self.__dict__.get("_finer")  # if it was used
+        if finer is not None:
+            finer.close()
 
     def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
         """Return the residuals, record by record and channel by channel."""
@@ -152,8 +170,10 @@ class MotionBlock(Block):
                 inputs.append(cs.vertcat(*shifts))
             ends = [0, *np.cumsum([one.size for one in times]).tolist()]
             sampled = []
+            rows = _sampled_rows(self, record)
+            places = cs.DM(cs.Sparsity.triplet(self.model.size, rows.size, rows.tolist(), [*range(rows.size)]))
             for part, shift, own_times in zip(cs.horzsplit(motion(*inputs), ends), shifts, times, strict=True):
-                orders = cs.vertsplit(part, self.model.size)
+                orders = [places @ own for own in cs.vertsplit(part, rows.size)]
                 e, e_t, e_tt = [*orders, *[cs.MX(0, part.size2())] * (3 - len(orders))]
                 load = _load_at(record.load, own_times, shift)
                 sampled.append(SampledMotion.of(_loaded(self.equations, record), e, e_t, e_tt, load, parameters))
@@ -168,20 +188,32 @@ class MotionBlock(Block):
             return None  # one standard deviation for all does not matter
         return super().reweighted(residuals, robust=robust)
 
-    def error(self, values: Mapping[str, float], residuals: Array) -> Array:
-        """Return the error of residuals, from one integration of each record at a smaller tolerance."""
-        tight = replace(self, tolerance=self.tolerance / CHECK_RATIO, before=self)
-        found = tight.residuals({name: cs.MX(value) for name, value in values.items()})
-        with delayed_interrupts():
-            change = np.asarray(cs.evalf(found)).ravel() - residuals
-        tight.close()
-        return np.asarray(change)
+    @cached_property
+    def _finer(self) -> Self:
+        """The same motions at the next smaller tolerance."""
+        least = self.wanted if self.wanted and self.wanted < self.tolerance else 0.0
+        ratio = FIRST_RATIO if self.expected is None else LATER_RATIO
+        return replace(self, tolerance=max(self.tolerance / ratio, least), before=self)
 
-    def refined(self, shift: float) -> Self | None:
-        """Return the block with a smaller tolerance."""
-        if not self.adaptive or self.tolerance <= TIGHTEST:
+    def error(self, values: Mapping[str, float], residuals: Array, small: Callable[[Array], bool]) -> Array:
+        """Return the error of residuals, from a coarser run, or one at a smaller tolerance."""
+        if self.expected is not None and small(self.expected):
+            return self.expected
+        finer = self._finer.residuals({name: cs.MX(value) for name, value in values.items()})
+        with delayed_interrupts():
+            change = np.asarray(cs.evalf(finer)).ravel() - residuals
+        return np.asarray(change / (1.0 - (self._finer.tolerance / self.tolerance) ** ERROR_ORDER))
+
+    def refined(self, shift: float, error: Array) -> Self | None:
+        """Return the block with a smaller tolerance; the first is not the last: nothing shows the error of J there."""
+        visible = 0.0 if error is self.expected else root_mean_square(error) / MOST_VISIBLE
+        excess = max(shift / LARGEST_SHIFT, visible)
+        if self.tolerance <= (self.wanted or TIGHTEST) or not (self.wanted or self.expected is None or excess > 1.0):
             return None
-        return replace(self, tolerance=tighter(self.tolerance, shift), before=self)
+        finer, needed = self._finer, tighter(self.tolerance, excess)
+        if not self.wanted and needed < finer.tolerance / 2:
+            finer = replace(self, tolerance=needed, before=self)
+        return replace(finer, expected=LEAST_DECREASE * error, before=finer)
 
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:
         """Return measured and computed readings of each channel."""
@@ -259,14 +291,13 @@ def motion_block(
     first: Mapping[str, float],
     *,
     load: tuple[str, ...] = (),
-    tolerance: float | None = None,
+    tolerance: float = ACCURATE,
+    wanted: float | None = None,
     robust: bool = False,
 ) -> MotionBlock:
-    """Return motions as a block with first weights, integrated as accurately as these require."""
-    records = [record for _, record in numbered]
-    weights = first_weights(records, robust=robust)
-    chosen = first_tolerance(records, weights, model.beam.length) if tolerance is None else tolerance
-    return MotionBlock(model, tuple(numbered), damping, first, load, chosen, tolerance is None, weights=weights)
+    """Return motions as a block with first weights."""
+    weights = first_weights([record for _, record in numbered], robust=robust)
+    return MotionBlock(model, tuple(numbered), damping, first, load, tolerance, wanted, weights=weights)
 
 
 def sensor_noise(blocks: Sequence[Block]) -> dict[Sensor, float]:
@@ -292,7 +323,20 @@ def _problem(block: MotionBlock, record: MotionRecord) -> SensitivityProblem:
         clocks=places if record.has_unknown_times else places[:0],
         span=(record.origin, record.end),
         lumped=_has_lumped(block),
+        rows=_sampled_rows(block, record),
     )
+
+
+def _sampled_rows(block: MotionBlock, record: MotionRecord) -> Index:
+    """Return the coordinates on which the sensors of a record depend."""
+    equations, size = block.equations, block.model.size
+    e, e_t, e_tt = motion = [cs.MX.sym(name, size) for name in ("e", "e_t", "e_tt")]
+    load = cs.MX.sym("load", LOAD_SIZE)
+    sampled = SampledMotion.of(equations, e, e_t, e_tt, load, cs.MX(cs.DM(equations.parameters)))
+    seen = [_seen(1, record, channel, sampled, {}) for channel in record.own_channels]
+    readings = cs.Function("readings", [cs.vertcat(*motion), load], [cs.vertcat(*seen)])
+    columns = readings.jac_sparsity(0, 0).get_triplet()[1]
+    return np.unique(np.array(columns) % size)
 
 
 def _loaded(equations: Equations, record: MotionRecord) -> Equations:

@@ -15,23 +15,15 @@ own.
 
 No standard deviation is below ``MODEL_STD`` times the travel of the channel, the root mean square about its mean.
 
-The tolerance of the integration follows from the noise and the effect of the integration error.  An error c of the
-computed readings, one number for each of the m residuals, shifts no estimate by more than |c|/s standard errors
-(``Fit.shifts``), where s^2 is the variance of the residuals, and by no more than ``LARGEST_SHIFT`` if the tolerance is
-fine enough.  One integration at the estimates, at a tolerance smaller by the factor ``CHECK_RATIO``, checks this: its
-error is smaller by about the same factor, so that c is the difference of the residuals.  It costs one run without
-derivatives; a fit takes about ten with derivatives.  If a shift is too large, the tolerance, to which the error is
-about proportional, decreases in proportion to the shift (``ancf_casadi.estimation.solve``).
-
-The first tolerance follows from the record.  The part of c in the direction of a parameter has a root mean square of
-about ``ERROR_GAIN`` times the tolerance and the size of the readings: the length L of the beam for positions (measured
-for tolerances from 1e-6 to 1e-10, over one to ten periods), and ten times the travel of any other channel.  With the
-root mean square size a of the weighted residuals,
-
-    tolerance = LARGEST_SHIFT s / (m^1/2 ERROR_GAIN a),
-
-where the noise in s comes from third differences of the samples.  Other motions may have another ``ERROR_GAIN``; the
-check covers them.
+The tolerance of the integration follows from its error.  An error c of the computed readings shifts the estimates
+(``Fit.shifts``), and it is part of the residuals.  A fit begins at a coarse tolerance (``coarse_tolerance``), because
+far from the minimum nothing has to be accurate.  At its estimates, one integration without derivatives at a tolerance
+smaller by the factor r gives c = (change of the readings)/(1 - r^-p), with the order p of the error, ``ERROR_ORDER``.
+The fit goes on from there at a smaller tolerance, at which the error is taken to be at most ``LEAST_DECREASE`` c.  If
+this shifts an estimate by more than ``LARGEST_SHIFT`` standard errors, the error is computed again, and so on, until
+its shifts are small, and its root mean square is below ``MOST_VISIBLE`` standard deviations of the noise.  The error of
+the derivatives counts too (``ancf_casadi.estimation.solve``).  Measured orders are 0.75 to 1.1 in motions of one to ten
+periods, between the tolerances 1e-4 and 1e-8.
 
 A record may itself be integrated.  Without noise, the residuals are then the integration errors of the record and of
 the fit.  These are not white noise: they stay in phase with the motion, and a parameter absorbs most of them, so that
@@ -48,15 +40,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from ancf_casadi.estimation.block import SeriesWeights, alike
-from ancf_casadi.estimation.solve import LARGEST_SHIFT
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from problems.beam.motions.record import FEWEST_SAMPLES, Channel, MotionRecord
 
-CHECK_RATIO = 30.0
-ERROR_GAIN = 0.1
-USUAL_TRAVEL = 0.1  # usual travel of a beam over its length
-COARSEST, TIGHTEST = 1e-6, 1e-10  # tolerances; the latter is checked at 3e-12, where rounding sets in
+COARSE, COARSE_PER_TRAVEL = 1e-4, 2e-3  # first tolerance: at most, and over the travel relative to the length
+COARSE_WITHOUT_POSITIONS = 1e-5
+ACCURATE = 1e-6  # for a motion that is not fitted
+FIRST_RATIO, LATER_RATIO = 10.0, 3.0  # of successive tolerances
+LEAST_DECREASE = 0.4  # of the integration error, between successive tolerances
+MOST_VISIBLE = 0.2  # root mean square of an integration error that may be part of the residuals, standard deviations
+ERROR_ORDER = 0.7
+TIGHTEST = 1e-10  # smallest tolerance; it is checked at 1e-11, where rounding sets in
+MOST_TIGHTENING = 100.0  # factor of the tolerance in one step
 LENGTHS = ("position", "displacement")
 MODEL_STD = 2e-5  # systematic error of a record, relative to its travel
 
@@ -110,21 +106,14 @@ def third_differences(channel: Channel) -> Array:
     return np.asarray((weights * samples).sum(axis=1) / np.linalg.norm(weights, axis=1))
 
 
-def first_tolerance(records: Sequence[MotionRecord], weights: SeriesWeights, length: float) -> float:
-    """Return the first tolerance for a beam of a length (m)."""
-    quantities = [channel.sensor.quantity for record in records for channel in record.own_channels]
-    pairs = zip(quantities, (weights.floors / MODEL_STD).tolist(), strict=True)
-    sizes = np.array([length if quantity in LENGTHS else travel / USUAL_TRAVEL for quantity, travel in pairs])
-    root = math.sqrt(float(weights.lengths.sum()))
-    wanted = (
-        LARGEST_SHIFT
-        * math.hypot(1.0, root * weights.root_mean_square(weights.floors))
-        / (root * ERROR_GAIN * weights.root_mean_square(sizes))
-    )
-    return min(max(wanted, TIGHTEST), COARSEST)
+def coarse_tolerance(records: Sequence[MotionRecord], length: float) -> float:
+    """Return the first tolerance for records of a beam of a length (m)."""
+    channels = [channel for record in records for channel in record.own_channels]
+    travels = [float(one.measurement.values.std()) for one in channels if one.sensor.quantity in LENGTHS]
+    return min(COARSE, COARSE_PER_TRAVEL * max(travels) / length) if travels else COARSE_WITHOUT_POSITIONS
 
 
-def tighter(tolerance: float, shift: float) -> float:
-    """Return the tolerance that is expected to reduce a shift, in standard errors, to the allowed one."""
-    # 2: additional factor by which a tolerance is tightened
-    return max(tolerance * LARGEST_SHIFT / (2.0 * shift), TIGHTEST)
+def tighter(tolerance: float, excess: float) -> float:
+    """Return the tolerance that is expected to reduce an error to the allowed one, which it exceeds by a factor."""
+    factor = float(excess ** (-1 / ERROR_ORDER))
+    return max(tolerance * max(factor, 1 / MOST_TIGHTENING), TIGHTEST)

@@ -340,7 +340,7 @@ class ValueBlock(Block):
         """Name of the record, with the number and the length of the beam if others have this name."""
         return self.record.name + (f" {self.number}, {self.record.model.beam.length:g} m" if self.number else "")
 
-    systematic = accuracy = ACCURACY  # also of the fit: residuals without standard deviations have no known size
+    systematic = ACCURACY
 
     @property
     def lengths(self) -> list[list[int]]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, Measurement, Model, RayleighDamping, Sensor, simulate, static_equilibrium
-from problems import MarkerRecord, MotionRecord, fit_beam
+from problems import Channel, MarkerRecord, MotionRecord, fit_beam
 from problems.beam.fitting import beam_problem
 from problems.beam.motions.block import MotionBlock
 from problems.beam.unknowns import starts
@@ -43,7 +43,10 @@ def test_the_first_tolerance_shifts_no_frequency_by_a_tenth_of_a_standard_error(
     """At 1e-5, the integration error jumps with the modulus: the fit ends 0.2 standard errors away, and says 0.003."""
     run, rng = released(start, 120.0, 96), np.random.default_rng(0)
     exact = [(Sensor("displacement"), run.tip[:, 0], 5e-4), (Sensor("velocity"), run.velocity(0.2)[:, 0], 1e-2)]
-    channels = [Measurement(run.time, y + size * rng.normal(size=y.size), sensor=one) for one, y, size in exact]
+    channels = [
+        Channel(Measurement(run.time, y + size * rng.normal(size=y.size), sensor=one), std=size)
+        for one, y, size in exact
+    ]
     record = MotionRecord(channels, start=start)
     usual, fine = fit_beam(MODEL, record, LAW, **UNKNOWN), fit_beam(MODEL, record, LAW, **UNKNOWN, tolerance=1e-8)
     away = [abs(usual.estimates[name] - fine.estimates[name]) / fine.standard_errors[name] for name in fine.estimates]

@@ -22,15 +22,16 @@ import numpy as np
 
 from ancf_casadi.support.arrays import Array
 
-MOST_PRODUCTS = 2**18  # multiplications of matrices that OpenBLAS leaves to one thread
+MOST_PRODUCTS = 2**17  # multiplications of real matrices that OpenBLAS leaves to one thread, A' A included
 MOST_ENTRIES = 9215  # of a matrix that OpenBLAS multiplies with a vector in one thread
 FACTOR_ROWS = 8  # of a block that is factorised, per column
+MOST_FACTORISED = 8191  # entries of such a block that OpenBLAS updates in one thread
 
 
 def tall_triangle(matrix: Array) -> Array:
     """Return the triangle of the QR factors of a tall matrix, (c, c)."""
     columns = matrix.shape[1]
-    size = FACTOR_ROWS * columns
+    size = max(min(FACTOR_ROWS * columns, MOST_FACTORISED // columns), 2 * columns)
     while len(matrix) > size:
         whole = len(matrix) // size * size
         triangles = np.asarray(np.linalg.qr(matrix[:whole].reshape(-1, size, columns), mode="r"))
@@ -54,8 +55,10 @@ def tall_qr(matrix: Array) -> tuple[Array, Array]:
 
 
 def tall_times(tall: Any, small: Array) -> Any:
-    """Return the product of a tall matrix (m, c) and a small one (c, n)."""
-    found = np.empty((len(tall), small.shape[1]), dtype=np.result_type(tall, small))
+    """Return the product of a tall matrix (m, c) and a small real one (c, n)."""
+    if np.iscomplexobj(tall):
+        return tall_times(tall.real, small) + 1j * tall_times(tall.imag, small)
+    found = np.empty((len(tall), small.shape[1]))
     for rows in _blocks(len(tall), max(small.shape)):
         np.matmul(tall[rows], small, out=found[rows])
     return found
@@ -69,5 +72,5 @@ def inner(first: Any, second: Any) -> Any:
 
 def _blocks(count: int, columns: int) -> Iterator[slice]:
     """Return the rows of the blocks of matrices with so many columns at most."""
-    size = max(min(MOST_PRODUCTS // columns**2, MOST_ENTRIES // columns), 1)
+    size = max(min(MOST_PRODUCTS // (columns * (columns + 1)), MOST_ENTRIES // columns), 1)
     return (slice(start, start + size) for start in range(0, count, size))

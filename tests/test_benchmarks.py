@@ -104,7 +104,7 @@ SMALLEST = [
     selection("test_decay_fit", "linear", 2),
     selection("test_export", "right_hand_side and 20 and not 200", 2, "gcc"),
     selection("test_meshes", "20 and not 200", 3),
-    selection("test_modes", "low or 4-3", 2),
+    selection("test_modes", "low or 4-3 or leakage", 3),
     selection("test_reading", "1000 and not 10000000", 4),
     selection("test_reduction", "5-undamped--O2", 1, "gcc"),
     selection("test_speed", "equations or matching or tangent", 4),

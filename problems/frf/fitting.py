@@ -11,8 +11,9 @@ import numpy as np
 
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, is_sequence, physical, shown, vector, whole
+from ancf_casadi.support.inputs import check_instance, flag, is_sequence, physical, shown, vector, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
+from ancf_casadi.support.progress import counter
 from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum
 from problems.frf.record import FrfRecord
 from problems.frf.refinement import FRF_ADVICE, given_deviations
@@ -27,6 +28,7 @@ def fit_frf(
     modes: int | None = None,
     frequencies: Sequence[float] | None = None,
     band: tuple[float, float] | None = None,
+    progress: bool = False,
 ) -> FrfFit:
     """Identify natural frequencies, damping ratios and mode shapes from frequency response functions.
 
@@ -43,6 +45,8 @@ def fit_frf(
         Approximate natural frequencies of the modes, Hz; sdypy-EMA is then not needed.
     band : (float, float), optional
         Lowest and highest frequency to fit, Hz; the whole record if not given.
+    progress : bool
+        Whether to count the trial fits on a terminal.
 
     Raises
     ------
@@ -85,7 +89,8 @@ def fit_frf(
     estimated = record.std is None and record.coherence is None
     coarse = replace(model, starts=bins(record.frequencies, candidates))
     means = coarse.binned(values), np.sqrt(coarse.binned(deviations**2) / np.sqrt(coarse.bin_sizes)[:, None])
-    best, merged = select_modes(Selection(*means, estimated, candidates, wanted), coarse)
+    with counter("fit", shown=flag(progress, "progress")):
+        best, merged = select_modes(Selection(*means, estimated, candidates, wanted), coarse)
     if near is not None and len(best.frequencies) < len(near):
         raise FitError(f"only {len(best.frequencies)} of the {wanted} modes were found; {FRF_ADVICE}")
     selection = Selection(values, deviations, estimated, candidates, len(best.frequencies))

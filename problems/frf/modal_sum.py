@@ -46,6 +46,7 @@ from scipy.optimize import least_squares
 from ancf_casadi.estimation.solver.noise import estimated_noise
 from ancf_casadi.response.linear_frf import FRF_POWERS, FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
+from ancf_casadi.support.progress import count_step
 from ancf_casadi.support.tall import inner, tall_qr, tall_times, tall_triangle
 
 RESIDUAL_POWERS = tuple(
@@ -257,6 +258,7 @@ class TrialFit:
 def quick_fit(start: TrialFit) -> TrialFit | None:
     """Return the fit of all parameters from the modes of a start; None if the functions do not determine the modes."""
     bounded = start.bounded
+    count_step()
 
     @lru_cache(maxsize=1)  # residuals and Jacobian are asked for in turn
     def at(x: bytes) -> TrialFit:

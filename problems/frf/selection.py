@@ -5,9 +5,10 @@ a common-denominator model in discrete time to equally spaced lines; its order g
 chart.  All poles of all orders are candidates.
 
 The choice begins with the poles that recur in the chart, and with many residual terms, so that no mode has to stand for
-those out of the band.  Modes that the functions do not need are removed one by one, the least important first; then
-candidates are added, those first whose columns explain most of the residuals; at last, residual terms that are not
-needed are removed.  After each change all parameters are refined.  The larger of two fits is needed if
+those out of the band.  Modes that the functions do not need are removed one by one, the least important first, and
+second poles of modes; then candidates are added, those first whose columns explain most of the residuals; at last,
+residual terms that are not needed are removed.  After each change all parameters are refined.  The larger of two fits
+is needed if
 
     n/N (S_1 - S_2)/s^2 > (K_2 - K_1) ln n + 10,
 
@@ -18,7 +19,8 @@ can show, overdamped or equal are dropped.
 
 A nonlinear motion or leakage deforms a resonance, and a second pole imitates this.  Two poles closer than the mean of
 their half-power bandwidths would not beat in a decay.  They are one mode, unless several functions prove two: their
-modal constants differ in more than a factor (modal assurance criterion).
+modal constants differ in more than a factor (modal assurance criterion).  A candidate that turns out to be a second
+pole leaves with all others within the bandwidth of its mode.
 
 References
 ----------
@@ -31,6 +33,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -126,6 +129,19 @@ def _equally_spaced(frequencies: Array, rows: ComplexArray) -> tuple[Array, Comp
     even = np.linspace(frequencies[0], frequencies[-1], 1 + round((frequencies[-1] - frequencies[0]) / step))
     even = even[: 20 * len(frequencies)]
     return even, np.array([np.interp(even, frequencies, row) for row in rows])
+
+
+@dataclass(frozen=True)
+class SecondPole:
+    """A pole that would imitate the deformation of a resonance."""
+
+    mode: float  # frequency of the mode, Hz
+    frequency: float  # of the second pole, Hz
+
+    def is_near(self, fit: TrialFit, mode: int) -> bool:
+        """Return whether the pole is one of a mode of a fit, by its position."""
+        f = float(fit.frequencies[mode])
+        return abs(self.mode - f) < f * float(fit.ratios[mode])
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,9 +242,10 @@ def select_modes(selection: Selection, model: ModalSum) -> tuple[TrialFit, list[
         more = replace(model, powers=powers)
         if selection.has_room(more, len(selection.candidates.recurring) or (selection.count or 1)):
             model = more
-    best, notes = _extended(selection, _reduced(selection, _beginning(selection, model))), list[str]()
+    best, second_poles = _reduced(selection, _beginning(selection, model)), list[SecondPole]()
     if selection.count is None:
-        best, notes = _merged(selection, best)
+        best = _merged(selection, best, second_poles)
+    best = _extended(selection, best, second_poles)
     if not len(best.frequencies):
         raise FitError("no mode was found in the band; give approximate frequencies, or a band with a resonance")
     for powers in RESIDUAL_POWERS[: RESIDUAL_POWERS.index(best.model.powers)][::-1]:
@@ -236,25 +253,30 @@ def select_modes(selection: Selection, model: ModalSum) -> tuple[TrialFit, list[
         if selection.needed(best, fewer, best.frequencies, best.ratios):
             break
         best = selection.fit(fewer, best.frequencies, best.ratios, selection.deviations_of(best)) or best
-    return best, notes
+    return best, second_poles_note(second_poles)
 
 
-def _merged(selection: Selection, best: TrialFit) -> tuple[TrialFit, list[str]]:
-    """Return the fit without the second poles of modes, and a note for each."""
-    notes = []
+def second_poles_note(second_poles: Sequence[SecondPole]) -> list[str]:
+    """Return one note that names all second poles; none if there are none."""
+    if not second_poles:
+        return []
+    places = ", ".join(f"near {pole.mode:.4g} Hz (second pole at {pole.frequency:.4g} Hz)" for pole in second_poles)
+    return [
+        f"one mode {places}: second poles within the half-power bandwidth would imitate a nonlinear motion or leakage; "
+        "measure at a smaller level, or give both frequencies if these are two modes"
+    ]
+
+
+def _merged(selection: Selection, best: TrialFit, second_poles: list[SecondPole]) -> TrialFit:
+    """Return the fit without the second poles of modes, which are added to the list."""
     while (pair := _one_mode(best)) is not None:
-        kept, other = pair
-        f, ζ = np.delete(best.frequencies, other), np.delete(best.ratios, other)
+        f, ζ = np.delete(best.frequencies, pair[1]), np.delete(best.ratios, pair[1])
         fewer = selection.fit(best.model, f, ζ, selection.deviations_of(best))
         if fewer is None:
             break
-        notes.append(
-            f"one mode near {best.frequencies[kept]:.4g} Hz: a second pole at {best.frequencies[other]:.4g} Hz, within "
-            "its half-power bandwidth, would imitate a nonlinear motion or leakage; measure at a smaller level, or "
-            "give both frequencies if these are two modes"
-        )
+        second_poles.append(SecondPole(*best.frequencies[list(pair)].tolist()))
         best = selection.weighted(fewer)
-    return best, notes
+    return best
 
 
 def _one_mode(fit: TrialFit) -> tuple[int, int] | None:
@@ -308,41 +330,54 @@ def _importance(fit: TrialFit) -> Array:
     return found
 
 
-def _extended(selection: Selection, best: TrialFit) -> TrialFit:
-    """Return the fit with the candidates that it needs, or that make up the number of modes."""
+def _extended(selection: Selection, best: TrialFit, second_poles: list[SecondPole]) -> TrialFit:
+    """Return the fit with the candidates that it needs, or that make up the number of modes.
+
+    Candidates that are second poles of modes are left out, and the first of each mode is added to the list.
+    """
+    f, ζ = selection.candidates.frequencies, selection.candidates.ratios
     while len(best.frequencies) < (selection.count or MOST_FRF_MODES):
-        for f, ζ in _ranked(best, selection.candidates):
-            trial = selection.fit(best.model, np.append(best.frequencies, f), np.append(best.ratios, ζ))
+        for k in _ranked(best, f, ζ):
+            trial = selection.fit(best.model, np.append(best.frequencies, f[k]), np.append(best.ratios, ζ[k]))
             if trial is None or len(trial.frequencies) <= len(best.frequencies):
                 continue
             trial = selection.weighted(trial)
+            pair = None if selection.count else _one_mode(trial)
+            if pair is not None and any(pole.is_near(trial, pair[0]) for pole in second_poles):
+                continue
             if selection.count or selection.needed(trial, best.model, best.frequencies, best.ratios):
                 break
         else:
             return best
         if len(trial.frequencies) <= len(best.frequencies):
             return best
-        best = trial
+        if pair is None:
+            best = trial
+        else:
+            second_poles.append(SecondPole(*trial.frequencies[list(pair)].tolist()))
+            mode, width = trial.frequencies[pair[0]], trial.frequencies[pair[0]] * trial.ratios[pair[0]]
+            apart = np.abs(f - mode) > width + f * ζ
+            f, ζ = f[apart], ζ[apart]
     return best
 
 
-def _ranked(fit: TrialFit, candidates: Candidates) -> list[tuple[float, float]]:
-    """Return the candidates that explain most of the residuals, best first, each apart from those before."""
+def _ranked(fit: TrialFit, frequencies: Array, ratios: Array) -> list[int]:
+    """Return the positions of modes that explain most of the residuals, best first, each apart from those before."""
     level = np.sqrt(np.median(fit.weights**2, axis=0))
     rest = stacked(fit.residuals * level)
     q = tall_qr(stacked(fit.columns))[0]
     explained = []
-    for f, ζ in zip(candidates.frequencies, candidates.ratios, strict=True):
+    for f, ζ in zip(frequencies, ratios, strict=True):
         own = stacked(fit.model.modal(np.array([f]), np.array([ζ])))
         own = own / np.linalg.norm(own, axis=0)
         own -= tall_times(q, inner(q, own))
         explained.append(float(np.sum(inner(tall_qr(own)[0], rest) ** 2)))
-    found: list[tuple[float, float]] = []
+    best: list[int] = []
+    width = frequencies * ratios
     for k in np.argsort(explained)[::-1].tolist():
-        f, ζ = float(candidates.frequencies[k]), float(candidates.ratios[k])
         # distance of two different candidates, in sums of half-power half-widths
-        if all(abs(f - other) > 1.0 * (f * ζ + other * own) for other, own in found):
-            found.append((f, ζ))
-        if len(found) == 3:  # candidates that are tried before the modes count as complete
+        if (np.abs(frequencies[k] - frequencies[best]) > width[k] + width[best]).all():
+            best.append(k)
+        if len(best) == 3:  # candidates that are tried before the modes count as complete
             break
-    return found
+    return best

@@ -47,6 +47,10 @@ FORMATS = {
     "exudyn": "exudyn: a script with the same elements",
     "newton": "newton: a script with links and hinges",
 }
+UNDAMPED = (
+    "{file} has no damping, and its beam swings for ever; add [[damping]], in a TOML file with [beam] document = "
+    '"BEAM.json" if this is a document'
+)
 SIMULATORS: dict[str, Callable[..., ExportedBeam]] = {
     "mujoco": write_mujoco,
     "pyelastica": write_pyelastica,
@@ -112,8 +116,9 @@ def run_export(options: argparse.Namespace) -> Output:
     beam = _simulator(source, options)
     paths = _export(source, options) if beam is None else [options.out]
     files = [{"path": str(path), "bytes": path.stat().st_size} for path in paths]
-    data = {"format": options.format, "files": files, "seconds": time.perf_counter() - began}
-    text = "\n".join(f"{file['path']}  {file['bytes']} bytes" for file in files)
+    notes = [] if source.damping else [UNDAMPED.format(file=options.file)]
+    data = {"format": options.format, "files": files, "seconds": time.perf_counter() - began, "warnings": notes}
+    text = "\n".join([*(f"{file['path']}  {file['bytes']} bytes" for file in files), *notes])
     if beam is None:
         return Output(lambda: data, lambda: text)
     return Output(lambda: data | {"beam": beam.to_dict()}, lambda: f"{text}\n\n{beam.report()}")

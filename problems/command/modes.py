@@ -16,7 +16,7 @@ from ancf_casadi.support.tables import Table
 from ancf_casadi.vibration.modes import STATIONS, Modes, natural_modes
 from problems.command.output import Output, add_plot, file_writers, new_files, positive_count, result_output
 from problems.matching.frequency_matching import match_frequencies
-from problems.schema.beam import BEAM_HELP, read_beam
+from problems.schema.beam import BEAM_HELP, damping_on, read_beam
 from problems.schema.match import MATCH_HELP, read_match
 
 
@@ -50,7 +50,12 @@ def add_match(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.epilog = MATCH_HELP
     parser.add_argument("file", metavar="BEAM.toml", help="a file with the tables [beam] and [match]")
-    parser.add_argument("--out", type=Path, metavar="FILE.json", help="write the matched beam as a JSON document")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE.json",
+        help="write the matched beam, and the damping of the file, as a JSON document",
+    )
     add_plot(parser, "draw the properties along the beam")
 
 
@@ -64,5 +69,6 @@ def run_match(options: argparse.Namespace) -> Output:
         raise FitError(f"{options.file}: [match]: {match.warnings[0]}")
     if options.out is None:
         return result_output(match, options.plot)
-    document = Document(Model(match.beam), identifications=[Identification.of(match)])
+    model = Model(match.beam)
+    document = Document(model, damping_on(options.file, model), [Identification.of(match)])
     return result_output(match, options.plot, [partial(write_document, options.out, document)])

@@ -8,7 +8,14 @@ from dataclasses import replace
 from functools import reduce
 from typing import Any
 
-from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping, RayleighDamping
+from ancf_casadi.damping import (
+    DampingLaw,
+    FrictionDamping,
+    ModalDamping,
+    QuadraticDamping,
+    RayleighDamping,
+    SumOfLaws,
+)
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.model_document import Document, read_document
 from ancf_casadi.mechanics.beam import Beam
@@ -83,6 +90,23 @@ def read_damped(given: str | StudyFile) -> Document:
     if "damping" not in file.tables:
         return source
     return replace(source, damping=law_of(file.several("damping"), source.model, file.where("damping")))
+
+
+def damping_on(given: str | StudyFile, model: Model) -> DampingLaw | None:
+    """Return the damping of a file on another beam than that of the file; modal laws take the modes of that beam."""
+    file = StudyFile.of(given)
+    if "damping" in file.tables:
+        return law_of(file.several("damping"), model, file.where("damping"))
+    law = read_beam(file).damping
+    terms = law.laws if isinstance(law, SumOfLaws) else [] if law is None else [law]
+    return total(
+        [
+            ModalDamping(natural_modes(model, count=len(term.ratios)), term.ratios)
+            if isinstance(term, ModalDamping)
+            else term
+            for term in terms
+        ]
+    )
 
 
 def law_of(terms: Sequence[Any], model: Model, where: str) -> DampingLaw | None:

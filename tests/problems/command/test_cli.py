@@ -39,6 +39,7 @@ from ancf_casadi import (
 from ancf_casadi.export import Document, fmu, load_functions, read_document, write_document
 from ancf_casadi.support.interrupts import ENDING
 from ancf_casadi.version import __version__
+from ancf_casadi.vibration.modes import natural_modes
 from problems.cli import COMMANDS, main
 from problems.command import fit_decay as fit_decay_command
 from problems.command import modes as modes_command
@@ -157,6 +158,34 @@ class TestMatch:
         assert main(["modes", "new/matched.json", "--json", "--modes", "3"]) == 0
         frequencies = json.loads(capsys.readouterr().out)["frequencies_hz"]
         assert frequencies == pytest.approx([1.85, 10.19, 26.84], rel=1e-6)
+
+    @pytest.mark.parametrize(
+        ("tables", "ratio"),
+        [
+            ('[[damping]]\nlaw = "rayleigh"\nalpha = 0.2\n', 0.2 / (4 * np.pi * 1.85)),
+            ('[[damping]]\nlaw = "modal"\nratios = [0.01, 0.02]\n', 0.01),
+            (
+                '[[damping]]\nlaw = "modal"\nratios = [0.01]\n[[damping]]\nlaw = "rayleigh"\nalpha = 0.2\n',
+                0.01 + 0.2 / (4 * np.pi * 1.85),
+            ),
+        ],
+        ids=["rayleigh", "modal", "sum"],
+    )
+    def test_the_matched_beam_keeps_the_damping_of_the_file(self, files, capsys, tables, ratio):
+        """Also that of a document; a modal law has the modes of the matched beam."""
+        few = edited(BEAM, ("elements = 20", "elements = 4"), (", 10.19, 26.84, 53.20, 88.60", ""))
+        (files / "beam.toml").write_text(few + tables)
+        assert main(["export", "beam.toml", "--format", "json", "--out", "before.json"]) == 0
+        (files / "again.toml").write_text('[beam]\ndocument = "before.json"\n[match]\ntargets = [1.85]\n')
+        for name in ("beam.toml", "again.toml"):
+            assert main(["match", name, "--out", "matched.json"]) == 0
+            found = read_document("matched.json")
+            modes = natural_modes(found.model, count=1)
+            assert modes.frequencies == pytest.approx([1.85], rel=1e-6)
+            assert found.damping.damping_ratios(modes, [0.0]) == pytest.approx([ratio], rel=1e-6)
+        capsys.readouterr()
+        assert main(["export", "matched.json", "--format", "json", "--out", "after.json"]) == 0
+        assert "damping" not in capsys.readouterr().out
 
 
 class TestFitDecay:
@@ -444,6 +473,13 @@ class TestExport:
         assert found.model == model
         assert np.array_equal(found.damping.projection(found.model), law.projection(model))
         assert found.damping.parameters == law.parameters
+
+    @pytest.mark.parametrize("form", ["json", "casadi", "exudyn"])
+    def test_a_beam_without_damping_is_named(self, files, capsys, form):
+        (files / "beam.toml").write_text(edited(BEAM, ("elements = 20", "elements = 2")))
+        assert main(["export", "beam.toml", "--format", form, "--out", "beam.out", "--json"]) == 0
+        (note,) = json.loads(capsys.readouterr().out)["warnings"]
+        assert note.startswith("beam.toml has no damping, and its beam swings for ever; add [[damping]]")
 
     @pytest.mark.slow
     def test_a_document_is_a_beam_for_the_other_commands(self, files, capsys):

@@ -73,8 +73,9 @@ BASE_UNITS = {
 }
 FmuKind = Literal["model-exchange", "co-simulation"]
 FMU_TOLERANCES: dict[FmuKind, tuple[str, str]] = {  # of the full and the reduced model
-    # relative to CasADi's nominal values of 1, for which 1e-5 is too coarse; modal coordinates are far smaller than 1
-    "model-exchange": ("1e-8", "1e-10"),
+    # Relative to CasADi's nominal values of 1; modal coordinates are far smaller.  fmpy holds its inputs within a step:
+    # below these tolerances, test_an_input_that_jumps_does_not_stop_the_importer fails.
+    "model-exchange": ("1e-7", "1e-8"),
     "co-simulation": ("2e-8", "2e-9"),  # benchmarks/co_simulation.py
 }
 BUILD = f"""<?xml version="1.0" encoding="UTF-8"?>

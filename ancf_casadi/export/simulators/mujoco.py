@@ -7,7 +7,8 @@
     integrator      implicitfast: steps that are explicit in stiffness and implicit in damping
 
 The viscosity and the density are one number each for the whole model; they are chosen so that mode 1 of the chain loses
-the energy that it loses under the law.  MuJoCo's x and z are x and y here.
+the energy that it loses under the law, and, beside point masses, on which the viscosity does not act, the dampers of
+the joints so that further modal ratios are met.  MuJoCo's x and z are x and y here.
 
 References
 ----------
@@ -22,9 +23,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ancf_casadi.damping import DampingLaw
+from ancf_casadi.damping import DampingLaw, ModalDamping
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.simulators.settings import ExportedBeam, Segmented, written
+from ancf_casadi.export.simulators.settings import COMPARED, ExportedBeam, Segmented, meeting_first, terms_of, written
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 
@@ -67,11 +68,21 @@ class HingedChain(Segmented):
         return np.asarray(np.sqrt(np.maximum(others, 0.0) * 1.5 / masses[:, None]))
 
     @cached_property
-    def viscosity(self) -> float:
-        """Viscosity for the rates of the law, kg/(m s)."""
+    def rates(self) -> tuple[float, float]:
+        """Viscosity, kg/(m s), and damping of the joints per stiffness, s, for the rates of the law.
+
+        They meet mode 1.  Viscosity does not act on point masses: beside these, the joints meet further modal ratios.
+        """
         line = self.discrete.inertias * self._along_beam
         rates = self.discrete.damping(self.law.alpha * self.discrete.inertias + self.law.eta1 * line)
-        return self.discrete.ratio(rates, 0) / self.discrete.ratio(self._damping(1.0, 0.0, 0.0, 0), 0)
+        viscous = self._damping(1.0, 0.0, 0.0, 0)
+        stated = [len(term.ratios) for term in terms_of(self.given.damping) if isinstance(term, ModalDamping)]
+        count = min(max(stated, default=1), COMPARED)
+        if count == 1 or not self.beam.carried:
+            return self.discrete.ratio(rates, 0) / self.discrete.ratio(viscous, 0), self.law.beta
+        joints = self._damping(0.0, 0.0, 1.0, 0)
+        compared = (rates + self.law.beta * joints, viscous, joints)
+        return meeting_first(*(np.array([self.discrete.ratio(own, k) for k in range(count)]) for own in compared))
 
     @cached_property
     def density(self) -> float:
@@ -84,7 +95,8 @@ class HingedChain(Segmented):
 
     def damping(self, mode: int) -> Array:
         """Return the damping matrix, with drag as for the amplitude of a mode."""
-        return self._damping(self.viscosity, self.density, self.law.beta, mode)
+        viscosity, beta = self.rates
+        return self._damping(viscosity, self.density, beta, mode)
 
     @property
     def _along_beam(self) -> Array:

@@ -198,16 +198,22 @@ def dampers(terms: Iterable[DampingLaw], modes: Modes, amplitude: float) -> Damp
 
 
 def _equivalent(term: DampingLaw, modes: Modes, amplitudes: Array) -> tuple[float, float]:
-    """Return alpha and beta, 0 or more, that meet the first damping ratio, and the others given by least squares."""
+    """Return alpha and beta that meet the first damping ratio of a law, and further ratios that it states."""
     ratios, of_alpha, of_beta = (
         law.damping_ratios(modes, amplitudes) for law in (term, RayleighDamping(1.0), RayleighDamping(beta=1.0))
     )
-    beta = 0.0
-    if isinstance(term, ModalDamping) and len(term.ratios) > 1:
-        ratios, of_alpha, of_beta = (own[: len(term.ratios)] for own in (ratios, of_alpha, of_beta))
-        gains = of_beta - of_beta[0] / of_alpha[0] * of_alpha
-        missing = ratios - ratios[0] / of_alpha[0] * of_alpha
-        beta = float(np.clip(gains @ missing / (gains @ gains), 0.0, ratios[0] / of_beta[0]))
+    count = len(term.ratios) if isinstance(term, ModalDamping) else 1
+    return meeting_first(ratios[:count], of_alpha[:count], of_beta[:count])
+
+
+def meeting_first(ratios: Array, of_alpha: Array, of_beta: Array) -> tuple[float, float]:
+    """Return alpha and beta, 0 or more, that meet the first damping ratio, and the others by least squares.
+
+    Both are given by the damping ratios of alpha = 1 and of beta = 1; beta is 0 if there is one ratio.
+    """
+    gains = of_beta - of_beta[0] / of_alpha[0] * of_alpha
+    missing = ratios - ratios[0] / of_alpha[0] * of_alpha
+    beta = float(np.clip(gains @ missing / (gains @ gains), 0.0, ratios[0] / of_beta[0])) if len(ratios) > 1 else 0.0
     return float((ratios[0] - beta * of_beta[0]) / of_alpha[0]), beta
 
 

@@ -43,6 +43,7 @@ from ancf_casadi.vibration.equilibrium import Equilibrium, short_elements_advice
 from ancf_casadi.vibration.statics import static_equilibrium
 
 STATIONS = 101  # points along the beam at which shapes are given
+FAR = 4.0  # ratio of measured and computed frequencies that no modulus within a factor of ten explains
 
 
 @dataclass(frozen=True)
@@ -401,6 +402,19 @@ def mac(first: Array, second: Array) -> Array:
         raise InputError(f"must be columns as long as the first, got {second.shape} for {first.shape}", "second")
     cross = (first.T @ second) ** 2
     return np.asarray(cross / np.outer((first**2).sum(axis=0), (second**2).sum(axis=0)))
+
+
+def unit_doubt(measured: Array, computed: Array) -> str:
+    """Return a doubt about the unit of measured frequencies, all far on one side of those of a model; empty if none."""
+    ratios = measured / np.maximum(computed, np.finfo(float).tiny)
+    if 1 / FAR < ratios.max() and ratios.min() < FAR:
+        return ""
+    pairs = (", ".join(f"{f:.4g}" for f in own[:3]) for own in (measured, computed))
+    return (
+        "the measured frequencies are {} Hz, where the model has {} Hz: give them in Hz, or correct the model".format(
+            *pairs
+        )
+    )
 
 
 def rigid_modes(model: Model) -> int:

@@ -21,6 +21,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.tables import Table
 from ancf_casadi.support.tables import known as finite
+from ancf_casadi.vibration.modes import unit_doubt
 from problems.matching.identifiability import Identifiability
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.response import Matching
@@ -266,7 +267,8 @@ class FrequencyMatch(FitResult):
                 else "no bound limits the fit; let other properties change"
             )
             worst = f"a frequency error of {100 * self.max_relative_error:.3g} % remains"
-            notes.append(f"the targets are out of reach of these unknowns: {worst}, and {limit}")
+            doubt = unit_doubt(np.array(self.targets), np.array(self.standard))
+            notes.append(doubt or f"the targets are out of reach of these unknowns: {worst}, and {limit}")
         before = (self.matching.numbers + 1).tolist()
         if self.mac is None and before != [*self.modes]:
             notes.append(

@@ -43,7 +43,7 @@ from ancf_casadi.support.inputs import (
     whole,
 )
 from ancf_casadi.support.tables import Displayed
-from ancf_casadi.vibration.modes import rigid_modes
+from ancf_casadi.vibration.modes import natural_modes, rigid_modes, unit_doubt
 from problems.beam.properties import owners_of
 from problems.beam.values.response import Respond, modal_response, place, readings, static_response
 
@@ -108,6 +108,11 @@ class PropertyRecord(Displayed, ABC):
     @abstractmethod
     def response(self, owners: Index) -> Respond:
         """Return the function from factors on the properties to the computed values (m,) and their Jacobian (m, p)."""
+
+    @property
+    def doubt(self) -> str:
+        """Reason to doubt the measured values beside those of the model; empty if there is none."""
+        return ""
 
     def with_model(self, model: Model) -> Self:
         """Return the record with another model."""
@@ -299,6 +304,12 @@ class FrequencyRecord(PropertyRecord):
         """Return the function from factors on the properties to the computed values (m,) and their Jacobian (m, p)."""
         return modal_response(self.model, np.array(self.modes) - 1, owners)
 
+    @cached_property
+    def doubt(self) -> str:
+        """Doubt about the unit; empty if there is none."""
+        numbers = np.array(self.modes)[self.present]
+        return unit_doubt(self.measured, natural_modes(self.model, count=int(numbers.max())).frequencies[numbers - 1])
+
 
 def _cases(loads: object, model: Model) -> tuple[tuple[PointLoad, ...], ...]:
     """Return the loads of each case."""
@@ -360,8 +371,8 @@ class ValueBlock(Block):
 
     @property
     def failure(self) -> str:
-        """Reason why the values could not be computed; empty if they could."""
-        return self._computed.failure
+        """Reason why the values could not be computed, or contradict the model; empty if there is none."""
+        return self._computed.failure or self.record.doubt
 
     def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
         """Return computed less measured values over their standard deviations, or relative errors, (m,)."""
@@ -399,4 +410,5 @@ class ValueBlock(Block):
             for label, unit, measured, computed in rows
         ]
         data = {"kind": "values", "name": self.title, "labels": list(record.labels), "units": list(record.units)}
-        return Account(lines, (), {**data, "measured": record.measured.tolist(), "computed": values.tolist()})
+        doubts = (f"{self.title}: {record.doubt}",) if record.doubt else ()
+        return Account(lines, doubts, {**data, "measured": record.measured.tolist(), "computed": values.tolist()})

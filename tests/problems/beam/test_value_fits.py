@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from ancf_casadi import Beam, FitError, InputError, Model, PointLoad, Sensor
+from ancf_casadi import Beam, FitError, InputError, Model, PointLoad, Sensor, natural_modes
 from ancf_casadi.estimation.result import FitResult
 from problems import FrequencyRecord, StaticRecord, fit_beam
 from tests.coverage import covers
@@ -320,3 +320,20 @@ def test_records_of_one_name_are_told_apart_by_number_and_length(given):
     report = fitted(records, ["elastic_modulus"]).report()
     for text in ("frequencies 1, 0.4 m, ", "frequencies 2, 0.45 m, ", "frequencies 3, 0.5 m, "):
         assert text in report
+
+
+@pytest.mark.parametrize("factor", [1e-3, 2 * math.pi, 60.0], ids=["kHz", "rad/s", "r/min"])
+def test_frequencies_in_another_unit_stand_beside_those_of_the_model(given, factor):
+    model = given()
+    measured = natural_modes(model, count=2).frequencies * factor
+    notes = fitted(FrequencyRecord(model, measured, std=1e-3 * measured), ["elastic_modulus"]).warnings
+    texts = (", ".join(f"{f:.4g}" for f in own) for own in (measured, measured / factor))
+    doubt = "the measured frequencies are {} Hz, where the model has {} Hz: give them in Hz".format(*texts)
+    assert any(doubt in note for note in notes)
+
+
+def test_a_fit_that_fails_names_frequencies_in_another_unit(given):
+    """Far from the frequencies of the model, relative errors hardly depend on the beam."""
+    record = FrequencyRecord(given(), [6.675e6, 4.183e7], std=[6.675e3, 4.183e4])
+    with pytest.raises(FitError, match=r"do not depend on .*; the measured frequencies are 6.675e\+06, 4.183e\+07 Hz"):
+        fitted(record, ["elastic_modulus", "clamp_stiffness"])

@@ -380,3 +380,13 @@ def test_data_for_json_are_those_of_the_result(beam):
     assert data["properties"][-1]["value"] == pytest.approx(match.beam.density[0])
     assert data["properties"][-1]["lowest"] < data["properties"][-1]["value"] < data["properties"][-1]["highest"]
     assert data["rank"] == 2
+
+
+@pytest.mark.parametrize("factor", [1e-3, 2 * np.pi, 60.0], ids=["kHz", "rad/s", "r/min"])
+def test_targets_in_another_unit_stand_beside_the_frequencies_of_the_beam(beam, factor):
+    standard = natural_modes(Model(beam), count=2).frequencies
+    (note,) = match_frequencies(beam, targets=standard * factor).warnings
+    texts = (", ".join(f"{f:.4g}" for f in own) for own in (standard * factor, standard))
+    assert note.startswith(
+        "the measured frequencies are {} Hz, where the model has {} Hz: give them in Hz".format(*texts)
+    )

@@ -14,11 +14,14 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, flag, is_sequence, physical, shown, vector, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.progress import counter
-from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum
+from problems.frf.delay import advance, remaining_delay
+from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, TrialFit
 from problems.frf.record import FrfRecord
 from problems.frf.refinement import FRF_ADVICE, given_deviations
 from problems.frf.result import FrfFit, refined
 from problems.frf.selection import MOST_FRF_MODES, Selection, bins, candidate_poles, poles_near, select_modes
+
+MOST_DELAYS = 4  # corrections of the delay
 
 
 @lasting_interrupts()
@@ -78,6 +81,34 @@ def fit_frf(
     if near is not None and modes is not None and modes != len(near):
         raise InputError(f"is {shown(modes)}, but {len(near)} frequencies are given; leave it out", "modes")
     wanted = len(near) if near is not None else None if modes is None else whole(modes, "modes", 1, MOST_FRF_MODES)
+    delay, advanced = 0.0, record
+    with counter("fit", shown=flag(progress, "progress")):
+        for _ in range(MOST_DELAYS):
+            best, merged = _settled(advanced, near, wanted)
+            more = remaining_delay(best, sought=delay != 0.0)
+            if not more:
+                break
+            delay += more
+            advanced = replace(record, values=advance(record.values, record.frequencies, delay))
+    found, lines = len(best.frequencies), record.frequencies
+    notes = [*record.notes, *merged]
+    if delay:
+        notes.append(
+            f"a delay of {1e3 * delay:.3g} ms, as of a trigger or a filter, turns the phase of all functions beside "
+            "their modes; it is taken out of the functions, and the standard errors take it as known"
+        )
+    if wanted is not None and found != wanted:
+        notes.append(f"the record supports {found} of {wanted} modes")
+    order = np.argsort(best.frequencies)
+    settled = replace(best, frequencies=best.frequencies[order], ratios=best.ratios[order])
+    fit = refined(advanced, settled, tuple(notes), partial(fit_frf, modes=modes, frequencies=frequencies, band=band))
+    if not ((fit.frequencies >= lines[0]) & (fit.frequencies <= lines[-1])).all():
+        raise FitError(f"a mode left the band; {FRF_ADVICE}")
+    return fit
+
+
+def _settled(record: FrfRecord, near: Array | None, wanted: int | None) -> tuple[TrialFit, list[str]]:
+    """Return the fit of the modes of a record with weights that have settled, and the notes of their selection."""
     values = record.columns
     model = ModalSum.of(record.frequencies, record.kind, RESIDUAL_POWERS[0])
     if wanted is not None and 2 * wanted + values.shape[1] * (2 * wanted + len(RESIDUAL_POWERS[0])) > values.size:
@@ -89,8 +120,7 @@ def fit_frf(
     estimated = record.std is None and record.coherence is None
     coarse = replace(model, starts=bins(record.frequencies, candidates))
     means = coarse.binned(values), np.sqrt(coarse.binned(deviations**2) / np.sqrt(coarse.bin_sizes)[:, None])
-    with counter("fit", shown=flag(progress, "progress")):
-        best, merged = select_modes(Selection(*means, estimated, candidates, wanted), coarse)
+    best, notes = select_modes(Selection(*means, estimated, candidates, wanted), coarse)
     if near is not None and len(best.frequencies) < len(near):
         raise FitError(f"only {len(best.frequencies)} of the {wanted} modes were found; {FRF_ADVICE}")
     selection = Selection(values, deviations, estimated, candidates, len(best.frequencies))
@@ -102,16 +132,7 @@ def fit_frf(
             best = selection.weighted(best)
         else:
             best = replace(best, weights=1 / selection.deviations_of(best))
-    found, lines = len(best.frequencies), record.frequencies
-    notes = tuple(merged) if wanted is None or found == wanted else (f"the record supports {found} of {wanted} modes",)
-    order = np.argsort(best.frequencies)
-    settled = replace(best, frequencies=best.frequencies[order], ratios=best.ratios[order])
-    fit = refined(
-        record, settled, (*record.notes, *notes), partial(fit_frf, modes=modes, frequencies=frequencies, band=band)
-    )
-    if not ((fit.frequencies >= lines[0]) & (fit.frequencies <= lines[-1])).all():
-        raise FitError(f"a mode left the band; {FRF_ADVICE}")
-    return fit
+    return best, notes
 
 
 def _given(frequencies: Any, record: FrfRecord) -> Array:

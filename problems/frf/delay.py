@@ -1,0 +1,93 @@
+"""Delay of measured functions beside their modes, as of a trigger or of a filter.
+
+A delay tau multiplies all functions by exp(-i omega tau): their phase falls in proportion to the frequency, which modes
+and residual terms imitate badly.  If a fit needs more than the fewest residual terms, or leaves more than noise, delays
+on both sides of zero are tried.  With the modes of the fit and the fewest residual terms, the sum of squares of the
+delayed values follows from one factorisation; the best of its minima are refined, with all modes.  Complex modal
+constants imitate a small delay; of the delays that fit, that with the most real constants is taken.  A delay counts if
+the criterion BIC of this fit is clearly below that of the fit without it,
+
+    N ln(S_0/S_1) + (K_0 - K_1 - 1) ln N > 10.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, concentration
+from ancf_casadi.support.arrays import Array, ComplexArray
+from ancf_casadi.support.tall import inner
+from problems.frf.modal_sum import RESIDUAL_POWERS, TrialFit, quick_fit, stacked
+from problems.frf.selection import VERY_STRONG
+
+TRIED = np.arange(-80, 81)  # delays in tenths of a period of the band
+REFINED = 3  # minima of the sum of squares
+
+
+def advance(values: ComplexArray, frequencies: Array, delay: float) -> ComplexArray:
+    """Return functions (..., k) at frequencies, Hz, without a delay, s."""
+    return np.asarray(values * np.exp(2j * np.pi * frequencies * delay))
+
+
+def remaining_delay(fit: TrialFit, *, sought: bool = False) -> float:
+    """Return the delay, s, that explains the functions of a fit clearly better than its residual terms do; 0 if none.
+
+    Without ``sought``, a fit with the fewest residual terms and residuals like noise has none.
+    """
+    lines = fit.model.frequencies
+    noisy = concentration(fit.weighted_residuals, *fit.series) <= MOST_CONCENTRATION
+    if noisy and fit.model.powers == RESIDUAL_POWERS[0] and not sought:
+        return 0.0
+    fewest = replace(fit, model=replace(fit.model, powers=RESIDUAL_POWERS[0]))
+
+    def delayed(delay: float) -> TrialFit | None:
+        return quick_fit(replace(fewest, values=advance(fewest.values.T, lines, delay).T))
+
+    def cost(delay: float) -> float:
+        found = delayed(delay)
+        return math.inf if found is None else float(found.weighted_residuals @ found.weighted_residuals)
+
+    step = 0.1 / float(lines[-1] - lines[0])
+    squares = _projected_squares(fewest, np.array(step * TRIED, dtype=float))
+    least = 1 + np.flatnonzero((squares[1:-1] <= squares[:-2]) & (squares[1:-1] <= squares[2:]))
+    minima = (step * TRIED[least[np.argsort(squares[least])][:REFINED]]).tolist()
+    if not minima:
+        return 0.0
+    start = min(minima, key=cost)
+    delay = float(minimize_scalar(cost, bounds=(start - step, start + step), method="bounded").x)
+    found = delayed(delay)
+    if found is not None:
+        delay += _phase_delay(found, 3 * step)
+        found = delayed(delay)
+    if found is None:
+        return 0.0
+    samples, before = 2 * fit.values.size, float(fit.weighted_residuals @ fit.weighted_residuals)
+    gain = samples * math.log(before / max(cost(delay), np.finfo(float).tiny))
+    gain += (fit.parameters - found.parameters - 1) * math.log(samples)
+    return delay if gain > VERY_STRONG else 0.0
+
+
+def _phase_delay(fit: TrialFit, most: float) -> float:
+    """Return the delay, s, up to a largest one, without which the modal constants of a fit are the most real."""
+    constants = fit.model.constants(fit.frequencies, fit.ratios, fit.coefficients)
+    sizes = np.linalg.norm(constants, axis=1)[:, None]
+    turns = 2j * np.pi * (fit.frequencies * np.sqrt(1 - fit.ratios**2))[:, None]
+    found = minimize_scalar(
+        lambda delay: np.sum((constants / sizes * np.exp(turns * delay)).imag ** 2),
+        bounds=(-most, most),
+        method="bounded",
+    )
+    return float(found.x)
+
+
+def _projected_squares(fit: TrialFit, delays: Array) -> Array:
+    """Return the sums of squares of the residuals for delays (d,), with the modes of a fit."""
+    squares, turns = np.zeros(len(delays)), np.exp(2j * np.pi * fit.model.frequencies[:, None] * delays)
+    for (q, _), weight, values in zip(fit.factors, fit.weights.T, fit.values.T, strict=True):
+        turned = stacked((weight * values)[:, None] * turns)
+        squares += np.sum(turned**2, axis=0) - np.sum(inner(q, turned) ** 2, axis=0)
+    return squares

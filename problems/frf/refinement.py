@@ -54,7 +54,7 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.callbacks import Differentiable, kept
 from ancf_casadi.support.tall import tall_qr
-from problems.decay.limitations import IMPRECISE
+from problems.decay.limitations import IMPRECISE, MOST_ORDER
 from problems.frf.modal_sum import LARGEST_RATIO, RESIDUAL_POWERS, TrialFit, stacked
 from problems.frf.record import FrfRecord, moving_mean
 
@@ -62,6 +62,7 @@ FRF_ADVICE = "give approximate frequencies, ask for fewer modes, or choose a ban
 LOG_BOUNDS = (-30.0, 30.0)  # of the logarithm of B/A, relative to the first guess
 LEAST_STD = 1e-6  # standard deviation, relative to the median of the function
 LEAST_REMAINDER = 0.05  # least 1 - h
+HARMONIC_DISTANCE = 3e-3  # relative, of a mode from a multiple of another one that may be its harmonic
 
 
 def refine(start: TrialFit) -> tuple[TrialFit, Fit]:
@@ -168,6 +169,7 @@ def limitations(trial: TrialFit, fit: Fit) -> list[str]:
                 f"mode {k}: the damping ratio has a standard error of {100 * error / ζ:.2g} %; less noise, or a finer "
                 "resolution, would help"
             )
+    notes += harmonics_notes(trial.frequencies)
     if trial.model.powers == RESIDUAL_POWERS[-1]:
         notes.append(
             "a mode close to the band, or one in it that was not found, shows in the functions, and many residual "
@@ -178,6 +180,24 @@ def limitations(trial: TrialFit, fit: Fit) -> list[str]:
         notes.append(
             f"the residuals are not noise: their power is concentrated {focus:.2g} times as much; a mode may be "
             "missing, the motion may be nonlinear, or the measurement may leak, and the errors allow for it in part"
+        )
+    return notes
+
+
+def harmonics_notes(frequencies: Array) -> list[str]:
+    """Return a note for each mode at whole multiples of whose frequency others lie; frequencies ascend."""
+    notes, named = [], set[int]()
+    for k, base in enumerate(frequencies.tolist()):
+        orders = np.round(frequencies / base)
+        near = np.abs(frequencies / (np.maximum(orders, 1.0) * base) - 1.0) < HARMONIC_DISTANCE
+        own = [j for j in np.flatnonzero(near & (orders > 1.0) & (orders <= MOST_ORDER)).tolist() if j not in named]
+        if k in named or not own:
+            continue
+        named.update(own)
+        places = ", ".join(f"{frequencies[j]:.4g} Hz (mode {j + 1}, {orders[j]:.0f} times)" for j in own)
+        notes.append(
+            f"multiples of the {base:.4g} Hz of mode {k + 1} are listed as modes: {places}; they may be harmonics of "
+            "its nonlinear motion, which fall faster than modes at a smaller level"
         )
     return notes
 

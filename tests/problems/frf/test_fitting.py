@@ -18,9 +18,11 @@ from ancf_casadi import (
 )
 from ancf_casadi.estimation.result import FitResult
 from ancf_casadi.plot import rendered
+from ancf_casadi.response.linear_frf import FRF_POWERS
 from problems import FrfRecord, Global, fit_frf, match_frequencies
 from problems.frf import fitting, selection
 from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, TrialFit
+from problems.frf.refinement import harmonics_notes
 from tests.coverage import covers
 
 
@@ -468,6 +470,54 @@ def test_two_poles_within_a_bandwidth_are_two_modes_if_their_shapes_differ(assur
     fit = fit_frf(FrfRecord(f, values + noise, "receptance"))
     assert len(fit.frequencies) == modes
     assert any(note.startswith("one mode near") for note in fit.warnings) == (modes == 1)
+
+
+def test_tones_at_multiples_of_a_mode_are_named_as_harmonics():
+    f, rng = np.linspace(60.0, 340.0, 1121), np.random.default_rng(3)
+    tones = [(80.4, 0.004, (1.0,)), (160.8, 0.004, (0.2,)), (200.0, 0.004, (0.6,)), (241.3, 0.004, (-0.2,))]
+    values = modal_sum(f, tones) * (1 + 0.01 * complex_noise(rng, f.size))
+    fit = fit_frf(FrfRecord(f, values, "receptance"), frequencies=[own for own, *_ in tones])
+    (note,) = [note for note in fit.warnings if "multiples" in note]
+    assert note.startswith(
+        "multiples of the 80.4 Hz of mode 1 are listed as modes: 160.8 Hz (mode 2, 2 times), 241.3 Hz "
+    )
+
+
+@pytest.mark.parametrize(
+    ("frequencies", "named"),
+    [
+        ([80.4, 160.8, 241.3, 321.5], [[2, 3, 4]]),
+        ([10.0, 20.01, 33.0, 66.1, 99.0], [[2], [4, 5]]),
+        ([1.85, 10.19, 26.84, 53.2, 88.6], []),
+        ([10.0, 20.1, 29.8, 70.0], []),
+    ],
+    ids=["of one mode", "of two modes", "cantilever", "near multiples"],
+)
+def test_harmonics_are_whole_multiples_up_to_order_five(frequencies, named):
+    notes = harmonics_notes(np.array(frequencies))
+    assert [[int(mode) for mode in re.findall(r"\(mode (\d)", note)] for note in notes] == named
+
+
+# Three modes of 19 to 43 % damping, three lightly damped ones, and two at two outputs.
+DELAYED = {
+    "heavy": ([(8.0, 0.43, (64.0,)), (20.0, 0.19, (320.0,)), (45.0, 0.25, (1215.0,))], 0.01, "receptance"),
+    "light": ([(10.0, 0.02, (100.0,)), (25.0, 0.01, (-375.0,)), (60.0, 0.02, (2880.0,))], 0.02, "receptance"),
+    "accelerance": ([(10.0, 0.1, (1.0, 0.5)), (30.0, 0.2, (-0.5, 0.8))], 0.015, "accelerance"),
+}
+
+
+@pytest.mark.parametrize(
+    "case", ["heavy", *(pytest.param(case, marks=pytest.mark.slow) for case in ("light", "accelerance"))]
+)
+def test_a_delay_is_taken_out_and_named(case):
+    modes, delay, kind = DELAYED[case]
+    f = np.arange(0.5, 80.0, 0.25)
+    values = modal_sum(f, modes, FRF_POWERS[kind]) * np.exp(-2j * np.pi * f * delay)
+    values = values * (1 + 0.01 * complex_noise(np.random.default_rng(4), values.shape))
+    fit = fit_frf(FrfRecord(f, values, kind))
+    check(fit, modes)
+    (note,) = [note for note in fit.warnings if note.startswith("a delay of")]
+    assert float(note.split()[3]) == pytest.approx(1e3 * delay, rel=0.02)
 
 
 def test_bins_are_few_and_lose_three_percent_of_the_precision_at_most():

@@ -138,7 +138,8 @@ def channels_figure(results: Mapping[str, Any]) -> Figure:
         if all((one.places == np.rint(one.places)).all() for one in channels):
             lower.xaxis.set_major_locator(MaxNLocator(integer=True))
         upper.lines[0].set_label("measured")
-        upper.legend(frameon=False, fontsize="small")
+        place = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)} if len(channels) > 1 else {}  # beside the data
+        upper.legend(frameon=False, fontsize="small", **place)
     for unused in plots.reshape(rows, 2, columns).swapaxes(1, 2).reshape(-1, 2)[len(diagrams) :].ravel():
         figure.delaxes(unused)
     return figure

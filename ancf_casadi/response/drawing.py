@@ -161,9 +161,11 @@ def bode_figure(columns: Sequence[Sequence[Curve]], label: str, titles: Sequence
         _draw_bode(above, below, curves)
         if column < len(titles):
             above.set_title(titles[column], fontsize="medium")
-        if any(curve.name for curve in curves) and len(curves) <= 12:  # curves of a plot in its legend
+        if any(curve.name for curve in curves) and len(curves) <= 12 and count == 1:  # curves of a plot in its legend
             above.legend(frameon=False, fontsize="small")
         below.set(xlabel="frequency, Hz")
+    if count > 1:
+        figure.legend(*plots[0, 0].get_legend_handles_labels(), frameon=False, loc="outside lower center", ncols=3)
     plots[0, 0].set_ylabel(label)
     plots[1, 0].set_ylabel("phase, degrees")
     return figure

@@ -148,7 +148,8 @@ def simulate(
     tolerance = None if tolerance is None else physical(tolerance, "tolerance")
     largest_step, most_steps = positive_or_infinite(largest_step, "largest_step"), whole(most_steps, "most_steps", 1)
     hidden = not flag(progress, "progress")
-    with noted_interrupts() as interrupts:
+    with noted_interrupts() as interrupts, warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "an element bends")  # at the start, of which the motion tells below
         setup = set_up(
             model,
             duration=duration,

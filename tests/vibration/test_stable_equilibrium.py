@@ -10,10 +10,12 @@ from ancf_casadi import (
     Beam,
     Clamp,
     EquilibriumError,
+    HarmonicBase,
     InputError,
     Model,
     Pin,
     PointLoad,
+    SampledLoad,
     State,
     equilibrium_path,
     natural_modes,
@@ -185,8 +187,25 @@ def test_elements_that_bend_too_far_are_named_with_modes_paths_and_motions():
         natural_modes(model)
     with pytest.warns(UserWarning, match="an element bends"):
         equilibrium_path(over_bent(gravity=(0.0, -2.0)), loads=[PointLoad((0.0, -2e-3))])
-    with pytest.warns(UserWarning, match="an element bends"):
-        simulate(over_bent(elastic_modulus=1e10), start="straight", duration=0.3, sample_rate=50.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "settings"),
+    [
+        ({}, {"start": "straight", "duration": 0.3}),
+        ({"gravity": (0.0, -3.0)}, {"duration": 0.02}),
+        ({"axis": (0.0, -1.0)}, {"base": HarmonicBase(amplitude=0.1, frequency=3.0), "duration": 0.4}),
+        (
+            {"gravity": (0.0, 0.0)},
+            {"start": "straight", "load": SampledLoad([0.0, 1.0], [[0.0, 2e-3], [0.0, 2e-3]]), "duration": 0.1},
+        ),
+    ],
+    ids=["fall", "equilibrium", "moving base", "load"],
+)
+def test_a_motion_that_bends_its_elements_too_far_says_so_once(changes, settings):
+    with pytest.warns(UserWarning, match="an element bends by") as caught:
+        simulate(over_bent(elastic_modulus=1e10, **changes), sample_rate=50.0, **settings)
+    assert len(caught) == 1
 
 
 class TestState:

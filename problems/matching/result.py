@@ -267,8 +267,8 @@ class FrequencyMatch(FitResult):
                 else "no bound limits the fit; let other properties change"
             )
             worst = f"a frequency error of {100 * self.max_relative_error:.3g} % remains"
-            doubt = unit_doubt(np.array(self.targets), np.array(self.standard))
-            notes.append(doubt or f"the targets are out of reach of these unknowns: {worst}, and {limit}")
+            reason = unit_doubt(np.array(self.targets), np.array(self.standard)) or limit
+            notes.append(f"the targets are out of reach of these unknowns: {worst}, and {reason}")
         before = (self.matching.numbers + 1).tolist()
         if self.mac is None and before != [*self.modes]:
             notes.append(

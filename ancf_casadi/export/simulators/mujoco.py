@@ -84,6 +84,14 @@ class HingedChain(Segmented):
         compared = (rates + self.law.beta * joints, viscous, joints)
         return meeting_first(*(np.array([self.discrete.ratio(own, k) for k in range(count)]) for own in compared))
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on what MuJoCo cannot represent."""
+        beta = self.rates[1]
+        if beta == self.law.beta:
+            return self.law.warnings
+        return (*self.law.warnings, f"viscosity does not act on point masses; beside it, beta is {beta:.4g} s")
+
     @cached_property
     def density(self) -> float:
         """Density for the drag of the law, kg/m^3."""

@@ -252,6 +252,11 @@ class Segmented(ABC):
         """Angular frequencies and shapes."""
         return self.discrete.modes(COMPARED)
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on what the program cannot represent."""
+        return self.law.warnings
+
     def speeds(self, mode: int) -> Array:
         """Return 8/(3 pi) of the speeds of the places (p, 3) in a mode: drag times these is damping of equal energy."""
         omega, shapes = self.modes
@@ -318,6 +323,7 @@ def written(kind: type[Segmented], template: str, *options: Any) -> ExportedBeam
         # the error falls with at most the third power of the number; 0.9 keeps the next below the fewest that suffice
         count = min(MOST, max(count + 1, int(0.9 * count * (error / allowed) ** (1 / 3))))
     ratio = program.discrete.ratio(program.damping(0), 0)
+    law = replace(law, warnings=program.warnings)
     return settled(given, law, count, frequencies, ratio, program.matrix, program=program, beam=program.beam)
 
 

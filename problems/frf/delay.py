@@ -8,6 +8,8 @@ constants imitate a small delay; of the delays that fit, that with the most real
 the criterion BIC of this fit is clearly below that of the fit without it,
 
     N ln(S_0/S_1) + (K_0 - K_1 - 1) ln N > 10.
+
+and if it is at least a tenth of the period that belongs to the width of the band.
 """
 
 from __future__ import annotations
@@ -63,7 +65,7 @@ def remaining_delay(fit: TrialFit, *, sought: bool = False) -> float:
     if found is not None:
         delay += _phase_delay(found, 3 * step)
         found = delayed(delay)
-    if found is None:
+    if found is None or (abs(delay) < step and not sought):  # so small a delay may be that of any misfit
         return 0.0
     samples, before = 2 * fit.values.size, float(fit.weighted_residuals @ fit.weighted_residuals)
     gain = samples * math.log(before / max(cost(delay), np.finfo(float).tiny))

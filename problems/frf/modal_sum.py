@@ -255,7 +255,7 @@ class TrialFit:
         return tall_qr(self.jacobian)[0]
 
 
-def quick_fit(start: TrialFit) -> TrialFit | None:
+def quick_fit(start: TrialFit, tolerance: float = SOLVER_TOLERANCE) -> TrialFit | None:
     """Return the fit of all parameters from the modes of a start; None if the functions do not determine the modes."""
     bounded = start.bounded
     count_step()
@@ -274,7 +274,7 @@ def quick_fit(start: TrialFit) -> TrialFit | None:
     try:
         found = least_squares(
             residuals, bounded, jacobian, (0.0, upper),
-            x_scale=start.scales, ftol=SOLVER_TOLERANCE, xtol=SOLVER_TOLERANCE, gtol=SOLVER_TOLERANCE,
+            x_scale=start.scales, ftol=tolerance, xtol=tolerance, gtol=SOLVER_TOLERANCE,
             max_nfev=50 * len(bounded),
         )  # fmt: skip
     except (np.linalg.LinAlgError, ValueError):  # residuals that are not finite

@@ -409,7 +409,7 @@ def unit_doubt(measured: Array, computed: Array) -> str:
     ratios = measured / np.maximum(computed, np.finfo(float).tiny)
     if 1 / FAR < ratios.max() and ratios.min() < FAR:
         return ""
-    pairs = (", ".join(f"{f:.4g}" for f in own[:3]) for own in (measured, computed))
+    pairs = (", ".join(f"{f:.4g}" for f in frequencies[:3]) for frequencies in (measured, computed))
     return (
         "the measured frequencies are {} Hz, where the model has {} Hz: give them in Hz, or correct the model".format(
             *pairs

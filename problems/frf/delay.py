@@ -41,17 +41,18 @@ def remaining_delay(fit: TrialFit, *, sought: bool = False) -> float:
     Without ``sought``, a fit with the fewest residual terms and residuals like noise has none.
     """
     lines = fit.model.frequencies
-    noisy = concentration(fit.weighted_residuals, *fit.series) <= MOST_CONCENTRATION
-    if noisy and fit.model.powers == RESIDUAL_POWERS[0] and not sought:
+    like_noise = concentration(fit.weighted_residuals, *fit.series) <= MOST_CONCENTRATION
+    if like_noise and fit.model.powers == RESIDUAL_POWERS[0] and not sought:
         return 0.0
+    before = _squares(fit)
     fewest = replace(fit, model=replace(fit.model, powers=RESIDUAL_POWERS[0]))
 
     def delayed(delay: float) -> TrialFit | None:
         return quick_fit(replace(fewest, values=advance(fewest.values.T, lines, delay).T))
 
     def cost(delay: float) -> float:
-        found = delayed(delay)
-        return math.inf if found is None else float(found.weighted_residuals @ found.weighted_residuals)
+        trial = delayed(delay)
+        return before if trial is None else _squares(trial)
 
     step = 0.1 / float(lines[-1] - lines[0])
     squares = _projected_squares(fewest, np.array(step * TRIED, dtype=float))
@@ -61,16 +62,20 @@ def remaining_delay(fit: TrialFit, *, sought: bool = False) -> float:
         return 0.0
     start = min(minima, key=cost)
     delay = float(minimize_scalar(cost, bounds=(start - step, start + step), method="bounded").x)
-    found = delayed(delay)
-    if found is not None:
-        delay += _phase_delay(found, 3 * step)
-        found = delayed(delay)
-    if found is None or (abs(delay) < step and not sought):  # so small a delay may be that of any misfit
+    trial = delayed(delay)
+    if trial is not None:
+        delay += _phase_delay(trial, 3 * step)
+        trial = delayed(delay)
+    if trial is None or (abs(delay) < step and not sought):  # so small a delay may be that of any misfit
         return 0.0
-    samples, before = 2 * fit.values.size, float(fit.weighted_residuals @ fit.weighted_residuals)
-    gain = samples * math.log(before / max(cost(delay), np.finfo(float).tiny))
-    gain += (fit.parameters - found.parameters - 1) * math.log(samples)
+    samples = 2 * fit.values.size
+    gain = samples * math.log(before / _squares(trial)) + (fit.parameters - trial.parameters - 1) * math.log(samples)
     return delay if gain > VERY_STRONG else 0.0
+
+
+def _squares(fit: TrialFit) -> float:
+    """Return the weighted sum of squares of the residuals, above 0."""
+    return max(float(fit.weighted_residuals @ fit.weighted_residuals), np.finfo(float).tiny)
 
 
 def _phase_delay(fit: TrialFit, most: float) -> float:
@@ -78,12 +83,12 @@ def _phase_delay(fit: TrialFit, most: float) -> float:
     constants = fit.model.constants(fit.frequencies, fit.ratios, fit.coefficients)
     sizes = np.linalg.norm(constants, axis=1)[:, None]
     turns = 2j * np.pi * (fit.frequencies * np.sqrt(1 - fit.ratios**2))[:, None]
-    found = minimize_scalar(
+    optimum = minimize_scalar(
         lambda delay: np.sum((constants / sizes * np.exp(turns * delay)).imag ** 2),
         bounds=(-most, most),
         method="bounded",
     )
-    return float(found.x)
+    return float(optimum.x)
 
 
 def _projected_squares(fit: TrialFit, delays: Array) -> Array:

@@ -90,15 +90,15 @@ def fit_frf(
                 break
             delay += more
             advanced = replace(record, values=advance(record.values, record.frequencies, delay))
-    found, lines = len(best.frequencies), record.frequencies
+    count, lines = len(best.frequencies), record.frequencies
     notes = [*record.notes, *merged]
     if delay:
         notes.append(
             f"a delay of {1e3 * delay:.3g} ms, as of a trigger or a filter, turns the phase of all functions beside "
             "their modes; it is taken out of the functions, and the standard errors take it as known"
         )
-    if wanted is not None and found != wanted:
-        notes.append(f"the record supports {found} of {wanted} modes")
+    if wanted is not None and count != wanted:
+        notes.append(f"the record supports {count} of {wanted} modes")
     order = np.argsort(best.frequencies)
     settled = replace(best, frequencies=best.frequencies[order], ratios=best.ratios[order])
     fit = refined(advanced, settled, tuple(notes), partial(fit_frf, modes=modes, frequencies=frequencies, band=band))

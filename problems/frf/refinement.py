@@ -190,11 +190,13 @@ def harmonics_notes(frequencies: Array) -> list[str]:
     for k, base in enumerate(frequencies.tolist()):
         orders = np.round(frequencies / base)
         near = np.abs(frequencies / (np.maximum(orders, 1.0) * base) - 1.0) < HARMONIC_DISTANCE
-        own = [j for j in np.flatnonzero(near & (orders > 1.0) & (orders <= MOST_ORDER)).tolist() if j not in named]
-        if k in named or not own:
+        multiples = [
+            j for j in np.flatnonzero(near & (orders > 1.0) & (orders <= MOST_ORDER)).tolist() if j not in named
+        ]
+        if k in named or not multiples:
             continue
-        named.update(own)
-        places = ", ".join(f"{frequencies[j]:.4g} Hz (mode {j + 1}, {orders[j]:.0f} times)" for j in own)
+        named.update(multiples)
+        places = ", ".join(f"{frequencies[j]:.4g} Hz (mode {j + 1}, {orders[j]:.0f} times)" for j in multiples)
         notes.append(
             f"multiples of the {base:.4g} Hz of mode {k + 1} are listed as modes: {places}; they may be harmonics of "
             "its nonlinear motion, which fall faster than modes at a smaller level"

@@ -82,7 +82,9 @@ class HingedChain(Segmented):
             return self.discrete.ratio(rates, 0) / self.discrete.ratio(viscous, 0), self.law.beta
         joints = self._damping(0.0, 0.0, 1.0, 0)
         compared = (rates + self.law.beta * joints, viscous, joints)
-        return meeting_first(*(np.array([self.discrete.ratio(own, k) for k in range(count)]) for own in compared))
+        return meeting_first(
+            *(np.array([self.discrete.ratio(damping, k) for k in range(count)]) for damping in compared)
+        )
 
     @property
     def warnings(self) -> tuple[str, ...]:

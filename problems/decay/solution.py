@@ -117,8 +117,7 @@ def fit_from(
     thinned = [reduced(*one) for one in zip(decays, counts, curves, strict=True)]
     fit, columns = _match(model, thinned, moving, robust, start, near.fit.estimates if near else {}, priors)
     parts = [slice(*ends) for ends in pairwise(np.cumsum([0, *counts]).tolist())]
-    if fit.residual_rms > NOISE_FREE * _swing(model, moving):
-        fit = allowing_for_later_starts(fit, [late_part(fit, parts, share) for share in LATER_STARTS])
+    fit = allow_for_late_parts(fit, parts, NOISE_FREE * _swing(model, moving))
     residuals = [fit.residuals[rows] for rows in parts]
     if counts != lengths:
         final = [curve_at(model, fit.values[list(own)]) for own in columns]
@@ -134,6 +133,16 @@ def fit_from(
             times, residuals, columns, parts, guesses, growth, again, strict=True
         )
     )
+
+
+def allow_for_late_parts(fit: Fit, decays: Sequence[slice], noise_free: float) -> Fit:
+    """Return a fit whose covariance allows for the scatter between late parts of its decays and the rest.
+
+    ``decays`` are the residuals of each decay; up to the root mean square ``noise_free``, residuals are no noise.
+    """
+    if not fit.residual_rms > noise_free:
+        return fit
+    return allowing_for_later_starts(fit, [late_part(fit, decays, share) for share in LATER_STARTS])
 
 
 def _growth(
@@ -306,7 +315,7 @@ def _match(
         "series": [*(len(t) for t in times), *[1] * held],
         "times": np.concatenate([*times, np.zeros(held)]),
         "stated": np.repeat([False, True], [measured.numel(), held]),
-        "systematic": _rounding(decays),
+        "systematic": rounding_error(decays),
         "advice": "check the time of the release, or fit a law with fewer terms",
     }
     least = NOISE_FREE * _swing(model, guesses)
@@ -330,7 +339,7 @@ def _match(
     return fit, columns
 
 
-def _rounding(decays: Sequence[Measurement]) -> float:
+def rounding_error(decays: Sequence[Measurement]) -> float:
     """Return the systematic error that moves estimates as far as the white noise of rounding to floating-point numbers.
 
     Numbers with the spacing s have an error of s/12^1/2; residuals may be less, since curves are rounded alike.

@@ -7,6 +7,7 @@ one kind of sensor share the standard deviation of their noise.  A long record i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -25,7 +26,7 @@ from problems.beam.curves.response_block import ResponseBlock, first_weights
 from problems.decay.laws import DecayModel
 from problems.decay.limitations import NOISE_FREE
 from problems.decay.result import DecayFit
-from problems.decay.solution import fitted_part
+from problems.decay.solution import fitted_part, rounding_error
 from problems.mode.oscillator import closest_motions, response_curve
 
 # factor on standard deviations below which rounding hides the closest points (test_known_values_are_recovered...)
@@ -68,9 +69,15 @@ class DecayBlock(Block):
     def negligible(self) -> float:
         """Norm of the rounding errors."""
         return float(np.hypot.reduce([
-            NOISE_FREE * root_mean_square(one.decay.values) / std * len(one.decay.time) ** 0.5
+            least_deviation(one.decay) / std * len(one.decay.time) ** 0.5
             for one, std in zip(self.decays, self.weights.deviations.tolist(), strict=True)
         ]))  # fmt: skip
+
+    @property
+    def systematic(self) -> float:
+        """Root mean square of the rounding of the records to floating-point numbers, in standard deviations."""
+        errors = np.array([rounding_error([one.decay]) for one in self.decays])
+        return self.weights.root_mean_square(errors) / math.sqrt(len(errors))
 
     def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
         """Return the residuals (m,) for unknowns by name, in standard deviations."""
@@ -111,20 +118,26 @@ class DecayBlock(Block):
         return found
 
 
+def least_deviation(decay: Measurement) -> float:
+    """Return the standard deviation below which the residuals of a decay are rounding."""
+    rounding = rounding_error([decay]) * math.sqrt(len(decay.time))
+    return math.hypot(NOISE_FREE * float(np.std(decay.values)), rounding)
+
+
 def decay_block(decays: Sequence[ModeDecay]) -> DecayBlock:
     """Return decays as a block, whose first weights are the residuals of each decay alone."""
     # the noise of fewer samples is smaller
     shares = [round(one.alone.fitted_samples / one.alone.samples, 3) for one in decays]
     groups = alike((one.decay.sensor.quantity, share) for one, share in zip(decays, shares, strict=True))
-    sizes = np.array([root_mean_square(one.decay.values) for one in decays])
-    own = np.maximum([one.alone.residual_rms for one in decays], NOISE_FREE * sizes)
+    floors = np.array([least_deviation(one.decay) for one in decays])
+    own = np.maximum([one.alone.residual_rms for one in decays], floors)
     deviations = own.copy()
     for group in map(list, groups):
         deviations[group] = np.sqrt(np.mean(own[group] ** 2))
     weights = SeriesWeights(
         lengths=np.array([len(one.decay.time) for one in decays]),
         deviations=deviations,
-        floors=NOISE_FREE * sizes,
+        floors=floors,
         groups=groups,
         known=(False,) * len(groups),
     )

@@ -16,6 +16,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from types import NoneType
 from typing import Any, get_args
 
@@ -25,7 +26,7 @@ from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest import Rest
 from ancf_casadi.estimation.block import Block
-from ancf_casadi.estimation.solve import FitProblem, solve
+from ancf_casadi.estimation.solve import FitProblem, FitSolution, solve
 from ancf_casadi.estimation.solver.unknown import Priors, Unknown, started
 from ancf_casadi.exceptions import FitError, InputError, NumericsError
 from ancf_casadi.records.measurement import Measurement
@@ -36,8 +37,9 @@ from problems.beam.curves.checks import level_notes, oriented, phase_locked
 from problems.beam.curves.record import ResponseRecord
 from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law, with_priors
 from problems.decay.result import DecayFit
-from problems.decay.solution import as_record, fit_one
+from problems.decay.solution import allow_for_late_parts, as_record, fit_one
 from problems.mode.decays import (
+    DecayBlock,
     ModeCurveBlock,
     constant_unit,
     curves_of_mode,
@@ -144,7 +146,7 @@ def fit_mode(
     problem = replace(problem, unknowns=tuple(with_priors(problem.unknowns, priors or {}, stated)))
     try:
         with counter("fit", shown=flag(progress, "progress")):
-            solution = solve(problem, starts)
+            solution = _with_late_parts(solve(problem, starts))
     except FitError as error:
         raise FitError("; ".join([*notes, str(error)]), error.stats) from None
     measured = [one.amplitude_range for one in alone]
@@ -222,6 +224,17 @@ def _stated(
                      for one in units if free]  # fmt: skip
         blocks.append(_weighed(curves_of_mode(model, curves, shared, names, known), best))
     return FitProblem(tuple(blocks), tuple(unknowns), robust), starts, model, shared
+
+
+def _with_late_parts(solution: FitSolution) -> FitSolution:
+    """Return a solution whose covariance allows for the scatter between late parts of the decays and the rest."""
+    for block, fitted in solution.parts:
+        if isinstance(block, DecayBlock):
+            ends = fitted.rows.start + np.cumsum([0, *block.series])
+            decays = [slice(*pair) for pair in pairwise(ends.tolist())]
+            noise_free = fitted.scale * block.negligible / math.sqrt(len(fitted.fit.residuals))
+            return replace(solution, fit=allow_for_late_parts(fitted.fit, decays, noise_free))
+    return solution
 
 
 def _weighed(block: ModeCurveBlock, start: Mapping[str, float]) -> ModeCurveBlock:

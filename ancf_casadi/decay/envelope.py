@@ -29,6 +29,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import scipy  # its packages are imported on first use
@@ -183,6 +184,17 @@ class LawCurve(Displayed):
                 self.amplitude.tolist(), self.frequency.tolist(), self.damping_ratio.tolist(), bands, strict=True
             )
         ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the curve for JSON: SI units, frequencies in Hz."""
+        return {
+            "amplitude": self.amplitude.tolist(),
+            "unit": self.unit,
+            "damping_ratio": self.damping_ratio.tolist(),
+            "damping_ratio_band": self.damping_ratio_band.tolist(),
+            "frequency_hz": self.frequency.tolist(),
+            "frequency_band_hz": self.frequency_band.tolist(),
+        }
 
     def _summary(self) -> str:
         return f"{counted(len(self.amplitude), 'amplitude')}, {spread(self.amplitude, self.unit)}"

@@ -251,5 +251,9 @@ def mixed_ends(weights: Array, values: Array, ends: Array, level: float) -> Arra
 
 def _parameters(fit: Fit, terms: tuple[str, ...]) -> str:
     """Return the estimated damping parameters of a law as text, with a mark on those at a bound."""
-    estimated = [name for name in terms if name in fit.names]
-    return ", ".join(f"{name} {fit[name]:.4g}{' (bound)' * (name in fit.at_bound)}" for name in estimated)
+    estimated = [unknown for unknown in fit.unknowns if unknown.name in terms]
+    texts = []
+    for unknown in estimated:
+        name, _, factor = unknown.report
+        texts.append(f"{name} {factor * fit[unknown.name]:.4g}{' (bound)' * (unknown.name in fit.at_bound)}")
+    return ", ".join(texts)

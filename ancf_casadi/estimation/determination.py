@@ -54,7 +54,7 @@ def check_determined(residuals: Callable[..., cs.MX], unknowns: Sequence[Unknown
         found = undetermined(logarithmic * jacobian, negligible)
         if not len(found):
             return
-    raise FitError("; ".join(_sentence([one.name for one in unknowns], row) for row in found))
+    raise FitError("; ".join(_sentence([unknown.report[0] for unknown in unknowns], row) for row in found))
 
 
 def certainty(fit: Fit, names: Sequence[str]) -> list[tuple[str, float]]:

@@ -294,7 +294,8 @@ def _checked(solution: FitSolution) -> FitSolution:
     """Return a solution; raise a FitError if it leaves most of a motion, or has most unknowns at bounds."""
     left = [found for block, fitted in solution.parts for found in block.unexplained(fitted)]
     unexplained = [f"{name} ({share:.0%})" for name, share in left if share**2 > MOST_UNEXPLAINED]
-    at_bound, count = solution.fit.at_bound, len(solution.fit.names)
+    at_bound = [unknown.report[0] for unknown in solution.fit.unknowns if unknown.name in solution.fit.at_bound]
+    count = len(solution.fit.names)
     if unexplained:
         raise FitError(
             f"the fit leaves more than half of the motion of {', '.join(unexplained)} unexplained; check the unit of "

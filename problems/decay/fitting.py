@@ -78,9 +78,10 @@ def fit_decay(
     ratio_bounds : (float, float)
         Bounds of the damping ratio under the linear law, above -1 and below 1.
     priors : mapping, optional
-        What is known of an unknown before the fit, by its name in ``fit.fit.names`` or as ``frequency`` (Hz, at zero
-        amplitude) or ``damping_ratio`` (linear law): mean and standard deviation, or median, relative standard
-        deviation and ``"log-normal"``: ``{"frequency": (1.91, 0.01)}``.  Not with ``auto``.
+        What is known of an unknown before the fit, by its name in ``fit.fit.names``, or as ``damping_ratio`` (linear
+        law), ``frequency`` (Hz; constant law) or ``frequency_at_zero`` (Hz, at zero amplitude; linear, quadratic or
+        power law): mean and standard deviation, or median, relative standard deviation and ``"log-normal"``:
+        ``{"frequency": (1.91, 0.01)}``.  Not with ``auto``.
     robust : bool
         Whether to use the pseudo-Huber loss, which limits the influence of outliers.
 

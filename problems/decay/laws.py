@@ -20,6 +20,9 @@ at the amplitude R of reference, and without a law at A_2:
     smooth        without a law, through values at seven amplitudes A_k
                                                 frequency_change at the release, relative to the smallest amplitude
 
+The reported ``frequency`` and ``damping_ratio`` are those at the release, under every law: no fit reports a value at an
+amplitude that was not measured.
+
 Each release has its own amplitude e0 of the envelope and phase phi, under every law.  With Eq. (9) these are
 r0 = e0 cos(phi) and (v0 + zeta omega r0)/omega_d = -e0 sin(phi).  The ratio zeta of the power law refers to the
 amplitude of reference, so that it hardly correlates with the exponent.
@@ -53,7 +56,14 @@ from ancf_casadi.decay.closed_forms import (
     quadratic_envelope,
 )
 from ancf_casadi.decay.first_guess import DecayGuess
-from ancf_casadi.decay.phase import AMPLITUDE_SPAN, FREQUENCY_TERMS, FrequencyLaw, frequency_change, integral
+from ancf_casadi.decay.phase import (
+    AMPLITUDE_SPAN,
+    FREQUENCY_TERMS,
+    NODE_OF_OMEGA,
+    FrequencyLaw,
+    frequency_change,
+    integral,
+)
 from ancf_casadi.decay.rest import REST_TERMS, Rest, rest_position
 from ancf_casadi.estimation.solver.unknown import Priors, Reported, Unknown, with_prior
 from ancf_casadi.exceptions import InputError
@@ -108,8 +118,11 @@ FREQUENCY_REPORTED: Mapping[FrequencyLaw, tuple[str, ...]] = {  # where they are
     "logarithmic": ("frequency_log_slope", "corner_amplitude"),
     "smooth": ("frequency_change",),
 }
-NOT_AT_ZERO: tuple[FrequencyLaw, ...] = ("logarithmic", "smooth")  # whose omega is not the frequency at zero amplitude
-FREQUENCY = Reported("omega", "frequency", "Hz", 1 / (2 * math.pi))
+FREQUENCY_AT: Mapping[FrequencyLaw, str] = {  # name of omega in Hz; else at zero amplitude
+    "constant": "frequency",
+    "logarithmic": "frequency_at_reference",
+    "smooth": f"frequency_at_{NODE_OF_OMEGA}",
+}
 RATIO = Reported("zeta", "damping_ratio", "")
 DISPLACEMENT = Sensor()
 RATIO_BOUNDS = (0.0, 0.999)
@@ -155,11 +168,22 @@ class DecayModel:
         """True if the frequency depends on the amplitude."""
         return self.frequency_law != "constant"
 
+    @property
+    def depends_on_amplitude(self) -> bool:
+        """True if the frequency or the damping ratio depends on the amplitude."""
+        return self.bends or self.law != "linear"
+
+    @property
+    def omega_in_hz(self) -> str:
+        """Name of the unknown omega in Hz: the frequency, or that at the amplitude to which the law refers."""
+        return FREQUENCY_AT.get(self.frequency_law, "frequency_at_zero")
+
     def shared(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of the mode."""
         ω, T = guess.ω, guess.duration
+        reported = Reported("omega", self.omega_in_hz, "Hz", 1 / (2 * math.pi))
         return [
-            Unknown("omega", ω, 1 / T, lower=0.0, unit="rad/s", reported=FREQUENCY),
+            Unknown("omega", ω, 1 / T, lower=0.0, unit="rad/s", reported=reported),
             *self._damping(guess),
             *self._bending(guess),
         ]
@@ -302,8 +326,9 @@ class DecayModel:
     def quantities(self, *x: cs.MX) -> cs.MX:
         """Return the quantities of the decay, in the order of ``DECAY_QUANTITIES``."""
         ω, damping, bending, (amplitude, _), rest = self._split(x)
+        at_release = 1 + self._change(amplitude, bending)  # relative to omega
         found = {
-            "frequency": ω / (2 * math.pi),
+            "frequency": ω / (2 * math.pi) * at_release,
             "damping_ratio": self._ratio(amplitude, ω, damping),
             **dict(zip(self.frequency_terms, bending, strict=True)),
             **self._coefficients(ω, damping),
@@ -311,16 +336,12 @@ class DecayModel:
             **dict(zip(REST_TERMS[self.rest], rest, strict=True)),
         }
         if self.frequency_law == "power":
-            found["frequency_change"] = self._change(amplitude, bending)
+            found["frequency_change"] = at_release - 1
         if self.frequency_law == "smooth":  # within the measured amplitudes, beyond which it says nothing
-            at_release = 1 + self._change(amplitude, bending)  # relative to omega
-            found["frequency"] *= at_release
             lowest = cs.MX(self.lowest or self.reference / self.span)
             found["frequency_change"] = at_release / (1 + self._change(lowest, bending)) - 1
         if self.frequency_law == "logarithmic":
-            at_rest = 1 + self._change(cs.MX(0), bending)
-            found["frequency"] *= at_rest
-            found["frequency_log_slope"] /= at_rest
+            found["frequency_log_slope"] /= 1 + self._change(cs.MX(0), bending)
             found["corner_amplitude"] = self.reference * cs.exp(bending[1])
         return cs.vertcat(*(found.get(name, cs.MX(0)) for name in DECAY_QUANTITIES))
 
@@ -347,9 +368,7 @@ def _column(values: Array) -> cs.MX:
 
 def with_priors(unknowns: Sequence[Unknown], priors: Priors, model: DecayModel) -> list[Unknown]:
     """Return the unknowns with priors, also of the frequency and of the damping ratio that a name stands for."""
-    factors = {one.name: (one.name, 1.0) for one in unknowns}
-    if model.frequency_law not in NOT_AT_ZERO:
-        factors["omega"] = ("frequency", 2 * math.pi)
+    factors = {one.name: (one.name, 1.0) for one in unknowns} | {"omega": (model.omega_in_hz, 2 * math.pi)}
     if model.law == "linear":
         factors["zeta"] = ("damping_ratio", 1.0)
     check_keys(dict(priors), set(), {*factors, *(name for name, _ in factors.values())} - {"omega", "zeta"}, "priors")

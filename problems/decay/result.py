@@ -16,6 +16,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ancf_casadi.decay.envelope import LawCurve
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest import REST_TERMS
 from ancf_casadi.estimation.intervals import Quantities
@@ -94,19 +95,17 @@ class DecayFit(LeastSquaresResult):
 
     frequency = _quantity(
         "frequency",
-        "Natural frequency f, Hz; the undamped one under the linear law.  If it depends on the amplitude A, it is that "
-        "at ``amplitude`` under the smooth law, and at zero amplitude under the others.",
+        "Natural frequency, Hz; the undamped one under the linear law.  If it depends on the amplitude, it is that at "
+        "``amplitude``.",
     )
-    frequency_slope = _quantity("frequency_slope", "k in f (1 + k A), 1/m; 0 under the other frequency laws.")
-    frequency_curvature = _quantity("frequency_curvature", "k in f (1 + k A^2), 1/m^2; 0 under the other ones.")
+    frequency_slope = _quantity("frequency_slope", "k in f_0 (1 + k A), 1/m; 0 under the other frequency laws.")
+    frequency_curvature = _quantity("frequency_curvature", "k in f_0 (1 + k A^2), 1/m^2; 0 under the other ones.")
     frequency_change = _quantity(
         "frequency_change",
         "Relative change of the frequency at ``amplitude``, power or smooth; 0 under the other laws.",
     )
     frequency_exponent = _quantity("frequency_exponent", "q in this law; 0 under the other ones.")
-    frequency_log_slope = _quantity(
-        "frequency_log_slope", "k in f (1 + k ln(1 + A/A_s)), with f at zero amplitude; 0 under the other laws."
-    )
+    frequency_log_slope = _quantity("frequency_log_slope", "k in f_0 (1 + k ln(1 + A/A_s)); 0 under the other laws.")
     corner_amplitude = _quantity("corner_amplitude", "A_s in this law, m; 0 under the other laws.")
     damping_ratio = _quantity(
         "damping_ratio", "Damping ratio; under other laws than the linear one, the equivalent one at ``amplitude``."
@@ -136,6 +135,18 @@ class DecayFit(LeastSquaresResult):
     def quantities(self) -> tuple[tuple[str, ...], tuple[str, ...], Quantities]:
         """Names and units of the quantities, and the function from the unknowns to them."""
         return tuple(DECAY_QUANTITIES), tuple(map(self.model.unit, DECAY_QUANTITIES)), self._quantities
+
+    def at_amplitude(self, amplitude: float) -> tuple[dict[str, float], dict[str, float]]:
+        """Return the quantities by name as after a release from an amplitude, and their standard errors."""
+        release = next(k for k, i in enumerate(self.indices) if self.fit.names[i].startswith("e0"))
+
+        def quantities(*x: cs.MX) -> cs.MX:
+            own = [x[i] for i in self.indices]
+            return self.model.quantities(*own[:release], cs.MX(amplitude), *own[release + 1 :])
+
+        values, errors = self.fit.derived(quantities)
+        names = tuple(DECAY_QUANTITIES)
+        return dict(zip(names, values.tolist(), strict=True)), dict(zip(names, errors.tolist(), strict=True))
 
     def _quantities(self, *x: cs.MX) -> cs.MX:
         return self.model.quantities(*(x[i] for i in self.indices))
@@ -200,6 +211,15 @@ class DecayFit(LeastSquaresResult):
         visible = max(float(np.ptp(last)) / 2, self.residual_rms) / per_amplitude
         lowest = max(visible, self.amplitude / 100)
         return min(lowest, self.amplitude / 2), self.amplitude
+
+    @cached_property
+    def ends_of_range(self) -> LawCurve | None:
+        """Frequency and damping ratio at both ends of the measured amplitudes; None if neither depends on them."""
+        if not self.model.depends_on_amplitude:
+            return None
+        from problems.decay.law_curve import law_curve  # which needs this class
+
+        return law_curve(self, self.amplitude_range)
 
     @property
     def residual_rms(self) -> float:
@@ -272,6 +292,7 @@ class DecayFit(LeastSquaresResult):
             "release_time_s": self.release_time,
             "release_reason": self.release_reason,
             f"residual_rms{'_m' * (self.model.sensor.unit == 'm')}": self.residual_rms,
+            "against_amplitude": self.ends_of_range.to_dict() if self.ends_of_range else None,
             "explained_share": known(self.explained_share),
             "sensor": self.model.sensor.quantity,
             "units": self.units,
@@ -286,10 +307,8 @@ class DecayFit(LeastSquaresResult):
         lines = [f"{self.title}, {self.samples} samples from {self.release_time:g} s on; 95 % intervals"]
         lines += [f"  {self.fitted_band}"] if self.fitted_band else []
         lines += [f"  {name:<20}{getattr(self, name):>13.6g} {self._uncertainty(name)}" for name in shown]
-        if self.model.bends:
-            from problems.decay.law_curve import law_curve  # only here
-
-            lines += [f"  {line}" for line in law_curve(self, self.amplitude_range).lines()]
+        if curve := self.ends_of_range:
+            lines += [f"  {line}" for line in curve.lines()]
         lines.append(f"  {'release':<20}{self.release_time:>13.6g} s  ({self.release_reason})")
         lines.append(f"  {'residual_rms':<20}{self.residual_rms:>13.3g} {self.model.sensor.unit}".rstrip())
         if not math.isnan(self.explained_share):

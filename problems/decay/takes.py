@@ -74,8 +74,14 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
     @property
     def _shared(self) -> tuple[str, ...]:
         """Names of the quantities that all decays have in common."""
-        ratio = () if self.fits[0].law == "linear" else ("damping_ratio",)  # then it depends on the amplitude
-        return tuple(name for name in DECAY_QUANTITIES if name not in (*OF_RECORD, *ratio))
+        model = self.fits[0].model  # what depends on the amplitude is stated at that of each record
+        own = ["damping_ratio"] * (model.law != "linear") + ["frequency", "frequency_change"] * model.bends
+        return tuple(name for name in DECAY_QUANTITIES if name not in (*OF_RECORD, *own))
+
+    @cached_property
+    def _smallest(self) -> DecayFit:
+        """The fit of the record with the smallest amplitude, which all records have in common."""
+        return min(self.fits, key=lambda fit: fit.amplitude)
 
     @cached_property
     def _kept(self) -> list[tuple[DecayFit, list[int]]]:
@@ -101,33 +107,42 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
 
     @cached_property
     def agreements(self) -> tuple[Agreement, ...]:
-        """Agreement of the records on each quantity of the mode; empty for one record."""
+        """Agreement of the records on each quantity of the mode; empty for one record.
+
+        What depends on the amplitude is compared at the smallest amplitude of a release.
+        """
         if len(self.alone) < 2:
             return ()
         model = self.fits[0].model
         ratio = ("damping_ratio",) if model.law == "linear" else ()
-        every = [fit.standard_errors for fit in self.alone]
+        every = [fit.at_amplitude(self._smallest.amplitude) for fit in self.alone]
         found = []
         for name in ("frequency", *model.terms, *ratio):
-            errors = np.array([own.get(name, 0.0) for own in every])
+            if name == "frequency_change" and model.frequency_law == "smooth":
+                continue  # which refers to the smallest amplitude of each record
+            values, errors = (np.array([own[name] for own in columns]) for columns in zip(*every, strict=True))
             if (errors > 0.0).all():
-                values = np.array([fit.values[name] for fit in self.alone])
                 found.append(Agreement(name, model.unit(name), values, errors, *model.bounds[name]))
         return tuple(found)
 
     @property
+    def _agreed(self) -> list[Agreement]:
+        """Agreements on quantities that do not depend on the amplitude, whose mean is the estimate."""
+        return [one for one in self.agreements if one.name in self._shared]
+
+    @property
     def estimates(self) -> dict[str, float]:
         """Value of each estimated quantity by name."""
-        return super().estimates | {one.name: one.mean for one in self.agreements}
+        return super().estimates | {one.name: one.mean for one in self._agreed}
 
     @property
     def standard_errors(self) -> dict[str, float]:
         """Standard error of each estimated quantity by name; nan at a bound."""
-        return super().standard_errors | {one.name: one.error for one in self.agreements}
+        return super().standard_errors | {one.name: one.error for one in self._agreed}
 
     def intervals(self, level: float = CONFIDENCE_LEVEL) -> dict[str, Interval]:
         """Return the interval of each estimated quantity by name for a confidence level."""
-        return super().intervals(level) | {one.name: one.ends(level) for one in self.agreements}
+        return super().intervals(level) | {one.name: one.ends(level) for one in self._agreed}
 
     @property
     def covariance(self) -> Array:
@@ -158,14 +173,17 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
         labels = [f"{one.name}, {one.unit}".removesuffix(", ") for one in self.agreements]
         columns = ("record", *(part for label in labels for part in (label, "stderr")), "residual_rms")
         named = [*zip(range(1, len(self) + 1), self.alone, strict=True), ("all at once", self.fits[0])]
-        rows: list[tuple[str | float | None, ...]] = [
-            (str(label), *(value for name in names for value in (getattr(fit, name), fit.standard_errors[name])),
-             fit.residual_rms)
-            for label, fit in named
-        ]  # fmt: skip
+        amplitude = self._smallest.amplitude
+        rows: list[tuple[str | float | None, ...]] = []
+        for label, fit in named:
+            values, errors = fit.at_amplitude(amplitude)
+            rows.append((str(label), *(own[name] for name in names for own in (values, errors)), fit.residual_rms))
         rows.append(("mean", *(value for one in self.agreements for value in (one.mean, one.error)), None))
         rows.append(("scatter", *(value for one in self.agreements for value in (one.scatter, None)), None))
         notes = [one.text() for one in self.agreements]
+        if self.fits[0].model.bends:
+            unit = self.fits[0].units["amplitude"]
+            notes.append(f"the frequency is that at {amplitude:.4g} {unit}, the smallest amplitude of a release")
         return Table("takes", "The mode from each record, and from all at once", columns, rows, notes)
 
     def report(self) -> str:

@@ -94,9 +94,10 @@ def fit_mode(
     release_times : sequence of float, optional
         Start of the free decay in each decay, s; detected if not given.
     priors : mapping, optional
-        What is known of an unknown before the fit, by its name in ``fit.fit.names`` or as ``frequency`` (Hz, at zero
-        amplitude) or ``damping_ratio`` (linear law): mean and standard deviation, or median, relative standard
-        deviation and ``"log-normal"``: ``{"modal_constant": (0.5, 0.02, "log-normal")}``.
+        What is known of an unknown before the fit, by its name in ``fit.fit.names``, or as ``damping_ratio`` (linear
+        law), ``frequency`` (Hz; constant law) or ``frequency_at_zero`` (Hz, at zero amplitude; linear, quadratic or
+        power law): mean and standard deviation, or median, relative standard deviation and ``"log-normal"``:
+        ``{"modal_constant": (0.5, 0.02, "log-normal")}``.
     robust : bool
         Whether to use the pseudo-Huber loss, which limits the influence of outliers.
     progress : bool

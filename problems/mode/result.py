@@ -24,7 +24,7 @@ from ancf_casadi.support.tables import Table
 from problems.beam.curves.checks import oriented
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
 from problems.decay.law_curve import given_amplitudes, with_bands
-from problems.decay.laws import DECAY_QUANTITIES, NOT_AT_ZERO, DecayModel
+from problems.decay.laws import DECAY_QUANTITIES, DecayModel
 from problems.decay.prediction import predicted
 from problems.decay.takes import OF_RECORD
 from problems.mode.decays import ModeCurveBlock, curves_of_mode
@@ -38,9 +38,9 @@ USUAL_PARTICIPATION = (0.05, 20.0)  # of a mode that its base drives; beyond, th
 class ModeFit(BlocksResult):
     """A mode identified from free decays and response curves.
 
-    The estimates are those of ``DecayFit``, with the damping ratio at ``max_amplitude`` if it depends on the amplitude,
-    and ``modal_constant``: force per mass and unit level.  If levels have several units, its names are numbered, one
-    for each unit, in the order of the records.
+    The estimates are those of ``DecayFit``, with frequency and damping ratio at ``max_amplitude`` if they depend on the
+    amplitude, and ``modal_constant``: force per mass and unit level.  If levels have several units, its names are
+    numbered, one for each unit, in the order of the records.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class ModeFit(BlocksResult):
 
     @property
     def frequency(self) -> float:
-        """Natural frequency, Hz: under a smooth law at ``max_amplitude``, under others that bend at zero amplitude."""
+        """Natural frequency, Hz, at the amplitude ``max_amplitude`` if it depends on the amplitude."""
         return self.estimates["frequency"]
 
     @property
@@ -144,11 +144,9 @@ class ModeFit(BlocksResult):
         return tuple(self._reported(one) for one in super().agreements)
 
     def _reported(self, one: Agreement) -> Agreement:
-        """Return an agreement on an unknown as one on the estimate that it is; others stay as they are."""
-        if one.name == "omega" and self.model.frequency_law not in NOT_AT_ZERO:
-            turn = 2 * math.pi
-            return replace(one, name="frequency", unit="Hz", values=one.values / turn, errors=one.errors / turn)
-        return replace(one, name="damping_ratio") if one.name == "zeta" and self.model.law == "linear" else one
+        """Return an agreement on an unknown as one on the quantity that reports print in its place."""
+        name, unit, factor = self.fit.unknowns[self.fit.names.index(one.name)].report
+        return replace(one, name=name, unit=unit, values=one.values * factor, errors=one.errors * factor)
 
     @cached_property
     def curve_block(self) -> ModeCurveBlock | None:
@@ -219,27 +217,19 @@ class ModeFit(BlocksResult):
 
     def _law_lines(self) -> list[str]:
         """Return frequency and damping ratio at the smallest and the largest measured amplitude, if they differ."""
-        if not self.model.bends and self.model.law == "linear":
+        if not self.model.depends_on_amplitude:
             return []
         return self.law_curve([self.min_amplitude, self.max_amplitude]).lines()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON: SI units, None for unknown values."""
-        curve = self.law_curve()
         return {
             **super().to_dict(),
             "law": self.model.law,
             "frequency_law": self.model.frequency_law,
             "smallest_amplitude": self.min_amplitude,
             "largest_amplitude": self.max_amplitude,
-            "against_amplitude": {
-                "amplitude": curve.amplitude.tolist(),
-                "unit": curve.unit,
-                "damping_ratio": curve.damping_ratio.tolist(),
-                "damping_ratio_band": curve.damping_ratio_band.tolist(),
-                "frequency_hz": curve.frequency.tolist(),
-                "frequency_band_hz": curve.frequency_band.tolist(),
-            },
+            "against_amplitude": self.law_curve().to_dict(),
         }
 
 

@@ -10,15 +10,18 @@ import pytest
 from scipy.stats import chi2, ncx2, norm
 
 from ancf_casadi.decay.closed_forms import friction_decay
+from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.estimation.comparison import mixed_ends
 from ancf_casadi.estimation.criteria import Candidate, Expectation, expectation, judge
+from ancf_casadi.estimation.determination import check_determined
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
-from ancf_casadi.exceptions import InputError
+from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from problems import compare_decay_laws, fit_decay, law_curve
 from problems.decay import comparison as comparison_module
 from problems.decay import fitting
+from problems.decay.laws import DecayModel
 
 TIME = np.arange(0.0, 5.0, 1 / 500)
 CONSTANT = {"frequency_laws": ("constant",), "rests": ("constant",)}
@@ -308,3 +311,30 @@ def test_an_open_choice_names_the_record_that_decides(open_choice):
 def test_a_record_to_which_a_law_cannot_be_fitted_decides_nothing(open_choice):
     half = replace(open_choice, other_records=lambda truth, rival: {"half": Expectation(1.0, 1.0)} if truth else {})
     assert [*half.deciding] == ["2 records", "5 records"]
+
+
+@pytest.mark.parametrize("law", ["linear", "power"])
+def test_a_table_of_laws_has_the_names_of_reports(law):
+    time = np.linspace(0.0, 10.0, 501)
+    y = 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + np.random.default_rng(0).normal(scale=1e-4, size=501)
+    found = compare_decay_laws(time, y, laws=[law], frequency_laws=["constant"], rests=["constant"])
+    assert "damping_ratio 0.008" in found.table().text()
+    assert "zeta" not in found.report()
+
+
+@pytest.mark.parametrize(
+    ("frequency_law", "unseen", "name"),
+    [
+        ("constant", "zeta", "damping_ratio"),
+        ("constant", "omega", "frequency"),
+        ("linear", "omega", "frequency_at_zero"),
+        ("constant", "e0", "amplitude"),
+    ],
+)
+def test_what_records_do_not_determine_has_the_name_of_reports(frequency_law, unseen, name):
+    guess = first_guess(Measurement(TIME, np.exp(-0.1 * TIME) * np.cos(12.0 * TIME)), release_time=0.0)
+    model = DecayModel("linear", "zero", frequency_law)
+    unknowns = [*model.shared(guess), *model.own(guess)]
+    seen = [float(unknown.name != unseen) for unknown in unknowns]
+    with pytest.raises(FitError, match=f"the records do not depend on {name}; fix it"):
+        check_determined(lambda *x: cs.vertcat(*x) * cs.DM(seen), unknowns, 1e-9)

@@ -49,6 +49,9 @@ REPORTED = {
 }
 
 
+AT_E0 = {"constant": F, "linear": 0.99 * F, "quadratic": 0.99 * F, "power": 0.99 * F, "logarithmic": F}  # Hz
+
+
 def record(law, frequency_law, noise=0.0, seed=0, time=TIME, k=None):
     model = DecayModel(law, "constant", frequency_law, reference=E0)
     values = (ω, *DAMPING[law], *(SLOPE[frequency_law] if k is None else k), E0, 0.3, 0.001)
@@ -59,8 +62,7 @@ def record(law, frequency_law, noise=0.0, seed=0, time=TIME, k=None):
 @pytest.mark.parametrize(("law", "frequency_law"), list(product(DAMPING, SLOPE)))
 def test_every_combination_gives_back_the_truth(law, frequency_law):
     fit = fit_decay(TIME, record(law, frequency_law), law=law, frequency_law=frequency_law)
-    at_rest = 1 + 0.004 * math.log(11) if frequency_law == "logarithmic" else 1.0  # relative to the frequency at E0
-    assert fit.frequency == pytest.approx(F * at_rest, rel=1e-7)
+    assert fit.frequency == pytest.approx(AT_E0[frequency_law], rel=1e-7)
     assert fit.amplitude == pytest.approx(E0, rel=1e-6)
     for name, values in REPORTED.items():
         assert getattr(fit, name) == pytest.approx(values.get(frequency_law, 0.0), rel=1e-4)
@@ -93,7 +95,7 @@ def test_a_linear_law_whose_frequency_turns_out_constant_is_eq_9():
 @pytest.mark.parametrize(("law", "frequency_law"), PAIRS)
 def test_estimates_are_within_their_errors(law, frequency_law):
     fit = fit_decay(TIME, record(law, frequency_law, 1e-4, 3), law=law, frequency_law=frequency_law)
-    truth = {"amplitude": E0, "offset": 0.001} | ({} if frequency_law == "logarithmic" else {"frequency": F})
+    truth = {"amplitude": E0, "offset": 0.001, "frequency": AT_E0[frequency_law]}
     truth |= {name: values[frequency_law] for name, values in REPORTED.items() if frequency_law in values}
     for name, value in truth.items():
         assert abs(getattr(fit, name) - value) < 4 * fit.standard_errors[name]
@@ -330,9 +332,17 @@ def test_a_fit_that_does_not_converge_starts_again_elsewhere(monkeypatch):
     assert starts[0] != starts[1]
 
 
-@pytest.mark.parametrize("slope", [-0.3, -0.05, 0.1])
-def test_a_smooth_frequency_of_a_decay_is_stated_at_its_amplitude(slope):
-    fit = fit_decay(TIME, record("linear", "linear", 1e-4, k=(slope / E0,)), frequency_law="smooth", release_time=0.0)
-    assert fit.frequency == pytest.approx(F * (1 + slope), rel=2e-3)
-    assert fit.report().count("frequency ") >= 3
-    assert f"at {fit.amplitude:.3g} m: frequency {fit.frequency:.6g} Hz" in fit.report()
+@pytest.mark.parametrize(
+    ("frequency_law", "slope"), [("linear", -0.1), ("power", 0.1), ("logarithmic", -0.05), ("smooth", -0.1)]
+)
+def test_frequency_and_damping_ratio_of_a_decay_are_stated_at_its_amplitudes(slope, frequency_law):
+    y = record("quadratic", "linear", 1e-4, k=(slope / E0,))
+    fit = fit_decay(TIME, y, law="quadratic", frequency_law=frequency_law, release_time=0.0)
+    assert fit.frequency == pytest.approx(F * (1 + slope), rel=5e-3)
+    ends = fit.to_dict()["against_amplitude"]
+    assert ends["amplitude"] == list(fit.amplitude_range)
+    assert ends["frequency_hz"][1] == pytest.approx(fit.frequency, rel=1e-12)
+    assert ends["damping_ratio"][1] == pytest.approx(fit.damping_ratio, rel=1e-12)
+    for amplitude, frequency in zip(ends["amplitude"], ends["frequency_hz"], strict=True):
+        assert frequency == pytest.approx(F * (1 + slope * amplitude / E0), rel=5e-3)
+        assert f"at {amplitude:.3g} m: frequency {frequency:.6g} Hz" in fit.report()

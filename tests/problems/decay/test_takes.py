@@ -87,3 +87,21 @@ def test_a_law_that_holds_is_rarely_doubted():
         fit = fit_decay(take(0.01, 1000 + seed), release_time=0.0)
         doubted += any("does not hold" in text for text in fit.warnings)
     assert doubted <= 4
+
+
+@pytest.mark.parametrize("frequency_law", ["linear", "power", "logarithmic", "smooth"])
+def test_records_agree_on_the_frequency_at_an_amplitude_that_they_share(frequency_law):
+    """Both have 6 (1 - A/0.4 m) Hz: 5.7 Hz at the release of the first one, 5.85 Hz at that of the second."""
+    t, rng = np.arange(0.0, 10.0, 0.01), np.random.default_rng(0)
+    takes = []
+    for amplitude in (0.02, 0.01):
+        A = amplitude * np.exp(-0.2 * t)
+        phase = 2 * np.pi * 6.0 * (t - 2.5 * (amplitude - A) / 0.2)
+        takes.append(Measurement(t, A * np.cos(phase) + 1e-5 * rng.standard_normal(t.size)))
+    fits = fit_decays(takes, frequency_law=frequency_law, release_times=[0.0, 0.0])
+    assert [fit.frequency for fit in fits] == pytest.approx([5.7, 5.85], rel=2e-3)
+    shared = next(one for one in fits.agreements if one.name == "frequency")
+    assert shared.mean == pytest.approx(5.85, rel=2e-3)
+    assert shared.values == pytest.approx([5.85, 5.85], rel=2e-3)
+    assert {"frequency_1", "frequency_2"} <= set(fits.estimates)
+    assert f"the frequency is that at {fits[1].amplitude:.4g} m" in fits.table().text()

@@ -19,8 +19,9 @@ with the relative change delta of the frequency:
 R is an amplitude of reference, which keeps the unknowns apart: omega is the frequency at zero amplitude, at R under the
 logarithmic law, and at A_2 without a law.  S is the span of the amplitudes, the largest over the smallest.  Steps less
 than 2 apart in ln A add up without ripples: six follow a logarithm over three decades to 0.5 % of its change.
-The differences of delta between neighbouring A_k have a normal prior with mean 0 and a standard deviation of 2 %, which
-matters only where the record ends in noise; without it, the phase follows this noise.
+The differences of delta between neighbouring A_k have a normal prior with mean 0.  Its standard deviation begins with
+2 %, becomes the one that they show, and is no less than 0.25 %.  It matters where the record ends in noise, whose phase
+delta would follow, and between the amplitudes of response curves, where delta would swing.
 All is of first order in the damping and in delta: the coefficients of the damping take omega.
 
 The integral is one quadrature for all laws of the amplitude.  The time from 0 to the last instant T is divided into
@@ -60,7 +61,10 @@ FREQUENCY_TERMS: Mapping[FrequencyLaw, tuple[str, ...]] = {  # unknowns: k, then
     "logarithmic": ("frequency_log_slope", "log_corner"),
     "smooth": tuple(f"frequency_at_{k}" for k in range(7) if k != NODE_OF_OMEGA),
 }
-SMOOTHNESS = 0.02  # of the prior (test_a_prior_holds_a_smooth_frequency_where_noise_hides_it)
+SMOOTHNESS = 0.02  # of the prior at first (test_a_prior_holds_a_smooth_frequency_where_noise_hides_it)
+# of the prior at least: below, a change that the record does not show would count as none
+# (test_the_bands_of_a_smooth_frequency_hold_what_a_short_record_hides)
+LEAST_SMOOTHNESS = 0.0025
 AMPLITUDE_SPAN = 50.0  # S, if the amplitudes are not known
 PANELS = 15  # of the quadrature
 POINTS = 16  # in a panel
@@ -90,9 +94,9 @@ def frequency_change(
 
 
 def smooth_steps(terms: Sequence[cs.MX]) -> cs.MX:
-    """Return the differences of a smooth frequency between its neighbouring nodes, (6,), in standard deviations."""
+    """Return the differences of a smooth frequency between its neighbouring nodes, (6,)."""
     values = cs.vertcat(*terms[:NODE_OF_OMEGA], 0.0, *terms[NODE_OF_OMEGA:])
-    return (values[1:] - values[:-1]) / SMOOTHNESS
+    return values[1:] - values[:-1]
 
 
 def smooth_nodes(reference: float, span: float) -> Array:

@@ -225,17 +225,17 @@ def _differ(fit: Fit, other: Fit) -> bool:
 def _reweighted(problem: FitProblem, optima: Sequence[Fit]) -> tuple[FitProblem, Fit, Sequence[Fit]]:
     """Return the problem with the weights that residuals give, its estimates, and its other optima."""
     fit, *others = optima
-    residuals = _noise(problem, fit)
+    residuals = standardised_residuals(fit) / problem.scale
     parts = [residuals[rows] for rows in problem.rows]
     better = [block.reweighted(part, robust=problem.robust) for block, part in zip(problem.blocks, parts, strict=True)]
     return (*_fitted_again(problem, better, fit), ()) if any(better) else (problem, fit, others)
 
 
-def _noise(problem: FitProblem, fit: Fit) -> Array:
-    """Return residuals (m,) as large as the noise in them, in standard deviations."""
-    own = fit.jacobian[:, ~fit.active_bounds] * fit.scale[~fit.active_bounds]
-    leverage = np.sum(np.linalg.qr(own)[0] ** 2, axis=1)
-    return np.asarray(fit.residuals / problem.scale / np.sqrt(np.maximum(1 - leverage, LEAST_SHARE)))
+def standardised_residuals(fit: Fit) -> Array:
+    """Return the residuals (m,) over (1 - h)^1/2, with the leverage h: as large as the noise in them."""
+    free = fit.jacobian[:, ~fit.active_bounds] * fit.scale[~fit.active_bounds]
+    leverage = np.sum(np.linalg.qr(free)[0] ** 2, axis=1)
+    return np.asarray(fit.residuals / np.sqrt(np.maximum(1 - leverage, LEAST_SHARE)))
 
 
 def _shifts(problem: FitProblem, fit: Fit, block: Block, rows: slice, error: Array) -> Array:
@@ -277,7 +277,8 @@ def _refined(problem: FitProblem, fit: Fit, others: Sequence[Fit]) -> FitSolutio
                 own += np.copysign(turn, own)
             shift = np.max(meaningful(own, fit, block.meaningful))
             better = block.refined(float(shift), error) if math.isfinite(shift) else None
-            weighted = better and better.reweighted(_noise(problem, fit)[rows] + error, robust=problem.robust)
+            noise = standardised_residuals(fit)[rows] / problem.scale
+            weighted = better and better.reweighted(noise + error, robust=problem.robust)
             finer.append(weighted or better)
         if not any(finer):
             break

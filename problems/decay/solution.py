@@ -34,17 +34,25 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import DecayGuess, first_guess
 from ancf_casadi.decay.outliers import without_outliers
-from ancf_casadi.decay.phase import NODE_OF_OMEGA, FrequencyLaw, smooth_nodes, smooth_steps
+from ancf_casadi.decay.phase import (
+    LEAST_SMOOTHNESS,
+    NODE_OF_OMEGA,
+    SMOOTHNESS,
+    FrequencyLaw,
+    smooth_nodes,
+    smooth_steps,
+)
 from ancf_casadi.decay.spectrum import is_even
 from ancf_casadi.estimation.agreement import DISAGREE, allowing_for_later_starts
 from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.solve import standardised_residuals
 from ancf_casadi.estimation.solver.gauss_newton import HUBER, noise_of
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Priors, Unknown, started
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import projected
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.inputs import check_instance
 from problems.decay.laws import DecayModel, with_priors
 from problems.decay.limitations import DAMPING, GROWS, NOISE_FREE, late_part
@@ -54,6 +62,7 @@ from problems.decay.start import evident_law, of_motion, span_of, starting_value
 LEAST_REDUCED_LENGTH = 2500  # samples to which a longer record is reduced, if the band of the mode needs no more
 REDUCED_PER_PERIOD = 6  # samples that this band needs
 LATER_STARTS = (0.25, 0.5, 0.75)  # shares of the information before a later start, for which errors allow
+MOST_TURNS, SETTLED = 5, 0.1  # of a smooth fit, and relative change of the size of its changes that ends them
 GROWING = (-0.999, 0.999)  # bounds of a damping ratio that may be negative
 NO_PRIORS: Priors = {}
 SIMPLER_LAWS: Sequence[FrequencyLaw] = ("constant", "linear", "quadratic", "logarithmic")  # than a smooth frequency
@@ -289,6 +298,7 @@ def _match(
     unknowns, columns = _unknowns(model, guesses)
     unknowns = with_priors(unknowns, priors, model)
     known = _prior_residuals(model, unknowns)
+    changes = len(model.frequency_terms) if model.frequency_law == "smooth" else 0
     if model.frequency_law == "smooth" and start is None:
         near = _bent_starts(model, decays, guesses)
     times, measured = [decay.time for decay in decays], cs.DM(np.concatenate([decay.values for decay in decays]))
@@ -296,9 +306,9 @@ def _match(
     curve = cs.vertcat(*(model.curve(t, *(x[i] for i in own)) for t, own in zip(times, columns, strict=True)))
     curves = cs.Function("curves", [x], [curve], {"always_inline": True})  # built once, and inserted where needed
 
-    def solved(start: Sequence[Unknown], noise: float, huber: float = math.inf) -> Fit:
+    def solved(start: Sequence[Unknown], noise: float, huber: float = math.inf, smoothness: float = SMOOTHNESS) -> Fit:
         def residuals(*x: cs.MX) -> cs.MX:
-            return cs.vertcat(curves(cs.vertcat(*x)) - measured, noise * known(cs.vertcat(*x)))
+            return cs.vertcat(curves(cs.vertcat(*x)) - measured, noise * known(cs.vertcat(*x), smoothness))
 
         return least_squares(residuals, start, huber=huber, deviation=noise, **settings)
 
@@ -319,24 +329,42 @@ def _match(
         "advice": "check the time of the release, or fit a law with fewer terms",
     }
     least = NOISE_FREE * _swing(model, guesses)
+    first = math.sqrt(misfit(starts[0]) / measured.numel()) if changes else 0.0  # of a simpler law
     fit, errors = None, list[FitError]()
     for one in starts:
         try:
-            fit = solved(one, least)  # in which priors hold what the record leaves open, and no more
+            fit = solved(one, max(first, least))  # in which priors hold what the record leaves open
             break
         except FitError as error:
             errors.append(error)
     if fit is None:
         raise errors[0]
-    for _ in range(3 if robust else min(held, 1)):  # robust fits, in which the estimate of the noise settles
+    noise, smoothness = max(first, least), SMOOTHNESS
+    for turn in range(MOST_TURNS if changes else 3 if robust else min(held, 1)):  # until the noise settles
         own = fit.residuals[: measured.numel()]
+        if turn and changes:
+            before, shown = smoothness, standardised_residuals(fit)[-changes:] * smoothness / noise
+            smoothness = max(root_mean_square(shown), LEAST_SMOOTHNESS)
+            if is_settled(before, smoothness):
+                break
         noise = noise_of(own) if robust else math.sqrt(float(own @ own) / max(len(own) - fit.rank, 1))
-        if noise <= least:
+        if noise <= least and not changes:
             break
-        fit = solved(started(fit.unknowns, fit.estimates), noise, HUBER * noise if robust else math.inf)
-    if not any(unknown.prior for unknown in unknowns):  # nobody stated what residuals may contradict
-        fit = replace(fit, noise=replace(fit.noise, chance=math.nan))
-    return fit, columns
+        noise = max(noise, least)
+        fit = solved(started(fit.unknowns, fit.estimates), noise, HUBER * noise if robust else math.inf, smoothness)
+    return without_stated_smoothness(fit), columns
+
+
+def is_settled(before: float, smoothness: float) -> bool:
+    """Return whether the standard deviation of the changes of a smooth law settles, from two rounds of a fit."""
+    return abs(math.log(smoothness / before)) < SETTLED
+
+
+def without_stated_smoothness(fit: Fit) -> Fit:
+    """Return a fit that says nothing of stated standard deviations, unless an unknown has a prior that states one."""
+    if any(unknown.prior for unknown in fit.unknowns):
+        return fit
+    return replace(fit, noise=replace(fit.noise, chance=math.nan))
 
 
 def rounding_error(decays: Sequence[Measurement]) -> float:
@@ -349,13 +377,16 @@ def rounding_error(decays: Sequence[Measurement]) -> float:
 
 
 def _prior_residuals(model: DecayModel, unknowns: Sequence[Unknown]) -> cs.Function:
-    """Return x -> distances from the priors of unknowns and of a smooth frequency, in standard deviations."""
-    x = cs.MX.sym("x", len(unknowns))
+    """Return the Function from the unknowns to the distances from their priors, in standard deviations.
+
+    That of the changes of a smooth frequency, which come last, is a second argument.
+    """
+    x, smoothness = cs.MX.sym("x", len(unknowns)), cs.MX.sym("smoothness")
     known = [unknown.prior_residual(x[k]) for k, unknown in enumerate(unknowns) if unknown.prior]
     if model.frequency_law == "smooth":
         names = [unknown.name for unknown in unknowns]
-        known.append(smooth_steps([x[names.index(name)] for name in model.frequency_terms]))
-    return cs.Function("prior", [x], [cs.vertcat(cs.MX(0, 1), *known)], {"always_inline": True})
+        known.append(smooth_steps([x[names.index(name)] for name in model.frequency_terms]) / smoothness)
+    return cs.Function("prior", [x, smoothness], [cs.vertcat(cs.MX(0, 1), *known)], {"always_inline": True})
 
 
 def _unknowns(model: DecayModel, guesses: Sequence[DecayGuess]) -> tuple[list[Unknown], list[tuple[int, ...]]]:

@@ -15,6 +15,8 @@ from functools import cached_property
 import casadi as cs
 import numpy as np
 
+from ancf_casadi.decay.phase import LEAST_SMOOTHNESS, SMOOTHNESS, smooth_steps
+from ancf_casadi.decay.spectrum import oscillating_power
 from ancf_casadi.estimation.block import Account, Block, Fitted, SeriesWeights, alike
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel
 from ancf_casadi.estimation.solver.unknown import Unknown
@@ -86,12 +88,13 @@ class DecayBlock(Block):
         return parts
 
     def unexplained(self, fitted: Fitted) -> list[tuple[str, float]]:
-        """Return the share of each motion about its equilibrium, root mean square, that the curve leaves."""
-        parts = self.weights.split(fitted.residuals)
-        return [
-            (one.label, root_mean_square(rest) / float(np.std(one.decay.values)))
-            for one, rest in zip(self.decays, parts, strict=True)
-        ]
+        """Return the share of each oscillation, root mean square, that the curve leaves; white noise is none."""
+        shares = []
+        for decay, residuals in zip(self.decays, self.weights.split(fitted.residuals), strict=True):
+            motion = float(np.var(decay.decay.values + residuals))
+            power = oscillating_power(decay.decay.time, residuals, decay.alone.frequency / 2)
+            shares.append((decay.label, math.sqrt(power / (motion + power))))
+        return shares
 
     def account(self, fitted: Fitted) -> Account:
         """Return size and residual of each decay, and what its own fit says of the record."""
@@ -116,6 +119,47 @@ class DecayBlock(Block):
             found.append(PredictedChannel(one.label, one.decay.sensor.unit, y, y + rest, std * error, one.decay.time,
                                           TIME_AXIS, std))  # fmt: skip
         return found
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothnessBlock(Block):
+    """Prior of a smooth law: its changes from one amplitude to the next are normal, and as large as they show.
+
+    Without it, the law swings between the amplitudes of the records.
+    """
+
+    model: DecayModel
+    weights: SeriesWeights = field(kw_only=True)
+
+    stated = True  # no noise of a record
+    negligible = 0.0
+
+    @property
+    def lengths(self) -> list[list[int]]:
+        """One value per change."""
+        return [[1] * len(self.model.frequency_terms)]
+
+    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
+        """Return the changes (m,) for unknowns by name, in standard deviations."""
+        changes: cs.MX = smooth_steps([given[name] for name in self.model.frequency_terms])
+        return changes / float(self.weights.deviations[0])
+
+    def account(self, fitted: Fitted) -> Account:
+        """Return nothing: a result says nothing of a prior that all smooth laws have."""
+        return Account()
+
+    def channels(self, fitted: Fitted) -> list[PredictedChannel]:
+        """Return no channels: nothing was measured."""
+        return []
+
+
+def smoothness_block(model: DecayModel) -> SmoothnessBlock:
+    """Return the prior of a smooth law with the standard deviation to begin with."""
+    count = len(model.frequency_terms)
+    weights = SeriesWeights(
+        np.array([count]), np.array([SMOOTHNESS]), np.array([LEAST_SMOOTHNESS]), groups=((0,),), known=(False,)
+    )
+    return SmoothnessBlock(model, weights=weights)
 
 
 def least_deviation(decay: Measurement) -> float:

@@ -89,10 +89,7 @@ def _held(record: ResponseRecord) -> Array:
 def _draw_branches(
     axes: Axes, fit: ModeFit, record: ResponseRecord, constant: str, name: str, scale: float, colour: str
 ) -> None:
-    """Draw the computed curve of a record; none if the held quantity varies."""
-    fixed = _held(record)
-    if np.ptp(fixed) > ONE_LEVEL * fixed.mean():
-        return
+    """Draw the computed curve of a record, on which the held quantity is that of the record at each frequency."""
     f = np.linspace(record.f.min(), record.f.max(), GRID)
     ones = np.ones(GRID)
     grid = replace(record, frequencies=f, values=ones, phases=None, levels=ones, sweep=None, amplitude_std=None,
@@ -106,10 +103,19 @@ def _draw_branches(
     Y, phase, level = np.array([motions_at(curve, size * ones, x)[0].T for size in sizes]).swapaxes(0, 1)
     wide = np.broadcast_to(f, Y.shape)
     if name == "level":
-        axes.contour(wide, level / scale, Y, [float(fixed.mean())], colors=colour, linewidths=1.0)
+        vertical, computed = level / scale, Y
     else:
-        vertical = Y / scale if name == "amplitude" else _continuous(phase, record)
-        axes.contour(wide, vertical, level, [float(fixed.mean())], colors=colour, linewidths=1.0)
+        vertical, computed = Y / scale if name == "amplitude" else _continuous(phase, record), level
+    axes.contour(wide, vertical, computed / _held_at(f, record), [1.0], colors=colour, linewidths=1.0)
+
+
+def _held_at(frequencies: Array, record: ResponseRecord) -> Array:
+    """Return the held quantity at frequencies: its mean, or between its values if it varies."""
+    held = _held(record)
+    if np.ptp(held) <= ONE_LEVEL * held.mean():
+        return np.full(len(frequencies), held.mean())
+    places, owners = np.unique(record.f, return_inverse=True)
+    return np.interp(frequencies, places, np.bincount(owners, held) / np.bincount(owners))
 
 
 def _continuous(phase: Array, record: ResponseRecord) -> Array:

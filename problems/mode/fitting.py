@@ -23,7 +23,7 @@ from typing import Any, get_args
 import numpy as np
 
 from ancf_casadi.decay.first_guess import DecayGuess
-from ancf_casadi.decay.phase import FrequencyLaw
+from ancf_casadi.decay.phase import AMPLITUDE_SPAN, FrequencyLaw
 from ancf_casadi.decay.rest import Rest
 from ancf_casadi.estimation.block import Block
 from ancf_casadi.estimation.solve import FitProblem, FitSolution, solve
@@ -37,15 +37,24 @@ from problems.beam.curves.checks import level_notes, oriented, phase_locked
 from problems.beam.curves.record import ResponseRecord
 from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law, with_priors
 from problems.decay.result import DecayFit
-from problems.decay.solution import allow_for_late_parts, as_record, fit_one
+from problems.decay.solution import (
+    MOST_TURNS,
+    allow_for_late_parts,
+    as_record,
+    fit_one,
+    is_settled,
+    without_stated_smoothness,
+)
 from problems.mode.decays import (
     DecayBlock,
     ModeCurveBlock,
+    SmoothnessBlock,
     constant_unit,
     curves_of_mode,
     decay_block,
     mode_decay,
     release_unknowns,
+    smoothness_block,
 )
 from problems.mode.oscillator import (
     LEAST_RATIO,
@@ -147,7 +156,7 @@ def fit_mode(
     problem = replace(problem, unknowns=tuple(with_priors(problem.unknowns, priors or {}, stated)))
     try:
         with counter("fit", shown=flag(progress, "progress")):
-            solution = _with_late_parts(solve(problem, starts))
+            solution = _with_noise_of_decays(_settled(solve(problem, starts)))
     except FitError as error:
         raise FitError("; ".join([*notes, str(error)]), error.stats) from None
     measured = [one.amplitude_range for one in alone]
@@ -199,7 +208,7 @@ def _stated(
     """Return the problem, the starts of its solution, the model of the mode, and the unknowns of its laws."""
     first = max(alone, key=lambda one: one.amplitude) if alone else None
     top = max((float(motion_amplitudes(one).max()) for one in curves), default=0.0)
-    reference, span = (first.model.reference, first.model.span) if first else (top, stated.span)
+    reference, span = (first.model.reference, first.model.span) if first else (top, _span(curves))
     sensor = decays[0].sensor if decays else curves[0].sensor
     model = replace(stated, rest="zero", reference=reference, span=span, sensor=sensor)
     units = list(dict.fromkeys(str(one.excitation_unit) for one in curves))
@@ -224,11 +233,41 @@ def _stated(
         unknowns += [Unknown(names[one], best[names[one]], best[names[one]], 0.0, unit=constant_unit(unit, one))
                      for one in units if free]  # fmt: skip
         blocks.append(_weighed(curves_of_mode(model, curves, shared, names, known), best))
+    if model.frequency_law == "smooth":
+        blocks.append(smoothness_block(model))
     return FitProblem(tuple(blocks), tuple(unknowns), robust), starts, model, shared
 
 
-def _with_late_parts(solution: FitSolution) -> FitSolution:
-    """Return a solution whose covariance allows for the scatter between late parts of the decays and the rest."""
+def _settled(solution: FitSolution) -> FitSolution:
+    """Return the solution with the size of the changes of a smooth law that its residuals show."""
+    smoothness = _smoothness(solution)
+    for _ in range(MOST_TURNS if smoothness else 0):
+        before, problem = smoothness, solution.problem
+        solution = solve(replace(problem, unknowns=tuple(started(problem.unknowns, solution.fit.estimates))))
+        smoothness = _smoothness(solution)
+        if is_settled(before, smoothness):
+            break
+    return solution
+
+
+def _smoothness(solution: FitSolution) -> float:
+    """Return the standard deviation of the changes of a smooth law; 0 under other laws."""
+    blocks = (block for block in solution.problem.blocks if isinstance(block, SmoothnessBlock))
+    return next((float(block.weights.deviations[0]) for block in blocks), 0.0)
+
+
+def _span(curves: Sequence[ResponseRecord]) -> float:
+    """Return the span of a smooth law: the largest amplitude over the smallest, if that is more than usual.
+
+    Over a smaller span, the law would swing between the amplitudes of a few curves.
+    """
+    amplitudes = np.concatenate([motion_amplitudes(curve) for curve in curves])
+    return max(float(amplitudes.max() / amplitudes.min()), AMPLITUDE_SPAN)
+
+
+def _with_noise_of_decays(solution: FitSolution) -> FitSolution:
+    """Return a solution whose noise is as in ``fit_decay``, with the scatter between late parts and the rest."""
+    solution = replace(solution, fit=without_stated_smoothness(solution.fit))
     for block, fitted in solution.parts:
         if isinstance(block, DecayBlock):
             ends = fitted.rows.start + np.cumsum([0, *block.series])

@@ -110,7 +110,9 @@ def compare_decay_laws(
     while left := _next(best, [model for model in models if model not in {*fits, *failed}], lags):
         for model in left:
             try:
-                (fits[model],) = fit_from([guesses[model.rest]], [record], model, near=found.best if found else None)
+                (fit,) = fit_from([guesses[model.rest]], [record], model, near=found.best if found else None)
+                _refuse_creep_within_a_period(fit)
+                fits[model] = fit
             except FitError as error:
                 failed[model] = str(error)
         if fits:
@@ -130,6 +132,18 @@ def compare_decay_laws(
         raise FitError(f"no law can be fitted; {reasons}")
     refuse_unexplained(found.best, record)
     return found
+
+
+def _refuse_creep_within_a_period(fit: DecayFit) -> None:
+    """Raise a FitError if the rate of a creep does not differ from its bound: such a motion is no rest position."""
+    if "creep" not in fit.fit.names:
+        return
+    position = fit.fit.names.index("creep")
+    if fit.fit.intervals()[position, 1] >= fit.fit.unknowns[position].upper:
+        raise FitError(
+            f"its creep of {fit.creep:.3g} 1/s may end within a period of the mode: it is a blow or another "
+            "mode, which a later release_time leaves out"
+        )
 
 
 def compared(law: str, frequency_law: str | None, rest: str | None) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from ancf_casadi import Measurement, Sensor
 from problems import compare_decay_laws, fit_decay
 
 SILICONE = Path(__file__).parents[4] / "shared" / "data" / "silicone_beam"
@@ -92,3 +93,22 @@ def test_laws_of_silicone_that_do_not_hold_over_the_record_are_not_chosen():
     assert any("the laws cannot be compared" in warning for warning in fit.warnings)
     for name in {"frequency", *fit.model.terms, "drift", "creep"}:
         assert abs(getattr(later, name) - getattr(fit, name)) < 2 * fit.standard_errors[name]
+
+
+@pytest.mark.parametrize(("derivatives", "contact"), [(2, 0.004), (2, 0.015), (1, 0.008), (0, 0.015)])
+def test_a_blow_is_no_creep(derivatives, contact):
+    """A hammer strikes an oscillator of 20 Hz and 1 %; the record begins with the blow."""
+    time, omega, ratio = np.arange(0.0, 2.0, 1e-3), 2 * np.pi * 20.0, 0.01
+    force = np.where(time < contact, np.sin(np.pi * time / contact), 0.0)
+    damped = omega * np.sqrt(1 - ratio**2)
+    response = np.convolve(force, np.exp(-ratio * omega * time) * np.sin(damped * time))[: time.size] * 1e-3 / damped
+    for _ in range(derivatives):
+        response = np.gradient(response, time)
+    noise = 2e-3 * np.abs(response).max() * np.random.default_rng(0).standard_normal(time.size)
+    sensor = Sensor(("displacement", "velocity", "acceleration")[derivatives])
+    record = Measurement(time, response + noise, sensor=sensor)
+    found = compare_decay_laws(record, release_time=0.0, laws=["linear"], frequency_laws=["constant"])
+    assert found.best.model.rest != "creep"
+    assert any("creep law is left out" in text and "release_time" in text for text in found.warnings)
+    late = compare_decay_laws(record, release_time=contact + 0.01, laws=["linear"], frequency_laws=["constant"])
+    assert late.best.damping_ratio == pytest.approx(ratio, abs=4 * late.best.standard_errors["damping_ratio"])

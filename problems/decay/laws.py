@@ -60,6 +60,7 @@ from ancf_casadi.decay.phase import (
     AMPLITUDE_SPAN,
     FREQUENCY_TERMS,
     NODE_OF_OMEGA,
+    SMOOTHNESS,
     FrequencyLaw,
     frequency_change,
     integral,
@@ -198,7 +199,7 @@ class DecayModel:
             Unknown("frequency_exponent", 1.0, 1.0, *FREQUENCY_EXPONENTS),
             Unknown("frequency_log_slope", turn, turn),
             Unknown("log_corner", -2.0, 1.0, *LOG_CORNERS, curved=True),
-            *(Unknown(name, 0.0, turn) for name in FREQUENCY_TERMS["smooth"]),
+            *(Unknown(name, 0.0, max(turn, SMOOTHNESS)) for name in FREQUENCY_TERMS["smooth"]),
         )
         return [one for one in unknowns if one.name in self.frequency_terms]
 

@@ -270,14 +270,16 @@ def _bent_starts(model: DecayModel, decays: Sequence[Measurement], guesses: Sequ
         fit, (own, *_) = _match(bent, decays, guesses, robust=False)
     except FitError:
         return {}
-    nodes = smooth_nodes(model.reference, model.span)
-    f = cs.evalf(bent.against_amplitude(nodes, *(cs.MX(value) for value in fit.values[list(own)]))[1]).full().ravel()
-    at, middle = f / f[NODE_OF_OMEGA] - 1, 2 * math.pi * f[NODE_OF_OMEGA]
-    return {
-        **fit.estimates,
-        "omega": middle,
-        **dict(zip(model.frequency_terms, np.delete(at, NODE_OF_OMEGA).tolist(), strict=True)),
-    }
+    x = [cs.MX(value) for value in fit.values[list(own)]]
+    f = cs.evalf(bent.against_amplitude(smooth_nodes(model.reference, model.span), *x)[1]).full().ravel()
+    return {**fit.estimates, **smooth_values(model, f)}
+
+
+def smooth_values(model: DecayModel, frequencies: Array) -> dict[str, float]:
+    """Return the unknowns of a smooth frequency law by name, from frequencies (7,), Hz, at its nodes."""
+    middle = float(frequencies[NODE_OF_OMEGA])
+    changes = np.delete(frequencies / middle - 1, NODE_OF_OMEGA)
+    return {"omega": 2 * math.pi * middle, **dict(zip(model.frequency_terms, changes.tolist(), strict=True))}
 
 
 def _match(

@@ -372,12 +372,12 @@ def test_frequency_and_damping_ratio_are_stated_at_measured_amplitudes(frequency
         assert f"at {curve.amplitude[end]:.3g} m: frequency {curve.frequency[end]:.6g} Hz" in fit.report()
 
 
-@pytest.mark.parametrize("levels", [LEVELS, (0.2, 0.4, 1.0, 2.4), (0.3, 0.9, 2.0)])
+@pytest.mark.parametrize("levels", [LEVELS, (0.2, 1.2, 2.4), (0.3, 0.9, 2.0)])
 def test_a_smooth_frequency_does_not_swing_between_the_levels(levels):
     fit = fit_mode(held_responses(levels), law="quadratic", frequency_law="smooth")
     amplitudes = np.geomspace(fit.min_amplitude, fit.max_amplitude, 13)
     curve, (truth, _) = fit.law_curve(amplitudes), law_of_the_issue(amplitudes)
-    assert np.abs(curve.frequency - truth).max() < 0.12  # a line between 240 and 100 um misses the truth by 0.1 Hz
+    assert np.abs(curve.frequency - truth).max() < 0.12  # lines between the levels miss the truth by up to 0.1 Hz
     assert ((curve.frequency_band[:, 0] < truth) & (truth < curve.frequency_band[:, 1])).all()
     assert np.ptp(curve.frequency_band, axis=1).max() < 1.2
     assert "stated" not in fit.report()

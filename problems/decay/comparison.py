@@ -135,14 +135,11 @@ def compare_decay_laws(
 
 
 def _refuse_creep_within_a_period(fit: DecayFit) -> None:
-    """Raise a FitError if the rate of a creep does not differ from its bound: such a motion is no rest position."""
-    if "creep" not in fit.fit.names:
-        return
-    position = fit.fit.names.index("creep")
-    if fit.fit.intervals()[position, 1] >= fit.fit.unknowns[position].upper:
+    """Raise a FitError if the rate of a creep is at its upper bound: such a motion is no rest position."""
+    if "creep" in fit.fit.at_bound and fit.creep > 0.0:
         raise FitError(
-            f"its creep of {fit.creep:.3g} 1/s may end within a period of the mode: it is a blow or another "
-            "mode, which a later release_time leaves out"
+            f"its creep of {fit.creep:.3g} 1/s ends within a period of the mode: it is a blow or another mode, "
+            "which a later release_time leaves out, or nothing creeps"
         )
 
 

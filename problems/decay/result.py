@@ -206,8 +206,10 @@ class DecayFit(LeastSquaresResult):
     @property
     def amplitude_range(self) -> tuple[float, float]:
         """Smallest amplitude that the record shows above its noise, and that at the release."""
-        last = self.displacement(self.time[self.time > self.time[-1] - 1 / self.frequency])
-        per_amplitude = (2 * np.pi * self.frequency) ** self.model.sensor.derivatives  # of the record
+        end = self.model.amplitude(self.time[-1:] - self.time[0], *(cs.MX(self.fit.values[i]) for i in self.indices))
+        frequency = self.at_amplitude(max(float(cs.evalf(end)), self.amplitude / 100))[0]["frequency"]
+        last = self.displacement(self.time[self.time > self.time[-1] - 1 / frequency])
+        per_amplitude = (2 * np.pi * frequency) ** self.model.sensor.derivatives  # of the record
         visible = max(float(np.ptp(last)) / 2, self.residual_rms) / per_amplitude
         lowest = max(visible, self.amplitude / 100)
         return min(lowest, self.amplitude / 2), self.amplitude

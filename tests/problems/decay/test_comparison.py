@@ -42,7 +42,8 @@ def test_the_true_law_is_found(law):
         assert (comparison.best.law, comparison.best.frequency_law) == (law, "constant")
     assert comparison.names[:4] == ("linear", "quadratic", "friction", "power")
     bent = tuple(f"{law} + {bend} frequency" for bend in ("linear", "quadratic", "logarithmic"))
-    assert comparison.names[4:] == (*bent, f"{law} + drift", f"{law} + creep")
+    # where nothing creeps, the rate may end at its bound
+    assert (*comparison.names[4:], *comparison.failed) == (*bent, f"{law} + drift", f"{law} + creep")
 
 
 def test_the_criteria_are_those_of_the_residuals():

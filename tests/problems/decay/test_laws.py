@@ -121,9 +121,9 @@ def test_a_strip_whose_frequency_rises_misleads_a_fit_at_constant_frequency():
     assert any("not noise" in warning for warning in constant.warnings)
     assert constant.residual_rms > 5e-4
     fit = fit_decay(time, y, law="quadratic", frequency_law="linear")
-    for name, value in {"eta2": 0.78, "eta1": 0.03, "frequency": 6.92, "frequency_slope": k1}.items():
+    for name, value in {"eta2": 0.78, "eta1": 0.03, "frequency": 6.86, "frequency_slope": k1}.items():
         assert abs(getattr(fit, name) - value) < 4 * fit.standard_errors[name]
-    assert fit.frequency * (1 + fit.frequency_slope * fit.amplitude) == pytest.approx(6.86, abs=1e-3)
+    assert fit.frequency / (1 + fit.frequency_slope * fit.amplitude) == pytest.approx(6.92, abs=1e-3)
     best = fit_decay(time, y, law="auto")
     assert (best.law, best.frequency_law) == ("quadratic", "linear")
     assert fit_decay(time, y, law="power", frequency_law="auto").frequency_law == "linear"
@@ -224,7 +224,7 @@ def test_a_long_record_is_fitted_though_its_frequency_changes_by_many_cycles(law
     y = record(law, "linear", 2e-4, 5, time=time, k=(-0.05 / E0,))
     fit = fit_decay(time, y, law=law, frequency_law="linear")
     assert fit.residual_rms == pytest.approx(2e-4, rel=0.05)
-    assert abs(fit.frequency - F) < 4 * fit.standard_errors["frequency"]
+    assert abs(fit.frequency - 0.95 * F) < 4 * fit.standard_errors["frequency"]
 
 
 def test_curves_against_amplitude_are_those_of_the_law():

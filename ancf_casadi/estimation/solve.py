@@ -173,7 +173,7 @@ def _restored(problem: FitProblem, shifts: Array, fits: Sequence[Fit]) -> FitSol
 def solve(problem: FitProblem, starts: Sequence[Mapping[str, float]] = ({},)) -> FitSolution:
     """Estimate the unknowns of a problem; of several starts, guesses by name, the best optimum counts."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # IPOPT steps back from a trial that cannot be computed
+        warnings.simplefilter("ignore", RuntimeWarning)  # a trial that cannot be computed shortens the step
         try:
             problem, fit, others = _reweighted(problem, _optima(problem, starts))
             return _checked(_refined(problem, fit, others))

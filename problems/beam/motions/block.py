@@ -192,7 +192,7 @@ class MotionBlock(Block):
     def _finer(self) -> Self:
         """The same motions at the next smaller tolerance."""
         least = self.wanted if self.wanted and self.wanted < self.tolerance else 0.0
-        ratio = FIRST_RATIO if self.expected is None else LATER_RATIO
+        ratio = FIRST_RATIO if self.expected is None or self.wanted else LATER_RATIO
         return replace(self, tolerance=max(self.tolerance / ratio, least), before=self)
 
     def error(self, values: Mapping[str, float], residuals: Array, small: Callable[[Array], bool]) -> Array:

@@ -47,10 +47,9 @@ FORMATS = {
     "exudyn": "exudyn: a script with the same elements",
     "newton": "newton: a script with links and hinges",
 }
-UNDAMPED = (
-    "{file} has no damping, and its beam swings for ever; add [[damping]], in a TOML file with [beam] document = "
-    '"BEAM.json" if this is a document'
-)
+UNDAMPED = "{file} has no damping, so that the exported beam swings for ever; {advice}"
+DAMP_TABLES = "add [[damping]] to the file"
+DAMP_DOCUMENT = 'export a TOML file with [beam] document = "{file}" and [[damping]]'
 SIMULATORS: dict[str, Callable[..., ExportedBeam]] = {
     "mujoco": write_mujoco,
     "pyelastica": write_pyelastica,
@@ -116,9 +115,12 @@ def run_export(options: argparse.Namespace) -> Output:
     beam = _simulator(source, options)
     paths = _export(source, options) if beam is None else [options.out]
     files = [{"path": str(path), "bytes": path.stat().st_size} for path in paths]
-    notes = [] if source.damping else [UNDAMPED.format(file=options.file)]
+    advice = DAMP_DOCUMENT.format(file=options.file) if options.file.endswith(".json") else DAMP_TABLES
+    notes = [] if source.damping else [UNDAMPED.format(file=options.file, advice=advice)]
     data = {"format": options.format, "files": files, "seconds": time.perf_counter() - began, "warnings": notes}
-    text = "\n".join([*(f"{file['path']}  {file['bytes']} bytes" for file in files), *notes])
+    text = "\n".join(
+        [*(f"{file['path']}  {file['bytes']} bytes" for file in files), *(f"note: {note}" for note in notes)]
+    )
     if beam is None:
         return Output(lambda: data, lambda: text)
     return Output(lambda: data | {"beam": beam.to_dict()}, lambda: f"{text}\n\n{beam.report()}")

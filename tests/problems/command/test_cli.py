@@ -481,7 +481,7 @@ class TestExport:
         (note,) = json.loads(capsys.readouterr().out)["warnings"]
         assert (
             note
-            == "note: beam.toml has no damping, so that the exported beam swings for ever; add [[damping]] to the file"
+            == "beam.toml has no damping, so that the exported beam swings for ever; add [[damping]] to the file"
         )
 
     @pytest.mark.slow
@@ -559,7 +559,7 @@ class TestExport:
         monkeypatch.setattr(fmu, "FMU_FLAGS", ("-O0", *fmu.FMU_FLAGS[1:]))
         assert main(["export", "small.toml", "--format", "fmu", "--out", "beam.fmu", "--markers", "0.1,0.25"]) == 0
         captured = capsys.readouterr()
-        size, note = captured.out.splitlines()
+        size, _, note = captured.out.partition("\n")
         assert size == f"beam.fmu  {(files / 'beam.fmu').stat().st_size} bytes" and "has no damping" in note
         assert "compiler" in captured.err  # what it is at
         with zipfile.ZipFile("beam.fmu") as archive:

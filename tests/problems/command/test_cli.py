@@ -480,8 +480,7 @@ class TestExport:
         assert main(["export", "beam.toml", "--format", form, "--out", "beam.out", "--json"]) == 0
         (note,) = json.loads(capsys.readouterr().out)["warnings"]
         assert (
-            note
-            == "beam.toml has no damping, so that the exported beam swings for ever; add [[damping]] to the file"
+            note == "beam.toml has no damping, so that the exported beam swings for ever; add [[damping]] to the file"
         )
 
     @pytest.mark.slow

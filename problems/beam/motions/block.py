@@ -210,7 +210,7 @@ class MotionBlock(Block):
         excess = max(shift / LARGEST_SHIFT, visible)
         if self.tolerance <= (self.wanted or TIGHTEST) or not (self.wanted or self.expected is None or excess > 1.0):
             return None
-        finer, needed = self._finer, tighter(self.tolerance, excess)
+        finer, needed = self._finer, min(tighter(self.tolerance, excess), self.tolerance / FIRST_RATIO)
         if not self.wanted and needed < finer.tolerance / 2:
             finer = replace(self, tolerance=needed, before=self)
         return replace(finer, expected=LEAST_DECREASE * error, before=finer)

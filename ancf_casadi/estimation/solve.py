@@ -276,15 +276,16 @@ def _refined(problem: FitProblem, fit: Fit, others: Sequence[Fit]) -> FitSolutio
             if block.inaccuracy:
                 own += np.copysign(turn, own)
             shift = np.max(meaningful(own, fit, block.meaningful))
-            better = block.refined(float(shift), error) if math.isfinite(shift) else None
-            noise = standardised_residuals(fit)[rows] / problem.scale
-            weighted = better and better.reweighted(noise + error, robust=problem.robust)
-            finer.append(weighted or better)
+            better = block.refined(float(shift), error)
+            if better and math.isfinite(shift):
+                noise = standardised_residuals(fit)[rows] / problem.scale
+                better = better.reweighted(noise + error, robust=problem.robust) or better
+            finer.append(better)
         if not any(finer):
             break
         coarse = [block for block, better in zip(problem.blocks, finer, strict=True) if better]
         before = fit
-        (problem, fit), others = _fitted_again(problem, finer, fit), ()
+        problem, fit = _fitted_again(problem, finer, fit)
         turn = _turn(fit, before)
         for block in coarse:
             block.close()

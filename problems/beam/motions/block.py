@@ -208,11 +208,12 @@ class MotionBlock(Block):
         """Return the block with a smaller tolerance; the first is not the last: nothing shows the error of J there."""
         visible = 0.0 if error is self.expected else root_mean_square(error) / MOST_VISIBLE
         excess = max(shift / LARGEST_SHIFT, visible)
-        if self.tolerance <= (self.wanted or TIGHTEST) or not (self.wanted or self.expected is None or excess > 1.0):
+        needed = math.isfinite(excess) and (self.expected is None or excess > 1.0)
+        if self.tolerance <= (self.wanted or TIGHTEST) or not (self.wanted or needed):
             return None
-        finer, needed = self._finer, min(tighter(self.tolerance, excess), self.tolerance / FIRST_RATIO)
-        if not self.wanted and needed < finer.tolerance / 2:
-            finer = replace(self, tolerance=needed, before=self)
+        finer, tolerance = self._finer, min(tighter(self.tolerance, excess), self.tolerance / FIRST_RATIO)
+        if not self.wanted and tolerance < finer.tolerance / 2:
+            finer = replace(self, tolerance=tolerance, before=self)
         return replace(finer, expected=LEAST_DECREASE * error, before=finer)
 
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:

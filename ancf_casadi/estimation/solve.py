@@ -119,16 +119,14 @@ class FitProblem:
 
     def _check_determined(self) -> None:
         """Refuse unknowns of which the data determine combinations only."""
-        blocks = self.blocks, tuple(block.accurate for block in self.blocks)
-        for problem in (self, replace(self, blocks=blocks[1])):
-            negligible = problem.scale * math.hypot(*(block.negligible for block in problem.blocks))
-            try:
-                check_determined(problem.residuals, problem.unknowns, negligible)
-            except FitError:
-                if problem is not self or blocks[0] == blocks[1]:
-                    raise
-            else:
-                break
+        negligible = self.scale * math.hypot(*(block.negligible for block in self.blocks))
+        try:
+            check_determined(self.residuals, self.unknowns, negligible)
+        except FitError:
+            accurate = replace(self, blocks=tuple(block.accurate for block in self.blocks))
+            if accurate.blocks == self.blocks:
+                raise
+            accurate._check_determined()
 
     def close(self) -> None:
         """Forget what the blocks no longer need once the fit has ended."""

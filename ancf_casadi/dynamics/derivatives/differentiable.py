@@ -138,7 +138,7 @@ class Runs:
         names = ["damping", "base", "properties", *(name for name in OPTIONAL if sizes[name])]
         shapes = {"properties": model.properties.shape}
         inputs = [cs.MX.sym(name, *shapes.get(name, (sizes[name], 1))) for name in names]
-        rows, columns = problem.orders * (model.size if problem.rows is None else len(problem.rows)), problem.times.size
+        rows, columns = problem.orders * len(problem.maps[0]), problem.times.size
         run = kept(_Motion(self, problem.layout.size, rows * columns), "run")
         samples = cs.reshape(run(cs.vertcat(*map(cs.vec, inputs))), rows, columns)
         return cs.Function("motion", inputs, [samples], names, ["coordinates"], {"never_inline": True})

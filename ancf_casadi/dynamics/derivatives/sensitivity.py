@@ -88,7 +88,7 @@ class SensitivityProblem:
     clocks: Index = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     span: tuple[float, float] | None = None  # first and last instant of the motion, s; if None, of the samples
     lumped: bool = False  # whether m, in the order of ``Model.lumped``, is a parameter
-    rows: Index | None = None  # coordinates to sample; all if None
+    rows: Index = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # coordinates to sample; all if empty
 
     def __post_init__(self) -> None:
         """Validate."""
@@ -135,8 +135,7 @@ class SensitivityProblem:
             left -= len(steps)
         rest = np.flatnonzero(times < first - SAME_TIME * (last - first))
         weights = sample_weights(passages, times, self.orders + bool(shifts.size))
-        maps = self._maps
-        found = sampled(maps, passages, weights, times, rest)
+        found = sampled(self.maps, passages, weights, times, rest)
         return MotionRun(
             parameters=parameters,
             times=times,
@@ -145,7 +144,7 @@ class SensitivityProblem:
             passages=passages,
             samples=found[:, : self.orders],
             rates=found[:, 1:] if shifts.size else np.zeros(0),
-            maps=maps,
+            maps=self.maps,
             weights=weights[:, : self.orders],
         )
 
@@ -167,9 +166,9 @@ class SensitivityProblem:
         return np.asarray(direct + run.start_jacobian.T @ start)
 
     @cached_property
-    def _maps(self) -> tuple[Array, Array]:
+    def maps(self) -> tuple[Array, Array]:
         """Maps from the free coordinates and from the base to the sampled coordinates, (rows, N) and (rows, 4)."""
-        model, rows = self.equations.model, slice(None) if self.rows is None else self.rows
+        model, rows = self.equations.model, self.rows if self.rows.size else slice(None)
         of_base = model.whole(np.zeros((model.freedoms, NODE)), np.eye(NODE))
         return model.moved(np.eye(model.freedoms))[rows], of_base[rows]
 

@@ -29,7 +29,6 @@ first shape.  A sample at t + d, with an unknown shift d of its clock, changes w
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
@@ -40,7 +39,7 @@ import scipy.sparse
 
 from ancf_casadi.dynamics.equations import Balance, Equations, as_it_is
 from ancf_casadi.dynamics.excitation import EXCITATION, SAME_TIME, Excitation
-from ancf_casadi.dynamics.radau.collocation import QUINTIC, RADAU, STAGES, Collocation, stage_motion
+from ancf_casadi.dynamics.radau.collocation import QUINTIC, RADAU, STAGES, Collocation, powers, stage_motion
 from ancf_casadi.dynamics.radau.stepper import RadauStep
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.nodes import NODE
@@ -104,7 +103,7 @@ def sample_weights(passages: Sequence[Passage], times: Array, orders: int) -> Ar
         inside, owner, lengths = passage.owned
         h = lengths[owner]
         x = (times[inside] - np.array([step.start for step in passage.steps])[owner]) / h
-        parts = np.array([[math.perm(m, order) * x ** max(m - order, 0) for m in range(6)] for order in range(orders)])
+        parts = np.array(powers(x, orders))
         scaled = np.array([h**0, h, h**2]) / h ** np.arange(orders)[:, None, None]
         result[inside] = np.einsum("omk,em,oek->koe", parts, QUINTIC, np.tile(scaled, (1, 2, 1)))
     return result
@@ -133,9 +132,7 @@ def sampled(maps: tuple[Array, Array], passages: Sequence[Passage], weights: Arr
         inside, owner, lengths = passage.owned
         used, owner = np.unique(owner, return_inverse=True)
         steps, h = [passage.steps[k] for k in used.tolist()], lengths[used, None]
-        q, v, a = (
-            np.array([values for values in part]) for part in zip(*((s.q, s.v, s.a) for s in steps), strict=True)
-        )
+        q, v, a = (np.array(arrays) for arrays in zip(*((s.q, s.v, s.a) for s in steps), strict=True))
         increments = np.array([step.increments for step in steps])
         V = np.matmul(RADAU.inverse, increments) / h[..., None]
         last = q + increments[:, -1], V[:, -1], np.tensordot(V - v[:, None], RADAU.inverse[-1], (1, 0)) / h
@@ -326,7 +323,7 @@ def tangent_of(equations: Equations) -> Tangent:
 
 
 def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters: Array) -> Array:
-    """Return the derivatives of the samples along d directions, (k, orders, 4 n + 4, d), at fixed instants.
+    """Return the derivatives of the samples along d directions, (k, orders, rows, d), at fixed instants.
 
     The directions (..., d) are those of the first q and v, of b, and of the parameters of the equation of motion.
     """
@@ -340,7 +337,6 @@ def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters
     bound, order = tangent.bound(d), tangent.inverse_order
     du = bound.vectors
     du[:, layout["parameters"]] = parameters.T
-    own_q, own_v, own_excitations = (layout[name] for name in ("q", "v", "excitations"))
     modal_coefficients = tangent.modal_coefficients(run.parameters)
     for passage in run.passages:
         excitation = passage.excitation
@@ -349,7 +345,7 @@ def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters
         stages = (passage.stage_jacobians() @ b).reshape(-1, STAGES * EXCITATION, d)
         for step, samples, given in zip(passage.steps, passage.samples, stages, strict=True):
             stop_if_interrupted()
-            du[:, own_q], du[:, own_v], du[:, own_excitations] = dq, dv, given.T
+            du[:, layout["q"]], du[:, layout["v"]], du[:, layout["excitations"]] = dq, dv, given.T
             entries, product = bound.at(step, run.parameters)()
             factors = tangent.factors(entries, step, modal_coefficients)
             solved = factors.solve(product.reshape(d, -1)[:, order].T, overwrite=True)
@@ -372,7 +368,7 @@ def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters
 def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Array, Array]:
     """Return the derivatives (..., d) of d weighted sums of the samples by the first q and v, b, and the parameters.
 
-    The weights are an array (k, orders, 4 n + 4, d); the instants of the samples are fixed.
+    The weights are an array (k, orders, rows, d); the instants of the samples are fixed.
     """
     d, given_layout, (of_free, of_base) = weights.shape[3], tangent.layout, run.maps
     bound, modal_coefficients = tangent.bound(0), tangent.modal_coefficients(run.parameters)

@@ -102,10 +102,16 @@ def noise_of(residuals: Array) -> float:
 
 def residuals_and_jacobian(evaluate: cs.Function, z: Array) -> tuple[Array, Array]:
     """Return residuals (m,) and Jacobian (m, n) from a Function that gives both."""
-    with delayed_interrupts():
-        residuals, jacobian = evaluated(evaluate, z)
-    count_step()
+    residuals, jacobian = _counted(evaluate, z)
     return residuals.ravel(), jacobian
+
+
+def _counted(function: cs.Function, z: Array) -> list[Array]:
+    """Return the outputs of a Function, which counts as one step; an interrupt waits for its end."""
+    with delayed_interrupts():
+        outputs = evaluated(function, z)
+    count_step()
+    return outputs
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +165,7 @@ def minimise(
         predicted = -float(psi @ (jacobian @ step)) - float(np.sum((rows @ step) ** 2)) / 2
         short = bool(inaccuracy) and change <= SHORT_STEP * deviation
         if short:
-            r_trial, jacobian_trial = evaluated(values, trial)[0].ravel(), jacobian
+            r_trial, jacobian_trial = _counted(values, trial)[0].ravel(), jacobian
         else:
             r_trial, jacobian_trial = residuals_and_jacobian(evaluate, trial)
         steps += 1

@@ -157,7 +157,7 @@ class MotionBlock(Block):
         law = cs.vertcat(cs.MX(0, 1), *(given.get(own.name, cs.MX(own.value)) for own in self.damping.parameters))
         properties, lumped = _properties(self, given)
         parameters = self.equations.given(properties=cs.vec(properties), law=law, lumped=lumped)
-        for (number, record), (_, motion) in zip(self.numbered, self._motions, strict=True):
+        for (number, record), (runs, motion) in zip(self.numbered, self._motions, strict=True):
             times, series = _clocks(record)
             shifts = _shifts(number, record, series, given)
             base = [given.get(base_name(own.name, number), cs.MX(own.value)) for own in record.own_base.parameters]
@@ -170,10 +170,10 @@ class MotionBlock(Block):
                 inputs.append(cs.vertcat(*shifts))
             ends = [0, *np.cumsum([one.size for one in times]).tolist()]
             sampled = []
-            rows = _sampled_rows(self, record)
-            places = cs.DM(cs.Sparsity.triplet(self.model.size, rows.size, rows.tolist(), [*range(rows.size)]))
+            rows = runs.problem.rows.tolist()
+            places = cs.DM(cs.Sparsity.triplet(self.model.size, len(rows), rows, [*range(len(rows))]))
             for part, shift, own_times in zip(cs.horzsplit(motion(*inputs), ends), shifts, times, strict=True):
-                orders = [places @ own for own in cs.vertsplit(part, rows.size)]
+                orders = [places @ own for own in cs.vertsplit(part, len(rows))]
                 e, e_t, e_tt = [*orders, *[cs.MX(0, part.size2())] * (3 - len(orders))]
                 load = _load_at(record.load, own_times, shift)
                 sampled.append(SampledMotion.of(_loaded(self.equations, record), e, e_t, e_tt, load, parameters))

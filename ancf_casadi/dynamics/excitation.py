@@ -5,8 +5,7 @@ base motion, the force (2,) and moment at the tip, and the place of a force that
 time and in the parameters b of the base motion.
 
 Each smooth piece is divided into segments that end at samples of the result.  After each segment, progress is shown and
-Ctrl-C takes effect.  If a run is interrupted or fails, the finished segments are kept.  Both integrators yield one
-``SegmentSolution`` per segment.
+Ctrl-C takes effect.  If a run is interrupted or fails, the finished segments are kept.
 """
 
 from __future__ import annotations
@@ -25,7 +24,6 @@ from ancf_casadi.dynamics.placed_load import LOAD_SIZE
 from ancf_casadi.dynamics.tip_load import HarmonicLoad, TipLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
-from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 
 NO_LOAD = HarmonicLoad((0.0, 0.0), 1.0)
@@ -55,6 +53,12 @@ class Excitation:
         """(t) -> the excitation, (16,)."""
         t = cs.MX.sym("t")
         return cs.Function("excitation", [t], [self._expression(t, cs.MX(cs.DM(self.parameters)))])
+
+    @cached_property
+    def node(self) -> cs.Function:
+        """(t) -> position and slope of the clamped node, (4,)."""
+        t = cs.MX.sym("t")
+        return cs.Function("node", [t], [self._expression(t, cs.MX(cs.DM(self.parameters)))[:NODE]])
 
     @cached_property
     def clamp(self) -> cs.Function:
@@ -157,20 +161,6 @@ class Segment:
     def kept(self) -> slice:
         """Indices of the samples of the result in ``instants``."""
         return slice(0 if self.first else 1, self.samples + 1)
-
-
-@dataclass(frozen=True, eq=False)
-class SegmentSolution:
-    """The solution on a segment, at its k samples."""
-
-    coordinates: Array  # (k, 4 n + 4)
-    velocities: Array  # (k, 4 n + 4)
-    forces: Array  # generalized force of the base on the clamped node, (k, 4)
-    energies: Array  # lost to damping, work of base and of tip load since the start of the segment, (k, 3), J
-    end: State  # the state at the end of the segment
-    end_energies: Array  # the energies there, (3,), J
-    segment: Segment
-    steps: int  # of the integrator
 
 
 def divide(begin: float, end: float, origin: float, rate: float, size: int) -> Iterator[Segment]:

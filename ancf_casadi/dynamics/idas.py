@@ -40,8 +40,9 @@ import casadi as cs
 import numpy as np
 import scipy.sparse.linalg
 
+from ancf_casadi.dynamics.dense_output import SegmentSolution, Slopes, Steps
 from ancf_casadi.dynamics.equations import Balance, Equations, scaled_matrix
-from ancf_casadi.dynamics.excitation import ENERGY_STATES, EXCITATION, Excitation, Segment, SegmentSolution
+from ancf_casadi.dynamics.excitation import ENERGY_STATES, EXCITATION, Excitation, Segment
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
@@ -96,11 +97,9 @@ class SemiExplicit:
         return cs.Function("powers", self._symbols, [powers], {"is_diff_in": [False] * 3})
 
     @cached_property
-    def sample(self) -> cs.Function:
-        """(x, z, excitation) -> the force of the base (4,), e and e_t."""
-        e, e_t, e_tt = self._motion
-        force = self._balance.on_base(e, e_t, e_tt, self._symbols[2][3 * NODE :])
-        return cs.Function("sample", self._symbols, [force, e, e_t], {"is_diff_in": [False] * 3})
+    def motion(self) -> cs.Function:
+        """(x, z, excitation) -> e, e_t and e_tt."""
+        return cs.Function("motion", self._symbols, [*self._motion], {"is_diff_in": [False] * 3})
 
     def scaled(self, state: State) -> Array:
         """Return x of a state."""
@@ -177,6 +176,7 @@ def integrate_by_idas(
     equations: Equations,
     piece: Excitation,
     start: State,
+    work: Array,
     segments: Sequence[Segment],
     tolerance: float,
     largest_step: float,
@@ -190,10 +190,10 @@ def integrate_by_idas(
     begin, span = cs.vertsplit(interval)
     x_t, alg = form.residual(x, z, excitation(begin + span * s))
     powers = form.powers(x, z, excitation(begin + span * s))
-    sampled = list(form.sample(x, z, excitation(begin + span * s)))
+    motion = list(form.motion(x, z, excitation(begin + span * s)))
     dae = {"t": s, "x": x, "z": z, "p": interval, "ode": span * x_t, "alg": alg, "quad": span * powers}
     linear = cs.Function("linear", [s, x, z, interval], [alg, cs.jacobian(alg, z)])  # alg is linear in z
-    samples = cs.Function("samples", [x, z, s, interval], sampled)
+    samples, slopes = cs.Function("samples", [x, z, s, interval], motion), Slopes(equations.model)
 
     @functools.cache
     def solver(points: int, length: float) -> cs.Function:
@@ -218,20 +218,14 @@ def integrate_by_idas(
                 raise _failure(printed.getvalue() + str(error), segment) from None
         states = np.vstack([x0, result["xf"].full().T])
         unknowns = np.vstack([z0, result["zf"].full().T])
-        found = samples(states.T, unknowns.T, np.linspace(0.0, 1.0, segment.points + 1)[None, :], p)
-        forces, coordinates, velocities = (part.full().T for part in found)
-        energies = np.vstack([np.zeros(ENERGY_STATES), result["qf"].full().T])
-        kept = segment.kept
-        yield SegmentSolution(
-            coordinates=coordinates[kept],
-            velocities=velocities[kept],
-            forces=forces[kept],
-            energies=energies[kept],
-            end=State(coordinates[-1], velocities[-1], segment.end),
-            end_energies=energies[-1],
-            segment=segment,
-            steps=int(run.stats()["nsteps"]),
-        )
+        motions = samples(states.T, unknowns.T, np.linspace(0.0, 1.0, segment.points + 1)[None, :], p)
+        ends = np.array([part.full().T for part in motions]).swapaxes(0, 1)
+        energies = work + np.vstack([np.zeros(ENERGY_STATES), result["qf"].full().T])
+        coefficients = np.zeros((segment.points, 4, ENERGY_STATES))
+        coefficients[:, 0], coefficients[:, 1] = energies[:-1], np.diff(energies, axis=0)
+        steps, work = Steps.of(slopes, segment.instants, ends, coefficients), energies[-1]
+        end = State(ends[-1, 0], ends[-1, 1], segment.end)
+        yield SegmentSolution(segment, steps, end, work, int(run.stats()["nsteps"]))
         x0 = states[-1]
 
 

@@ -26,9 +26,9 @@ from tqdm import tqdm
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
-from ancf_casadi.dynamics.excitation import ENERGY_STATES, Excitation, SegmentSolution, divide
+from ancf_casadi.dynamics.dense_output import DenseMotion, SegmentSolution
+from ancf_casadi.dynamics.excitation import ENERGY_STATES, Excitation, divide
 from ancf_casadi.dynamics.idas import integrate_by_idas
-from ancf_casadi.dynamics.placed_load import LOAD_SIZE
 from ancf_casadi.dynamics.radau.collocation import Collocation, first_equal
 from ancf_casadi.dynamics.radau.stepper import integrate_by_radau
 from ancf_casadi.dynamics.start import MotionSetup, Start, set_up
@@ -39,6 +39,7 @@ from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import compiled
 from ancf_casadi.support.inputs import check_instance, choice, flag, physical, positive_or_infinite, whole
 from ancf_casadi.support.interrupts import noted_interrupts
@@ -180,8 +181,10 @@ def simulate(
                 raise
     run = replace(_trajectory(setup, use, done, began), interrupted=interrupted)
     _warn_of_energy_gain(run, setup.equations.law)
-    _warn_of_short_elements(run)
-    warn_of_overbent_elements(model, run.coordinates)
+    ends = np.concatenate([solution.steps.instants for solution in done if solution.steps is not None])
+    coordinates = run.source.nodes(ends)[0]
+    _warn_of_short_elements(model, coordinates)
+    warn_of_overbent_elements(model, coordinates)
     return run
 
 
@@ -189,43 +192,42 @@ def _integrate(
     setup: MotionSetup, use: IntegratorUse, largest_step: float, options: Mapping[str, Any]
 ) -> Iterator[SegmentSolution]:
     """Integrate a motion, and yield the solution on each time segment."""
-    state, form = setup.start, Collocation(setup.equations)
+    state, work, form = setup.start, np.zeros(ENERGY_STATES), Collocation(setup.equations)
     if use.method == "radau":
         form = first_equal(form)
-    for piece, following in zip(setup.pieces, [*setup.pieces[1:], None], strict=True):
+    for piece in setup.pieces:
+        if piece is not setup.pieces[0]:
+            work = work + _impact_work(setup.equations.model, state, piece)
         rate = setup.sample_rate
         points = max(1, math.ceil((piece.end - piece.begin) * rate / SEGMENTS))
         most = min(points, 250)  # samples per segment
         segments = list(divide(piece.begin, piece.end, setup.pieces[0].begin, rate, most))
-        given = piece, state, segments, use.tolerance, min(largest_step, piece.largest_step)
+        given = piece, state, work, segments, use.tolerance, min(largest_step, piece.largest_step)
         if use.method == "idas":
             solutions = integrate_by_idas(setup.equations, *given, options)
         else:
             solutions = integrate_by_radau(form, setup.equations.parameters, *given)
         for solution in solutions:
-            state = solution.end
-            if following is not None and solution.segment is segments[-1]:
-                solution = _with_impact(setup.equations.model, solution, following)
+            state, work = solution.end, solution.energies
             yield solution
 
 
-def _with_impact(model: Model, solution: SegmentSolution, following: Excitation) -> SegmentSolution:
-    """Add the work of an impact, a velocity jump of the clamped node where the next piece of the excitation begins."""
+def _impact_work(model: Model, state: State, piece: Excitation) -> Array:
+    """Return the energies (3,), J, of an impact: a velocity jump of the clamped node where a piece begins."""
     mass = model.mass(model.properties).sparse()
-    clamp = following.at(following.begin)[NODE : 2 * NODE]
-    after = model.whole(model.of_free(solution.end.velocities), clamp)
-    energies = [float(velocities @ (mass @ velocities) / 2) for velocities in (solution.end.velocities, after)]
-    return replace(solution, end_energies=solution.end_energies + np.array([0.0, energies[1] - energies[0], 0.0]))
+    after = model.whole(model.of_free(state.velocities), piece.at(piece.begin)[NODE : 2 * NODE])
+    before, behind = (float(velocities @ (mass @ velocities) / 2) for velocities in (state.velocities, after))
+    return np.array([0.0, behind - before, 0.0])
 
 
 def _check_steps(done: Sequence[SegmentSolution], most_steps: int, used: str) -> None:
     """Raise a SimulationError if a run has taken too many steps."""
-    steps, last = sum(solution.steps for solution in done), done[-1].segment
+    steps, last = sum(solution.count for solution in done), done[-1].segment
     if steps > most_steps:
         other = "method='radau', " if used == "idas" else ""
         raise SimulationError(
             f"the integrator took {steps} steps up to {last.end:g} s, more than {most_steps}, the last of "
-            f"them {last.length / done[-1].steps:.1e} s long: undamped vibrations of the mesh may keep them short; "
+            f"them {last.length / done[-1].count:.1e} s long: undamped vibrations of the mesh may keep them short; "
             f"try {other}a little damping proportional to the strain rate, a larger tolerance, or more most_steps",
             last.end,
         )
@@ -233,22 +235,13 @@ def _check_steps(done: Sequence[SegmentSolution], most_steps: int, used: str) ->
 
 def _trajectory(setup: MotionSetup, use: IntegratorUse, done: Sequence[SegmentSolution], began: float) -> Trajectory:
     """Return the motion up to the last segment of a run that began at ``began`` on the clock ``time.perf_counter``."""
-    model, load = setup.equations.model, setup.load
-    starts = np.cumsum([np.zeros(ENERGY_STATES), *(solution.end_energies for solution in done)], axis=0)
-    energies = [start + solution.energies for start, solution in zip(starts, done, strict=False)]
-    lost, base_work, load_work = np.vstack([np.empty((0, ENERGY_STATES)), *energies]).T
-    none, times = np.empty((0, model.size)), setup.times[: len(lost)]
+    equations, steps = setup.equations, tuple(solution.steps for solution in done if solution.steps is not None)
+    samples = sum(len(range(*solution.segment.kept.indices(solution.segment.points + 1))) for solution in done)
     return Trajectory(
-        model=model,
-        time=times,
-        coordinates=np.vstack([none, *(solution.coordinates for solution in done)]),
-        velocities=np.vstack([none, *(solution.velocities for solution in done)]),
-        clamp_force=np.vstack([np.empty((0, NODE)), *(solution.forces for solution in done)]),
-        tip_load=np.zeros((times.size, LOAD_SIZE)) if load is None else load.values(times),
-        dissipated_energy=lost,
-        base_work=base_work,
-        load_work=load_work,
-        steps=sum(solution.steps for solution in done),
+        model=equations.model,
+        time=setup.times[:samples],
+        source=DenseMotion(equations.model, equations.law, setup.base, setup.load, steps),
+        steps=sum(solution.count for solution in done),
         wall_seconds=time.perf_counter() - began,
         integrators=(use,),
     )
@@ -270,12 +263,11 @@ def _warn_of_energy_gain(run: Trajectory, law: DampingLaw) -> None:
     )
 
 
-def _warn_of_short_elements(run: Trajectory) -> None:
+def _warn_of_short_elements(model: Model, coordinates: Array) -> None:
     """Warn if the lengths of the slopes may alternate along a bent beam, which two axial Gauss points hardly resist."""
-    model = run.model
     if model.measures.axial_points > 2:
         return
-    sums = np.insert(np.cumsum(-np.diff(model.end_angles(run.coordinates))[..., 0], axis=1), 0, 0.0, axis=1)
+    sums = np.insert(np.cumsum(-np.diff(model.end_angles(coordinates))[..., 0], axis=1), 0, 0.0, axis=1)
     bent = float(np.ptp(sums, axis=1).max())
     shortest = float((model.beam.element_lengths / model.beam.thickness).min())
     least = SHORTEST_PER_BEND * bent

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -24,12 +24,13 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ancf_casadi.dynamics.dense_output import MotionSource
 from ancf_casadi.mechanics.model import Model, axial_strains_near, curvature_at
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import check_file, write_file
-from ancf_casadi.support.inputs import whole
+from ancf_casadi.support.inputs import array, whole
 from ancf_casadi.support.tables import Displayed, Reported, Table, counted
 
 MOVING = "ancf_casadi.animation.motions.moving_pictures"  # function that draws motions by their labels
@@ -167,7 +168,7 @@ class Motion(Reported):
 
 @dataclass(frozen=True, eq=False)
 class Trajectory(Motion):
-    """A simulated motion, sampled at equal intervals.
+    """A simulated motion, read at the instants ``time``; what is read is computed then.
 
     Parameters
     ----------
@@ -175,20 +176,8 @@ class Trajectory(Motion):
         The beam.
     time : array (k,)
         Instants, s, from 0, or from the time of the state from which the motion continues.
-    coordinates : array (k, 4 n + 4)
-        Nodal coordinates in the laboratory frame, as in ``State``.
-    velocities : array (k, 4 n + 4)
-        Rates of the coordinates, m/s and 1/s.
-    clamp_force : array (k, 4)
-        Generalized force of the base on the clamped node: force, N, and force conjugate to the slope, N m.
-    tip_load : array (k, 3)
-        Force, N, and moment, N m, of the load.
-    dissipated_energy : array (k,)
-        Energy lost to damping since the start, J; in a flow that drives the beam, it is negative.
-    base_work : array (k,)
-        Work done by the base since the start, J.
-    load_work : array (k,)
-        Work done by the load since the start, J.
+    source : MotionSource
+        The motion: the steps of the integrator (``dense_output``), or samples.
     steps : int
         Steps of the integrator.
     wall_seconds : float
@@ -211,26 +200,85 @@ class Trajectory(Motion):
     6.7 mm, 1.8 N mm
     >>> bool(abs(run.balance_error).max() < 1e-3 * run.kinetic_energy.max())
     True
+
+    The steps are kept, so the motion can be read at other instants:
+
+    >>> peak = run.at([0.1231, 0.1232])
+    >>> peak.tip.shape
+    (2, 2)
     """
 
     model: Model
     time: Array
-    coordinates: Array
-    velocities: Array
-    clamp_force: Array
-    tip_load: Array
-    dissipated_energy: Array
-    base_work: Array
-    load_work: Array
+    source: MotionSource
     steps: int
     wall_seconds: float
     integrators: tuple[IntegratorUse, ...]
     interrupted: bool = False
 
+    def at(self, times: ArrayLike) -> Trajectory:
+        """Return the same motion, read at other instants.
+
+        Parameters
+        ----------
+        times : array_like (k,)
+            Instants between the beginning and the end of the motion, s, in any order.
+
+        Raises
+        ------
+        InputError
+            If an instant is not a number within the motion, or is not a sample of a motion that has samples alone.
+        """
+        instants = np.atleast_1d(array(times, "times"))
+        self.source.check(instants)
+        return replace(self, time=instants)
+
+    @cached_property
+    def coordinates(self) -> Array:  # type: ignore[override]
+        """Nodal coordinates in the laboratory frame, as in ``State``, (k, 4 n + 4)."""
+        return np.asarray(self.source.nodes(self.time)[0])
+
+    @cached_property
+    def velocities(self) -> Array:
+        """Rates of the coordinates, (k, 4 n + 4), m/s and 1/s."""
+        return np.asarray(self.source.nodes(self.time, 2)[1])
+
+    @cached_property
+    def clamp_force(self) -> Array:
+        """Generalized force of the base on the clamped node, (k, 4): force, N, and that conjugate to the slope, N m."""
+        return self.source.base_force(self.time)
+
+    @cached_property
+    def tip_load(self) -> Array:
+        """Force, N, and moment, N m, of the load, (k, 3)."""
+        return self.source.tip_load(self.time)
+
     @property
+    def dissipated_energy(self) -> Array:
+        """Energy lost to damping since the start, (k,), J; in a flow that drives the beam, it is negative."""
+        return self._energies[:, 0]
+
+    @property
+    def base_work(self) -> Array:
+        """Work done by the base since the start, (k,), J."""
+        return self._energies[:, 1]
+
+    @property
+    def load_work(self) -> Array:
+        """Work done by the load since the start, (k,), J."""
+        return self._energies[:, 2]
+
+    @cached_property
     def tip(self) -> Array:
         """Position of the tip, (k, 2), m."""
-        return self.coordinates[:, -NODE:-2]
+        return self.position(self.model.beam.length)
+
+    @cached_property
+    def base(self) -> Array:
+        """Position of the clamp, (k, 2), m."""
+        row = np.zeros(self.model.size // 2)
+        row[0] = 1.0
+        return self.source.along(row, self.time)
 
     @property
     def tip_force(self) -> Array:
@@ -243,11 +291,6 @@ class Trajectory(Motion):
         return self.tip_load[:, 2]
 
     @property
-    def base(self) -> Array:
-        """Position of the clamp, (k, 2), m."""
-        return self.coordinates[:, :2]
-
-    @property
     def _methods(self) -> tuple[str, ...]:
         """The integrators with their start and tolerance."""
         return tuple(
@@ -257,15 +300,20 @@ class Trajectory(Motion):
     def state(self, index: int) -> State:
         """Return the state at a sample; one that does not exist raises an ``InputError``."""
         index = whole(index, "index", -len(self.time), len(self.time) - 1)
-        return State(self.coordinates[index], self.velocities[index], float(self.time[index]))
+        (coordinates,), (velocities,) = self.source.nodes(self.time[[index]], 2)
+        return State(coordinates, velocities, float(self.time[index]))
+
+    def position(self, point: float) -> Array:
+        """Return the position of a point at an arc length (m), (k, 2), m; one off the beam raises an ``InputError``."""
+        return self._read(self.model.interpolation(point))
 
     def velocity(self, point: float) -> Array:
         """Return the velocity of a material point, (k, 2), m/s; arguments and errors are those of ``position``."""
-        return np.asarray(self.velocities @ self.model.interpolation(point).T)
+        return self._read(self.model.interpolation(point), 1)
 
     def slope(self, point: float) -> Array:
         """Return the angle from the x axis to the beam at a point, (k,), rad, unwrapped; see ``position``."""
-        x, y = self.model.slope_interpolation(point) @ self.coordinates.T
+        x, y = self._read(self.model.slope_interpolation(point)).T
         return np.asarray(np.unwrap(np.arctan2(y, x)))
 
     def curvature(self, point: float) -> Array:
@@ -338,5 +386,14 @@ class Trajectory(Motion):
 
     def _interpolated(self, matrix: Array) -> tuple[Array, Array]:
         """Return x and y, (k,), from an interpolation matrix."""
-        x, y = matrix @ self.coordinates.T
+        x, y = self._read(matrix).T
         return x, y
+
+    def _read(self, matrix: Array, order: int = 0) -> Array:
+        """Return a vector (k, 2) from its interpolation matrix (2, size), or a time derivative of it."""
+        return self.source.along(matrix[0, ::2], self.time, order)
+
+    @cached_property
+    def _energies(self) -> Array:
+        """Energies lost to damping and supplied by base and load since the start, (k, 3), J."""
+        return self.source.energies(self.time)

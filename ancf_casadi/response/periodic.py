@@ -13,6 +13,7 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
+from ancf_casadi.dynamics.dense_output import SampledMotion
 from ancf_casadi.dynamics.trajectory import MOVING, IntegratorUse, Trajectory
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.reduction.forces import BASE_SIZE
@@ -192,16 +193,12 @@ class PeriodicMotion(Reported):
         )
         lost, supplied = (_integral(power, instants) for power in own.sampled_powers(self.coefficients, setting))
         nothing, by_base = np.zeros(count + 1), self.excited.drive.moves_base
+        work = np.column_stack([lost, supplied, nothing] if by_base else [lost, nothing, supplied])
+        forces, loads = np.hstack([force, force[:, :1]]).T, u[BASE_SIZE:].T
         return Trajectory(
             model=body,
             time=instants,
-            coordinates=e,
-            velocities=e_t,
-            clamp_force=np.hstack([force, force[:, :1]]).T,
-            tip_load=u[BASE_SIZE:].T,
-            dissipated_energy=lost,
-            base_work=supplied if by_base else nothing,
-            load_work=nothing if by_base else supplied,
+            source=SampledMotion(instants, np.array([e, e_t]), forces, loads, work),
             steps=0,
             wall_seconds=time.perf_counter() - began,
             integrators=(IntegratorUse(0.0, "harmonic balance", self.errors.largest),),

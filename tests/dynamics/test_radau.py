@@ -37,7 +37,8 @@ def stepper(model, law, base, start, end, tolerance):
     excitation = excitation_pieces(model, base, None, 0.0, end)[0]
     state = initial_state(model, excitation, start)
     run = radau.Stepper(Collocation(equations), equations.parameters, excitation, state, tolerance)
-    run.reach(end)
+    for _ in run.steps_to(end):
+        pass
     return run
 
 
@@ -55,21 +56,6 @@ def test_newtons_method_takes_two_iterations(base, start, end, tolerance):
     run = stepper(Model(Beam.uniform(**BEAM, elements=20)), RayleighDamping(alpha=0.2325), base, start, end, tolerance)
     assert run.newton.iterations < 2.5 * run.steps
     assert run.newton.factorisations < 1.25 * run.steps
-
-
-@pytest.mark.slow
-def test_samples_of_a_step_together_equal_single_ones(monkeypatch):
-    """Evaluate several instants of a step in one call."""
-    model = Model(Beam.uniform(**BEAM, elements=6, clamp_stiffness=0.5))
-    law = ModalDamping(natural_modes(model, count=3), (0.02, 0.01, 0.01))
-    settings = {"damping": law, "base": SWING, "start": "equilibrium", "duration": 0.2, "method": "radau"}
-    together = simulate(model, **settings)
-    assert together.steps < len(together.time) / 2
-    monkeypatch.setattr(radau, "SAMPLES_PER_CALL", 1)
-    single = simulate(model, **settings)
-    for name in ("coordinates", "velocities", "clamp_force", "dissipated_energy", "base_work"):
-        found, expected = getattr(together, name), getattr(single, name)
-        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max(), err_msg=name)
 
 
 def test_samples_do_not_change_the_steps():

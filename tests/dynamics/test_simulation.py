@@ -144,7 +144,7 @@ def test_a_beam_at_rest_whose_base_starts_with_a_velocity_suffers_an_impact(rubb
     run = simulate(rubber, base=base, start="impact", method="idas", **settings)
     rest = static_equilibrium(rubber).coordinates
     tip = explicit(rubber, [(np.inf, harmonic(rubber))], run.time, rest, np.zeros(rubber.size))
-    assert not run.velocities[0, 4:].any()
+    assert np.abs(run.velocities[0, 4:]).max() < 1e-12 * AMPLITUDE * OMEGA
     assert run.velocities[0, 0] == pytest.approx(AMPLITUDE * OMEGA)
     assert abs(run.tip - tip).max() < 2e-7
     assert abs(run.tip[-1] - rest[-4:-2]).max() > 1e-6
@@ -164,7 +164,7 @@ def test_a_base_that_stops_at_once_causes_an_impact_too(rubber):
         rigid(rubber, AMPLITUDE * OMEGA),
     )
     assert abs(run.tip - tip).max() < 2e-7
-    assert not run.velocities[run.time > stop, :4].any()
+    assert np.abs(run.velocities[run.time > stop, :4]).max() < 1e-12 * AMPLITUDE * OMEGA
     assert abs(run.balance_error).max() < 1e-4 * np.ptp(run.energy)  # the impact does work
 
 
@@ -178,7 +178,7 @@ def test_a_beam_at_rest_follows_a_base_whose_amplitude_grows_from_the_first_inst
     assert abs(sampled.tip[:, 0]).max() > 0.1 * AMPLITUDE
     for method in ("idas", "radau"):
         run = simulate(rubber, base=HarmonicBase(AMPLITUDE, FREQUENCY, ramp=ramp), method=method, **settings)
-        assert not run.velocities[0].any()
+        assert np.abs(run.velocities[0]).max() < 1e-10 * AMPLITUDE * OMEGA
         assert abs(run.tip - sampled.tip).max() < 2e-7
 
 

@@ -182,29 +182,6 @@ class Collocation:
         q = self._corotation.continued(cs.horzcat(*weights), nodes, s.excitations[:NODE, :])
         return _function("prediction", [nodes, ratio, s.excitations, s.q], [q - cs.repmat(s.q, 1, STAGES)])
 
-    @cached_property
-    def sample(self) -> cs.Function:
-        """(x, h, q, v, a, q_1, v_1, a_1, excitation, reference, parameters, real) -> e, e_t, force of the base (4,).
-
-        This is the motion at the time x h after the start of a step: the quintic polynomial, with coordinates corrected
-        by one Newton iteration.
-        """
-        s, x, excitation = self._symbols, cs.MX.sym("x"), cs.MX.sym("excitation", EXCITATION)
-        a, q1, v1, a1 = (cs.MX.sym(name, self.equations.free) for name in ("a", "q1", "v1", "a1"))
-        data = cs.horzcat(s.q, s.h * s.v, s.h**2 * a, q1, s.h * v1, s.h**2 * a1)
-        weights = cs.DM(QUINTIC) @ cs.horzcat(*(cs.vertcat(*p) / s.h**order for order, p in enumerate(powers(x, 3))))
-        *node, load = cs.vertsplit(excitation, NODE)
-        model = self.equations.model
-        e, e_t, e_tt = cs.horzsplit(model.whole(data @ weights, cs.horzcat(*node)))
-        balance, frames = self.equations.balance(s.parameters), self._frames(1)
-        residual, _ = balance.forces(e, e_t, e_tt, load)
-        turns = frames.turns(s.reference, e)
-        correction = self._solved(self._real, s.real, frames.back(residual, turns))
-        corrected = e - model.moved(frames.forth(correction, turns))
-        force = balance.on_base(corrected, e_t, e_tt, load)
-        inputs = [x, s.h, s.q, s.v, a, q1, v1, a1, excitation, s.reference, s.parameters, s.real]
-        return _function("sample", inputs, [corrected, e_t, force])
-
     def accelerations(self, q: Array, v: Array, excitation: Array, parameters: Array) -> Array:
         """Return the accelerations a in a state (q, v) under an excitation (16,)."""
         position, velocity, acceleration, load = np.split(excitation, [NODE, 2 * NODE, 3 * NODE])

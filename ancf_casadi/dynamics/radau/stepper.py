@@ -6,25 +6,23 @@ decay, and the steps adapt to the other modes.  ``collocation`` states the equat
     predicted       by the collocation polynomial of the last one,
     solved          by Newton's method (``newton``), whose matrices are kept as long as it converges fast,
     accepted        if the error of positions and slopes is within the tolerance, else repeated,
-    sampled         at the instants of the result.
+    kept            as polynomials, which give the motion at all instants (``dense_output``).
 
-The error estimate does not include the velocities.  A sample is taken from the quintic polynomial through positions,
-velocities and accelerations at both ends of the step, corrected by one Newton iteration on the equation of motion,
-because the polynomial may stretch the beam more than the axial forces do.  The powers lost to damping and supplied by
-the base and the tip load are integrated by the quadrature of the stages.
+The error estimate does not include the velocities.  The powers lost to damping and supplied by the base and the tip
+load are integrated by the quadrature of the stages.
 """
 
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.excitation import ENERGY_STATES, EXCITATION, SAME_TIME, Excitation, Segment, SegmentSolution
+from ancf_casadi.dynamics.dense_output import SegmentSolution, Slopes, Steps
+from ancf_casadi.dynamics.excitation import ENERGY_STATES, SAME_TIME, Excitation, Segment
 from ancf_casadi.dynamics.radau.collocation import RADAU, STAGES, Collocation
 from ancf_casadi.dynamics.radau.newton import Newton, StepControl
 from ancf_casadi.exceptions import SimulationError
@@ -33,7 +31,7 @@ from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import Buffered
 
-SAMPLES_PER_CALL = 8  # largest number of samples evaluated in one call
+MOST_STEPS = 200_000  # to the end of a segment
 
 
 def integrate_by_radau(
@@ -41,35 +39,29 @@ def integrate_by_radau(
     parameters: Array,
     piece: Excitation,
     start: State,
+    work: Array,
     segments: Sequence[Segment],
     tolerance: float,
     largest_step: float,
 ) -> Iterator[SegmentSolution]:
     """Integrate over a smooth piece of the excitation, and yield the solution on each of its consecutive segments."""
-    stepper = Stepper(form, parameters, piece, start, tolerance, largest_step)
-    size, steps, energies = form.equations.model.size, 0, np.zeros(ENERGY_STATES)
+    stepper = Stepper(form, parameters, piece, start, tolerance, largest_step, work)
+    slopes = Slopes(form.equations.model)
     for segment in segments:
-        samples: list[tuple[Array, ...]] = [tuple(np.empty((0, width)) for width in (size, size, NODE, ENERGY_STATES))]
-        ahead = segment.instants[segment.kept].tolist() if segment.samples else []
-        while ahead:
-            stepper.reach(ahead[0])
-            count = min(max(bisect_right(ahead, stepper.now), 1), SAMPLES_PER_CALL)
-            samples.append(stepper.sample(np.array(ahead[:count])))
-            ahead = ahead[count:]
-        stepper.reach(segment.end)
-        end, end_energies = stepper.state, stepper.energies_at(np.array([segment.end]))[0]
-        coordinates, velocities, forces, work = (np.vstack(parts) for parts in zip(*samples, strict=True))
-        yield SegmentSolution(
-            coordinates=coordinates,
-            velocities=velocities,
-            forces=forces,
-            energies=work - energies,
-            end=end,
-            end_energies=end_energies - energies,
-            segment=segment,
-            steps=stepper.steps - steps,
-        )
-        steps, energies = stepper.steps, end_energies
+        kept = [stepper.end, *(stepper.end for _ in stepper.steps_to(segment.end))]
+        count = len(kept) - 1
+        steps = _polynomials_of(slopes, kept, first=stepper.steps == count) if count else None
+        yield SegmentSolution(segment, steps, stepper.state, stepper.work, count)
+
+
+def _polynomials_of(
+    slopes: Slopes, kept: Sequence[tuple[float, Array, Array, Array, Array, Array]], *, first: bool
+) -> Steps:
+    """Return the steps between ends as of ``Stepper.end``; whether the first is that of the piece."""
+    instants, free, bases, nodes, energies, added = (np.array(values) for values in zip(*kept, strict=True))
+    ends = slopes.model.whole(np.moveaxis(free, -1, 0), np.moveaxis(bases.reshape(-1, 3, NODE), -1, 0))
+    energies = np.concatenate([energies[1:, None], added[1:]], axis=1)
+    return Steps.of(slopes, instants, np.moveaxis(ends, 0, -1), energies, nodes[1 + first :])
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +81,8 @@ class Stepper:
     """Integration over a smooth piece of the excitation, one step at a time.
 
     ``now`` is the end of the last step, s; ``steps`` counts the accepted steps.  The parameters are those of the
-    equation of motion, in place of the nominal ones of ``form``; ``start`` is the state at the beginning of the piece.
+    equation of motion, in place of the nominal ones of ``form``; ``start`` is the state at the beginning of the piece,
+    and ``work`` are the energies there.
     The tolerance is the local error of the positions relative to the length of the beam, and of the slopes relative to
     1/2.
     """
@@ -102,12 +95,14 @@ class Stepper:
         start: State,
         tolerance: float,
         largest_step: float = math.inf,
+        work: Array | None = None,
     ) -> None:
         model, first = form.equations.model, piece.at(piece.begin)
         self.now, self.steps = piece.begin, 0
         self._form, self._piece, self._largest_step, self._control = form, piece, largest_step, StepControl()
         # energies at the start of the last step, and coefficients of x, x^2 and x^3 of those added within it
-        self._energies, self._added = np.zeros(ENERGY_STATES), np.zeros((STAGES, ENERGY_STATES))
+        self._energies = np.zeros(ENERGY_STATES) if work is None else work
+        self._added = np.zeros((STAGES, ENERGY_STATES))
 
         self.newton = arrays = Newton(form, parameters, tolerance)
         arrays.excitations[:] = first
@@ -119,7 +114,6 @@ class Stepper:
         self._finish = Buffered(form.finish, *arrays.of_stages[:-1], a)
         self._predict = Buffered(form.prediction, arrays.nodes, arrays.ratio, arrays.excitations, q)
         self._excite = Buffered(_at_stages(piece.function), arrays.time, arrays.length)
-        self._samplers: dict[int, Callable[[Array, Array], list[Array]]] = {}
 
     @property
     def state(self) -> State:
@@ -136,25 +130,30 @@ class Stepper:
         stages = self._form.equations.model.of_free(newton.nodes[1:].T).T
         return RadauStep(self.now - h, h, q, v, a, stages - q, newton.excitations.copy())
 
-    def reach(self, instant: float) -> None:
+    @property
+    def end(self) -> tuple[float, Array, Array, Array, Array, Array]:
+        """What a result keeps of the last step.
+
+        Its end, s; q, v and a there, (3, N), and the motion of the base, (12,); the coordinates at its start and its
+        stages, (4, 4 n + 4); the energies at its start, (3,), J, and the coefficients of x, x^2 and x^3 in those added.
+        """
+        newton = self.newton
+        kept = newton.end.copy(), newton.excitations[-1, : 3 * NODE].copy(), newton.nodes.copy()
+        return self.now, *kept, self._energies, self._added
+
+    @property
+    def work(self) -> Array:
+        """The energies at the end of the last step, (3,), J."""
+        return np.asarray(self._energies + self._added.sum(axis=0))
+
+    def steps_to(self, instant: float) -> Iterator[None]:
         """Take steps until an instant is passed."""
         before = self.steps
         while self.steps == 0 or self.now < instant - SAME_TIME * self._control.length:
             self.advance()
-            if self.steps - before > 200_000:
+            if self.steps - before > MOST_STEPS:
                 raise SimulationError(_failure("took too many steps", self.now, self._control.length), self.now)
-
-    def sample(self, instants: Array) -> tuple[Array, ...]:
-        """Return e, e_t (k, 4 n + 4), forces of the base (k, 4), energies (k, 3) at instants (k,) of the last step."""
-        count = len(instants)
-        if count not in self._samplers:
-            self._samplers[count] = _sampler(count, self._form, self.newton, self._piece.function)
-        return *self._samplers[count](instants, self._places_of(instants)), self.energies_at(instants)
-
-    def energies_at(self, instants: Array) -> Array:
-        """Return the energies since the start of the piece, (k, 3), J, at instants (k,) of the last step."""
-        x, (first, second, third) = self._places_of(instants)[:, None], self._added
-        return np.asarray(self._energies + x * (first + x * (second + x * third)))
+            yield
 
     def advance(self) -> None:
         """Take one step, as long as the tolerance and Newton's method allow."""
@@ -178,7 +177,7 @@ class Stepper:
             control = control.inaccurate(h, error, iterations)
 
         self._control = control.accepted(h, error, iterations, newton.contraction, self._largest_step)
-        self._energies = self._energies + self._added.sum(axis=0)
+        self._energies = self.work
         self._added = h * RADAU.integral @ powers.reshape(STAGES, ENERGY_STATES)
         newton.nodes[0], newton.nodes[1:] = newton.nodes[-1], nodes.reshape(STAGES, -1)
         newton.start[:] = newton.end
@@ -198,29 +197,6 @@ class Stepper:
         else:
             times = h * RADAU.nodes[:, None]
             newton.increments[:] = times * v + times**2 / 2 * a
-
-    def _places_of(self, instants: Array) -> Array:
-        """Return the places of instants in the last step, 0 to 1."""
-        return np.asarray(1.0 - (self.now - instants) / self._control.length)
-
-
-def _sampler(
-    count: int, form: Collocation, newton: Newton, excitation: cs.Function
-) -> Callable[[Array, Array], list[Array]]:
-    """Return the function (times (k,), s, places in the last step, 0 to 1) -> e, e_t and forces of the base there."""
-    instants, places, excitations = np.zeros(count), np.zeros(count), np.zeros((count, EXCITATION))
-    step = [newton.length, *newton.start, *newton.end]
-    inputs = [places, *step, excitations, newton.reference, newton.parameters, newton.real]
-    shared = [k for k in range(len(inputs)) if k not in (0, 1 + len(step))]
-    excite = Buffered(excitation.map(count), instants)
-    evaluate = Buffered(form.sample.map("samples", "serial", count, shared, []), *inputs)
-
-    def sample(given: Array, own: Array) -> list[Array]:
-        instants[:], places[:] = given, own
-        excitations.ravel()[:] = excite()[0]
-        return [part.reshape(count, -1).copy() for part in evaluate()]
-
-    return sample
 
 
 def _at_stages(excitation: cs.Function) -> cs.Function:

@@ -1,0 +1,383 @@
+"""Dense output: the motion at any instant, from the steps of the integrator.
+
+The coordinates of a thin beam that turns cannot be interpolated one by one: errors far below the tolerance would
+stretch the beam more than its axial forces do.  With the slopes at the two Gauss points of each element written as
+complex numbers, r' = exp(lambda + i theta), a step of the length h from t_0 therefore interpolates
+
+    the angle theta          by the polynomial of degree 5 through its values and two derivatives at both ends,
+    the log length lambda    by a cubic: through the start and the three stages of Radau; in its first step, whose rates
+                             at the start are known, and with IDAS, through values and rates at both ends.
+
+The accelerations at the ends contain axial vibrations that the steps do not resolve, which is why lambda does without
+them.  The nodes follow from the slopes as sums along the beam (``radau.corotation``), velocities and accelerations by
+differentiation.
+
+A beam on springs begins at a node of its own, whose position follows the polynomial of degree 5 and whose slope is
+treated like the others.  At supports further along the beam, the nodes thus computed miss their places by less than the
+tolerance; these gaps are closed by a displacement that is linear in the arc length.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import casadi as cs
+import numpy as np
+import scipy.sparse
+import scipy.sparse.linalg
+
+from ancf_casadi.damping import DampingLaw
+from ancf_casadi.dynamics.base_motion import BaseMotion
+from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.excitation import ENERGY_STATES, EXCITATION, SAME_TIME, Excitation, Segment, excitation_pieces
+from ancf_casadi.dynamics.placed_load import TIP
+from ancf_casadi.dynamics.radau.collocation import QUINTIC, RADAU, powers
+from ancf_casadi.dynamics.tip_load import TipLoad
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.mechanics.state import State
+from ancf_casadi.mechanics.strain import gauss, hermite_slope
+from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.compilation import compiled
+
+INSTANTS_TOGETHER = 1024  # whose polynomials are gathered at once; they stay in the processor's cache
+
+# each row a cubic with one of its values at the start and the stages of a step equal to 1, the others 0
+STAGE_CUBIC = np.linalg.inv(np.vander([0.0, *RADAU.nodes], increasing=True)).T
+# each row a cubic with one of its value and rate at 0, then at 1, equal to 1
+END_CUBIC = np.linalg.inv(np.array([[1.0, 0, 0, 0], [0, 1.0, 0, 0], [1.0, 1, 1, 1], [0, 1.0, 2, 3]])).T
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Slopes of a beam as complex numbers x + i y, from those of its nodes, and back.
+
+    The s slopes are those at the Gauss points, element by element, behind that at the beginning of the beam if the base
+    is a node of its own.  With the position and slope of the base, and then the position of this beginning, they
+    determine all nodes.
+    """
+
+    model: Model
+
+    @cached_property
+    def of_nodes(self) -> scipy.sparse.csr_array:
+        """The matrix (s, nodes) of the slopes from positions and slopes of the nodes."""
+        model, lengths = self.model, self.model.beam.element_lengths
+        own: Any = lengths
+        values = np.array([np.broadcast_arrays(*hermite_slope(xi, own)) for xi in gauss(2)[0]])  # (2, 4, n)
+        rows = np.arange(2 * lengths.size).reshape(-1, 2).T[:, None, :] + model.root
+        columns = 2 * (np.arange(lengths.size) + model.root) + np.arange(4)[:, None]
+        entries = [part.ravel() for part in np.broadcast_arrays(values, rows, columns)]
+        if model.root:
+            entries = [np.append(part, one) for part, one in zip(entries, (1.0, 0, 3), strict=True)]
+        data, *places = entries
+        shape = 2 * lengths.size + model.root, model.size // 2
+        return scipy.sparse.csr_array((data, np.array(places, dtype=np.int64)), shape=shape)
+
+    @cached_property
+    def _factors(self) -> Any:
+        """Factors of the matrix that takes the nodes to what is known of the base, and the slopes."""
+        known = scipy.sparse.eye_array(2 + self.model.root, self.model.size // 2)
+        return scipy.sparse.linalg.splu(
+            scipy.sparse.csc_array(scipy.sparse.vstack([known, self.of_nodes]), dtype=complex)
+        )
+
+    def at(self, e: Array) -> Array:
+        """Return the slopes (..., s) for coordinates, or their rates, (..., size)."""
+        pairs = np.ascontiguousarray(e).view(complex)
+        return np.asarray((self.of_nodes @ pairs.reshape(-1, pairs.shape[-1]).T).T.reshape(*e.shape[:-1], -1))
+
+    def nodes(self, known: Array, slopes: Array) -> Array:
+        """Return the coordinates (k, size) from what is known of the base, (k, 2 or 3), and slopes (k, s)."""
+        found = self._factors.solve(np.hstack([known, slopes]).T).T
+        return np.ascontiguousarray(found).view(float)
+
+    def weights(self, row: Array) -> tuple[Array, Array]:
+        """Return the weights of what is known of the base, and of the slopes, in row . nodes."""
+        weights = self._factors.solve(row.astype(complex), "T").real
+        return weights[: 2 + self.model.root], weights[2 + self.model.root :]
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """Consecutive steps, m of them, as polynomials of the time x since the start of each, relative to its length."""
+
+    instants: Array  # ends of the steps, and the beginning, (m + 1,), s
+    angles: Array  # coefficients of 1, x, ..., x^5 in the angles of the slopes, (m, 6, s), rad
+    lengths: Array  # coefficients of 1, x, x^2, x^3 in the logarithms of their lengths, (m, 4, s)
+    beginning: Array  # coefficients of 1, x, ..., x^5 in the position of the beam's own beginning, (m, 6, 0 or 1)
+    energies: Array  # coefficients of 1, x, x^2, x^3 in the energies since the start of the motion, (m, 4, 3), J
+
+    @classmethod
+    def of(cls, slopes: Slopes, instants: Array, ends: Array, energies: Array, stages: Array | None = None) -> Steps:
+        """Return steps from coordinates, velocities and accelerations at their ends, (m + 1, 3, size).
+
+        ``stages`` are the coordinates at the start and the stages of each of the last steps, (m or less, 4, size); in
+        steps without them, the lengths follow the rates at the ends.
+        """
+        h = np.diff(instants)[:, None]
+        z, z_t, z_tt = (slopes.at(ends[:, order]) for order in range(3))
+        rates = z_t / z
+        changes = z_tt / z - rates**2
+        scaled = h * rates.imag[:-1], h**2 * changes.imag[:-1], h * rates.imag[1:], h**2 * changes.imag[1:]
+        none = np.zeros_like(scaled[0])
+        angles = _polynomials(QUINTIC, none, *scaled[:2], np.angle(z[1:] / z[:-1]), *scaled[2:])
+        angles[:, 0] += np.angle(z[:-1])
+        length = np.log(np.abs(z))
+        lengths = _polynomials(END_CUBIC, length[:-1], h * rates.real[:-1], length[1:], h * rates.real[1:])
+        if stages is not None and len(stages):
+            lengths[-len(stages) :] = _polynomials(STAGE_CUBIC, *np.log(np.abs(slopes.at(stages))).swapaxes(0, 1))
+        root = slopes.model.root
+        first = np.ascontiguousarray(ends[:, :, NODE : NODE + 2]).view(complex)[:, :, :root].swapaxes(0, 1)
+        powered = [part[side] * h**order for side in (slice(-1), slice(1, None)) for order, part in enumerate(first)]
+        return cls(instants, angles, lengths, _polynomials(QUINTIC, *powered), energies)
+
+    def slopes(self, owners: Index, x: Array, orders: int) -> tuple[Array, Array]:
+        """Return the slopes and their time derivatives, (orders, k, s), and the same of the beam's own beginning."""
+        h = np.diff(self.instants)[owners]
+        terms = np.array(powers(x, orders)).swapaxes(1, 2) / h[:, None] ** np.arange(orders)[:, None, None]
+        angles, lengths = self.angles[owners], self.lengths[owners]
+        theta = [(own[:, None] @ angles)[:, 0] for own in terms]
+        log_length = [(own[:, None, :4] @ lengths)[:, 0] for own in terms]
+        size = np.exp(log_length[0])
+        z = np.empty((orders, *size.shape), dtype=complex)
+        z[0].real, z[0].imag = size * np.cos(theta[0]), size * np.sin(theta[0])
+        rates = [length + 1j * angle for length, angle in zip(log_length[1:], theta[1:], strict=True)]
+        if orders > 1:
+            z[1] = z[0] * rates[0]
+        if orders > 2:
+            z[2] = z[0] * (rates[1] + rates[0] ** 2)
+        return z, np.array([(own[:, None] @ self.beginning[owners])[:, 0] for own in terms])
+
+    def energies_at(self, owners: Index, x: Array) -> Array:
+        """Return the energies (k, 3) at places x in the steps ``owners``."""
+        return np.asarray((x[:, None] ** np.arange(4))[:, None] @ self.energies[owners])[:, 0]
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentSolution:
+    """The solution on a segment."""
+
+    segment: Segment
+    steps: Steps | None  # none if the last step of the segment before reaches beyond this one
+    end: State  # the state at the end of the last step
+    energies: Array  # there, since the start of the motion, (3,), J
+    count: int  # of the steps of the integrator
+
+
+def _polynomials(basis: Array, *values: Array) -> Array:
+    """Return the coefficients (m, c, s) of the polynomials with values (m, s) of the functionals of a basis."""
+    return np.asarray(np.einsum("ek,ems->mks", basis, np.array(values)))
+
+
+class MotionSource(ABC):
+    """Where a ``Trajectory`` takes its coordinates, forces and energies from, at instants that it knows."""
+
+    @abstractmethod
+    def check(self, times: Array) -> None:
+        """Raise an ``InputError`` if the motion is not known at some instants."""
+
+    @abstractmethod
+    def nodes(self, times: Array, orders: int = 1) -> Array:
+        """Return nodal coordinates, and their rates and accelerations up to an order, (orders, k, size)."""
+
+    @abstractmethod
+    def base_force(self, times: Array) -> Array:
+        """Return the generalized force of the base on the clamped node, (k, 4)."""
+
+    @abstractmethod
+    def tip_load(self, times: Array) -> Array:
+        """Return force, N, and moment, N m, of the load, (k, 3)."""
+
+    @abstractmethod
+    def energies(self, times: Array) -> Array:
+        """Return the energies lost to damping and supplied by base and load since the start, (k, 3), J."""
+
+    def along(self, row: Array, times: Array, order: int = 0) -> Array:
+        """Return weighted sums (k, 2) of the positions and slopes of the nodes, or of a time derivative of these."""
+        return np.asarray(self.nodes(times, order + 1)[order] @ np.kron(row, np.eye(2)).T)
+
+
+@dataclass(frozen=True, eq=False)
+class SampledMotion(MotionSource):
+    """A motion that is known at its k samples alone."""
+
+    times: Array  # (k,), s
+    motion: Array  # coordinates and velocities, (2, k, size)
+    forces: Array  # of the base, (k, 4)
+    loads: Array  # (k, 3)
+    work: Array  # the energies, (k, 3)
+
+    def check(self, times: Array) -> None:
+        """Refuse instants that are no samples."""
+        self._places(times)
+
+    def nodes(self, times: Array, orders: int = 1) -> Array:
+        """Return what is known, see ``MotionSource``."""
+        return np.asarray(self.motion[:orders, self._places(times)])
+
+    def base_force(self, times: Array) -> Array:
+        """Return what is known, see ``MotionSource``."""
+        return np.asarray(self.forces[self._places(times)])
+
+    def tip_load(self, times: Array) -> Array:
+        """Return what is known, see ``MotionSource``."""
+        return np.asarray(self.loads[self._places(times)])
+
+    def energies(self, times: Array) -> Array:
+        """Return what is known, see ``MotionSource``."""
+        return np.asarray(self.work[self._places(times)])
+
+    def _places(self, times: Array) -> Index:
+        places = np.minimum(np.searchsorted(self.times, times), max(self.times.size - 1, 0))
+        if not np.array_equal(self.times[places] if self.times.size else self.times, times):
+            raise InputError("the motion is known at its own samples alone", "times")
+        return places
+
+
+@dataclass(frozen=True, eq=False)
+class DenseMotion(MotionSource):
+    """A motion that is known at all instants, from its steps."""
+
+    model: Model
+    law: DampingLaw
+    base: BaseMotion
+    load: TipLoad | None
+    steps: tuple[Steps, ...]  # each within a smooth piece of the excitation
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle the fields without the Functions."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @cached_property
+    def instants(self) -> Array:
+        """Beginning and ends of all steps, s."""
+        return np.concatenate([own.instants for own in self.steps]) if self.steps else np.zeros(0)
+
+    def check(self, times: Array) -> None:
+        """Refuse instants outside the steps."""
+        begin, end = self.instants[[0, -1]].tolist()
+        slack = SAME_TIME * (end - begin)
+        if times.size and not (begin - slack <= times.min() and times.max() <= end + slack):
+            raise InputError(f"the motion lasts from {begin:g} to {end:g} s", "times")
+
+    def nodes(self, times: Array, orders: int = 1) -> Array:
+        """Return coordinates and so on at instants within the steps, see ``MotionSource``."""
+        result = np.empty((orders, times.size, self.model.size))
+        for chosen, known, slopes in self._parts(times, orders):
+            for order in range(orders):
+                result[order, chosen] = self._slopes.nodes(known[order], slopes[order])
+        return result if self.model.held_at_base_alone else self._closed(result, times)
+
+    def along(self, row: Array, times: Array, order: int = 0) -> Array:
+        """Return weighted sums of the nodes, see ``MotionSource``, from the slopes at once."""
+        if not self.model.held_at_base_alone:
+            return super().along(row, times, order)
+        of_known, of_slopes = self._slopes.weights(row)
+        result = np.empty(times.size, dtype=complex)
+        for chosen, known, slopes in self._parts(times, order + 1):
+            result[chosen] = known[order] @ of_known + slopes[order] @ of_slopes
+        return result.view(float).reshape(-1, 2)
+
+    def base_force(self, times: Array) -> Array:
+        """Return the generalized force of the base on the clamped node, (k, 4)."""
+        result = np.empty((times.size, NODE))
+        for start in range(0, times.size, INSTANTS_TOGETHER):
+            some = times[start : start + INSTANTS_TOGETHER]
+            loads = self._excited(some)[:, 3 * NODE :]
+            motion = [part.T for part in self.nodes(some, 3)]
+            result[start : start + INSTANTS_TOGETHER] = self._base_force(*motion, loads.T).full().T
+        return result
+
+    def tip_load(self, times: Array) -> Array:
+        """Return the load, see ``MotionSource``."""
+        return np.zeros((times.size, 3)) if self.load is None else self.load.values(times)
+
+    def energies(self, times: Array) -> Array:
+        """Return the energies, see ``MotionSource``."""
+        result = np.empty((times.size, ENERGY_STATES))
+        for steps, chosen, owners, x in self._places(times):
+            result[chosen] = steps.energies_at(owners, x)
+        return result
+
+    def _places(self, times: Array) -> Iterator[tuple[Steps, Index, Index, Array]]:
+        """Yield steps, the indices of instants within them, the numbers of their steps, and their places there."""
+        if not times.size:
+            return
+        slack = SAME_TIME * (self.instants[-1] - self.instants[0])
+        ends = [own.instants[-1] for own in self.steps]
+        parts = np.minimum(np.searchsorted(ends, times - slack), len(ends) - 1)
+        for k in np.unique(parts).tolist():
+            steps, inside = self.steps[k], np.flatnonzero(parts == k)
+            for chosen in np.array_split(inside, inside.size // INSTANTS_TOGETHER + 1):
+                owners = np.searchsorted(steps.instants[1:-1], times[chosen])
+                x = (times[chosen] - steps.instants[owners]) / np.diff(steps.instants)[owners]
+                yield steps, chosen, owners, x
+
+    def _parts(self, times: Array, orders: int) -> Iterator[tuple[Index, Array, Array]]:
+        """Yield the indices of some instants, what is known of the base, (orders, j, 2 or 3), and the slopes."""
+        bases = self._base_nodes(times, orders)
+        for steps, chosen, owners, x in self._places(times):
+            slopes, beginning = steps.slopes(owners, x, orders)
+            yield chosen, np.concatenate([bases[:, chosen], beginning], axis=2), slopes
+
+    def _base_nodes(self, times: Array, orders: int) -> Array:
+        """Return position and slope of the base and their time derivatives, complex, (orders, k, 2)."""
+        result = np.empty((times.size, orders * NODE))
+        for piece, chosen in self._pieces_of(times):
+            function = piece.function if orders > 1 else piece.node
+            result[chosen] = function(times[None, chosen])[: orders * NODE, :].full().T
+        return result.view(complex).reshape(-1, orders, 2).swapaxes(0, 1)
+
+    def _excited(self, times: Array) -> Array:
+        """Return the excitation at instants, (k, 16)."""
+        result = np.empty((times.size, EXCITATION))
+        for piece, chosen in self._pieces_of(times):
+            result[chosen] = piece.function(times[None, chosen]).full().T
+        return result
+
+    def _pieces_of(self, times: Array) -> Iterator[tuple[Excitation, Index]]:
+        """Yield the smooth pieces of the excitation, and the indices of the instants in each."""
+        owners = np.searchsorted([piece.end for piece in self._pieces[:-1]], times - SAME_TIME * np.ptp(self.instants))
+        for k in np.unique(owners).tolist():
+            yield self._pieces[k], np.flatnonzero(owners == k)
+
+    @cached_property
+    def _pieces(self) -> Sequence[Excitation]:
+        begin, end = self.instants[[0, -1]].tolist()
+        return excitation_pieces(self.model, self.base, self.load, begin, end)
+
+    @cached_property
+    def _slopes(self) -> Slopes:
+        return Slopes(self.model)
+
+    @cached_property
+    def _base_force(self) -> cs.Function:
+        """(e, e_t, e_tt, load) -> the generalized force of the base."""
+        equations = Equations(self.model, self.law, compiled, TIP if self.load is None else self.load.place)
+        e, e_t, e_tt = (cs.MX.sym(name, self.model.size) for name in ("e", "e_t", "e_tt"))
+        load, parameters = cs.MX.sym("load", NODE), cs.MX(cs.DM(equations.parameters))
+        force = equations.balance(parameters).on_base(e, e_t, e_tt, load)
+        return cs.Function("base_force", [e, e_t, e_tt, load], [force], {"is_diff_in": [False] * 4})
+
+    def _closed(self, motion: Array, times: Array) -> Array:
+        """Return coordinates and so on, (orders, k, size), whose nodes at the supports are in their places."""
+        model, orders = self.model, len(motion)
+        bases = np.ascontiguousarray(self._base_nodes(times, orders)).view(float)
+        supported = np.flatnonzero((model.weights.reshape(-1, NODE)[:, :2] != 1.0).any(axis=1))
+        supported = supported[supported >= model.root]
+        places = np.concatenate([np.zeros(model.root), model.beam.node_points])
+        spread = np.array([np.interp(places, places[supported], unit) for unit in np.eye(supported.size)])
+        for order in range(orders):
+            held = model.whole(model.of_free(motion[order].T), bases[order].T).T
+            gaps = (held - motion[order]).reshape(times.size, -1, NODE)[:, supported, :2]
+            if supported.size:
+                moved = np.einsum("ksd,sn->knd", gaps, spread[:, model.root :])
+                motion[order].reshape(times.size, -1, NODE)[:, model.root :, :2] += moved
+            motion[order] = model.whole(model.of_free(motion[order].T), bases[order].T).T
+        return motion

@@ -1,0 +1,150 @@
+"""The motion between the ends of the steps."""
+
+import pickle
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from ancf_casadi import (
+    Beam,
+    HarmonicBase,
+    InputError,
+    Model,
+    Pin,
+    PointLoad,
+    RayleighDamping,
+    Roller,
+    periodic_motion,
+    simulate,
+    static_equilibrium,
+)
+from ancf_casadi.dynamics.dense_output import Slopes, Steps
+from ancf_casadi.dynamics.radau.collocation import QUINTIC, RADAU, powers
+
+STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
+SWING = HarmonicBase(amplitude=5e-3, frequency=1.85)
+
+
+def strip(elements=8, **changes):
+    return Model(Beam.uniform(**{**STEEL, **changes}, elements=elements))
+
+
+@pytest.fixture(scope="module")
+def swing():
+    return simulate(strip(), damping=RayleighDamping(alpha=0.2), base=SWING, duration=2.0, tolerance=1e-6)
+
+
+class TestRigidRotation:
+    """A beam that turns by 2 rad in a step about its clamp, at a constant rate."""
+
+    rate, step = 40.0, 0.05
+
+    def motion(self, times):
+        """Coordinates, velocities and accelerations, (k, 3, size)."""
+        angle = self.rate * np.asarray(times)[:, None]
+        nodes = strip(4, axis=(1.0, 0.0)).straight.reshape(-1, 2)
+        along, across = np.exp(1j * angle) * nodes[:, 0], 1j * np.exp(1j * angle) * nodes[:, 0]
+        parts = along, self.rate * across, -(self.rate**2) * along
+        return np.array([np.ascontiguousarray(part).view(float) for part in parts]).swapaxes(0, 1)
+
+    def test_is_exact_and_does_not_stretch_the_beam(self):
+        slopes = Slopes(strip(4, axis=(1.0, 0.0)))
+        instants = np.array([0.0, self.step])
+        stages = self.motion(self.step * np.array([0.0, *RADAU.nodes]))[None, :, 0]
+        steps = Steps.of(slopes, instants, self.motion(instants), np.zeros((1, 4, 3)), stages)
+        x = np.array([0.1, 0.37, 0.8])
+        z, _ = steps.slopes(np.zeros(3, dtype=int), x, 3)
+        assert abs(z[0]) == pytest.approx(np.ones_like(abs(z[0])), abs=1e-12)
+        exact = self.motion(self.step * x)
+        for order in range(3):
+            known = np.ascontiguousarray(exact[:, order, :4]).view(complex)
+            found = slopes.nodes(known, z[order])
+            np.testing.assert_allclose(found, exact[:, order], atol=1e-9 * self.rate**order)
+        # coordinates interpolated one by one stretch it a thousand times as much as its axial forces would
+        values = (self.motion(instants) * self.step ** np.arange(3)[:, None]).reshape(6, -1)
+        plain = np.array(powers(x, 1)[0]).T @ (QUINTIC.T @ values)
+        assert abs(abs(slopes.at(plain)) - 1.0).max() > 1e-5
+
+    def test_lengths_follow_the_rates_at_the_ends_where_there_are_no_stages(self):
+        """A beam that grows like exp(t) in every direction."""
+        slopes, instants = Slopes(strip(4)), np.array([0.0, 0.3])
+        ends = np.exp(instants)[:, None, None] * np.stack([slopes.model.straight] * 3)
+        steps = Steps.of(slopes, instants, ends, np.zeros((1, 4, 3)))
+        z, _ = steps.slopes(np.zeros(1, dtype=int), np.array([0.4]), 2)
+        assert abs(z) == pytest.approx(np.full_like(abs(z), np.exp(0.12)), rel=1e-12)
+
+
+def test_velocities_are_the_rates_of_the_coordinates(swing):
+    times, d = np.array([0.3217, 0.8111, 1.4444]), 1e-5
+    differences = (swing.at(times + d).coordinates - swing.at(times - d).coordinates) / (2 * d)
+    np.testing.assert_allclose(swing.at(times).velocities, differences, atol=1e-6)
+    assert abs(swing.velocity(0.2) - swing.velocities @ swing.model.interpolation(0.2).T).max() < 1e-12
+    assert abs(swing.position(0.2) - swing.coordinates @ swing.model.interpolation(0.2).T).max() < 1e-12
+
+
+def test_a_run_can_be_read_at_any_instants_in_any_order(swing):
+    chosen = swing.at(swing.time[[700, 3, 1500]])
+    for name in ("tip", "coordinates", "velocities", "clamp_force", "dissipated_energy", "base_work", "tip_load"):
+        np.testing.assert_allclose(getattr(chosen, name), getattr(swing, name)[[700, 3, 1500]], atol=1e-12, rtol=1e-9)
+    assert swing.at(0.5).tip.shape == (1, 2)
+    finer = simulate(swing.model, damping=RayleighDamping(alpha=0.2), base=SWING, duration=2.0, tolerance=1e-8)
+    times = np.sort(np.random.default_rng(0).uniform(0.0, 2.0, 200))
+    assert abs(finer.at(times).tip - swing.at(times).tip).max() < 5e-6
+    force = finer.at(times).axial_force(0.2)
+    assert np.sqrt(np.mean((swing.at(times).axial_force(0.2) - force) ** 2)) < 2e-3 * abs(force).max()
+
+
+@pytest.mark.parametrize("times", [[-0.1], [2.1], [np.nan], "now"])
+def test_instants_outside_the_motion_are_refused(swing, times):
+    with pytest.raises(InputError, match=r"^times: (the motion lasts from 0 to 2|must be)"):
+        swing.at(times)
+
+
+def test_a_periodic_motion_is_known_at_its_samples_alone():
+    model = strip(4)
+    run = periodic_motion(model, base=HarmonicBase(1e-4, 1.5), damping=RayleighDamping(alpha=0.5)).trajectory(40)
+    assert (run.at(run.time[3:5]).tip == run.tip[3:5]).all()
+    with pytest.raises(InputError, match=r"^times: the motion is known at its own samples alone$"):
+        run.at(run.time[:2] + 1e-3)
+
+
+def test_a_run_travels_between_processes_after_everything_was_read(swing):
+    assert swing.clamp_force.shape == (2001, 4)
+    again = pickle.loads(pickle.dumps(swing))
+    np.testing.assert_array_equal(again.at([0.7]).clamp_force, swing.at([0.7]).clamp_force)
+
+
+@pytest.mark.parametrize(
+    "supports",
+    [
+        (Pin(0.0), Pin(0.5)),
+        (Pin(0.0), Roller(0.5)),
+        (Pin(0.1), Pin(0.5, displacement=(-0.01, 0.0))),
+    ],
+)
+def test_the_nodes_at_supports_stay_in_their_places(supports):
+    model = strip(10, axis=(1.0, 0.0), gravity=(0.0, 0.0), supports=supports)
+    held = static_equilibrium(model, loads=[PointLoad(point=0.3, force=(0.0, -0.02))])
+    run = simulate(model, damping=RayleighDamping(alpha=1.0), start=held, duration=0.1, tolerance=1e-6)
+    finer = simulate(model, damping=RayleighDamping(alpha=1.0), start=held, duration=0.1, tolerance=1e-8)
+    for support in supports:
+        place = np.array([support.point, 0.0]) + support.displacement
+        across = 1 if isinstance(support, Roller) else slice(None)
+        assert abs(run.position(support.point)[:, across] - place[across]).max() < 1e-15
+        assert abs(run.velocity(support.point)[:, across]).max() < 1e-12
+    if Roller not in map(type, supports):  # its small axial force is that of unresolved vibrations
+        force = finer.axial_force(0.3)
+        assert np.sqrt(np.mean((run.axial_force(0.3) - force) ** 2)) < 0.06 * np.sqrt(np.mean(force**2))
+
+
+@pytest.mark.slow
+def test_a_minute_of_motion_fits_into_60_megabytes():
+    model = strip(20)
+    simulate(model, base=SWING, duration=0.1)
+    tracemalloc.start()
+    run = simulate(model, damping=RayleighDamping(alpha=0.2), base=SWING, duration=60.0, tolerance=1e-5)
+    assert run.tip.shape == (60_001, 2)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 60e6

@@ -10,6 +10,7 @@ Ctrl-C takes effect.  If a run is interrupted or fails, the finished segments ar
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 from collections.abc import Iterator
@@ -58,7 +59,10 @@ class Excitation:
     def node(self) -> cs.Function:
         """(t) -> position and slope of the clamped node, (4,)."""
         t = cs.MX.sym("t")
-        return cs.Function("node", [t], [self._expression(t, cs.MX(cs.DM(self.parameters)))[:NODE]])
+        function = cs.Function("node", [t], [self._expression(t, cs.MX(cs.DM(self.parameters)))[:NODE]])
+        with contextlib.suppress(RuntimeError):  # splines have no scalar operations; the others are faster in these
+            function = function.expand()
+        return function
 
     @cached_property
     def clamp(self) -> cs.Function:

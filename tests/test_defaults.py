@@ -69,15 +69,19 @@ def call(name, modes):
     ],
 )
 def test_a_call_with_all_defaults_warns_of_nothing_and_keeps_a_margin_below_a_ten_thousandth_of_its_travel(modes, name):
-    """Half of the limit in the first second, because the error grows with time; a warning would be an error."""
+    """Half of the limit in the first second, because the error grows with time; a warning would be an error.
+
+    The limit is five times as large after a release, which sets the whole mesh in motion.
+    """
     settings = call(name, modes) | {"duration": 1.0, "sample_rate": 200.0}
     run = simulate(modes.model, **settings)
     (used,) = run.integrators
     exact = simulate(modes.model, method="radau", tolerance=used.tolerance / 5, **settings)
     travel = abs(exact.tip - exact.tip[0]).max()
     assert travel > 1e-5
-    assert abs(run.tip - exact.tip).max() < 5e-5 * travel
-    assert abs(run.balance_error).max() < 1e-4 * run.kinetic_energy.max()
+    larger = 5.0 if name == "release" else 1.0
+    assert abs(run.tip - exact.tip).max() < larger * 5e-5 * travel
+    assert abs(run.balance_error).max() < larger * 1e-4 * run.kinetic_energy.max()
 
 
 @pytest.mark.slow
@@ -167,8 +171,8 @@ def test_any_call_with_all_defaults_ends_soon_and_balances_its_energy(number):
     run = simulate(model, damping=law, base=base, start=start, duration=0.5)
     scale = max(np.ptp(run.kinetic_energy), np.ptp(run.strain_energy))
     assert scale > 0.0
-    assert abs(run.balance_error).max() < 1e-4 * scale
-    assert run.steps < 45_000
+    assert abs(run.balance_error).max() < (5e-4 if start is pull else 1e-4) * scale
+    assert run.steps < 25_000
 
 
 # ------------------------------------------------------------------------- which integrator, and how accurate
@@ -197,7 +201,7 @@ def test_the_default_passes_over_a_mesh_that_an_impact_sets_ringing(modes):
 
 
 def test_the_expected_travel_is_that_of_base_start_and_load():
-    """Base travel, L times its rotation, a tenth of distance from rest and v/w_1, static deflection by the load."""
+    """Base travel, L times its rotation, distance from rest and v/w_1, static deflection by the load."""
     model = steel(4, gravity=(0.0, 0.0))
     times, still = np.array([0.0, 10.0]), np.zeros((2, 15))
     still[:, 2:4] = model.beam.axis
@@ -210,15 +214,16 @@ def test_the_expected_travel_is_that_of_base_start_and_load():
     assert expected_travel(model, times, turned, rest) == pytest.approx(0.2)
     pulled = static_equilibrium(model, tip_force=(0.02, 0.0))
     assert expected_travel(model, times, still, State(pulled.coordinates, rest.velocities)) == pytest.approx(
-        np.hypot(*(pulled.tip - [0.0, -L])) / L / 10
+        np.hypot(*(pulled.tip - [0.0, -L])) / L
     )
     kick = np.zeros(model.size)
     kick[-4] = 0.1
     assert expected_travel(model, times, still, State(model.straight, kick)) == pytest.approx(
-        0.1 / natural_modes(model, count=1).angular_frequencies[0] / L / 10, rel=1e-2
+        0.1 / natural_modes(model, count=1).angular_frequencies[0] / L, rel=1e-2
     )
     shaken = State(pulled.coordinates, rest.velocities)
-    assert expected_travel(model, times, moved, shaken) == pytest.approx(2e-3 / L)
+    moved[1, :2] = 12e-3, 16e-3
+    assert expected_travel(model, times, moved, shaken) == pytest.approx(20e-3 / L)
     moved[1, :2] = 3e-6, 4e-6
     assert expected_travel(model, times, moved, shaken) == pytest.approx(
         0.1 * expected_travel(model, times, still, shaken)

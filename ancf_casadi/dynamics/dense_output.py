@@ -4,13 +4,12 @@ The coordinates of a thin beam that turns cannot be interpolated one by one: err
 stretch the beam more than its axial forces do.  With the slopes at the two Gauss points of each element written as
 complex numbers, r' = exp(lambda + i theta), a step of the length h from t_0 therefore interpolates
 
-    the angle theta          by the polynomial of degree 5 through its values and two derivatives at both ends,
-    the log length lambda    by a cubic: through the start and the three stages of Radau; in its first step, whose rates
-                             at the start are known, and with IDAS, through values and rates at both ends.
+    lambda + i theta         by the polynomial of degree 5 through its values and two derivatives at both ends,
+    in steps of Radau, lambda by the cubic through its values at the start and the three stages instead,
 
-The accelerations at the ends contain axial vibrations that the steps do not resolve, which is why lambda does without
-them.  The nodes follow from the slopes as sums along the beam (``radau.corotation``), velocities and accelerations by
-differentiation.
+because the accelerations at the ends of Radau's steps contain axial vibrations that the steps do not resolve.  Its
+first step takes the first polynomial, and so begins with the rates that are given.  The nodes follow from the slopes as
+sums along the beam (``radau.corotation``), velocities and accelerations by differentiation.
 
 A beam on springs begins at a node of its own, whose position follows the polynomial of degree 5 and whose slope is
 treated like the others.  At supports further along the beam, the nodes thus computed miss their places by less than the
@@ -47,10 +46,8 @@ from ancf_casadi.support.compilation import compiled
 
 INSTANTS_TOGETHER = 1024  # whose polynomials are gathered at once; they stay in the processor's cache
 
-# each row a cubic with one of its values at the start and the stages of a step equal to 1, the others 0
-STAGE_CUBIC = np.linalg.inv(np.vander([0.0, *RADAU.nodes], increasing=True)).T
-# each row a cubic with one of its value and rate at 0, then at 1, equal to 1
-END_CUBIC = np.linalg.inv(np.array([[1.0, 0, 0, 0], [0, 1.0, 0, 0], [1.0, 1, 1, 1], [0, 1.0, 2, 3]])).T
+# each row a cubic, by its coefficients of 1, x, ..., x^5, with one of its values at the start and the stages equal to 1
+STAGE_CUBIC = np.hstack([np.linalg.inv(np.vander([0.0, *RADAU.nodes], increasing=True)).T, np.zeros((4, 2))])
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +91,9 @@ class Slopes:
 
     def nodes(self, known: Array, slopes: Array) -> Array:
         """Return the coordinates (k, size) from what is known of the base, (k, 2 or 3), and slopes (k, s)."""
-        found = self._factors.solve(np.hstack([known, slopes]).T).T
-        return np.ascontiguousarray(found).view(float)
+        found = np.ascontiguousarray(self._factors.solve(np.hstack([known, slopes]).T).T)
+        found[:, : known.shape[1]] = known  # without rounding
+        return found.view(float)
 
     def weights(self, row: Array) -> tuple[Array, Array]:
         """Return the weights of what is known of the base, and of the slopes, in row . nodes."""
@@ -108,46 +106,38 @@ class Steps:
     """Consecutive steps, m of them, as polynomials of the time x since the start of each, relative to its length."""
 
     instants: Array  # ends of the steps, and the beginning, (m + 1,), s
-    angles: Array  # coefficients of 1, x, ..., x^5 in the angles of the slopes, (m, 6, s), rad
-    lengths: Array  # coefficients of 1, x, x^2, x^3 in the logarithms of their lengths, (m, 4, s)
-    beginning: Array  # coefficients of 1, x, ..., x^5 in the position of the beam's own beginning, (m, 6, 0 or 1)
+    logarithms: Array  # coefficients of 1, x, ..., x^5 in lambda, then theta, of the slopes, (m, 6, 2 s)
+    beginning: Array  # the same in the position of the beam's own beginning, (m, 6, 0 or 1)
     energies: Array  # coefficients of 1, x, x^2, x^3 in the energies since the start of the motion, (m, 4, 3), J
 
     @classmethod
     def of(cls, slopes: Slopes, instants: Array, ends: Array, energies: Array, stages: Array | None = None) -> Steps:
         """Return steps from coordinates, velocities and accelerations at their ends, (m + 1, 3, size).
 
-        ``stages`` are the coordinates at the start and the stages of each of the last steps, (m or less, 4, size); in
-        steps without them, the lengths follow the rates at the ends.
+        ``stages`` are the coordinates at the start and the stages of each of the last steps, (m or less, 4, size).
         """
         h = np.diff(instants)[:, None]
         z, z_t, z_tt = (slopes.at(ends[:, order]) for order in range(3))
-        rates = z_t / z
-        changes = z_tt / z - rates**2
-        scaled = h * rates.imag[:-1], h**2 * changes.imag[:-1], h * rates.imag[1:], h**2 * changes.imag[1:]
-        none = np.zeros_like(scaled[0])
-        angles = _polynomials(QUINTIC, none, *scaled[:2], np.angle(z[1:] / z[:-1]), *scaled[2:])
-        angles[:, 0] += np.angle(z[:-1])
-        length = np.log(np.abs(z))
-        lengths = _polynomials(END_CUBIC, length[:-1], h * rates.real[:-1], length[1:], h * rates.real[1:])
+        log_z = np.log(z)
+        log_z[1:].imag = log_z[:1].imag + np.cumsum(np.angle(z[1:] / z[:-1]), axis=0)  # does not jump by 2 pi
+        coefficients = _through_ends(h, log_z, z_t / z, z_tt / z - (z_t / z) ** 2)
+        logarithms = np.concatenate([coefficients.real, coefficients.imag], axis=2)
         if stages is not None and len(stages):
-            lengths[-len(stages) :] = _polynomials(STAGE_CUBIC, *np.log(np.abs(slopes.at(stages))).swapaxes(0, 1))
+            lengths = np.log(np.abs(slopes.at(stages))).swapaxes(0, 1)
+            logarithms[-len(stages) :, :, : z.shape[1]] = _polynomials(STAGE_CUBIC, *lengths)
         root = slopes.model.root
         first = np.ascontiguousarray(ends[:, :, NODE : NODE + 2]).view(complex)[:, :, :root].swapaxes(0, 1)
-        powered = [part[side] * h**order for side in (slice(-1), slice(1, None)) for order, part in enumerate(first)]
-        return cls(instants, angles, lengths, _polynomials(QUINTIC, *powered), energies)
+        return cls(instants, logarithms, _through_ends(h, *first), energies)
 
     def slopes(self, owners: Index, x: Array, orders: int) -> tuple[Array, Array]:
         """Return the slopes and their time derivatives, (orders, k, s), and the same of the beam's own beginning."""
         h = np.diff(self.instants)[owners]
         terms = np.array(powers(x, orders)).swapaxes(1, 2) / h[:, None] ** np.arange(orders)[:, None, None]
-        angles, lengths = self.angles[owners], self.lengths[owners]
-        theta = [(own[:, None] @ angles)[:, 0] for own in terms]
-        log_length = [(own[:, None, :4] @ lengths)[:, 0] for own in terms]
-        size = np.exp(log_length[0])
-        z = np.empty((orders, *size.shape), dtype=complex)
-        z[0].real, z[0].imag = size * np.cos(theta[0]), size * np.sin(theta[0])
-        rates = [length + 1j * angle for length, angle in zip(log_length[1:], theta[1:], strict=True)]
+        logarithms, z = self.logarithms[owners], np.empty((orders, owners.size, self.logarithms.shape[2] // 2), complex)
+        log_length, angle = np.split((terms[0][:, None] @ logarithms)[:, 0], 2, axis=1)
+        size = np.exp(log_length)
+        z[0].real, z[0].imag = size * np.cos(angle), size * np.sin(angle)
+        rates = [_complex((own[:, None] @ logarithms)[:, 0]) for own in terms[1:]]
         if orders > 1:
             z[1] = z[0] * rates[0]
         if orders > 2:
@@ -168,6 +158,18 @@ class SegmentSolution:
     end: State  # the state at the end of the last step
     energies: Array  # there, since the start of the motion, (3,), J
     count: int  # of the steps of the integrator
+
+
+def _through_ends(h: Array, values: Array, rates: Array, changes: Array) -> Array:
+    """Return the coefficients (m, 6, s) through values and two time derivatives at the ends of steps, (m + 1, s)."""
+    scaled = [part[side] for side in (slice(-1), slice(1, None)) for part in (values, rates, changes)]
+    return _polynomials(QUINTIC, *(part * h ** (k % 3) for k, part in enumerate(scaled)))
+
+
+def _complex(parts: Array) -> Array:
+    """Return complex numbers (k, s) from real and imaginary parts side by side."""
+    real, imaginary = np.split(parts, 2, axis=1)
+    return np.asarray(real + 1j * imaginary)
 
 
 def _polynomials(basis: Array, *values: Array) -> Array:

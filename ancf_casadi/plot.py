@@ -178,7 +178,7 @@ def motion_figure(runs: Mapping[str, Motion]) -> Figure:
     panels = over_time.subplots(2, 1, sharex=True)
     over_time.suptitle("displacement of the tip relative to the clamp", fontsize="medium")
     for (label, run), (colour, dash) in zip(runs.items(), line_styles(runs), strict=False):
-        for axes, motion in zip(panels, (run.tip - run.coordinates[:, :2]).T, strict=True):
+        for axes, motion in zip(panels, run.swing.T, strict=True):
             axes.plot(run.time, 1e3 * (motion - motion[0]), lw=0.7, color=colour, ls=dash, label=label or None)
     for axes, direction in zip(panels, ("horizontal", "vertical"), strict=True):
         axes.set(ylabel=f"{direction}, mm")
@@ -205,9 +205,9 @@ def _draw_shapes(axes: Axes, runs: Mapping[str, Motion]) -> None:
         styles |= {last: {"lw": 2.0, "ls": dash}, 0: {"lw": 1.2, "ls": "--"}}
         for row in rows:
             name = f"{label}, " if label else ""
-            axes.plot(*_shape(run.model, run.coordinates[row]), color=MEASURED if alone and row == 0 else colour,
+            axes.plot(*_shape(run.model, run.state(row).coordinates), color=MEASURED if alone and row == 0 else colour,
                       label=f"{name}at {run.time[row]:.4g} s" if row in (0, last) else None, **styles[row])  # fmt: skip
-        draw_set_up(axes, run.model, run.coordinates[-1])
+        draw_set_up(axes, run.model, run.state(-1).coordinates)
     draw_plane(axes)
     axes.set_title(f"shape of the beam at {len(rows)} instants", fontsize="medium")
     axes.figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=3 if alone else 2)

@@ -61,10 +61,24 @@ class Motion(Reported):
     def tip(self) -> Array:
         """Position of the tip, (k, 2), m."""
 
+    @abstractmethod
+    def state(self, index: int) -> State:
+        """Return the state at a sample; one that does not exist raises an ``InputError``."""
+
     @property
     @abstractmethod
     def _methods(self) -> tuple[str, ...]:
         """The integrators in words."""
+
+    @property
+    def _clamp(self) -> Array:
+        """Position of the clamp, (k, 2), m."""
+        return self.coordinates[:, :2]
+
+    @property
+    def swing(self) -> Array:
+        """Position of the tip relative to the clamp, (k, 2), m."""
+        return np.asarray(self.tip - self._clamp)
 
     @property
     def relative_coordinates(self) -> Array:
@@ -143,7 +157,7 @@ class Motion(Reported):
         return {
             "time_s": self.time.tolist(),
             "tip_m": self.tip.tolist(),
-            "clamp_m": self.coordinates[:, :2].tolist(),
+            "clamp_m": self._clamp.tolist(),
             "tip_travel_m": self._travel.tolist(),
             "steps": self.steps,
             "seconds": self.wall_seconds,
@@ -152,8 +166,7 @@ class Motion(Reported):
     @property
     def _travel(self) -> Array:
         """Range of the tip relative to the clamp in each direction, (2,), m."""
-        swing = self.tip - self.coordinates[:, :2]
-        return np.asarray(np.ptp(swing, axis=0)) if len(swing) else np.zeros(2)  # a run may fail at once
+        return np.asarray(np.ptp(self.swing, axis=0)) if len(self.time) else np.zeros(2)  # a run may fail at once
 
     @property
     def _length(self) -> str:
@@ -279,6 +292,10 @@ class Trajectory(Motion):
         row = np.zeros(self.model.size // 2)
         row[0] = 1.0
         return self.source.along(row, self.time)
+
+    @property
+    def _clamp(self) -> Array:
+        return self.base
 
     @property
     def tip_force(self) -> Array:

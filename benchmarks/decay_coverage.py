@@ -126,6 +126,7 @@ DAMPING: dict[Law, tuple[float, ...]] = {
     "quadratic": (RATIO * OMEGA, 0.5 * RATIO * DRAG),
     "friction": (RATIO * OMEGA, 0.4 * RATIO * DRAG, 0.1 * RATIO * FRICTION),
     "power": (RATIO, 1.5),
+    "smooth": (0.9 * RATIO, 0.15, 0.05, -0.05, -0.1, -0.15, -0.2),
 }
 BENDING: dict[FrequencyLaw, tuple[float, ...]] = {
     "constant": (),

@@ -13,15 +13,10 @@ with the relative change delta of the frequency:
     power          k (A/R)^q                     a free exponent
     logarithmic    k ln((A + A_s)/(R + A_s))     clamps, joints and fillings over decades of the amplitude; below the
                                                  corner A_s the frequency is linear in A, so that it stays bounded
-    smooth         sum_j c_j (s_j(A) - s_j(A_2)) no law: steps s_j = A^2/(A^2 + C_j^2), evenly in ln A from 1.5 R to
-                                                 R/S; the unknowns are the values at A_k = R S^(-k/6), k = 0 to 6
+    smooth         no law: a sum of steps          (``smooth``)
 
 R is an amplitude of reference, which keeps the unknowns apart: omega is the frequency at zero amplitude, at R under the
-logarithmic law, and at A_2 without a law.  S is the span of the amplitudes, the largest over the smallest.  Steps less
-than 2 apart in ln A add up without ripples: six follow a logarithm over three decades to 0.5 % of its change.
-The differences of delta between neighbouring A_k have a normal prior with mean 0.  Its standard deviation begins with
-2 %, becomes the one that they show, and is no less than 0.25 %.  It matters where the record ends in noise, whose phase
-delta would follow, and between the amplitudes of response curves, where delta would swing.
+logarithmic law, and at A_2 without a law.
 All is of first order in the damping and in delta: the coefficients of the damping take omega.
 
 The integral is one quadrature for all laws of the amplitude.  The time from 0 to the last instant T is divided into
@@ -48,24 +43,19 @@ import numpy as np
 import scipy  # its packages are imported on first use
 from numpy.polynomial import legendre
 
+from ancf_casadi.decay.smooth import AMPLITUDE_SPAN, SMOOTH_FREQUENCY, smooth_change
 from ancf_casadi.support.arrays import Array
 
 FrequencyLaw = Literal["constant", "linear", "quadratic", "power", "logarithmic", "smooth"]
 
-NODE_OF_OMEGA = 2  # omega is the smooth frequency at A_2, within the record, where the phase determines it best
 FREQUENCY_TERMS: Mapping[FrequencyLaw, tuple[str, ...]] = {  # unknowns: k, then q, or the logarithm of A_s/R
     "constant": (),
     "linear": ("frequency_slope",),
     "quadratic": ("frequency_curvature",),
     "power": ("frequency_change", "frequency_exponent"),
     "logarithmic": ("frequency_log_slope", "log_corner"),
-    "smooth": tuple(f"frequency_at_{k}" for k in range(7) if k != NODE_OF_OMEGA),
+    "smooth": SMOOTH_FREQUENCY.names,
 }
-SMOOTHNESS = 0.02  # of the prior at first (test_a_prior_holds_a_smooth_frequency_where_noise_hides_it)
-# of the prior at least: below, a change that the record does not show would count as none
-# (test_the_bands_of_a_smooth_frequency_hold_what_a_short_record_hides)
-LEAST_SMOOTHNESS = 0.0025
-AMPLITUDE_SPAN = 50.0  # S, if the amplitudes are not known
 PANELS = 15  # of the quadrature
 POINTS = 16  # in a panel
 
@@ -77,13 +67,7 @@ def frequency_change(
     if law == "constant":
         return 0 * amplitude
     if law == "smooth":
-        n, square = len(terms), (amplitude / reference) ** 2
-        nodes, steps = smooth_nodes(1.0, span) ** 2, np.geomspace(1.5, 1 / span, n) ** 2
-        values = nodes[:, None] / (nodes[:, None] + steps)
-        middle = values[NODE_OF_OMEGA]
-        heights = np.linalg.inv(np.delete(values - middle, NODE_OF_OMEGA, axis=0))
-        shape = [square / (square + step) - at for step, at in zip(steps.tolist(), middle.tolist(), strict=True)]
-        return cs.mtimes([cs.horzcat(*shape), cs.DM(heights), cs.vertcat(*terms)])
+        return smooth_change(amplitude, terms, reference, span)
     k, *shape = terms
     if law == "power":
         return k * cs.fmax(amplitude / reference, 1e-12) ** shape[0]  # whose derivative at 0 is infinite for q < 1
@@ -91,18 +75,6 @@ def frequency_change(
         corner = cs.exp(shape[0])
         return k * cs.log((amplitude / reference + corner) / (1 + corner))
     return k * amplitude ** (1 if law == "linear" else 2)
-
-
-def smooth_steps(terms: Sequence[cs.MX]) -> cs.MX:
-    """Return the differences of a smooth frequency between its neighbouring nodes, (6,)."""
-    values = cs.vertcat(*terms[:NODE_OF_OMEGA], 0.0, *terms[NODE_OF_OMEGA:])
-    return values[1:] - values[:-1]
-
-
-def smooth_nodes(reference: float, span: float) -> Array:
-    """Return the amplitudes (7,), m, at which a smooth frequency has its unknowns, from that of reference on."""
-    count = len(FREQUENCY_TERMS["smooth"])
-    return np.asarray(reference * span ** (-np.arange(count + 1) / count))
 
 
 def integral(function: Callable[[cs.MX], cs.MX], time: Array) -> cs.MX:

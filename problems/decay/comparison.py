@@ -47,7 +47,7 @@ RESTS_COMPARED: tuple[Rest, ...] = ("constant", "drift", "creep")
 LARGEST_LAG = 100.0  # lag of the criterion beyond which a law is not tried again beside another law; 10 would be clear
 RESPECTS = ("law", "frequency_law", "rest")  # in which combinations differ
 ADDITIVE: Mapping[Law, tuple[str, ...]] = {  # unknowns that are terms of the damping
-    law: ("zeta",) if law in ("linear", "power") else terms for law, terms in DECAY_TERMS.items()
+    law: ("zeta",) if law in ("linear", "power", "smooth") else terms for law, terms in DECAY_TERMS.items()
 }
 
 

@@ -62,10 +62,11 @@ def fit_decay(
         Times, s, increasing; or the whole record.
     displacement : array_like
         Displacement at each time, m.
-    law : {"linear", "quadratic", "friction", "power", "auto"}
+    law : {"linear", "quadratic", "friction", "power", "smooth", "auto"}
         ``linear``: Eq. (9).  ``quadratic``: Eq. (27).  ``friction``: Eq. (27) with friction as a third term.
-        ``power``: a force ``eta_p |v|^p`` with a free exponent p.  ``auto``: the most probable of
-        ``compare_decay_laws``; a warning names the others if its probability is below 95 %.
+        ``power``: a force ``eta_p |v|^p`` with a free exponent p.  ``smooth``: a smooth damping ratio of the amplitude,
+        without a law.  ``auto``: the most probable of ``compare_decay_laws``, which does not try the smooth one; a
+        warning names the others if its probability is below 95 %.
     frequency_law : {"constant", "linear", "quadratic", "power", "logarithmic", "smooth", "auto"}, optional
         Change of the frequency f with the amplitude A: none, f (1 + k A), f (1 + k A^2), f (1 + k A^q),
         f (1 + k ln(1 + A/A_s)), a smooth function without a law, or the best of ``compare_decay_laws``, which does not

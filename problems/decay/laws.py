@@ -7,6 +7,7 @@ unknowns of the mode and their bounds:
     quadratic   Eq. (27)    omega, eta1, eta2               eta1, eta2 >= 0
     friction    with eta0   omega, eta1, eta2, eta0         also eta0 >= 0
     power       |r'|^p      omega, zeta, exponent           zeta > 0, 0 <= p <= 4
+    smooth      no law      omega, zeta at A_2, and the relative changes from there at six other amplitudes A_k
 
 Frequency laws (``ancf_casadi.decay.phase``), with omega the frequency at zero amplitude, under the logarithmic law
 at the amplitude R of reference, and without a law at A_2:
@@ -56,23 +57,24 @@ from ancf_casadi.decay.closed_forms import (
     quadratic_envelope,
 )
 from ancf_casadi.decay.first_guess import DecayGuess
-from ancf_casadi.decay.phase import (
-    AMPLITUDE_SPAN,
-    FREQUENCY_TERMS,
-    NODE_OF_OMEGA,
-    SMOOTHNESS,
-    FrequencyLaw,
-    frequency_change,
-    integral,
-)
+from ancf_casadi.decay.phase import FREQUENCY_TERMS, FrequencyLaw, frequency_change, integral
 from ancf_casadi.decay.rest import REST_TERMS, Rest, rest_position
+from ancf_casadi.decay.smooth import (
+    AMPLITUDE_SPAN,
+    MIDDLE,
+    SMOOTH_DAMPING,
+    SMOOTH_FREQUENCY,
+    SmoothTerms,
+    flow_amplitude,
+    smooth_change,
+)
 from ancf_casadi.estimation.solver.unknown import Priors, Reported, Unknown, with_prior
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_keys, choice, vector
 
-Law = Literal["linear", "quadratic", "friction", "power"]
+Law = Literal["linear", "quadratic", "friction", "power", "smooth"]
 Symbols = Sequence[cs.MX]
 
 EXPONENTS = (0.0, 4.0)  # bounds of the exponent
@@ -109,11 +111,12 @@ DECAY_QUANTITIES: Mapping[str, Quantity] = {
     "drift": Quantity("m/s", "_m_per_s", -math.inf),
     "creep": Quantity("1/s"),
 }
-DECAY_TERMS: Mapping[Law, tuple[str, ...]] = {  # reported damping coefficients; the linear law has its ratio alone
+DECAY_TERMS: Mapping[Law, tuple[str, ...]] = {  # reported damping coefficients, if the law has others than its ratio
     "linear": (),
     "quadratic": ("eta1", "eta2"),
     "friction": ("eta1", "eta2", "eta0"),
     "power": ("eta_p", "exponent"),
+    "smooth": (),
 }
 FREQUENCY_REPORTED: Mapping[FrequencyLaw, tuple[str, ...]] = {  # where they are not the unknowns
     "logarithmic": ("frequency_log_slope", "corner_amplitude"),
@@ -122,9 +125,9 @@ FREQUENCY_REPORTED: Mapping[FrequencyLaw, tuple[str, ...]] = {  # where they are
 FREQUENCY_AT: Mapping[FrequencyLaw, str] = {  # name of omega in Hz; else at zero amplitude
     "constant": "frequency",
     "logarithmic": "frequency_at_reference",
-    "smooth": f"frequency_at_{NODE_OF_OMEGA}",
+    "smooth": f"frequency_at_{MIDDLE}",
 }
-RATIO = Reported("zeta", "damping_ratio", "")
+RATIO_AT: Mapping[Law, str] = {"smooth": f"damping_ratio_at_{MIDDLE}"}  # name of zeta, if not that of the decay
 DISPLACEMENT = Sensor()
 RATIO_BOUNDS = (0.0, 0.999)
 
@@ -141,7 +144,7 @@ class DecayModel:
     frequency_law: FrequencyLaw = "constant"
     ratio_bounds: tuple[float, float] = RATIO_BOUNDS  # of the linear law
     reference: float = 1.0  # amplitude R of the power laws and of the logarithmic law, m
-    span: float = AMPLITUDE_SPAN  # largest amplitude over the smallest, of the smooth frequency
+    span: float = AMPLITUDE_SPAN  # largest amplitude over the smallest, of the smooth laws
     lowest: float | None = None  # smallest measured amplitude, m, where it is not that of the span
     sensor: Sensor = DISPLACEMENT
 
@@ -163,6 +166,12 @@ class DecayModel:
     def frequency_terms(self) -> tuple[str, ...]:
         """Names of the unknowns of the frequency law beside omega."""
         return FREQUENCY_TERMS[self.frequency_law]
+
+    @property
+    def smooth(self) -> tuple[SmoothTerms, ...]:
+        """Unknowns of the smooth laws."""
+        laws = (self.frequency_law, SMOOTH_FREQUENCY), (self.law, SMOOTH_DAMPING)
+        return tuple(terms for law, terms in laws if law == "smooth")
 
     @property
     def bends(self) -> bool:
@@ -199,18 +208,21 @@ class DecayModel:
             Unknown("frequency_exponent", 1.0, 1.0, *FREQUENCY_EXPONENTS),
             Unknown("frequency_log_slope", turn, turn),
             Unknown("log_corner", -2.0, 1.0, *LOG_CORNERS, curved=True),
-            *(Unknown(name, 0.0, max(turn, SMOOTHNESS)) for name in FREQUENCY_TERMS["smooth"]),
+            *(Unknown(name, 0.0, max(turn, SMOOTH_FREQUENCY.first)) for name in SMOOTH_FREQUENCY.names),
         )
         return [one for one in unknowns if one.name in self.frequency_terms]
 
     def _damping(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of the damping; each of eta1, eta2, eta0 begins with an equal part of the guess."""
         ω, A, scale, names = guess.ω, guess.amplitude, 1 / (guess.ω * guess.duration), DECAY_TERMS[self.law]
-        if self.law in ("linear", "power"):
-            # at a ratio of 0, no record would determine the exponent
+        if self.law in ("linear", "power", "smooth"):
+            # at a ratio of 0, no record would determine the exponent, or relative changes
             lower, upper = self.ratio_bounds if self.law == "linear" else (1e-9, math.inf)
-            ratio = Unknown("zeta", min(max(guess.ζ, lower), upper), scale, lower, upper, reported=RATIO)
-            return [ratio, Unknown("exponent", 1.0, 1.0, *EXPONENTS)] if self.law == "power" else [ratio]
+            reported = Reported("zeta", RATIO_AT.get(self.law, "damping_ratio"), "")
+            shape = [Unknown("exponent", 1.0, 1.0, *EXPONENTS)] if self.law == "power" else []
+            if self.law == "smooth":
+                shape = [Unknown(name, 0.0, SMOOTH_DAMPING.first) for name in SMOOTH_DAMPING.names]
+            return [Unknown("zeta", min(max(guess.ζ, lower), upper), scale, lower, upper, reported=reported), *shape]
         full = {"eta1": 2 * ω, "eta2": 3 * math.pi / (4 * A), "eta0": math.pi * ω**2 * A / 2}  # with a ratio of 1
         part = guess.ζ / len(names)
         return [Unknown(n, part * full[n], scale * full[n], 0.0, unit=DECAY_QUANTITIES[n].unit) for n in names]
@@ -257,6 +269,9 @@ class DecayModel:
             return friction_envelope(time, ω, η0, η1, η2, e0)
         if self.law == "power":
             return power_envelope(time, ω, ω * self._ratio(e0, ω, damping), damping[1], e0)
+        if self.law == "smooth":
+            instants = time.to_DM().full().ravel()
+            return flow_amplitude(lambda A, terms: self._ratio(A, ω, cs.vertsplit(terms)), instants, e0, ω, damping)
         η1, η2 = damping
         return quadratic_envelope(time, ω, η1, η2, e0)
 
@@ -275,6 +290,8 @@ class DecayModel:
         if self.law == "power":
             ζ, p = damping
             return power_ratio(amplitude, ζ, p, self.reference)
+        if self.law == "smooth":
+            return damping[0] * (1 + smooth_change(amplitude, damping[1:], self.reference, self.span))
         η1, η2, *η0 = damping
         return equivalent_damping_ratio(η1, η2, ω, amplitude, *η0)
 
@@ -285,7 +302,7 @@ class DecayModel:
         if self.law == "power":
             ζ, p = damping
             return {"eta_p": power_coefficient(ζ, p, ω, self.reference), "exponent": p}
-        return dict(zip(DECAY_TERMS[self.law], damping, strict=True)) | {"exponent": cs.MX(math.nan)}
+        return dict(zip(DECAY_TERMS[self.law], damping, strict=False)) | {"exponent": cs.MX(math.nan)}
 
     def _swing(self, amplitude: cs.MX, phase: cs.MX, ω: cs.MX, damping: Symbols, bending: Symbols) -> cs.MX:
         """Return the derivative by time that the sensor measures, of A cos(phi).

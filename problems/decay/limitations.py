@@ -26,9 +26,9 @@ import numpy as np
 import scipy  # its packages are imported on first use
 
 from ancf_casadi.decay.first_guess import DecayGuess, first_guess
-from ancf_casadi.decay.phase import FREQUENCY_TERMS
 from ancf_casadi.decay.release import MOST_UNEXPLAINED, unexplained_before, unexplained_share
 from ancf_casadi.decay.rest import REST_TERMS
+from ancf_casadi.decay.smooth import SMOOTH_DAMPING, SMOOTH_FREQUENCY
 from ancf_casadi.decay.spectrum import oscillating_power, peak_frequencies
 from ancf_casadi.estimation.agreement import DISAGREE, part_estimates
 from ancf_casadi.estimation.fit import Fit, colour_warning
@@ -50,7 +50,13 @@ FEW_PERIODS = 5  # of free decay, below which there is a warning
 MOST_ORDER, NEAR_ORDER = 5, 0.05  # highest harmonic that is named, and distance of its order from a whole number
 IMPRECISE = 0.1  # relative standard error of the damping ratio beyond which there is a warning
 DAMPING = ("zeta", "eta1", "eta2", "eta0")  # unknowns whose information divides the record, the first that is free
-OF_PARTS = ("e0", "phase", *REST_TERMS["creep"], *FREQUENCY_TERMS["smooth"])  # unknowns that a part may not show alone
+OF_PARTS = (
+    "e0",
+    "phase",
+    *REST_TERMS["creep"],
+    *SMOOTH_FREQUENCY.names,
+    *SMOOTH_DAMPING.names,
+)  # unknowns that a part may not show alone
 
 
 def limitations(decay: DecayFit) -> list[str]:

@@ -34,14 +34,8 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import DecayGuess, first_guess
 from ancf_casadi.decay.outliers import without_outliers
-from ancf_casadi.decay.phase import (
-    LEAST_SMOOTHNESS,
-    NODE_OF_OMEGA,
-    SMOOTHNESS,
-    FrequencyLaw,
-    smooth_nodes,
-    smooth_steps,
-)
+from ancf_casadi.decay.phase import FrequencyLaw
+from ancf_casadi.decay.smooth import MIDDLE, SMOOTH_DAMPING, SMOOTH_FREQUENCY, smooth_nodes, smooth_steps
 from ancf_casadi.decay.spectrum import is_even
 from ancf_casadi.estimation.agreement import DISAGREE, allowing_for_later_starts
 from ancf_casadi.estimation.fit import Fit
@@ -54,7 +48,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import projected
 from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.inputs import check_instance
-from problems.decay.laws import DecayModel, with_priors
+from problems.decay.laws import DecayModel, Law, with_priors
 from problems.decay.limitations import DAMPING, GROWS, NOISE_FREE, late_part
 from problems.decay.result import DecayFit
 from problems.decay.start import evident_law, of_motion, span_of, starting_values
@@ -62,10 +56,11 @@ from problems.decay.start import evident_law, of_motion, span_of, starting_value
 LEAST_REDUCED_LENGTH = 2500  # samples to which a longer record is reduced, if the band of the mode needs no more
 REDUCED_PER_PERIOD = 6  # samples that this band needs
 LATER_STARTS = (0.25, 0.5, 0.75)  # shares of the information before a later start, for which errors allow
-MOST_TURNS, SETTLED = 5, 0.1  # of a smooth fit, and relative change of the size of its changes that ends them
+MOST_TURNS, SETTLED = 5, 0.1  # of a smooth fit, and relative change of the sizes of its changes that ends them
 GROWING = (-0.999, 0.999)  # bounds of a damping ratio that may be negative
 NO_PRIORS: Priors = {}
 SIMPLER_LAWS: Sequence[FrequencyLaw] = ("constant", "linear", "quadratic", "logarithmic")  # than a smooth frequency
+SIMPLER_LAW: Law = "friction"  # than a smooth damping ratio: it may rise and fall
 
 
 def as_record(time: Measurement | ArrayLike, displacement: ArrayLike | None) -> Measurement:
@@ -110,7 +105,7 @@ def fit_from(
     decays = [after_release(record, guess.release) for record, guess in zip(records, guesses, strict=True)]
     moving = [of_motion(guess, sensor.derivatives) for guess in guesses]
     model = replace(model, reference=max(guess.amplitude for guess in moving), sensor=sensor)
-    if model.frequency_law == "smooth":
+    if model.smooth:
         model = replace(model, span=span_of(decays, guesses))
     lengths = [len(decay.time) for decay in decays]
     counts = lengths if robust else reduced_counts(decays, [guess.ω for guess in guesses])
@@ -261,25 +256,40 @@ def together(modes: Sequence[DecayFit], t: Array, y: Array) -> tuple[DecayFit, .
     )
 
 
-def _bent_starts(model: DecayModel, decays: Sequence[Measurement], guesses: Sequence[DecayGuess]) -> dict[str, float]:
-    """Return starting values under a smooth frequency: the fit of the simplest law that the largest decay shows."""
+def _simpler_starts(
+    model: DecayModel, decays: Sequence[Measurement], guesses: Sequence[DecayGuess]
+) -> dict[str, float]:
+    """Return starting values under smooth laws: the fit of the simplest frequency law that the largest decay shows."""
     largest = int(np.argmax([guess.amplitude for guess in guesses]))
-    law = evident_law(decays[largest], guesses[largest], SIMPLER_LAWS)
-    bent = replace(model, frequency_law=law)
+    (simpler, *_) = simpler_models(model, (evident_law(decays[largest], guesses[largest], SIMPLER_LAWS),))
     try:
-        fit, (own, *_) = _match(bent, decays, guesses, robust=False)
+        fit, (own, *_) = _match(simpler, decays, guesses, robust=False)
     except FitError:
         return {}
     x = [cs.MX(value) for value in fit.values[list(own)]]
-    f = cs.evalf(bent.against_amplitude(smooth_nodes(model.reference, model.span), *x)[1]).full().ravel()
-    return {**fit.estimates, **smooth_values(model, f)}
+    at_nodes = simpler.against_amplitude(smooth_nodes(model.reference, model.span), *x)
+    return {**fit.estimates, **smooth_values(model, *(cs.evalf(part).full().ravel() for part in at_nodes))}
 
 
-def smooth_values(model: DecayModel, frequencies: Array) -> dict[str, float]:
-    """Return the unknowns of a smooth frequency law by name, from frequencies (7,), Hz, at its nodes."""
-    middle = float(frequencies[NODE_OF_OMEGA])
-    changes = np.delete(frequencies / middle - 1, NODE_OF_OMEGA)
-    return {"omega": 2 * math.pi * middle, **dict(zip(model.frequency_terms, changes.tolist(), strict=True))}
+def simpler_models(model: DecayModel, frequency_laws: Sequence[FrequencyLaw] = SIMPLER_LAWS) -> list[DecayModel]:
+    """Return the models with simpler laws in place of smooth ones."""
+    law = SIMPLER_LAW if model.law == "smooth" else model.law
+    bent = frequency_laws if model.frequency_law == "smooth" else (model.frequency_law,)
+    return [replace(model, law=law, frequency_law=one) for one in bent]
+
+
+def smooth_values(model: DecayModel, ratios: Array, frequencies: Array) -> dict[str, float]:
+    """Return the unknowns of smooth laws by name, from damping ratios (7,) and frequencies (7,), Hz, at their nodes."""
+    values = dict[str, float]()
+    for terms, name, at_nodes in (
+        (SMOOTH_DAMPING, "zeta", ratios),
+        (SMOOTH_FREQUENCY, "omega", 2 * math.pi * frequencies),
+    ):
+        middle = float(at_nodes[MIDDLE])
+        if terms in model.smooth and middle > 0.0:
+            changes = np.delete(at_nodes / middle - 1, MIDDLE)
+            values |= {name: middle, **dict(zip(terms.names, changes.tolist(), strict=True))}
+    return values
 
 
 def _match(
@@ -295,22 +305,26 @@ def _match(
 
     Unknowns named in ``start`` begin at the values given there, the others at the guesses.  If it is not given, the
     fit starts from the guesses, from the track of amplitude and phase, or from there with the values in ``near``; those
-    of a smooth frequency come from the fit by a simpler law.
+    of smooth laws come from the fit by simpler ones.
     """
     unknowns, columns = _unknowns(model, guesses)
     unknowns = with_priors(unknowns, priors, model)
     known = _prior_residuals(model, unknowns)
-    changes = len(model.frequency_terms) if model.frequency_law == "smooth" else 0
-    if model.frequency_law == "smooth" and start is None:
-        near = _bent_starts(model, decays, guesses)
+    smooth = [len(terms.names) for terms in model.smooth]
+    if smooth and start is None:
+        near = _simpler_starts(model, decays, guesses)
     times, measured = [decay.time for decay in decays], cs.DM(np.concatenate([decay.values for decay in decays]))
     x = cs.MX.sym("x", len(unknowns))
     curve = cs.vertcat(*(model.curve(t, *(x[i] for i in own)) for t, own in zip(times, columns, strict=True)))
     curves = cs.Function("curves", [x], [curve], {"always_inline": True})  # built once, and inserted where needed
 
-    def solved(start: Sequence[Unknown], noise: float, huber: float = math.inf, smoothness: float = SMOOTHNESS) -> Fit:
+    smoothness = np.array([terms.first for terms in model.smooth])
+
+    def solved(start: Sequence[Unknown], noise: float, huber: float = math.inf) -> Fit:
+        sizes = cs.DM(smoothness)
+
         def residuals(*x: cs.MX) -> cs.MX:
-            return cs.vertcat(curves(cs.vertcat(*x)) - measured, noise * known(cs.vertcat(*x), smoothness))
+            return cs.vertcat(curves(cs.vertcat(*x)) - measured, noise * known(cs.vertcat(*x), sizes))
 
         return least_squares(residuals, start, huber=huber, deviation=noise, **settings)
 
@@ -331,7 +345,7 @@ def _match(
         "advice": "check the time of the release, or fit a law with fewer terms",
     }
     least = NOISE_FREE * _swing(model, guesses)
-    first = math.sqrt(misfit(starts[0]) / measured.numel()) if changes else 0.0  # of a simpler law
+    first = math.sqrt(misfit(starts[0]) / measured.numel()) if smooth else 0.0  # of a simpler law
     fit, errors = None, list[FitError]()
     for one in starts:
         try:
@@ -341,25 +355,27 @@ def _match(
             errors.append(error)
     if fit is None:
         raise errors[0]
-    noise, smoothness = max(first, least), SMOOTHNESS
-    for turn in range(MOST_TURNS if changes else 3 if robust else min(held, 1)):  # until the noise settles
+    noise = max(first, least)
+    for turn in range(MOST_TURNS if smooth else 3 if robust else min(held, 1)):  # until the noise settles
         own = fit.residuals[: measured.numel()]
-        if turn and changes:
-            before, shown = smoothness, standardised_residuals(fit)[-changes:] * smoothness / noise
-            smoothness = max(root_mean_square(shown), LEAST_SMOOTHNESS)
+        if turn and smooth:
+            changes = np.split(standardised_residuals(fit)[-sum(smooth) :] / noise, np.cumsum(smooth)[:-1])
+            before = smoothness
+            smoothness = before * [root_mean_square(change) for change in changes]
+            smoothness = np.maximum(smoothness, [terms.least for terms in model.smooth])
             if is_settled(before, smoothness):
                 break
         noise = noise_of(own) if robust else math.sqrt(float(own @ own) / max(len(own) - fit.rank, 1))
-        if noise <= least and not changes:
+        if noise <= least and not smooth:
             break
         noise = max(noise, least)
-        fit = solved(started(fit.unknowns, fit.estimates), noise, HUBER * noise if robust else math.inf, smoothness)
+        fit = solved(started(fit.unknowns, fit.estimates), noise, HUBER * noise if robust else math.inf)
     return without_stated_smoothness(fit), columns
 
 
-def is_settled(before: float, smoothness: float) -> bool:
-    """Return whether the standard deviation of the changes of a smooth law settles, from two rounds of a fit."""
-    return abs(math.log(smoothness / before)) < SETTLED
+def is_settled(before: Array, smoothness: Array) -> bool:
+    """Return whether the standard deviations of the changes of smooth laws settle, from two rounds of a fit."""
+    return bool((np.abs(np.log(smoothness / before)) < SETTLED).all())
 
 
 def without_stated_smoothness(fit: Fit) -> Fit:
@@ -381,13 +397,13 @@ def rounding_error(decays: Sequence[Measurement]) -> float:
 def _prior_residuals(model: DecayModel, unknowns: Sequence[Unknown]) -> cs.Function:
     """Return the Function from the unknowns to the distances from their priors, in standard deviations.
 
-    That of the changes of a smooth frequency, which come last, is a second argument.
+    Those of the changes of smooth laws, which come last, are a second argument.
     """
-    x, smoothness = cs.MX.sym("x", len(unknowns)), cs.MX.sym("smoothness")
+    x, smoothness = cs.MX.sym("x", len(unknowns)), cs.MX.sym("smoothness", len(model.smooth))
     known = [unknown.prior_residual(x[k]) for k, unknown in enumerate(unknowns) if unknown.prior]
-    if model.frequency_law == "smooth":
-        names = [unknown.name for unknown in unknowns]
-        known.append(smooth_steps([x[names.index(name)] for name in model.frequency_terms]) / smoothness)
+    names = [unknown.name for unknown in unknowns]
+    for k, terms in enumerate(model.smooth):
+        known.append(smooth_steps([x[names.index(name)] for name in terms.names]) / smoothness[k])
     return cs.Function("prior", [x, smoothness], [cs.vertcat(cs.MX(0, 1), *known)], {"always_inline": True})
 
 

@@ -15,7 +15,7 @@ from functools import cached_property
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.decay.phase import LEAST_SMOOTHNESS, SMOOTHNESS, smooth_steps
+from ancf_casadi.decay.smooth import SmoothTerms, smooth_steps
 from ancf_casadi.decay.spectrum import oscillating_power
 from ancf_casadi.estimation.block import Account, Block, Fitted, SeriesWeights, alike
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel
@@ -128,7 +128,7 @@ class SmoothnessBlock(Block):
     Without it, the law swings between the amplitudes of the records.
     """
 
-    model: DecayModel
+    terms: SmoothTerms
     weights: SeriesWeights = field(kw_only=True)
 
     stated = True  # no noise of a record
@@ -137,11 +137,11 @@ class SmoothnessBlock(Block):
     @property
     def lengths(self) -> list[list[int]]:
         """One value per change."""
-        return [[1] * len(self.model.frequency_terms)]
+        return [[1] * len(self.terms.names)]
 
     def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
         """Return the changes (m,) for unknowns by name, in standard deviations."""
-        changes: cs.MX = smooth_steps([given[name] for name in self.model.frequency_terms])
+        changes: cs.MX = smooth_steps([given[name] for name in self.terms.names])
         return changes / float(self.weights.deviations[0])
 
     def account(self, fitted: Fitted) -> Account:
@@ -153,13 +153,13 @@ class SmoothnessBlock(Block):
         return []
 
 
-def smoothness_block(model: DecayModel) -> SmoothnessBlock:
+def smoothness_block(terms: SmoothTerms) -> SmoothnessBlock:
     """Return the prior of a smooth law with the standard deviation to begin with."""
-    count = len(model.frequency_terms)
+    count = len(terms.names)
     weights = SeriesWeights(
-        np.array([count]), np.array([SMOOTHNESS]), np.array([LEAST_SMOOTHNESS]), groups=((0,),), known=(False,)
+        np.array([count]), np.array([terms.first]), np.array([terms.least]), groups=((0,),), known=(False,)
     )
-    return SmoothnessBlock(model, weights=weights)
+    return SmoothnessBlock(terms, weights=weights)
 
 
 def least_deviation(decay: Measurement) -> float:

@@ -23,14 +23,15 @@ from typing import Any, get_args
 import numpy as np
 
 from ancf_casadi.decay.first_guess import DecayGuess
-from ancf_casadi.decay.phase import AMPLITUDE_SPAN, FrequencyLaw
+from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest import Rest
+from ancf_casadi.decay.smooth import AMPLITUDE_SPAN
 from ancf_casadi.estimation.block import Block
 from ancf_casadi.estimation.solve import FitProblem, FitSolution, solve
 from ancf_casadi.estimation.solver.unknown import Priors, Unknown, started
 from ancf_casadi.exceptions import FitError, InputError, NumericsError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.arrays import root_mean_square
+from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.inputs import check_instance, choice, flag, is_sequence, numbers, physical, shown
 from ancf_casadi.support.progress import counter
 from problems.beam.curves.checks import level_notes, oriented, phase_locked
@@ -91,7 +92,7 @@ def fit_mode(
     records : record, or sequence of records
         Decays: Measurement, or (times, displacements), s and m.  Response curves: ResponseRecord with the unit of its
         levels (``excitation_unit``).  All sensors measure the motion of one point, or derivatives of it.
-    law : {"linear", "quadratic", "friction", "power"}
+    law : {"linear", "quadratic", "friction", "power", "smooth"}
         Damping law, as in ``fit_decay``.
     frequency_law : {"constant", "linear", "quadratic", "power", "logarithmic", "smooth"}
         Frequency against amplitude, as in ``fit_decay``.
@@ -233,15 +234,14 @@ def _stated(
         unknowns += [Unknown(names[one], best[names[one]], best[names[one]], 0.0, unit=constant_unit(unit, one))
                      for one in units if free]  # fmt: skip
         blocks.append(_weighed(curves_of_mode(model, curves, shared, names, known), best))
-    if model.frequency_law == "smooth":
-        blocks.append(smoothness_block(model))
+    blocks += map(smoothness_block, model.smooth)
     return FitProblem(tuple(blocks), tuple(unknowns), robust), starts, model, shared
 
 
 def _settled(solution: FitSolution) -> FitSolution:
-    """Return the solution with the size of the changes of a smooth law that its residuals show."""
+    """Return the solution with the sizes of the changes of smooth laws that its residuals show."""
     smoothness = _smoothness(solution)
-    for _ in range(MOST_TURNS if smoothness else 0):
+    for _ in range(MOST_TURNS if smoothness.size else 0):
         before, problem = smoothness, solution.problem
         solution = solve(replace(problem, unknowns=tuple(started(problem.unknowns, solution.fit.estimates))))
         smoothness = _smoothness(solution)
@@ -250,10 +250,10 @@ def _settled(solution: FitSolution) -> FitSolution:
     return solution
 
 
-def _smoothness(solution: FitSolution) -> float:
-    """Return the standard deviation of the changes of a smooth law; 0 under other laws."""
-    blocks = (block for block in solution.problem.blocks if isinstance(block, SmoothnessBlock))
-    return next((float(block.weights.deviations[0]) for block in blocks), 0.0)
+def _smoothness(solution: FitSolution) -> Array:
+    """Return the standard deviations of the changes of smooth laws."""
+    blocks = [block for block in solution.problem.blocks if isinstance(block, SmoothnessBlock)]
+    return np.array([float(block.weights.deviations[0]) for block in blocks])
 
 
 def _span(curves: Sequence[ResponseRecord]) -> float:

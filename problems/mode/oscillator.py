@@ -44,21 +44,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import casadi as cs
 import numpy as np
 from scipy.optimize import lsq_linear
 
 from ancf_casadi.decay.first_guess import DecayGuess
-from ancf_casadi.decay.phase import smooth_nodes
+from ancf_casadi.decay.smooth import smooth_nodes
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.compilation import evaluated
 from problems.beam.curves.points import MOST_STEPS, POINTS_CLOSE, CurvePoints, Measured
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
 from problems.decay.laws import DECAY_TERMS, DecayModel
-from problems.decay.solution import SIMPLER_LAWS, smooth_values
+from problems.decay.solution import simpler_models, smooth_values
 from problems.decay.start import SHAPES
 
 POINTS_CLOSE_ENOUGH = 1e-3  # the same, where rounding keeps further steps from shrinking
@@ -194,16 +193,14 @@ def guess_of(omega: float, ratio: float, amplitude: float) -> DecayGuess:
 def from_points(model: DecayModel, groups: Mapping[str, Points], known: float | None) -> dict[str, float]:
     """Return values by name of the laws and, by unit of the level, of the modal constants, from points.
 
-    Those of a smooth frequency come from the best simpler law, since its own regression would swing between the levels.
+    Those of smooth laws come from the best simpler ones, since their own regression would swing between the levels.
     """
-    if model.frequency_law != "smooth":
-        return _best_regression(model, groups, known)[1]
-    models = [replace(model, frequency_law=law) for law in SIMPLER_LAWS]
+    models = simpler_models(model)
     regressions = [_best_regression(simpler, groups, known) for simpler in models]
     best = int(np.argmin([cost for cost, _ in regressions]))
     values = regressions[best][1]
-    _, frequencies = law_at(models[best], smooth_nodes(model.reference, model.span), values)
-    return {**values, **smooth_values(model, frequencies)}
+    at_nodes = law_at(models[best], smooth_nodes(model.reference, model.span), values)
+    return {**values, **smooth_values(model, *at_nodes)}
 
 
 def _best_regression(

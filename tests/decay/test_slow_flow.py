@@ -18,6 +18,7 @@ from ancf_casadi.decay.closed_forms import (
     quadratic_envelope,
 )
 from ancf_casadi.decay.phase import frequency_change, integral
+from ancf_casadi.decay.smooth import flow_amplitude
 
 ω, E0 = 11.6, 0.076
 NODES = E0 * 50.0 ** (-np.arange(7) / 6)  # of a smooth frequency
@@ -263,3 +264,18 @@ def test_a_logarithmic_frequency_is_linear_in_small_amplitudes_and_stays_bounded
     assert largest == pytest.approx(0.0, abs=1e-15)
     assert smallest == pytest.approx(0.004 * math.log((E0 + corner) / corner), rel=1e-9)
     assert small - smallest == pytest.approx(-0.004 * 1e-6 * E0 / corner, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "closed"),
+    [
+        (lambda A, _: 0.03 + 0 * A, lambda t: E0 * np.exp(-0.03 * ω * t)),
+        (lambda A, _: 4 * 5.0 * A / (3 * math.pi), lambda t: E0 / (1 + 4 * ω * 5.0 * E0 * t / (3 * math.pi))),
+        (lambda A, _: 1e-4 * E0 / A, lambda t: E0 * (1 - 1e-4 * ω * t)),
+    ],
+)
+def test_the_flow_of_a_damping_ratio_without_a_closed_form(ratio, closed):
+    """Also over decades of the amplitude, and at times in any order."""
+    time = np.random.default_rng(0).permutation(np.linspace(0.0, 60.0, 301))
+    A = cs.evalf(flow_amplitude(ratio, time, cs.MX(E0), cs.MX(ω), [])).full().ravel()
+    np.testing.assert_allclose(A, closed(time), rtol=1e-6)

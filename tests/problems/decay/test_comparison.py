@@ -194,7 +194,7 @@ def test_the_result_reads_as_text_and_as_json():
     [
         ((), "laws: must be a sequence of names"),
         ("linear", "laws: must be a sequence of names, got 'linear'"),
-        (("cubic",), "law: must be one of linear, quadratic, friction, power, got 'cubic'"),
+        (("cubic",), "law: must be one of linear, quadratic, friction, power, smooth, got 'cubic'"),
     ],
 )
 def test_unusable_laws_are_refused(laws, message):

@@ -649,7 +649,7 @@ def test_nothing_is_printed(capfd):
         (
             (TIME, swing(1.85, 0.01, 0.05)),
             {"law": "cubic"},
-            "law: must be one of linear, quadratic, friction, power, auto, got 'cubic'",
+            "law: must be one of linear, quadratic, friction, power, smooth, auto, got 'cubic'",
         ),
         ((TIME, swing(1.85, 0.01, 0.05)), {"ratio_bounds": (0.0, 1.0)}, "ratio_bounds: must be in order and between"),
         ((TIME, swing(1.85, 0.01, 0.05)), {"ratio_bounds": (0.5, 0.1)}, "ratio_bounds: must be in order and between"),

@@ -6,11 +6,13 @@ from itertools import product
 import casadi as cs
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from ancf_casadi.decay.first_guess import first_guess
-from ancf_casadi.decay.phase import LEAST_SMOOTHNESS, SMOOTHNESS
+from ancf_casadi.decay.smooth import SMOOTH_FREQUENCY
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.sensor import Sensor
 from problems import amplitude_table, compare_decay_laws, fit_decay, law_curve
 from problems.decay import comparison as comparison_module
 from problems.decay import solution
@@ -175,7 +177,9 @@ def test_a_frequency_that_no_law_has_is_found_without_a_law(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("noise", "low", "high"), [(8e-3, 0.5 * LEAST_SMOOTHNESS, SMOOTHNESS), (1e-6, 0.0, 1e-4)])
+@pytest.mark.parametrize(
+    ("noise", "low", "high"), [(8e-3, 0.5 * SMOOTH_FREQUENCY.least, SMOOTH_FREQUENCY.first), (1e-6, 0.0, 1e-4)]
+)
 def test_a_prior_holds_a_smooth_frequency_where_noise_hides_it(noise, low, high):
     """Without it, the error of the first change would be 3 % in noise of 8 mm."""
     y = record("friction", "linear", noise=noise)
@@ -190,6 +194,58 @@ def test_a_smooth_frequency_that_changes_much_contradicts_nothing_that_the_user_
     fit = fit_decay(TIME, record("linear", "linear", 1e-4, k=(-0.3 / E0,)), frequency_law="smooth", release_time=0.0)
     assert "stated" not in fit.report()
     assert fit.frequency_change == pytest.approx(-0.3, abs=0.03)
+
+
+UNNAMED = {  # damping ratios that no law has, of the amplitude over that at the release
+    "constant": lambda a: 0.005 + 0 * a,
+    "saturating": lambda a: 0.003 + 0.004 * a / (a + 0.3),
+    "falling": lambda a: 0.0022 + 0.0048 * a,
+    "resonance-controlled": lambda a: 0.00119 + 0.00125 * a + 0.0021 * a**2,
+    "rising as it dies": lambda a: 0.003 + 0.0004 / (a + 0.05),
+}
+
+
+def unnamed_decay(ratio, seed, last=40.0, moving=False):
+    """Return a displacement of 5 Hz whose damping ratio has no law, or its velocity, in noise of a hundredth."""
+    turn, time = 2 * math.pi * 5.0, np.arange(0.0, last, 1 / 50)
+    level = solve_ivp(lambda _, y: -turn * ratio(np.exp(y)), (0, last), [0.0], t_eval=time, rtol=1e-9, atol=1e-10).y[0]
+    size, phase = np.exp(level), turn * time + 0.3
+    y = -turn * size * (ratio(size) * np.cos(phase) + np.sin(phase)) if moving else size * np.cos(phase)
+    return time, E0 * (y + 0.01 * turn**moving * np.random.default_rng(seed).standard_normal(len(time)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", UNNAMED)
+def test_the_bands_of_a_smooth_damping_ratio_hold_the_truth(name):
+    held, errors = [], []
+    for seed in range(6):
+        fit = fit_decay(*unnamed_decay(UNNAMED[name], seed), law="smooth", release_time=0.0)
+        curve = law_curve(fit, np.geomspace(*fit.amplitude_range, 7))
+        truth, (low, high) = UNNAMED[name](curve.amplitude / E0), curve.damping_ratio_band.T
+        held.append((low < truth) & (truth < high))
+        errors.append((curve.damping_ratio - truth) / (high - low))
+        assert fit.residual_rms == pytest.approx(0.01 * E0, rel=0.05)
+        assert np.median(high - low) < 0.15 * truth.max()
+    assert np.mean(held) > 0.85
+    assert np.abs(errors).max() < 1.0  # four standard errors
+    for edge, amplitude in zip(fit.report().split("  at ")[1:], fit.amplitude_range, strict=True):
+        assert edge.startswith(f"{amplitude:.3g} m: frequency")
+
+
+@pytest.mark.slow
+def test_a_smooth_damping_ratio_beside_a_smooth_frequency_of_any_sensor_and_of_several_records():
+    ratio = UNNAMED["falling"]
+    (time, y), (_, other), (_, velocity) = (unnamed_decay(ratio, seed, 30.0, seed == 2) for seed in range(3))
+    fits = [
+        fit_decay(time, y, law="smooth", frequency_law="smooth", release_time=0.0),
+        fit_decay(Measurement(time, velocity, sensor=Sensor("velocity")), law="smooth", release_time=0.0),
+        fit_decays([Measurement(time, y), Measurement(time[400:], other[400:])], law="smooth")[0],
+    ]
+    for fit in fits:
+        for size in (0.9, 0.5, 0.2):
+            values, errors = fit.at_amplitude(size * E0)
+            assert abs(values["damping_ratio"] - ratio(size)) < 4 * errors["damping_ratio"]
+            assert errors["damping_ratio"] < 0.1 * ratio(size)
 
 
 def test_a_smooth_frequency_reaches_to_half_the_smallest_visible_amplitude():

@@ -383,6 +383,33 @@ def test_a_smooth_frequency_does_not_swing_between_the_levels(levels):
     assert "stated" not in fit.report()
 
 
+@pytest.mark.parametrize("levels", [LEVELS, (0.2, 1.2, 2.4), (0.3, 0.9, 2.0)])
+def test_a_smooth_damping_ratio_follows_a_mode_that_no_law_does(levels):
+    fit = fit_mode(held_responses(levels), law="smooth", frequency_law="smooth")
+    at_levels, between = 1e-4 * np.array(levels), np.geomspace(fit.min_amplitude, fit.max_amplitude, 13)
+    for amplitudes, most in ((at_levels, 3e-5), (between, 2e-3)):
+        curve, (_, truth) = fit.law_curve(amplitudes), law_of_the_issue(amplitudes)
+        half = np.ptp(curve.damping_ratio_band, axis=1) / 2
+        assert (np.abs(curve.damping_ratio - truth) < np.maximum(2 * half, 0.005 * truth)).all()
+        assert np.median(half) < most
+    assert fit.estimates["damping_ratio"] == pytest.approx(truth[-1], abs=4 * fit.standard_errors["damping_ratio"])
+
+
+@pytest.mark.slow
+def test_a_smooth_damping_ratio_of_a_decay_is_that_of_fit_decay():
+    time = np.arange(0, 20, 0.02)
+    size = 1 / (1 + 0.15 * time)  # a damping ratio in proportion to the amplitude
+    noise = 0.01 * np.random.default_rng(0).standard_normal(time.size)
+    decay = Measurement(time, 0.02 * (size * np.cos(2 * np.pi * 5.0 * time) + noise))
+    alone, mode = fit_decay(decay, law="smooth"), fit_mode(decay, law="smooth")
+    amplitudes = np.geomspace(*alone.amplitude_range, 5)
+    curve, other = law_curve(alone, amplitudes), mode.law_curve(amplitudes)
+    assert curve.damping_ratio == pytest.approx(other.damping_ratio, rel=0.02)
+    assert np.ptp(curve.damping_ratio_band, axis=1) == pytest.approx(np.ptp(other.damping_ratio_band, axis=1), rel=0.1)
+    truth = 0.15 / (2 * np.pi * 5.0) * amplitudes / 0.02
+    assert (np.abs(curve.damping_ratio - truth) < np.ptp(curve.damping_ratio_band, axis=1)).all()
+
+
 @pytest.mark.parametrize(("noise", "length"), [(1e-4, 600), (8e-3, 1200), (1e-4, 100)])
 def test_a_smooth_frequency_of_a_decay_is_that_of_fit_decay(noise, length):
     """Part of the law is hidden by noise, or lies beyond the record."""

@@ -8,6 +8,7 @@ from scipy.signal import cont2discrete, lfilter
 
 from ancf_casadi import Measurement, separate_takes
 from ancf_casadi.exceptions import AncfError, FitError
+from ancf_casadi.records.sensor import Sensor
 from problems import fit_decay, fit_decays
 
 
@@ -127,6 +128,51 @@ def test_a_fit_states_the_share_that_it_explains_and_refuses_below_a_half():
         FitError, match=r"explains only \d+ % of the motion from 0 s on, .* oscillate at .* Hz: fit_modes"
     ):
         fit_decay(time, values + others, release_time=0.0)
+
+
+# Blows
+
+
+def blow(seed):
+    """Return what a sensor of any kind reads of three modes of a cantilever, struck at 0.5 s, and the truth."""
+    rng = np.random.default_rng(seed)
+    frequencies, ratios = rng.uniform(1.5, 12.0) * np.array([1.0, 6.27, 17.5]), 10 ** rng.uniform(-2.7, -1.5, 3)
+    step = 1 / (frequencies[2] * rng.uniform(8, 16))
+    length = min(0.5 + rng.uniform(2.0, 5.0) / (2 * np.pi * frequencies[0] * ratios[0]), 8000 * step)
+    time, contact, derivatives = (
+        np.arange(0, length, step),
+        rng.uniform(0.1, 1.5) / frequencies[2],
+        int(rng.integers(3)),
+    )
+    since = time - 0.5
+    force = np.where(
+        (since >= 0) & (since < max(contact, step)), np.sin(np.pi * since / max(contact, step)) + 0.01, 0.0
+    )
+    values = np.zeros(time.size)
+    for omega, ratio, size in zip(2 * np.pi * frequencies, ratios, rng.uniform(0.3, 1.0, 3), strict=True):
+        pole = omega * complex(-ratio, np.sqrt(1 - ratio**2))
+        values += size / omega * lfilter([1.0], [1.0, -np.exp(pole * step)], force * pole**derivatives).imag
+    values /= np.abs(values).max()
+    values += 10 ** rng.uniform(-3.5, -1.5) * rng.normal(size=time.size)
+    sensor = Sensor(("displacement", "velocity", "acceleration")[derivatives])
+    return Measurement(time, values, sensor=sensor), frequencies, ratios
+
+
+@pytest.mark.slow
+def test_after_a_blow_a_mode_is_fitted_within_its_errors_or_the_others_are_named():
+    """In accelerations and after short blows, the higher modes are the larger ones at first."""
+    right = named = 0
+    for seed in range(60):
+        record, frequencies, ratios = blow(seed)
+        try:
+            fit = fit_decay(record)
+        except FitError as error:
+            named += "fit_modes fits several modes" in str(error)
+            continue
+        mode = int(np.argmin(np.abs(np.log(frequencies / fit.frequency))))
+        right += covers(fit, frequencies[mode], ratios[mode])
+    assert right + named >= 59
+    assert right >= 45
 
 
 # Several releases

@@ -60,7 +60,7 @@ ALL_RELEASES = "fit_decays(separate_takes(record)), or --release all"
 MOST_TAKE_WINDOWS = 512  # of a record with several releases
 JUMP = 1.25  # least growth of the amplitude at a release, from one window to the next but one
 MOST_UNEXPLAINED = 0.04  # share of the motion that free decays leave; random responses leave more
-QUANTISED = 0.15  # error of the amplitude of a quantised oscillation, in steps of the quantisation
+QUANTISED = 0.25  # error of the amplitude of a quantised oscillation, in steps of the quantisation
 FALLING = 1.05  # largest growth of the amplitude from window to window that counts as a decay, for the noise in it
 LEVEL = 0.02  # departure that does not count as motion, relative to the largest swing
 
@@ -164,10 +164,10 @@ def end_of_excitation(time: Array, displacement: Array) -> int:
     if P < 2 * FEWEST + 1:
         return 0
     k = (found.time - found.time[0]) / found.length
-    rounded = P * (QUANTISED * resolution(displacement) / MODEL_ERROR) ** 2  # a motion with the errors of quantisation
+    motion = _motion(z, displacement)
 
     def clearly(free: float, forced: float, unknowns: int) -> bool:
-        return evident(free, forced, 2 * P, unknowns, motion=max(float(np.vdot(z, z).real), rounded))
+        return evident(free, forced, 2 * P, unknowns, motion)
 
     log_q, free = _tails(k, z)
     if not clearly(float(free[0]), _scatter(k, z, log_q[0]), 10 - 4):  # no smooth z is clearly better than one mode
@@ -192,6 +192,11 @@ def end_of_excitation(time: Array, displacement: Array) -> int:
         return 0
     last = max(s for s, left in misfits.items() if not clearly(left, best, 0))
     return int(np.searchsorted(time, time[0] + found.number[last] * found.length - typical_step(time) / 2))
+
+
+def _motion(z: ComplexArray, values: Array) -> float:
+    """Return the sum of the squares of a motion, no less than that of one with the errors of quantised values."""
+    return max(float(np.vdot(z, z).real), len(z) * (QUANTISED * resolution(values) / MODEL_ERROR) ** 2)
 
 
 def find_takes(time: Array, measured: Array) -> list[slice]:
@@ -223,7 +228,9 @@ def find_takes(time: Array, measured: Array) -> list[slice]:
     share = sum(take.stop - take.start for take in takes) / len(z)  # of the windows, which hold as much of the noise
     several = sum(_lossy(k[take] - k[take.start], z[take]) for take in takes) / share
     motion = float(np.vdot(z, z).real)
-    if several > MOST_UNEXPLAINED * motion or not evident(one, several, 2 * len(z), 5 * len(takes), motion):
+    if several > MOST_UNEXPLAINED * motion or not evident(
+        one, several, 2 * len(z), 5 * len(takes), _motion(z, measured)
+    ):
         return []
     step = typical_step(time)
     edges = time[0] + found.length * np.append(found.number, found.number[-1] + 1) - step / 2

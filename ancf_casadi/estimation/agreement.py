@@ -222,10 +222,10 @@ def part_estimates(fit: Fit, mask: Mask, least: float = 0.0) -> tuple[Array, Arr
 
 def allowing_for_later_starts(fit: Fit, late: Sequence[Mask]) -> Fit:
     """Return a fit whose covariance allows for the scatter of its estimates between late parts and the rest."""
-    free, (psi, w) = ~fit.active_bounds, influence(fit.residuals, fit.huber)
+    free, (psi, _) = ~fit.active_bounds, influence(fit.residuals, fit.huber)
     if not free.any() or not fit.noise.variance > 0.0:
         return fit
-    basis, triangle = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
+    basis, _ = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
     own = fit.noise.form(basis)
     form = own.copy()
     for mask in late:
@@ -234,9 +234,24 @@ def allowing_for_later_starts(fit: Fit, late: Sequence[Mask]) -> Fit:
         g = float(v @ np.linalg.solve(form, v))
         if scipy.special.chdtrc(len(v), g) < DISAGREE:
             form += (1 - 1 / g) * np.outer(v, v)
-    if np.array_equal(form, own):
+    return fit if np.array_equal(form, own) else _with_passing(fit, form - own)
+
+
+def allowing_for_errors(fit: Fit, errors: Array) -> Fit:
+    """Return a fit whose covariance allows for errors of its data: independent normal multiples of columns (m, k)."""
+    free = ~fit.active_bounds
+    if not free.any() or not fit.noise.variance > 0.0:
         return fit
-    passing = form - own
+    basis, _ = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
+    inside = basis.T @ (row_weights(fit.residuals, fit.huber)[:, None] ** 2 * errors)
+    return _with_passing(fit, inside @ inside.T)
+
+
+def _with_passing(fit: Fit, passing: Array) -> Fit:
+    """Return a fit whose noise has a further covariance (n, n) of the projections on its orthonormal columns."""
+    free, w = ~fit.active_bounds, influence(fit.residuals, fit.huber)[1]
+    basis, triangle = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
+    form = fit.noise.form(basis) + passing
     root = fit.scale[free, None] * np.linalg.inv(triangle) / w
     covariance = fit.covariance.copy()
     covariance[np.ix_(free, free)] += root @ passing @ root.T

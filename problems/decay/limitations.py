@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from problems.decay.result import DecayFit
 
 LEAST_EXPLAINED = 0.5  # share of the motion, below which a fit is refused
+FEWEST_STEPS = 1.4  # amplitude over the resolution: a square wave of three levels has 4/pi = 1.27
+DITHER = 0.35  # residuals over the resolution, beyond which noise makes up for few steps
 MOST_BEFORE = 0.15  # share of the motion of a record that an excitation before the decay may leave unexplained
 DETECTED = ("the first sample", "the end of")  # reasons for a release that the record shows
 GROWS = "the oscillation grows"
@@ -62,8 +64,7 @@ OF_PARTS = (
 def limitations(decay: DecayFit) -> list[str]:
     """Return the limitations of the fit of one record, one sentence each."""
     fit, values = decay.fit, decay.values
-    speed = (2 * math.pi * values["frequency"]) ** decay.model.sensor.derivatives
-    noise_free = NOISE_FREE * values["amplitude"] * speed
+    noise_free = NOISE_FREE * values["amplitude"] * _speed(decay)
     noisy = math.sqrt(np.mean(fit.residuals[decay.rows] ** 2)) > noise_free
     found = [
         _short(decay),
@@ -73,6 +74,11 @@ def limitations(decay: DecayFit) -> list[str]:
         _changing(decay) if noisy else None,
     ]
     return [text for text in found if text]
+
+
+def _speed(decay: DecayFit) -> float:
+    """Return the amplitude of the record over that of the displacement."""
+    return float((2 * math.pi * decay.frequency) ** decay.model.sensor.derivatives)
 
 
 def _short(decay: DecayFit) -> str | None:
@@ -135,10 +141,19 @@ def explained_share(decay: DecayFit) -> float:
 
 
 def refuse_unexplained(decay: DecayFit, record: Measurement) -> None:
-    """Raise a FitError if the decay explains less than half of its motion, or the record is a random response."""
+    """Raise a FitError if the decay explains less than half of its motion, or the record cannot show it.
+
+    The latter is the case for a random response, and for an oscillation of few steps of the resolution.
+    """
     share = decay.explained_share
     if math.isnan(share):  # one of several modes
         return
+    step, size = resolution(record.values), decay.amplitude * _speed(decay)
+    if size < FEWEST_STEPS * step and decay.residual_rms < DITHER * step:
+        raise FitError(
+            f"the oscillation is {size / step:.1f} steps of {f'{step:.2g} {decay.model.sensor.unit}'.rstrip()} large, "
+            "the resolution of the record, which hide its decay; measure with a finer resolution or a larger release"
+        )
     since = f"from {decay.release_time:g} s on"
     near = share < LEAST_EXPLAINED and 0.5 < _residual_frequency(decay) / decay.frequency < 1.5
     if decay.release_reason.startswith(DETECTED) and (near or _is_random(decay, record)):

@@ -35,9 +35,11 @@ from numpy.typing import ArrayLike
 from ancf_casadi.decay.first_guess import DecayGuess, first_guess
 from ancf_casadi.decay.outliers import without_outliers
 from ancf_casadi.decay.phase import FrequencyLaw
+from ancf_casadi.decay.quantisation import rounding_errors
+from ancf_casadi.decay.rest import REST_TERMS
 from ancf_casadi.decay.smooth import MIDDLE, SMOOTH_DAMPING, SMOOTH_FREQUENCY, smooth_nodes, smooth_steps
 from ancf_casadi.decay.spectrum import is_even
-from ancf_casadi.estimation.agreement import DISAGREE, allowing_for_later_starts
+from ancf_casadi.estimation.agreement import DISAGREE, allowing_for_errors, allowing_for_later_starts
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solve import standardised_residuals
 from ancf_casadi.estimation.solver.gauss_newton import HUBER, noise_of
@@ -45,7 +47,7 @@ from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Priors, Unknown, started
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.records.processing import projected
+from ancf_casadi.records.processing import projected, resolution
 from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.inputs import check_instance
 from problems.decay.laws import DecayModel, Law, with_priors
@@ -121,6 +123,11 @@ def fit_from(
     thinned = [reduced(*one) for one in zip(decays, counts, curves, strict=True)]
     fit, columns = _match(model, thinned, moving, robust, start, near.fit.estimates if near else {}, priors)
     parts = [slice(*ends) for ends in pairwise(np.cumsum([0, *counts]).tolist())]
+    rounding = [
+        rounding_of(model, fit.values[list(own)], one, resolution(decay.values), root_mean_square(fit.residuals[rows]))
+        for own, one, decay, rows in zip(columns, thinned, decays, parts, strict=True)
+    ]
+    fit = allow_for_rounding(fit, parts, rounding)
     fit = allow_for_late_parts(fit, parts, NOISE_FREE * _swing(model, moving))
     residuals = [fit.residuals[rows] for rows in parts]
     if counts != lengths:
@@ -137,6 +144,26 @@ def fit_from(
             times, residuals, columns, parts, guesses, growth, again, strict=True
         )
     )
+
+
+def rounding_of(model: DecayModel, values: Array, decay: Measurement, step: float, residual_rms: float) -> Array:
+    """Return the errors (m, 4) of rounding in a decay to steps, 0 if there are none (``rounding_errors``)."""
+    if not step:
+        return np.zeros((len(decay.time), 4))
+    ω, lasting = values[0], len(values) - len(REST_TERMS[model.rest])
+    swing = curve_at(replace(model, rest="zero"), values[:lasting])(decay.time)
+    amplitude = cs.evalf(model.amplitude(decay.time, *map(cs.MX, values.tolist()))).full().ravel()
+    size = amplitude * ω**model.sensor.derivatives
+    cosine = np.divide(swing, size, out=np.zeros_like(swing), where=size > 0.0)
+    return rounding_errors(size, cosine, step, residual_rms)
+
+
+def allow_for_rounding(fit: Fit, decays: Sequence[slice], errors: Sequence[Array]) -> Fit:
+    """Return a fit whose covariance allows for the errors (m, 4) of rounding in its decays, apart from each other."""
+    columns = np.zeros((len(fit.residuals), 4 * len(decays)))
+    for k, (rows, error) in enumerate(zip(decays, errors, strict=True)):
+        columns[rows, 4 * k : 4 * k + 4] = error
+    return allowing_for_errors(fit, columns) if columns.any() else fit
 
 
 def allow_for_late_parts(fit: Fit, decays: Sequence[slice], noise_free: float) -> Fit:

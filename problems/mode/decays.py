@@ -21,6 +21,7 @@ from ancf_casadi.estimation.block import Account, Block, Fitted, SeriesWeights, 
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.processing import resolution
 from ancf_casadi.support.arrays import Array, root_mean_square
 from problems.beam.curves.points import POINTS_CLOSE, CurvePoints
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
@@ -28,7 +29,7 @@ from problems.beam.curves.response_block import ResponseBlock, first_weights
 from problems.decay.laws import DecayModel
 from problems.decay.limitations import NOISE_FREE
 from problems.decay.result import DecayFit
-from problems.decay.solution import fitted_part, rounding_error
+from problems.decay.solution import fitted_part, rounding_error, rounding_of
 from problems.mode.oscillator import closest_motions, response_curve
 
 # factor on standard deviations below which rounding hides the closest points (test_known_values_are_recovered...)
@@ -44,6 +45,12 @@ class ModeDecay:
     model: DecayModel
     names: tuple[str, ...]  # unknowns of the curve, in the order of the model
     alone: DecayFit
+    step: float  # to which the record was rounded, 0 if it was not
+
+    def rounding(self, values: Mapping[str, float]) -> Array:
+        """Return the errors (m, 4) of rounding, for values of the unknowns by name."""
+        own = np.array([values[name] for name in self.names])
+        return rounding_of(self.model, own, self.decay, self.step, self.alone.residual_rms)
 
     def curve(self, given: Mapping[str, cs.MX]) -> cs.MX:
         """Return the decay (m,) for unknowns by name, in the unit of the sensor."""
@@ -194,7 +201,8 @@ def mode_decay(
     """Return a decay as its fit alone used it; the names of the unknowns of its release end with its number."""
     names = tuple(name if name in shared else f"{name}_{number}" for name in alone.fit.names)
     label = record.name or f"decay {number}"
-    return ModeDecay(label, fitted_part(record, alone), replace(model, sensor=record.sensor), names, alone)
+    return ModeDecay(label, fitted_part(record, alone), replace(model, sensor=record.sensor), names, alone,
+                     resolution(record.values))  # fmt: skip
 
 
 def release_unknowns(decay: ModeDecay, shared: Sequence[str]) -> list[Unknown]:

@@ -41,6 +41,7 @@ from problems.decay.result import DecayFit
 from problems.decay.solution import (
     MOST_TURNS,
     allow_for_late_parts,
+    allow_for_rounding,
     as_record,
     fit_one,
     is_settled,
@@ -273,7 +274,10 @@ def _with_noise_of_decays(solution: FitSolution) -> FitSolution:
             ends = fitted.rows.start + np.cumsum([0, *block.series])
             decays = [slice(*pair) for pair in pairwise(ends.tolist())]
             noise_free = fitted.scale * block.negligible / math.sqrt(len(fitted.fit.residuals))
-            return replace(solution, fit=allow_for_late_parts(fitted.fit, decays, noise_free))
+            pairs = zip(block.decays, block.weights.deviations.tolist(), strict=True)
+            rounding = [fitted.scale / std * one.rounding(fitted.fit.estimates) for one, std in pairs]
+            fit = allow_for_rounding(fitted.fit, decays, rounding)
+            return replace(solution, fit=allow_for_late_parts(fit, decays, noise_free))
     return solution
 
 

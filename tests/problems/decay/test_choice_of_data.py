@@ -286,19 +286,34 @@ def test_a_quantised_record_is_named_as_such_and_not_as_clipped_nor_as_another_m
     assert not [note for note in fit.warnings if "clipped" in note or "another mode" in note]
 
 
+@pytest.mark.parametrize("law", ["linear", "auto"])
+def test_an_oscillation_within_a_few_steps_is_refused(law):
+    time = np.arange(0, 20, 0.01)
+    values = decay(time, 1.4, 0.005, 0.9e-3)
+    with pytest.raises(FitError, match=r"oscillation is \d\.\d steps of 0.001 m large, the resolution of the record"):
+        fit_decay(time, 1e-3 * np.round(values / 1e-3), law=law)
+    noisy = values + 0.6e-3 * np.random.default_rng(0).normal(size=time.size)  # which makes up for the steps
+    assert covers(fit_decay(time, 1e-3 * np.round(noisy / 1e-3)), 1.4, 0.005)
+
+
 @pytest.mark.slow
-def test_quantised_records_are_fitted():
-    """With two to five steps per amplitude, the error is systematic, and larger than an eighth of a step in few."""
-    covered = 0
-    for seed in range(200):
+@pytest.mark.parametrize(("fewest", "most", "least"), [(1.6, 8.0, 98), (1.6, 3.2, 98), (0.6, 1.6, 20)])
+def test_quantised_records_are_fitted_or_refused(fewest, most, least):
+    """The error of rounding is systematic, and a fit follows it."""
+    fitted = refused = 0
+    for seed in range(100):
         rng = np.random.default_rng(seed)
         frequency, size = rng.uniform(0.8, 8.0), int(rng.integers(600, 6000))
         time = np.arange(size) / (frequency * rng.uniform(12, 100))
         ratio = float(np.clip(rng.uniform(0.3, 2.5) / (2 * np.pi * frequency * time[-1]), 3e-4, 0.05))
-        step = 1 / rng.uniform(1.6, 8.0)
+        step = 1 / rng.uniform(fewest, most)
         values = decay(time, frequency, ratio, 1.0, rng.uniform(0, 6.28)) + rng.uniform(-0.5, 0.5) * step
-        covered += covers(fit_decay(time, 1e-3 * step * np.round(values / step)), frequency, ratio)
-    assert covered >= 190
+        try:
+            fitted += covers(fit_decay(time, 1e-3 * step * np.round(values / step)), frequency, ratio)
+        except FitError as error:
+            refused += "the resolution of the record, which hide its decay" in str(error)
+    assert fitted + refused >= 98
+    assert fitted >= least
 
 
 # Growth

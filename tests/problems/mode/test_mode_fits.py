@@ -395,6 +395,17 @@ def test_a_smooth_damping_ratio_follows_a_mode_that_no_law_does(levels):
     assert fit.estimates["damping_ratio"] == pytest.approx(truth[-1], abs=4 * fit.standard_errors["damping_ratio"])
 
 
+def test_a_mode_allows_for_the_rounding_of_a_decay_as_fit_decay_does():
+    time = np.arange(0, 20, 0.02)
+    values = 1e-3 * np.round(2.2 * np.exp(-0.03 * time) * np.cos(8.8 * time))
+    fits = fit_decay(time, values), fit_mode((time, values))
+    errors = [fit.standard_errors for fit in fits]
+    for name in ("frequency", "damping_ratio"):
+        assert errors[0][name] == pytest.approx(errors[1][name], rel=1e-6)
+    white = fits[0].fit.white_errors[fits[0].fit.names.index("zeta")]
+    assert errors[0]["damping_ratio"] > 2 * white
+
+
 @pytest.mark.slow
 def test_a_smooth_damping_ratio_of_a_decay_is_that_of_fit_decay():
     time = np.arange(0, 20, 0.02)

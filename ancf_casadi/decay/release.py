@@ -59,7 +59,8 @@ FEWEST = 3  # windows with a force, and without: B, C and p need three
 ALL_RELEASES = "fit_decays(separate_takes(record)), or --release all"
 MOST_TAKE_WINDOWS = 512  # of a record with several releases
 JUMP = 1.25  # least growth of the amplitude at a release, from one window to the next but one
-MOST_UNEXPLAINED = 0.04  # share of the motion that free decays leave; random responses leave more
+MOST_UNEXPLAINED = 0.04  # share of the motion that a free decay leaves; random responses leave more
+MOST_LEFT_BY_TAKES = 0.02  # the same for several releases
 QUANTISED = 0.25  # error of the amplitude of a quantised oscillation, in steps of the quantisation
 FALLING = 1.05  # largest growth of the amplitude from window to window that counts as a decay, for the noise in it
 LEVEL = 0.02  # departure that does not count as motion, relative to the largest swing
@@ -228,7 +229,7 @@ def find_takes(time: Array, measured: Array) -> list[slice]:
     share = sum(take.stop - take.start for take in takes) / len(z)  # of the windows, which hold as much of the noise
     several = sum(_lossy(k[take] - k[take.start], z[take]) for take in takes) / share
     motion = float(np.vdot(z, z).real)
-    if several > MOST_UNEXPLAINED * motion or not evident(
+    if several > MOST_LEFT_BY_TAKES * motion or not evident(
         one, several, 2 * len(z), 5 * len(takes), _motion(z, measured)
     ):
         return []

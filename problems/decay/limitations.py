@@ -45,6 +45,7 @@ LEAST_EXPLAINED = 0.5  # share of the motion, below which a fit is refused
 FEWEST_STEPS = 1.4  # amplitude over the resolution: a square wave of three levels has 4/pi = 1.27
 DITHER = 0.35  # residuals over the resolution, beyond which noise makes up for few steps
 MOST_BEFORE = 0.15  # share of the motion of a record that an excitation before the decay may leave unexplained
+LEAST_UNEXPLAINED = 0.003  # share of the motion that free modes leave, beyond which it is a third of this
 DETECTED = ("the first sample", "the end of")  # reasons for a release that the record shows
 GROWS = "the oscillation grows"
 NOISE_FREE = 1e-6  # residual relative to the amplitude, below which there is no noise
@@ -172,15 +173,18 @@ def refuse_unexplained(decay: DecayFit, record: Measurement) -> None:
 
 
 def _is_random(decay: DecayFit, record: Measurement) -> bool:
-    """Return whether free modes do not explain the decay, or a harmonic excitation not what precedes it."""
+    """Return whether free modes do not explain the decay, or rest or a harmonic excitation not what precedes it."""
     ω, length = 2 * math.pi * decay.frequency, len(decay.time)
-    poor = 1 - decay.explained_share > MOST_UNEXPLAINED
-    if poor and unexplained_share(decay.time, record.values[-length:], ω) > MOST_UNEXPLAINED:
+    left = 1 - decay.explained_share
+    free = unexplained_share(decay.time, record.values[-length:], ω) if left > LEAST_UNEXPLAINED else 0.0
+    if left > MOST_UNEXPLAINED and free > min(MOST_UNEXPLAINED, left / 3):  # another law or mode would explain more
         return True
     forced, unforced = unexplained_before(record.time[:-length], record.values[:-length], ω, decay.damping_ratio * ω)
     decaying = float(np.var(decay.displacement(decay.time)))
     early, late = len(record.time) - length, length
-    return early * unforced > MOST_BEFORE * (early * (forced + unforced) + late * decaying)
+    resting = decay.release_reason == "the end of rest"
+    most = MOST_BEFORE if free <= LEAST_UNEXPLAINED else MOST_BEFORE / 3
+    return early * (unforced + resting * forced) > most * (early * (forced + unforced) + late * decaying)
 
 
 def _residual_frequency(decay: DecayFit) -> float:

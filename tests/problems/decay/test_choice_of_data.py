@@ -83,13 +83,14 @@ def test_records_with_outliers_are_fitted_as_those_without():
 # Random responses
 
 
-def random_response(seed, frequency, ratio, periods, samples_per_period=30.0):
-    """Return times and values of an oscillator under white noise."""
+def random_response(seed, frequency, ratio, periods, samples_per_period=30.0, settled=True):
+    """Return times and values of an oscillator under white noise, from rest if it has not settled."""
     omega, rate = 2 * np.pi * frequency, samples_per_period * frequency
     size = int(periods * samples_per_period)
     numerator, denominator, _ = cont2discrete(([1], [1, 2 * ratio * omega, omega**2]), 1 / rate, "zoh")
-    values = lfilter(numerator.ravel(), denominator, np.random.default_rng(seed).normal(size=size + 2000))
-    return np.arange(size) / rate, 100 * values[2000:]
+    before = (2000 + round(0.5 / ratio * samples_per_period)) * settled
+    values = lfilter(numerator.ravel(), denominator, np.random.default_rng(seed).normal(size=size + before))
+    return np.arange(size) / rate, 100 * values[before:]
 
 
 @pytest.mark.parametrize(("frequency", "ratio", "periods"), [(2.0, 0.03, 240), (8.0, 0.01, 300), (1.0, 0.08, 120)])
@@ -111,6 +112,43 @@ def test_random_responses_are_refused():
         except AncfError as error:
             refused += "random excitation" in str(error)
     assert refused >= 196
+
+
+@pytest.mark.slow
+def test_short_and_lightly_damped_random_responses_are_refused_or_right():
+    """From rest or stationary; some look like a driven motion and a free decay, or like several releases."""
+    accepted = 0
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        frequency, ratio, length = rng.uniform(1, 5), 10 ** rng.uniform(-2.7, -1.3), 10 ** rng.uniform(1.3, 2.3)
+        samples, periods = 100 / frequency, length * frequency
+        time, values = random_response(rng, frequency, ratio, periods, samples, settled=bool(seed % 2))
+        try:
+            accepted += not covers(fit_decay(time, values), frequency, ratio)
+        except AncfError as error:
+            accepted += "random excitation" not in str(error)
+    assert accepted <= 2
+
+
+@pytest.mark.slow
+def test_driven_and_released_oscillators_are_hardly_ever_taken_for_random_responses():
+    """A harmonic force near the resonance grows over up to half of its time, and ends."""
+    refused = 0
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        frequency, ratio, rate = rng.uniform(1, 5), 10 ** rng.uniform(-2.7, -1.3), rng.uniform(15, 60)
+        early, late = int(rng.uniform(10, 60) * rate), int(max(rng.uniform(1, 5) / (2 * np.pi * ratio), 12) * rate)
+        count = np.arange(early)
+        ramp = np.minimum(count / (1 + rng.uniform(0, early / 2)), 1.0)
+        force = np.append(ramp * np.sin(2 * np.pi * rng.uniform(0.95, 1.05) * count / rate), np.zeros(late))
+        pole = np.exp(2 * np.pi / rate * complex(-ratio, np.sqrt(1 - ratio**2)))
+        values = lfilter([1.0], [1.0, -pole], force.astype(complex)).imag
+        values = values / np.abs(values).max() + 10 ** rng.uniform(-3, -1) * rng.normal(size=values.size)
+        try:
+            fit_decay(np.arange(values.size) / (rate * frequency), values)
+        except FitError as error:
+            refused += "random excitation" in str(error)
+    assert refused <= 1
 
 
 def test_a_fit_states_the_share_that_it_explains_and_refuses_below_a_half():

@@ -25,8 +25,12 @@ from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.solver.gauss_newton import noise_of, residuals_and_jacobian
 from ancf_casadi.estimation.solver.least_squares import residual_function
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown
-from ancf_casadi.exceptions import FitError
+from ancf_casadi.exceptions import AncfError, FitError
 from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.interrupts import delayed_interrupts
+
+MESH_ORDER = 4  # of the error of residuals in the length of an element
+MESH_REMAINDER = 1 / (1 - 2.0**-MESH_ORDER)  # error of a mesh over its change by elements half as long
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,6 +200,35 @@ class Block(ABC):
         None if it need not, cannot or must not be finer.
         """
         return None
+
+    @property
+    def rough(self) -> Self:
+        """The block as accurate as a comparison of two meshes needs it."""
+        return self
+
+    def split(self) -> Self | None:
+        """Return the block with each element of its beam in two halves; None if it has no beam."""
+        return None
+
+    def mesh_error(self, values: Mapping[str, float]) -> Array:
+        """Return the error (m,) of the residuals due to the mesh of a beam, for values by name; nan if unknown."""
+        try:
+            finer = self.rough.split()
+        except AncfError:
+            return np.full(sum(self.series), math.nan)
+        if finer is None:
+            return np.zeros(sum(self.series))
+        return MESH_REMAINDER * (finer.computed(values) - self.rough.computed(values))
+
+    def largest_bend(self, values: Mapping[str, float]) -> float:
+        """Return the largest bend of an element of the beam, rad, for values by name; nan if unknown."""
+        return math.nan
+
+    def computed(self, values: Mapping[str, float]) -> Array:
+        """Return the residuals (m,) for values of the unknowns by name."""
+        residuals = self.residuals({name: cs.MX(value) for name, value in values.items()})
+        with delayed_interrupts():
+            return np.asarray(cs.evalf(residuals)).ravel()
 
     def unexplained(self, fitted: Fitted) -> list[tuple[str, float]]:
         """Return name and unexplained share of the motion of each record, root mean square; none if unknown."""

@@ -26,7 +26,7 @@ import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -156,6 +156,17 @@ class FitSolution:
         """Each block, and what the fit says of it."""
         own = zip(self.problem.blocks, self.problem.rows, self.shifts, strict=True)
         return [(block, Fitted(self.fit, rows, self.problem.scale, shifts)) for block, rows, shifts in own]
+
+    @cached_property
+    def mesh_shifts(self) -> Array:
+        """Shifts (n,) of the estimates by the error of the mesh of the beam, in standard errors; nan if unknown."""
+        problem, fit = self.problem, self.fit
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of the finer mesh
+            errors = [block.mesh_error(fit.estimates) for block in problem.blocks]
+        problem.close()
+        change = problem.scale * np.concatenate([*errors, np.zeros(len(fit.residuals) - problem.rows[-1].stop)])
+        return fit.shifts(change) if np.isfinite(change).all() else np.full(len(fit.names), math.nan)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without the Functions, which the receiving process derives again."""

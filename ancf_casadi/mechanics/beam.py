@@ -22,7 +22,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -251,7 +251,11 @@ class Beam(Displayed):
     @cached_property
     def node_points(self) -> Array:
         """Arc length of each node, (n + 1,), m."""
-        n, inner = self.elements, self._inner_points
+        return self._points_of_nodes(self.elements)
+
+    def _points_of_nodes(self, n: int) -> Array:
+        """Return the arc lengths of the nodes of n elements, (n + 1,), m."""
+        inner = self._inner_points
         places = [0, *_nodes_near([point / self.length * n for point in inner], n), n]
         return np.interp(np.arange(n + 1), places, [0.0, *inner, self.length])
 
@@ -379,6 +383,27 @@ class Beam(Displayed):
         wide, thick = (f"{1e3 * min(sizes):.4g}" for sizes in (self.width, self.thickness))
         varies = "" if len({*self.sections}) == 1 else " or more"
         return f"{self.length:.4g} m, {counted(self.elements, 'element')}, {wide} x {thick} mm{varies}"
+
+
+@dataclass(frozen=True, repr=False)
+class SplitBeam(Beam):
+    """A beam on a finer mesh, with ``parts`` equal elements in place of each element."""
+
+    parts: ClassVar[int] = 2
+
+    @classmethod
+    def of(cls, beam: Beam) -> SplitBeam:
+        """Return a beam on the finer mesh."""
+        values = {field.name: getattr(beam, field.name) for field in fields(beam)}
+        repeated = {name: tuple(np.repeat(values[name], cls.parts).tolist()) for name in (*PROPERTIES, *INITIAL)}
+        return cls(**(values | repeated))
+
+    @cached_property
+    def node_points(self) -> Array:
+        """Arc length of each node, (n + 1,), m."""
+        places = np.arange(self.elements + 1) / self.parts
+        coarse = self.elements // self.parts
+        return np.interp(places, np.arange(coarse + 1), self._points_of_nodes(coarse))
 
 
 def _spread(value: Any, elements: int, name: str) -> tuple[float, ...]:

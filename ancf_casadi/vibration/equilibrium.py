@@ -187,22 +187,27 @@ def neighbour(
     return None
 
 
-def overbent_elements_text(model: Model, coordinates: Array) -> str:
-    """Return what to do if an element bends too far in some coordinates (..., size); empty if none does."""
-    # the turn, or more if the slopes at the ends are turned to the same side of the chord
-    largest = float(np.abs(model.end_angles(coordinates)).sum(axis=-1).max(initial=0.0))
-    if largest <= LARGEST_BEND:
+def largest_bend(model: Model, coordinates: Array) -> float:
+    """Return the largest bend of an element in some coordinates (..., size), rad.
+
+    This is its turn, or more if the slopes at its ends are turned to the same side of the chord.
+    """
+    return float(np.abs(model.end_angles(coordinates)).sum(axis=-1).max(initial=0.0))
+
+
+def overbent_elements_text(model: Model, bend: float) -> str:
+    """Return what to do if an element bends by too much (rad); empty if it does not."""
+    if not bend > LARGEST_BEND:
         return ""
-    elements = math.ceil(model.beam.elements * largest / LARGEST_BEND)
     return (
-        f"an element bends by {largest:.2g} rad, more than the {LARGEST_BEND:g} rad that a cubic can follow; use "
-        f"{elements} elements or more"
+        f"an element bends by {bend:.2g} rad, more than the {LARGEST_BEND:g} rad that a cubic can follow; use "
+        f"{math.ceil(model.beam.elements * bend / LARGEST_BEND)} elements or more"
     )
 
 
 def warn_of_overbent_elements(model: Model, coordinates: Array) -> None:
     """Warn if an element bends too far in some coordinates (..., size)."""
-    if text := overbent_elements_text(model, coordinates):
+    if text := overbent_elements_text(model, largest_bend(model, coordinates)):
         warnings.warn(text, stacklevel=3)
 
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.beam import Beam, SplitBeam
 from ancf_casadi.mechanics.lumped import BEAM_UNITS, PROPERTIES, lumped_kind
 from ancf_casadi.mechanics.model import Model, changed_model, check_curvature, lumped_value, property_rows
 from ancf_casadi.mechanics.supports import Clamp
@@ -69,15 +69,15 @@ def unit_of(name: str) -> str:
 
 
 def elements_of(name: str, beam: Beam) -> slice:
-    """Return the elements that a name means: all, or those in brackets."""
+    """Return the elements that a name means: all, or those in brackets, whose parts a finer mesh has."""
     found = GROUP.fullmatch(name)
     if not found:
         return slice(0, beam.elements)
-    first = int(found[2])
-    last = int(found[3] or first)
-    if not 1 <= first <= last <= beam.elements:
-        raise InputError(f"must name elements from 1 to {beam.elements}, the first before the last", name)
-    return slice(first - 1, last)
+    first, parts = int(found[2]), beam.parts if isinstance(beam, SplitBeam) else 1
+    last, elements = int(found[3] or first), beam.elements // parts
+    if not 1 <= first <= last <= elements:
+        raise InputError(f"must name elements from 1 to {elements}, the first before the last", name)
+    return slice(parts * (first - 1), parts * last)
 
 
 def value_of(beam: Beam, name: str) -> float:

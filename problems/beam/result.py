@@ -14,7 +14,7 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.dynamics.derivatives.sensitivity import flowing, held_start, start_jacobians
-from ancf_casadi.estimation.block import Block
+from ancf_casadi.estimation.block import MESH_ORDER, Block
 from ancf_casadi.estimation.determination import certainty
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import BlocksResult
@@ -24,6 +24,7 @@ from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.tables import Table, known
+from ancf_casadi.vibration.equilibrium import overbent_elements_text
 from problems.beam.curves.block import CurveBlock, curve_block
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.block import MotionBlock, motion_block, sensor_noise
@@ -43,6 +44,8 @@ from problems.beam.properties import (
 )
 from problems.beam.unknowns import load_name, loads
 from problems.beam.values.records import PropertyRecord, ValueBlock
+
+MOST_MESH_SHIFT = 0.3  # of an estimate, in standard errors: a 95 % interval then covers the truth in 94 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,8 +146,13 @@ class BeamFit(BlocksResult):
         return found
 
     def _ends(self, level: float) -> Array:
-        """Return the intervals, over all optima that fit."""
-        ends = np.array([fit.intervals(level) for fit in (self.fit, *self.solution.others)])
+        """Return the intervals, over all optima that fit, and over the estimate without the error of the mesh."""
+        fit, shifts = self.fit, self.solution.mesh_shifts
+        moved = []
+        if np.abs(shifts).max(initial=0.0) > MOST_MESH_SHIFT:
+            change = np.nan_to_num(shifts * fit.errors)
+            moved = [replace(fit, values=np.clip(fit.values + change, fit.lower, fit.upper))]
+        ends = np.array([fit.intervals(level) for fit in (self.fit, *self.solution.others, *moved)])
         return np.stack([np.fmin.reduce(ends[:, :, 0]), np.fmax.reduce(ends[:, :, 1])], axis=1)
 
     @property
@@ -163,7 +171,30 @@ class BeamFit(BlocksResult):
     @property
     def shifts(self) -> Array:
         """Largest shift (n,) of each estimate by the error of a discretisation, in standard errors; nan if unknown."""
-        return np.asarray(np.abs(self.solution.shifts).max(axis=0))
+        return np.asarray(np.abs([*self.solution.shifts, self.solution.mesh_shifts]).max(axis=0))
+
+    @cached_property
+    def mesh_shifts(self) -> dict[str, float]:
+        """Shift of each estimate by a mesh without error, by name, in standard errors; nan if unknown."""
+        shifts = self.solution.mesh_shifts * np.sign(self.fit.coordinates.slopes(self.fit.values))
+        return dict(zip(self.fit.names, shifts.tolist(), strict=True))
+
+    @cached_property
+    def _mesh_warnings(self) -> list[str]:
+        """Limitations by the mesh: elements that bend too far, and estimates that depend on the size of elements."""
+        bends = [block.largest_bend(self.estimates) for block in self.solution.problem.blocks]
+        self.solution.problem.close()
+        bend = np.nanmax([*bends, 0.0])
+        notes = [overbent_elements_text(self.given, float(bend))]
+        name, shift = max(self.mesh_shifts.items(), key=lambda pair: abs(pair[1]))
+        if abs(shift) > MOST_MESH_SHIFT:
+            elements = self.given.beam.elements
+            needed = math.ceil(elements * (abs(shift) / MOST_MESH_SHIFT) ** (1 / MESH_ORDER))
+            notes.append(
+                f"the mesh of {elements} elements shifts {name} by {-shift:+.2g} standard errors, and the intervals "
+                f"cover this; use {needed} elements or more"
+            )
+        return [*filter(None, notes)]
 
     @property
     def scatter(self) -> float:
@@ -175,6 +206,7 @@ class BeamFit(BlocksResult):
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the estimates, one sentence each."""
         own, notes = self.fit, [self._rigid(note) for note in super().warnings]
+        notes += self._mesh_warnings
         blocks = [block for block in self.solution.problem.blocks if isinstance(block, MotionBlock | CurveBlock)]
         notes += dict.fromkeys(note for block in blocks for _, record in block.numbered for note in record.notes)
         for other in self.solution.others:
@@ -298,8 +330,18 @@ class BeamFit(BlocksResult):
                 for name, (value, error) in self.combinations.items()
             ),
             *(f"{name}: relative standard error {error:.2g}" for name, error in self._products),
+            self._mesh_line,
         ]
         return replace(own, notes=notes)
+
+    @property
+    def _mesh_line(self) -> str:
+        """The effect of the mesh on the estimates."""
+        worst = max(map(abs, self.mesh_shifts.values()))
+        elements = self.given.beam.elements
+        if math.isnan(worst):
+            return f"the effect of the mesh of {elements} elements on the estimates could not be computed"
+        return f"the mesh of {elements} elements shifts no estimate by more than {worst:.2g} standard errors"
 
     @property
     def title(self) -> str:
@@ -318,6 +360,7 @@ class BeamFit(BlocksResult):
             },
             "products": [{"product": name, "relative_error": known(error)} for name, error in self._products],
             "scatter": known(self.scatter),
+            "mesh_shifts": {name: known(shift) for name, shift in self.mesh_shifts.items()},
         }
 
 

@@ -159,6 +159,12 @@ class Runs:
         found = self._last[1] if self._last else None
         return found if isinstance(found, AncfError) else None
 
+    @property
+    def last(self) -> MotionRun | None:
+        """The last run; None if it failed, or there is none."""
+        found = self._last[1] if self._last else None
+        return None if isinstance(found, AncfError) else found
+
     def forward(self, run: MotionRun, directions: Array) -> Array:
         """Return the derivatives along some directions; if these equal the last ones, the derivatives that are kept."""
         last = self._last_forward

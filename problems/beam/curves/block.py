@@ -35,6 +35,7 @@ from problems.beam.curves.driven import Driven, analysed, driven, small_response
 from problems.beam.curves.points import CurvePoints, Measured, PointMotion, closest, motion_from_rest
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.curves.response_block import ResponseBlock, first_weights
+from problems.beam.mesh import split_law, split_model
 from problems.beam.properties import ELASTIC, SIGNED, owners_of, scaled_model, value_of
 from problems.beam.unknowns import frequency_name, mode_of
 
@@ -147,6 +148,10 @@ class CurveBlock(ResponseBlock):
         most = self.model.freedoms
         size = {"modes": min(self.modes + 1, most), "harmonics": self.harmonics + 2}
         return replace(self, **size, refinements=self.refinements + 1, before=self)  # type: ignore[arg-type]
+
+    def split(self) -> Self:
+        """Return the same curves with each element in two halves."""
+        return replace(self, model=split_model(self.model), law=split_law(self.law), before=None)
 
     def account(self, fitted: Fitted) -> Account:
         """Return errors of the amplitudes, the effects of truncation and levels, and points without a stable motion."""

@@ -28,6 +28,7 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.derivatives.differentiable import Runs
 from ancf_casadi.dynamics.derivatives.reading import SampledMotion, orders_of
 from ancf_casadi.dynamics.derivatives.sensitivity import SensitivityProblem
+from ancf_casadi.dynamics.derivatives.tangent import MotionRun
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.placed_load import LOAD_SIZE
 from ancf_casadi.dynamics.tip_load import TipLoad
@@ -36,10 +37,12 @@ from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.solve import LARGEST_SHIFT
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array, Index, root_mean_square
-from ancf_casadi.support.interrupts import delayed_interrupts
 from ancf_casadi.support.tables import known
+from ancf_casadi.vibration.equilibrium import largest_bend
+from problems.beam.mesh import split_law, split_model, split_record
 from problems.beam.motions.record import Channel, MotionRecord, labels_of
 from problems.beam.motions.weights import (
     ACCURATE,
@@ -136,9 +139,9 @@ class MotionBlock(Block):
         """Forget the last runs, which are large."""
         for one, _ in self._motions:
             one.forget()
-        finer = self.__dict__.get("_finer")  # if it was used
-        if finer is not None:
-            finer.close()
+        for name in ("_finer", "rough"):
+            if name in self.__dict__:  # it was used
+                self.__dict__[name].close()
 
     def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
         """Return the residuals, record by record and channel by channel."""
@@ -199,9 +202,7 @@ class MotionBlock(Block):
         """Return the error of residuals, from a coarser run, or one at a smaller tolerance."""
         if self.expected is not None and small(self.expected):
             return self.expected
-        finer = self._finer.residuals({name: cs.MX(value) for name, value in values.items()})
-        with delayed_interrupts():
-            change = np.asarray(cs.evalf(finer)).ravel() - residuals
+        change = self._finer.computed(values) - residuals
         return np.asarray(change / (1.0 - (self._finer.tolerance / self.tolerance) ** ERROR_ORDER))
 
     def refined(self, shift: float, error: Array) -> Self | None:
@@ -215,6 +216,23 @@ class MotionBlock(Block):
         if not self.wanted and tolerance < finer.tolerance / 2:
             finer = replace(self, tolerance=tolerance, before=self)
         return replace(finer, expected=LEAST_DECREASE * error, before=finer)
+
+    @cached_property
+    def rough(self) -> Self:
+        """The same motions at a larger tolerance, whose error the motions on two meshes share."""
+        return replace(self, tolerance=FIRST_RATIO * self.tolerance, before=self)
+
+    def largest_bend(self, values: Mapping[str, float]) -> float:
+        """Return the largest bend of an element at the steps of the motions, rad."""
+        self.rough.computed(values)
+        found = [runs.last for runs, _ in self.rough._motions]
+        return max([largest_bend(self.model, _coordinates(self.model, run)) for run in found if run], default=math.nan)
+
+    def split(self) -> Self:
+        """Return the same motions with each element in two halves."""
+        fine = split_model(self.model)
+        numbered = tuple((number, split_record(record, self.model, fine)) for number, record in self.numbered)
+        return replace(self, model=fine, numbered=numbered, damping=split_law(self.damping), before=None)
 
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:
         """Return measured and computed readings of each channel."""
@@ -390,6 +408,13 @@ def _properties(block: MotionBlock, given: Mapping[str, cs.MX]) -> tuple[cs.MX, 
     pairs = zip(block.model.lumped.values(), owners[values.size :].tolist(), strict=True)
     lumped = [value * factors[k] for value, k in pairs]
     return cs.vertcat(*scaled), cs.vertcat(cs.MX(0, 1), *lumped)
+
+
+def _coordinates(model: Model, run: MotionRun) -> Array:
+    """Return the coordinates at the steps of a motion, (s, size)."""
+    pairs = [(step.q, passage.excitation.at(step.start)[:NODE]) for passage in run.passages for step in passage.steps]
+    free, base = (np.array(part).T for part in zip(*pairs, strict=True))
+    return model.whole(free, base).T
 
 
 def _load_at(load: TipLoad | None, times: Array, shift: cs.MX) -> cs.MX:

@@ -43,8 +43,11 @@ from ancf_casadi.support.inputs import (
     whole,
 )
 from ancf_casadi.support.tables import Displayed
+from ancf_casadi.vibration.equilibrium import largest_bend
 from ancf_casadi.vibration.modes import natural_modes, rigid_modes, unit_doubt
-from problems.beam.properties import owners_of
+from ancf_casadi.vibration.statics import stable_position
+from problems.beam.mesh import split_model
+from problems.beam.properties import owners_of, scaled_model
 from problems.beam.values.response import Respond, modal_response, place, readings, static_response
 
 ACCURACY = 1e-6  # relative accuracy of computed values; in standard deviations if these are given
@@ -108,6 +111,11 @@ class PropertyRecord(Displayed, ABC):
     @abstractmethod
     def response(self, owners: Index) -> Respond:
         """Return the function from factors on the properties to the computed values (m,) and their Jacobian (m, p)."""
+
+    @property
+    def cases(self) -> tuple[tuple[PointLoad, ...], ...]:
+        """Loads of each equilibrium that was measured; without loads if it is the beam at rest."""
+        return ((),)
 
     @property
     def doubt(self) -> str:
@@ -382,8 +390,21 @@ class ValueBlock(Block):
     @cached_property
     def _computed(self) -> Differentiable:
         """The values as a differentiable function of the factors on the unknown properties."""
-        respond = self.record.response(owners_of(self.record.model.beam, tuple(self.first)))
-        return Differentiable(respond, len(self.record.measured), len(self.first))
+        return Differentiable(self.record.response(self._owners), len(self.record.measured), len(self.first))
+
+    @property
+    def _owners(self) -> Index:
+        return owners_of(self.record.model.beam, tuple(self.first))
+
+    def largest_bend(self, values: Mapping[str, float]) -> float:
+        """Return the largest bend of an element in the equilibria of the record, rad."""
+        factors = np.array([values[name] / first for name, first in self.first.items()])
+        beam = scaled_model(self.record.model, self._owners, factors)
+        return max(largest_bend(beam, stable_position(beam, loads).coordinates) for loads in self.record.cases)
+
+    def split(self) -> Self:
+        """Return the same values with each element in two halves."""
+        return replace(self, record=self.record.with_model(split_model(self.record.model)))
 
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:
         """Return measured and computed values, a channel for each quantity."""

@@ -15,6 +15,8 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
@@ -209,6 +211,14 @@ def warn_of_overbent_elements(model: Model, coordinates: Array) -> None:
     """Warn if an element bends too far in some coordinates (..., size)."""
     if text := overbent_elements_text(model, largest_bend(model, coordinates)):
         warnings.warn(text, stacklevel=3)
+
+
+@contextmanager
+def bends_allowed() -> Iterator[None]:
+    """Do not warn of elements that bend too far, of which the result of a computation tells once."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "an element bends")
+        yield
 
 
 def short_elements_advice(model: Model) -> str:

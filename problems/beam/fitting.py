@@ -52,6 +52,7 @@ from ancf_casadi.support.inputs import check_instance, flag, instances, is_seque
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.support.progress import counter
+from ancf_casadi.vibration.equilibrium import bends_allowed
 from problems.beam.curves.block import curve_block
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.block import MotionBlock, motion_block
@@ -176,10 +177,10 @@ def fit_beam(
     """
     settings: Any = {"unknowns": unknowns, "fixed": fixed, "bounds": bounds, "priors": priors, "robust": robust,
                      "tolerance": tolerance, "modes": modes, "harmonics": harmonics}  # fmt: skip
-    problem, given, first = beam_problem(model, records, damping, **settings)
-    only_values = all(isinstance(block, ValueBlock) for block in problem.blocks)
-    motions = [(block.model, block.numbered) for block in problem.blocks if isinstance(block, MotionBlock)]
-    with counter("fit", shown=flag(progress, "progress")):
+    with counter("fit", shown=flag(progress, "progress")), bends_allowed():
+        problem, given, first = beam_problem(model, records, damping, **settings)
+        only_values = all(isinstance(block, ValueBlock) for block in problem.blocks)
+        motions = [(block.model, block.numbered) for block in problem.blocks if isinstance(block, MotionBlock)]
         solution = solve(problem, starts(problem.unknowns, first, motions, only_values=only_values))
     again = partial(fit_beam, model, damping=damping, **settings)
     law = damping or SumOfLaws(())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -18,13 +19,13 @@ from ancf_casadi.estimation.block import MESH_ORDER, Block
 from ancf_casadi.estimation.determination import certainty
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import BlocksResult
-from ancf_casadi.exceptions import InputError
+from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.tables import Table, known
-from ancf_casadi.vibration.equilibrium import overbent_elements_text
+from ancf_casadi.vibration.equilibrium import bends_allowed, overbent_elements_text
 from problems.beam.curves.block import CurveBlock, curve_block
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.block import MotionBlock, motion_block, sensor_noise
@@ -182,9 +183,11 @@ class BeamFit(BlocksResult):
     @cached_property
     def _mesh_warnings(self) -> list[str]:
         """Limitations by the mesh: elements that bend too far, and estimates that depend on the size of elements."""
-        bends = [block.largest_bend(self.estimates) for block in self.solution.problem.blocks]
+        bend = 0.0
+        for block in self.solution.problem.blocks:
+            with bends_allowed(), contextlib.suppress(AncfError):  # none is found again from the straight beam
+                bend = np.fmax(bend, block.largest_bend(self.estimates))
         self.solution.problem.close()
-        bend = np.nanmax([*bends, 0.0])
         notes = [overbent_elements_text(self.given, float(bend))]
         name, shift = max(self.mesh_shifts.items(), key=lambda pair: abs(pair[1]))
         if abs(shift) > MOST_MESH_SHIFT:

@@ -30,8 +30,9 @@ from ancf_casadi.reduction.reduced import Reduction, rebuilt
 from ancf_casadi.response.harmonic_balance.system import beam_drive
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.tables import known
+from ancf_casadi.vibration.equilibrium import largest_bend
 from problems.beam.curves.checks import checked
-from problems.beam.curves.driven import Driven, analysed, driven, small_response
+from problems.beam.curves.driven import Driven, analysed, driven, shapes, small_response
 from problems.beam.curves.points import CurvePoints, Measured, PointMotion, closest, motion_from_rest
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.curves.response_block import ResponseBlock, first_weights
@@ -148,6 +149,13 @@ class CurveBlock(ResponseBlock):
         most = self.model.freedoms
         size = {"modes": min(self.modes + 1, most), "harmonics": self.harmonics + 2}
         return replace(self, **size, refinements=self.refinements + 1, before=self)  # type: ignore[arg-type]
+
+    def largest_bend(self, values: Mapping[str, float]) -> float:
+        """Return the largest bend of an element in the motions of all points, rad."""
+        self.motions(values)
+        points = [motion.point for motions in self.last for motion in motions]
+        samples = [point.family.balance.motion(point.coefficients, point.setting) for point in points]
+        return largest_bend(self.model, shapes(self.reduction(values), samples))
 
     def split(self) -> Self:
         """Return the same curves with each element in two halves."""

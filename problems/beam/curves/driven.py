@@ -97,6 +97,13 @@ def analysed(
     return np.einsum("as,nms->man", series.analysis, R), sine + 1j * cosine
 
 
+def shapes(reduced: Reduction, motions: Sequence[Sequence[Array]]) -> Array:
+    """Return the nodal coordinates (k, size) for samples of q, v, a and u of several motions."""
+    q, v, _, u = (cs.DM(np.hstack(part)) for part in zip(*motions, strict=True))
+    motion = reduced_motion(reduced.projection, q, v, u[:BASE_SIZE, :], cs.DM(reduced.model.beam.gravity))
+    return cs.evalf(cs.MX(motion.nodal(*motion.parts, u[:2, :]))).full().T
+
+
 def _reading(reduced: Reduction, record: ResponseRecord, drive: Drive, series: Fourier) -> cs.Function:
     """Return the fundamental of the reading with its Jacobians, as in ``Driven``."""
     n, laws = reduced.count, len(reduced.law.parameters)

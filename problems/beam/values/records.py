@@ -43,7 +43,7 @@ from ancf_casadi.support.inputs import (
     whole,
 )
 from ancf_casadi.support.tables import Displayed
-from ancf_casadi.vibration.equilibrium import largest_bend
+from ancf_casadi.vibration.equilibrium import bends_allowed, largest_bend
 from ancf_casadi.vibration.modes import natural_modes, rigid_modes, unit_doubt
 from ancf_casadi.vibration.statics import stable_position
 from problems.beam.mesh import split_model
@@ -316,7 +316,9 @@ class FrequencyRecord(PropertyRecord):
     def doubt(self) -> str:
         """Doubt about the unit; empty if there is none."""
         numbers = np.array(self.modes)[self.present]
-        return unit_doubt(self.measured, natural_modes(self.model, count=int(numbers.max())).frequencies[numbers - 1])
+        with bends_allowed():
+            modes = natural_modes(self.model, count=int(numbers.max()))
+        return unit_doubt(self.measured, modes.frequencies[numbers - 1])
 
 
 def _cases(loads: object, model: Model) -> tuple[tuple[PointLoad, ...], ...]:

@@ -184,6 +184,12 @@ class Fit:
         return {one.name: one.data_share(error) for one, error in pairs if one.prior}
 
     @property
+    def reported_shares(self) -> dict[str, float]:
+        """The shares of the data by the names in reports."""
+        shares = self.data_shares
+        return {own.report[0]: shares[own.name] for own in self.unknowns if own.name in shares}
+
+    @property
     def correlations(self) -> Array:
         """Correlations (n, n); nan for unknowns at a bound, or if all residuals are zero."""
         with np.errstate(invalid="ignore"):
@@ -303,7 +309,7 @@ class Fit:
             f"of independent residuals {self.effective_samples:.0f}; {self.colour()}",
             f"{self.rank} of {len(self.names)} unknowns free of bounds, condition number {self.condition:.3g}",
             f"{self.status} after {self.iterations} iterations",
-            *share_lines(self.data_shares),
+            *share_lines(self.reported_shares),
         ]
 
     def to_dict(self) -> dict[str, Any]:

@@ -22,6 +22,7 @@ class Column:
     unit: str = ""  # unit of the numbers; none if empty
     errors: tuple[float | None, ...] | None = None  # standard error of each value
     printed: tuple[float | None, ...] | None = None  # value that the source prints in each row
+    digits: tuple[int, ...] | None = None  # significant digits of each value without a standard error; 4 if None
 
 
 def columns_of(
@@ -59,7 +60,8 @@ class DataTable:
             row = []
             for column in self.columns:
                 value = column.values[k]
-                row.append(shown(value, column.errors[k] if column.errors else None))
+                error = column.errors[k] if column.errors else None
+                row.append(shown(value, error, column.digits[k] if column.digits else 4))
                 if column.printed:
                     row += [shown(column.printed[k], digits=6), difference(value, column.printed[k])]
             rows.append(row)
@@ -99,6 +101,13 @@ def shown(value: Cell, error: float | None = None, digits: int = 4) -> str:
     power = math.floor(math.log10(max(abs(value), error)))
     places = max(0, decimals + power)
     return f"({value / 10**power:.{places}f} ± {error / 10**power:.{places}f})e{power}"
+
+
+def digits_of(value: float, error: float | None) -> int:
+    """Return the significant digits of a value down to the second digit of an error; 4 for none."""
+    if not (value and error and math.isfinite(error)):
+        return 4
+    return max(4, 2 + math.floor(math.log10(abs(value))) - math.floor(math.log10(error)))
 
 
 def difference(value: Cell, printed: float | None) -> str:

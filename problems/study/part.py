@@ -51,6 +51,9 @@ class Finding:
     warnings: tuple[str, ...] = ()  # limitations of the results
     beam: BeamData | None = None  # the beam that the part has found, as results are kept
     terms: Terms = ()  # the damping law that it has found, as tables [[damping]]
+    guess: BeamData | None = None  # the beam before a fit that has identified some of its properties
+    errors: dict[str, float] | None = None  # standard errors of these, SI units, by name
+    frequency_errors: tuple[float, ...] = ()  # those of the natural frequencies of the identified beam, Hz
 
 
 Found = Mapping[str, Finding]  # findings, without tables and figures, by the name of their part

@@ -1,7 +1,8 @@
 """Reading a study from a TOML file: the table [study], the laws, and the parts in the order of the document.
 
 A file without [[parts]] has the parts that its other tables suggest: the beam and its modes, the decays, the match, the
-simulation, the steady vibration, the fit to measured motion, and the plan.
+simulation, the steady vibration, and the plan.  A fit to measured motion comes first, and the beam is the one that it
+identifies.
 """
 
 from __future__ import annotations
@@ -30,8 +31,7 @@ def read_study(path: str | Path, kinds: Sequence[type[Part]]) -> Study:
     """Read a study whose parts are of these kinds."""
     file = StudyFile.of(str(path), required=set())
     study = read(file.tables.get("study", {}), Study, file.where("study"))
-    suggested = [{"kind": kind} for name in SUGGESTED_KEYS if name in file.tables for kind in SUGGESTED_KEYS[name]]
-    tables = file.several("parts") or suggested
+    tables = file.several("parts") or _suggested(file)
     if not tables:
         raise InputError("has nothing to study; add [beam], [[decays]] or [[parts]]", str(path))
     study = replace(study, title=study.title or Path(path).stem, file=file, laws=_laws(file))
@@ -44,6 +44,15 @@ def read_study(path: str | Path, kinds: Sequence[type[Part]]) -> Study:
     _check_labels(parts, where)
     beam = study.model.beam if any("" in part.needs for part in parts.values()) else None
     return replace(study, parts=tuple(parts.values()), beam=beam)
+
+
+def _suggested(file: StudyFile) -> list[dict[str, Any]]:
+    """Return the parts that the tables of a file suggest; the beam is the one that a fit to motion identifies."""
+    kinds = [kind for name in SUGGESTED_KEYS if name in file.tables for kind in SUGGESTED_KEYS[name]]
+    if "motion" not in kinds:
+        return [{"kind": kind} for kind in kinds]
+    kinds.sort(key=lambda kind: kind != "motion")
+    return [{"kind": kind} | ({"beam": "motion"} if kind in SUGGESTED_KEYS["beam"] else {}) for kind in kinds]
 
 
 def _laws(file: StudyFile) -> tuple[LawChoice, ...]:

@@ -101,7 +101,8 @@ def shapes(reduced: Reduction, motions: Sequence[Sequence[Array]]) -> Array:
     """Return the nodal coordinates (k, size) for samples of q, v, a and u of several motions."""
     q, v, _, u = (cs.DM(np.hstack(part)) for part in zip(*motions, strict=True))
     motion = reduced_motion(reduced.projection, q, v, u[:BASE_SIZE, :], cs.DM(reduced.model.beam.gravity))
-    return cs.evalf(cs.MX(motion.nodal(*motion.parts, u[:2, :]))).full().T
+    coordinates: Array = cs.evalf(cs.MX(motion.nodal(*motion.parts, u[:2, :]))).full().T
+    return coordinates
 
 
 def _reading(reduced: Reduction, record: ResponseRecord, drive: Drive, series: Fourier) -> cs.Function:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Self, final
@@ -22,7 +23,7 @@ from ancf_casadi.vibration.modes import natural_modes
 from problems.matching.frequency_matching import match_frequencies
 from problems.schema.match import MatchTable, request_of
 from problems.schema.table import Positive, read
-from problems.study.data_table import Column, DataTable, columns_of
+from problems.study.data_table import Column, DataTable, columns_of, shown
 from problems.study.drawing import FIGURE_WIDTH, Drawing, drawn, new_figure, series
 from problems.study.part import Finding, Found, Part, Printed, Study, Task, printed_numbers
 
@@ -37,8 +38,9 @@ class BeamProperties(Part):
     """The properties of a beam."""
 
     kind, about, heading = "beam", "the properties of [beam]; {}", "The beam"
-    naming, beam = ("beam",), ""
+    naming = ("beam",)
 
+    beam: Annotated[str, Meta(description='"PART"')] = ""
     printed: Annotated[
         Printed,
         Meta(
@@ -52,20 +54,31 @@ class BeamProperties(Part):
 
     def finding(self, results: Sequence[Any], found: Found) -> Finding:
         """Return the table of properties."""
-        beam = self.beam_in(found)
-        means = {name: float(np.mean(getattr(beam, name))) for name, *_ in BEAM_ROWS}
-        rows = [(name.replace("_", " "), unit, scale * means[name]) for name, unit, scale in BEAM_ROWS]
+        beam, origin = self.beam_in(found), found[self.beam]
+        errors = origin.errors or {}
+        scaled = tuple(scale * errors.get(name, math.nan) for name, _, scale in BEAM_ROWS)
+        columns = [
+            Column("property", tuple(name.replace("_", " ") for name, *_ in BEAM_ROWS)),
+            Column("unit", tuple(unit for _, unit, _ in BEAM_ROWS)),
+            Column("value", _means(beam), "", scaled if errors else None, self.printed.get("value")),
+        ]
+        guess = None if origin.guess is None else beam_from(origin.guess)
+        if guess:
+            columns.insert(2, Column("guess", _means(guess)))
         varying = [name for name, *_ in ELEMENT_ROWS if np.ptp(getattr(beam, name)) > 0.0]
         notes = [f"{beam.elements} elements; axis {beam.axis}, gravity {beam.gravity} m/s²."]
         if varying:
             notes.append(f"Means over the elements: {', '.join(varying).replace('_', ' ')} vary along the beam.")
         for name, value in beam.lumped.items():
-            amount = f"{1e3 * value:.4g} g" if unit_of(name) == "kg" else f"{value:.4g} {unit_of(name)}"
-            notes.append(f"{name.replace('_', ' ').capitalize()}: {amount}.")
+            scale, unit = (1e3, "g") if unit_of(name) == "kg" else (1.0, unit_of(name))
+            error = scale * errors.get(name, math.nan)
+            first = f"; guess {scale * guess.lumped.get(name, 0.0):.4g} {unit}" if guess and name in errors else ""
+            notes.append(f"{name.replace('_', ' ').capitalize()}: {shown(scale * value, error)} {unit}{first}.")
         if beam.supports != (Clamp(),):
             notes.append(f"Supports: {', '.join(map(repr, beam.supports)) or 'none'}.")
-        columns = columns_of(("property", "unit", "value"), rows, self.printed)
-        table = self.data_table("Properties of the beam", columns, *notes)
+        table = self.data_table(
+            "Properties of the identified beam" if guess else "Properties of the beam", columns, *notes
+        )
         data = {
             **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in ELEMENT_ROWS},
             "length": beam.length,
@@ -98,10 +111,20 @@ class ModesOfBeam(Part):
         beam = self.beam_in(found)
         modes = natural_modes(Model(beam), count=self.modes)
         frequencies = modes.frequencies.tolist()
-        columns = columns_of(("mode", "frequency, Hz"), list(enumerate(frequencies, start=1)), self.printed)
-        table = self.data_table("Natural frequencies", columns)
+        errors = found[self.beam].frequency_errors
+        columns = [
+            Column("mode", tuple(range(1, modes.count + 1))),
+            Column("frequency", tuple(frequencies), "Hz", (*errors, *[None] * modes.count)[: modes.count] if errors else
+                   None, self.printed.get("frequency")),
+        ]  # fmt: skip
+        table = self.data_table("Natural frequencies" + " of the identified beam" * bool(errors), columns)
         figure = drawn("Mode shapes about the equilibrium.", modes.figure)
         return Finding({"frequency_hz": frequencies}, (table,), (figure,), beam=beam_data(beam))
+
+
+def _means(beam: Beam) -> tuple[float, ...]:
+    """Return the mean of each property in the order and the units of ``BEAM_ROWS``."""
+    return tuple(scale * float(np.mean(getattr(beam, name))) for name, _, scale in BEAM_ROWS)
 
 
 def match_plain(beam: Beam, request: dict[str, Any]) -> tuple[BeamData, dict[str, Any], dict[str, Array]]:

@@ -6,6 +6,7 @@ One simulated motion, as ``ancf-casadi simulate``; a fit to measured large motio
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Self, final
@@ -17,15 +18,21 @@ from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.model_document import beam_data
 from ancf_casadi.support.tables import known
+from ancf_casadi.vibration.equilibrium import bends_allowed
+from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.fitting import compare_laws, fit_beam
+from problems.beam.properties import kind_of, value_of
+from problems.beam.result import BeamFit
+from problems.beam.values.records import FrequencyRecord
 from problems.schema.motion import read_simulation
 from problems.schema.plan import PLAN_TABLES, read_plan
 from problems.schema.records import NUMBERS, read_measurements
 from problems.schema.table import StudyFile
-from problems.study.data_table import Column, DataTable, columns_of
+from problems.study.data_table import Column, DataTable, columns_of, digits_of
 from problems.study.drawing import drawn
 from problems.study.part import Finding, Found, Part, Study, Task
 
+MODES = 12  # whose natural frequencies get standard errors
 MOTION_TABLES = {"beam", "damping", "base", "load", "release", "records", *NUMBERS, "predictions", "fit"}
 
 
@@ -110,7 +117,28 @@ def fitted(file: StudyFile) -> Finding:
     tables = [_estimates(data["fit"]["estimates"])]
     if predictions:
         tables.append(_errors(data["predictions"]))
-    return Finding(data, tuple(tables), tuple(figures), warnings, beam_data(fit.model.beam))
+    finding = Finding(data, tuple(tables), tuple(figures), warnings, beam_data(fit.model.beam))
+    if not fit.first:
+        return finding
+    with bends_allowed():  # the fit tells
+        frequencies = natural_modes(fit.model, count=min(MODES, fit.model.freedoms)).frequencies
+        numbers = np.flatnonzero(frequencies) + 1
+        record = FrequencyRecord(fit.given, frequencies[numbers - 1], modes=numbers.tolist())
+        (predicted,) = fit.predict(record).channels
+    errors = np.full(frequencies.size, math.nan)
+    errors[numbers - 1] = predicted.errors
+    return replace(
+        finding,
+        guess=beam_data(fit.given.beam),
+        errors={kind_of(name): _error(fit, name) for name in fit.first if "[" not in name},
+        frequency_errors=tuple(errors.tolist()),
+    )
+
+
+def _error(fit: BeamFit, name: str) -> float:
+    """Return the standard error of the property that an unknown changes, SI units; nan if unknown."""
+    relative = fit.standard_errors[name] / fit.estimates[name] if fit.estimates[name] else math.nan
+    return relative * value_of(fit.model.beam, kind_of(name))
 
 
 def _estimates(unknowns: Sequence[Mapping[str, Any]]) -> DataTable:
@@ -119,8 +147,12 @@ def _estimates(unknowns: Sequence[Mapping[str, Any]]) -> DataTable:
         Column("unit", tuple(one["unit"] for one in unknowns)),
         Column("estimate", tuple(one["value"] for one in unknowns),
                errors=tuple(one["standard_error"] for one in unknowns)),
-        Column("95 % interval from", tuple(one["interval_95"][0] for one in unknowns)),
-        Column("to", tuple(one["interval_95"][1] for one in unknowns)),
+        *(
+            Column(head, tuple(ends), digits=tuple(digits_of(end or 0.0, one["standard_error"]) for end, one in
+                   zip(ends, unknowns, strict=True)))
+            for head, ends in zip(("95 % interval from", "to"), zip(*(one["interval_95"] for one in unknowns),
+                                  strict=True), strict=True)
+        ),
     )  # fmt: skip
     return DataTable("Estimates from the measurements", columns)
 

@@ -327,6 +327,7 @@ def test_priors_add_their_information_and_keep_what_they_hold():
     assert held.standard_errors["frequency"] == pytest.approx(error / math.sqrt(2), rel=0.1)
     assert held.damping_ratio == pytest.approx(1 / 120, rel=1e-4)
     assert held.fit.data_shares["omega"] == pytest.approx(0.5, abs=0.1)
+    assert "frequency: the data determine" in held.report() and "omega" not in held.report()
     with pytest.raises(InputError, match="priors"):
         fit_mode(decay, priors={"omega": (12.0, 0.1)})
 

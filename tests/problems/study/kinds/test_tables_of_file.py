@@ -5,7 +5,7 @@ import base64
 import numpy as np
 import pytest
 
-from ancf_casadi import Beam, InputError, Model, StrainMeasures, natural_modes
+from ancf_casadi import Beam, HarmonicBase, InputError, Model, RayleighDamping, StrainMeasures, natural_modes, simulate
 from ancf_casadi.export import Document, write_document
 from problems.command.study import STUDY
 from problems.study.study import run_study
@@ -69,6 +69,45 @@ def test_a_motion_is_computed_again_if_a_file_changes(study_file, tmp_path):
     assert (kept, again) == (0, 2)
     moving = (tmp_path / "results" / "figures" / "figure_01.gif").read_bytes()
     assert moving.startswith(b"GIF89a") and base64.b64encode(moving).decode() in report.page.read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("unknowns", "first"),
+    [(["elastic_modulus"], {}), (["bending_stiffness", "tip_mass"], {"tip_mass": 1e-3}), (["density"], {})],
+)
+def test_a_fit_shows_the_identified_beam_first_and_calls_the_guess_a_guess(study_file, tmp_path, unknowns, first):
+    text = BEAM.replace("elements = 3", "\n".join(["elements = 6", *(f"{k} = {v}" for k, v in first.items())]))
+    study_file(text)
+    guess = Beam.from_toml(tmp_path / "study.toml")
+    kind = "density" if "density" in unknowns else "elastic_modulus"
+    true = Model(guess.with_(**{kind: 1.1 * getattr(guess, kind)[0]}))
+    base = HarmonicBase(amplitude=5e-3, frequency=1.7)
+    run = simulate(true, damping=RayleighDamping(alpha=0.5), base=base, duration=1.5, sample_rate=50.0)
+    noise = 1e-4 * np.random.default_rng(2).normal(size=run.time.size)
+    np.savetxt(tmp_path / "tip.csv", np.c_[run.time, run.tip[:, 0] + noise], delimiter=",", header="time_s,x_m",
+               comments="")  # fmt: skip
+    fit = (
+        f"[fit]\nunknowns = {unknowns}\n" + '[[damping]]\nlaw = "rayleigh"\nalpha = 0.4\n[base]\namplitude = 5e-3\n'
+        'frequency = 1.7\n[[records]]\nfile = "tip.csv"\nsensor = "position"\n'
+    )
+    report = run_study(study_file(text, fit), tmp_path / "results", quick=True)
+    motion, beam, modes = report.parts
+    assert [part.part.kind for part in report.parts] == ["motion", "beam", "modes"]
+    (_, properties), (_, frequencies) = beam.tables[0], modes.tables[0]
+    assert properties.title == "Properties of the identified beam"
+    assert [column.head for column in properties.columns] == ["property", "unit", "guess", "value"]
+    row, scale = [*properties.columns[0].values].index(kind.replace("_", " ")), 1e-9 if "elastic" in kind else 1.0
+    found, error = properties.columns[3].values[row], properties.columns[3].errors[row]
+    assert properties.columns[2].values[row] == pytest.approx(scale * getattr(guess, kind)[0])
+    assert 0.0 < error < 0.2 * found and abs(found - scale * getattr(true.beam, kind)[0]) < 4 * error
+    assert bool(first) == any("Tip mass" in note and "±" in note and "guess 1 g" in note for note in properties.notes)
+    measured, errors = frequencies.columns[1].values, frequencies.columns[1].errors
+    expected = natural_modes(true, count=len(measured)).frequencies
+    assert abs(measured[0] - expected[0]) < 4 * errors[0] < 0.05
+    assert "Properties of the identified beam" in report.page.read_text()
+    ends = [row[-2:] for row in motion.tables[0][1].cells()]
+    assert all(low != high for low, high in ends)
 
 
 def test_a_comparison_needs_two_laws(study_file, tmp_path):

@@ -53,7 +53,8 @@ RECORD_KEYS = """\
                 release_time (s, or bounds [LOW, HIGH]): start of the motion
                 in the times of the file;
                 camera = {scale, rotation, origin}: bounds of an unknown view;
-                base, load, release, start: if they differ from the tables
+                base, load, release, start: if they differ from the tables;
+                name in reports
   [[predictions]]
                 records to predict with the estimates; the same keys
   [[curves]]    steady vibration: file, and if its names do not tell them the
@@ -109,7 +110,7 @@ CURVE_READING = {"file", "column", "frequency", "level", "phase", "unit", "level
 UNKNOWN_KEYS = {"std", "offset", "zero"}
 CONFIGURATION = {"length", "axis", "tip_mass", "clamp_stiffness", *PART_KINDS}
 CHANNEL = {"file", "column", "unit", "sensor", "begin", "end", *SENSOR, *READING, *UNKNOWN_KEYS}
-RECORD = {"channels", "release_time", "camera", "base", "load", "release", "start", *CHANNEL, *CONFIGURATION}
+RECORD = {"channels", "name", "release_time", "camera", "base", "load", "release", "start", *CHANNEL, *CONFIGURATION}
 FIT = {"unknowns", "fixed", "bounds", "priors", "robust", "tolerance"}  # of ``fit_beam``
 
 
@@ -291,7 +292,7 @@ def _record(file: StudyFile, given: Any, model: Model, where: str) -> MotionReco
         channels.append(_channel(recordings[key], own, place))
     if {"release", "start"} <= given.keys():
         raise InputError("is given by the release; leave it out", f"{where}: start")
-    settings = {key: given[key] for key in {"release_time"} & given.keys()}
+    settings = {key: given[key] for key in {"name", "release_time"} & given.keys()}
     if "camera" in given:
         settings["camera"] = made(given["camera"], Camera, f"{where}: camera")
     settings |= read_motion(file, given, own_model, where)

@@ -43,7 +43,7 @@ from ancf_casadi.support.arrays import Array, Index, root_mean_square
 from ancf_casadi.support.tables import known
 from ancf_casadi.vibration.equilibrium import largest_bend
 from problems.beam.mesh import split_law, split_model, split_record
-from problems.beam.motions.record import Channel, MotionRecord, labels_of
+from problems.beam.motions.record import Channel, MotionRecord, labels_of, titles_of
 from problems.beam.motions.weights import (
     ACCURATE,
     ERROR_ORDER,
@@ -237,14 +237,14 @@ class MotionBlock(Block):
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:
         """Return measured and computed readings of each channel."""
         parts = [self.weights.split(part) for part in (fitted.residuals, fitted.errors)]
-        owners = [number for number, record in self.numbered for _ in record.own_channels]
-        titles = [f"record {number}, " if len(self.numbered) > 1 or number > 1 else "" for number in owners]
+        pairs = zip(titles_of(self.numbered), self.records, strict=True)
+        titles = [title for title, record in pairs for _ in record.own_channels]
         return [
             PredictedChannel(label, one.sensor.unit, one.measurement.values, one.measurement.values + rest, error,
                              one.measurement.time, TIME_AXIS, deviation, float(np.std(one.measurement.values)),
                              diagram=f"{title}{one.sensor.quantity}")
             for label, one, rest, error, deviation, title in zip(
-                labels_of(self.records), self.sensors, *parts, self.weights.deviations.tolist(), titles, strict=True
+                labels_of(self.numbered), self.sensors, *parts, self.weights.deviations.tolist(), titles, strict=True
             )
         ]  # fmt: skip
 

@@ -37,7 +37,7 @@ class MarkerRecord(Displayed):
         nan is missing.
     points : sequence of float
         Arc lengths of the points from the clamp, m; the tip if not given.
-    base, start, release, camera, load, model
+    base, start, release_time, camera, load, model, name
         As in ``MotionRecord``.
 
     Raises
@@ -67,6 +67,7 @@ class MarkerRecord(Displayed):
     camera: Camera | None = None
     load: TipLoad | None = None
     model: Model | None = None
+    name: str = ""
 
     def __post_init__(self) -> None:
         """Validate, and keep arrays."""
@@ -99,11 +100,13 @@ class MarkerRecord(Displayed):
             for direction, values in zip(((1.0, 0.0), (0.0, 1.0)), np.asarray(self.positions)[:, k].T, strict=True):
                 sensor = Sensor("position", place, direction)
                 channels.append(Channel(Measurement(self.time, values, sensor=sensor)))
-        return MotionRecord(channels, self.base, self.start, self.release_time, self.camera, self.load, self.model)
+        shared = self.base, self.start, self.release_time, self.camera, self.load, self.model, self.name
+        return MotionRecord(channels, *shared)
 
     def _summary(self) -> str:
         points = 1 if self.points is None else len(self.points)
-        return f"{counted(points, 'point')}, {counted(np.size(self.time), 'sample')}, {spread(self.time, 's')}"
+        name = f"{self.name!r}, " if self.name else ""
+        return f"{name}{counted(points, 'point')}, {counted(np.size(self.time), 'sample')}, {spread(self.time, 's')}"
 
 
 def motion_record(record: Any) -> MotionRecord:

@@ -183,6 +183,8 @@ class MotionRecord(Displayed):
     model : Model, optional
         The beam in the configuration of the experiment, such as with another mass at the tip; that of the fit if not
         given.
+    name : str
+        Name in reports.
 
     Raises
     ------
@@ -211,9 +213,11 @@ class MotionRecord(Displayed):
     camera: Camera | None = None
     load: TipLoad | None = None
     model: Model | None = None
+    name: str = ""
 
     def __post_init__(self) -> None:
         """Validate, and keep channels."""
+        check_instance(self.name, "name", str)
         check_instance(self.model, "model", Model, NoneType)
         if not is_sequence(self.channels) or not len(self.channels):
             raise InputError("must be a sequence of Channel or Measurement; put it in a list", "channels")
@@ -316,16 +320,24 @@ class MotionRecord(Displayed):
 
     def _summary(self) -> str:
         samples = sum(len(one.measurement.time) for one in self.own_channels)
-        return f"{counted(len(self.channels), 'channel')}, {counted(samples, 'sample')}, {self.own_base!r}"
+        name = f"{self.name!r}, " if self.name else ""
+        return f"{name}{counted(len(self.channels), 'channel')}, {counted(samples, 'sample')}, {self.own_base!r}"
 
 
-def labels_of(records: Sequence[MotionRecord]) -> list[str]:
+def titles_of(numbered: Sequence[tuple[int, MotionRecord]]) -> list[str]:
+    """Return the title of each record, the beginning of the labels of its channels: its name, or its number."""
+    several = len(numbered) > 1
+    titles = [record.name or f"record {k}" * (several or k > 1) for k, record in numbered]
+    return [f"{title}, " if title else "" for title in titles]
+
+
+def labels_of(numbered: Sequence[tuple[int, MotionRecord]]) -> list[str]:
     """Return a distinct label of each channel of records: its name if the measurement has one."""
     labels = []
-    for k, record in enumerate(records):
+    for title, (_, record) in zip(titles_of(numbered), numbered, strict=True):
         for channel in record.own_channels:
-            label = f"{channel.measurement.name}: {channel.label}" if channel.measurement.name else channel.label
-            labels.append(f"record {k + 1}, {label}" if len(records) > 1 else label)
+            name = channel.measurement.name
+            labels.append(f"{title}{name}: {channel.label}" if name else f"{title}{channel.label}")
     return [f"{label} ({labels[:k].count(label) + 1})" if labels.count(label) > 1 else label
             for k, label in enumerate(labels)]  # fmt: skip
 

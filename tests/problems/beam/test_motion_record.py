@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ancf_casadi import Beam, HarmonicBase, InputError, Measurement, Model, RayleighDamping, State
+from ancf_casadi import Beam, HarmonicBase, InputError, Measurement, Model, RayleighDamping, State, simulate
 from ancf_casadi.records.sensor import Sensor
 from problems import Camera, Channel, MarkerRecord, MotionRecord, fit_beam
 from problems.beam.motions.weights import first_weights
@@ -107,3 +107,22 @@ def test_markers_are_channels_of_positions_with_one_std():
         False,
         True,
     )
+
+
+def test_named_records_are_told_apart_in_reports():
+    """Three members of the kind: named records, numbered ones, and one that is named among others."""
+    base, law = HarmonicBase(amplitude=2e-3, frequency=3.0), RayleighDamping(alpha=0.5)
+    run = simulate(MODEL, damping=law, base=base, duration=0.3, sample_rate=100.0)
+
+    def labels(*names):
+        records = [MarkerRecord(run.time, run.tip, base=base, name=name) for name in names]
+        fit = fit_beam(MODEL, records, law)
+        assert all(name in fit.channels[2 * k].diagram for k, name in enumerate(names))
+        return [channel.name for channel in fit.channels[::2]]
+
+    assert labels("swing A", "swing B") == ["swing A, position x, tip", "swing B, position x, tip"]
+    assert labels("", "swing B") == ["record 1, position x, tip", "swing B, position x, tip"]
+    assert labels("swing A") == ["swing A, position x, tip"] and labels("") == ["position x, tip"]
+    assert "'swing A', 1 point" in repr(MarkerRecord(run.time, run.tip, name="swing A"))
+    with pytest.raises(InputError, match="name: must be a text"):
+        MarkerRecord(run.time, run.tip, name=1)

@@ -25,7 +25,7 @@ from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.solver.gauss_newton import noise_of, residuals_and_jacobian
 from ancf_casadi.estimation.solver.least_squares import residual_function
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown
-from ancf_casadi.exceptions import AncfError, FitError
+from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.interrupts import delayed_interrupts
 
@@ -209,16 +209,6 @@ class Block(ABC):
     def split(self) -> Self | None:
         """Return the block with each element of its beam in two halves; None if it has no beam."""
         return None
-
-    def mesh_error(self, values: Mapping[str, float]) -> Array:
-        """Return the error (m,) of the residuals due to the mesh of a beam, for values by name; nan if unknown."""
-        try:
-            finer = self.rough.split()
-        except AncfError:
-            return np.full(sum(self.series), math.nan)
-        if finer is None:
-            return np.zeros(sum(self.series))
-        return MESH_REMAINDER * (finer.computed(values) - self.rough.computed(values))
 
     def largest_bend(self, values: Mapping[str, float]) -> float:
         """Return the largest bend of an element of the beam, rad, for values by name; nan if unknown."""

@@ -33,14 +33,14 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.block import Block, Fitted
+from ancf_casadi.estimation.block import MESH_REMAINDER, Block, Fitted
 from ancf_casadi.estimation.determination import check_determined
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL
 from ancf_casadi.estimation.solver.gauss_newton import HUBER
 from ancf_casadi.estimation.solver.least_squares import least_squares, residual_function
 from ancf_casadi.estimation.solver.unknown import Unknown, started
-from ancf_casadi.exceptions import FitError
+from ancf_casadi.exceptions import AncfError, FitError
 from ancf_casadi.support.arrays import Array, Mask
 
 LARGEST_SHIFT = 0.1  # largest shift of an estimate by the error of the discretisation, in standard errors
@@ -48,6 +48,8 @@ MOST_REFINEMENTS = 6  # of a block
 LEAST_SHARE = 0.01  # least share 1 - h of the noise that a residual may show
 MOST_UNEXPLAINED = 0.5  # share of the mean square of a motion, beyond which a fit is no result
 OPTIMA_APART = 0.05  # relative difference of unknowns that belong to different optima
+MOST_MESH_STEPS = 3  # to the estimates on a finer mesh
+MOST_MESH_REMAINDER = 2.0  # sum of squares that a finer mesh may leave, relative to that of the fit
 FIT_ADVICE = "start from other guesses, set bounds, or fix some unknowns"
 
 
@@ -159,19 +161,49 @@ class FitSolution:
 
     @cached_property
     def mesh_shifts(self) -> Array:
-        """Shifts (n,) of the estimates by the error of the mesh of the beam, in standard errors; nan if unknown."""
-        problem, fit = self.problem, self.fit
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of the finer mesh
-            errors = [block.mesh_error(fit.estimates) for block in problem.blocks]
-        problem.close()
-        change = problem.scale * np.concatenate([*errors, np.zeros(len(fit.residuals) - problem.rows[-1].stop)])
-        return fit.shifts(change) if np.isfinite(change).all() else np.full(len(fit.names), math.nan)
+        """Shifts (n,) of the estimates by the error of the mesh of the beam, in standard errors; nan if unknown.
+
+        They are unknown if the records contradict a finer mesh, as those that were simulated on this one do.
+        """
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of the finer mesh
+                return _mesh_shifts(self.problem, self.fit)
+        except AncfError:
+            return np.full(len(self.fit.names), math.nan)
+        finally:
+            self.problem.close()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without the Functions, which the receiving process derives again."""
         fits = [replace(one, model=cs.Function()) for one in (self.fit, *self.others)]
         return _restored, (self.problem, self.shifts, fits)
+
+
+def _mesh_shifts(problem: FitProblem, fit: Fit) -> Array:
+    """Return ``FitSolution.mesh_shifts`` by Gauss-Newton steps with the Jacobian of the fit on the finer mesh."""
+    rough = [block.rough for block in problem.blocks]
+    finer = [block.split() for block in rough]
+    if not any(finer):
+        return np.zeros(len(fit.names))
+    coarse = [block.computed(fit.estimates) for block in rough]
+    noise = np.fmax(np.sum(fit.residuals**2), len(fit.residuals) * fit.noise.variance)
+    values = fit.values
+    for _ in range(MOST_MESH_STEPS):
+        estimates = dict(zip(fit.names, fit.coordinates.unknowns(values).tolist(), strict=True))
+        changed = fit.residuals + fit.jacobian @ (values - fit.values)
+        for before, block, rows in zip(coarse, finer, problem.rows, strict=False):
+            if block:
+                changed[rows] = fit.residuals[rows] + problem.scale * (block.computed(estimates) - before)
+        if not np.isfinite(changed).all():
+            break
+        change = changed - fit.residuals - fit.jacobian @ (values - fit.values)
+        shifts = fit.shifts(change)
+        values = np.clip(fit.values + np.nan_to_num(shifts * fit.errors), fit.lower, fit.upper)
+        remaining = fit.residuals + change + fit.jacobian @ (values - fit.values)
+        if np.sum(remaining**2) <= MOST_MESH_REMAINDER * noise:
+            return MESH_REMAINDER * shifts
+    return np.full(len(fit.names), math.nan)
 
 
 def _restored(problem: FitProblem, shifts: Array, fits: Sequence[Fit]) -> FitSolution:

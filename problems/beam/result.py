@@ -343,7 +343,10 @@ class BeamFit(BlocksResult):
         worst = max(map(abs, self.mesh_shifts.values()))
         elements = self.given.beam.elements
         if math.isnan(worst):
-            return f"the effect of the mesh of {elements} elements on the estimates could not be computed"
+            return (
+                f"the effect of the mesh of {elements} elements on the estimates is unknown: finer ones have no motion, or "
+                "explain the records worse, as if these were simulated on this mesh"
+            )
         return f"the mesh of {elements} elements shifts no estimate by more than {worst:.2g} standard errors"
 
     @property

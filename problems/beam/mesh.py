@@ -1,9 +1,5 @@
 """A beam, its laws and its starts on a mesh of elements half as long, which shows the error of the mesh.
 
-The residuals r of a fit depend on the length l of the elements as r(l) = r(0) + c l^4, because the cubic of an element
-has an error of this order (``docs/accuracy.md``).  Those of a mesh with each element in two halves therefore show the
-error:  r(0) - r(l) = 16/15 (r(l/2) - r(l)).
-
 A state between the old nodes is that of least strain energy, so that it bends the new elements without stretching them.
 """
 

@@ -150,7 +150,7 @@ class BeamFit(BlocksResult):
         """Return the intervals, over all optima that fit, and over the estimate without the error of the mesh."""
         fit, shifts = self.fit, self.solution.mesh_shifts
         moved = []
-        if np.abs(shifts).max(initial=0.0) > MOST_MESH_SHIFT:
+        if np.nanmax([*np.abs(shifts), 0.0]) > MOST_MESH_SHIFT:
             change = np.nan_to_num(shifts * fit.errors)
             moved = [replace(fit, values=np.clip(fit.values + change, fit.lower, fit.upper))]
         ends = np.array([fit.intervals(level) for fit in (self.fit, *self.solution.others, *moved)])
@@ -172,7 +172,7 @@ class BeamFit(BlocksResult):
     @property
     def shifts(self) -> Array:
         """Largest shift (n,) of each estimate by the error of a discretisation, in standard errors; nan if unknown."""
-        return np.asarray(np.abs([*self.solution.shifts, self.solution.mesh_shifts]).max(axis=0))
+        return np.asarray(np.abs(self.solution.shifts).max(axis=0))
 
     @cached_property
     def mesh_shifts(self) -> dict[str, float]:
@@ -189,7 +189,7 @@ class BeamFit(BlocksResult):
                 bend = np.fmax(bend, block.largest_bend(self.estimates))
         self.solution.problem.close()
         notes = [overbent_elements_text(self.given, float(bend))]
-        name, shift = max(self.mesh_shifts.items(), key=lambda pair: abs(pair[1]))
+        name, shift = max(self.mesh_shifts.items(), key=lambda pair: np.nan_to_num(abs(pair[1])))
         if abs(shift) > MOST_MESH_SHIFT:
             elements = self.given.beam.elements
             needed = math.ceil(elements * (abs(shift) / MOST_MESH_SHIFT) ** (1 / MESH_ORDER))
@@ -340,12 +340,11 @@ class BeamFit(BlocksResult):
     @property
     def _mesh_line(self) -> str:
         """The effect of the mesh on the estimates."""
-        worst = max(map(abs, self.mesh_shifts.values()))
-        elements = self.given.beam.elements
+        elements, worst = self.given.beam.elements, float(np.fmax.reduce(np.abs([*self.mesh_shifts.values()])))
         if math.isnan(worst):
             return (
-                f"the effect of the mesh of {elements} elements on the estimates is unknown: finer ones have no motion, or "
-                "explain the records worse, as if these were simulated on this mesh"
+                f"the effect of the mesh of {elements} elements on the estimates is unknown: a finer one has no "
+                "solution, or explains the records worse, as if they were simulated on this mesh"
             )
         return f"the mesh of {elements} elements shifts no estimate by more than {worst:.2g} standard errors"
 

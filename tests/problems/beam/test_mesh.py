@@ -124,7 +124,18 @@ def test_enough_elements_give_no_warning():
     assert max(map(abs, fit.mesh_shifts.values())) < 0.3
     assert not any("the mesh of" in note for note in fit.warnings)
     assert "the mesh of 12 elements shifts no estimate by more than" in fit.report()
-    assert fit.shifts == pytest.approx(np.abs([*fit.solution.shifts, [*fit.solution.mesh_shifts]]).max(axis=0))
+
+
+@pytest.mark.slow
+def test_a_record_made_on_the_mesh_itself_leaves_the_error_unknown():
+    model, law = film(3), RayleighDamping(alpha=0.5)
+    start = static_equilibrium(model, tip_force=(3e-3, 0.0))
+    run = simulate(model, damping=law, start=start, duration=0.5, sample_rate=100.0)
+    tip = run.tip + 1e-5 * np.random.default_rng(4).normal(size=run.tip.shape)
+    fit = fit_beam(model, MarkerRecord(run.time, tip, start=start), law, unknowns=["elastic_modulus"])
+    assert np.isnan(fit.mesh_shifts["elastic_modulus"]) and fit.to_dict()["mesh_shifts"]["elastic_modulus"] is None
+    assert "as if they were simulated on this mesh" in fit.report()
+    np.testing.assert_allclose(fit.intervals()["elastic_modulus"], fit.fit.intervals()[1])
 
 
 def level_record(kind, model):

@@ -181,7 +181,7 @@ class FitSolution:
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without the Functions, which the receiving process derives again."""
         fits = [replace(one, model=cs.Function()) for one in (self.fit, *self.others)]
-        return _restored, (self.problem, self.shifts, fits)
+        return _restored, (self.problem, self.shifts, fits, self.mesh_shifts)
 
 
 def _mesh_shifts(problem: FitProblem, fit: Fit) -> Array:
@@ -210,9 +210,11 @@ def _mesh_shifts(problem: FitProblem, fit: Fit) -> Array:
     return np.full(len(fit.names), math.nan)
 
 
-def _restored(problem: FitProblem, shifts: Array, fits: Sequence[Fit]) -> FitSolution:
+def _restored(problem: FitProblem, shifts: Array, fits: Sequence[Fit], mesh_shifts: Array) -> FitSolution:
     fit, *others = (replace(one, model=residual_function(problem.residuals, one.coordinates)) for one in fits)
-    return FitSolution(problem, fit, shifts, tuple(others))
+    solution = FitSolution(problem, fit, shifts, tuple(others))
+    solution.__dict__["mesh_shifts"] = mesh_shifts
+    return solution
 
 
 def solve(problem: FitProblem, starts: Sequence[Mapping[str, float]] = ({},)) -> FitSolution:

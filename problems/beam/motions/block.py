@@ -219,8 +219,8 @@ class MotionBlock(Block):
 
     @cached_property
     def rough(self) -> Self:
-        """The same motions at a larger tolerance, whose error the motions on two meshes share."""
-        return replace(self, tolerance=FIRST_RATIO * self.tolerance, before=self)
+        """The same motions at a larger tolerance, whose error those on two meshes share; at the one that is wanted."""
+        return replace(self, tolerance=self.wanted or FIRST_RATIO * self.tolerance, before=self)
 
     def largest_bend(self, values: Mapping[str, float]) -> float:
         """Return the largest bend of an element at the steps of the motions, rad."""

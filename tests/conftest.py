@@ -29,6 +29,13 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let slow tests use few elements, to be faster; the others meet no over-bent element that they do not name."""
+    for item in items:
+        if item.get_closest_marker("slow"):
+            item.add_marker(pytest.mark.filterwarnings("ignore:an element bends"))
+
+
 def pytest_make_parametrize_id(val: object, argname: str) -> str | None:
     """Name a test by six digits of a number: the last ones may differ between processes, which would collect others."""
     if isinstance(val, float):

@@ -95,6 +95,7 @@ def test_a_motion_is_fitted_again_too(transient):
     assert abs(study.means[0] - 2.0) < 4 * error
 
 
+@pytest.mark.filterwarnings("ignore:an element bends")  # of the two elements
 def test_blocks_stay_within_a_record_and_a_coordinate(transient, monkeypatch):
     """Residuals that encode their origin: their number in the series, times 1 in the first and 1000 in the second."""
     records = [Measurement(TIME[:size], swing()[:size] + 1e-3 * white(size, size)) for size in (300, 200)]

@@ -112,10 +112,10 @@ def test_intervals_of_a_coarse_mesh_cover():
     frequencies, covered = natural_modes(film(FINE, TRUE), count=2).frequencies, 0
     for seed in range(60):
         measured = frequencies * (1.0 + 5e-4 * np.random.default_rng(seed).normal(size=2))
-        record = FrequencyRecord(film(5), measured, std=5e-4 * measured)
-        lower, upper = fit_beam(film(5), record, unknowns=["elastic_modulus"]).intervals()["elastic_modulus"]
+        record = FrequencyRecord(film(3), measured, std=5e-4 * measured)
+        lower, upper = fit_beam(film(3), record, unknowns=["elastic_modulus"]).intervals()["elastic_modulus"]
         covered += lower < TRUE < upper
-    assert covered >= 52  # of 60 at 95 %, fewer in 3 of 1000 trials; 30 without the error of the mesh
+    assert covered >= 52  # of 60 at 95 %, fewer in 3 of 1000 trials; 17 without the error of the mesh
 
 
 def test_enough_elements_give_no_warning():

@@ -61,6 +61,10 @@ class Slopes:
 
     model: Model
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle the model without the factors."""
+        return {"model": self.model}
+
     @cached_property
     def of_nodes(self) -> scipy.sparse.csr_array:
         """The matrix (s, nodes) of the slopes from positions and slopes of the nodes."""
@@ -103,31 +107,39 @@ class Slopes:
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """Consecutive steps, m of them, as polynomials of the time x since the start of each, relative to its length."""
+    """Consecutive steps, m of them; the polynomials are those of the time x since the start of each over its length."""
 
+    basis: Slopes
     instants: Array  # ends of the steps, and the beginning, (m + 1,), s
-    logarithms: Array  # coefficients of 1, x, ..., x^5 in lambda, then theta, of the slopes, (m, 6, 2 s)
-    beginning: Array  # the same in the position of the beam's own beginning, (m, 6, 0 or 1)
+    ends: Array  # coordinates, velocities and accelerations there, (m + 1, 3, size)
     energies: Array  # coefficients of 1, x, x^2, x^3 in the energies since the start of the motion, (m, 4, 3), J
+    stages: Array | None = None  # coordinates at the stages of each of the last steps, (m or less, 3, size)
 
-    @classmethod
-    def of(cls, slopes: Slopes, instants: Array, ends: Array, energies: Array, stages: Array | None = None) -> Steps:
-        """Return steps from coordinates, velocities and accelerations at their ends, (m + 1, 3, size).
-
-        ``stages`` are the coordinates at the start and the stages of each of the last steps, (m or less, 4, size).
-        """
-        h = np.diff(instants)[:, None]
-        z, z_t, z_tt = (slopes.at(ends[:, order]) for order in range(3))
+    @cached_property
+    def logarithms(self) -> Array:
+        """Coefficients of 1, x, ..., x^5 in lambda, then theta, of the slopes, (m, 6, 2 s)."""
+        z, z_t, z_tt = (self.basis.at(self.ends[:, order]) for order in range(3))
         log_z = np.log(z)
         log_z[1:].imag = log_z[:1].imag + np.cumsum(np.angle(z[1:] / z[:-1]), axis=0)  # does not jump by 2 pi
-        coefficients = _through_ends(h, log_z, z_t / z, z_tt / z - (z_t / z) ** 2)
-        logarithms = np.concatenate([coefficients.real, coefficients.imag], axis=2)
-        if stages is not None and len(stages):
-            lengths = np.log(np.abs(slopes.at(stages))).swapaxes(0, 1)
-            logarithms[-len(stages) :, :, : z.shape[1]] = _polynomials(STAGE_CUBIC, *lengths)
-        root = slopes.model.root
-        first = np.ascontiguousarray(ends[:, :, NODE : NODE + 2]).view(complex)[:, :, :root].swapaxes(0, 1)
-        return cls(instants, logarithms, _through_ends(h, *first), energies)
+        coefficients = self._through_ends(log_z, z_t / z, z_tt / z - (z_t / z) ** 2)
+        result = np.concatenate([coefficients.real, coefficients.imag], axis=2)
+        if self.stages is not None and (count := len(self.stages)):
+            lengths = np.log(np.abs(self.basis.at(self.stages)))
+            known = np.concatenate([log_z.real[-1 - count : -1, None], lengths], axis=1).swapaxes(0, 1)
+            result[-count:, :, : z.shape[1]] = _polynomials(STAGE_CUBIC, *known)
+        return result
+
+    @cached_property
+    def beginning(self) -> Array:
+        """Coefficients of 1, x, ..., x^5 in the position of the beam's own beginning, complex, (m, 6, 0 or 1)."""
+        positions = np.ascontiguousarray(self.ends[:, :, NODE : NODE + 2]).view(complex)
+        return self._through_ends(*positions[:, :, : self.basis.model.root].swapaxes(0, 1))
+
+    def _through_ends(self, values: Array, rates: Array, changes: Array) -> Array:
+        """Return the coefficients (m, 6, s) through values and two time derivatives at the ends, (m + 1, s)."""
+        h = np.diff(self.instants)[:, None]
+        scaled = [part[side] for side in (slice(-1), slice(1, None)) for part in (values, rates, changes)]
+        return _polynomials(QUINTIC, *(part * h ** (k % 3) for k, part in enumerate(scaled)))
 
     def slopes(self, owners: Index, x: Array, orders: int) -> tuple[Array, Array]:
         """Return the slopes and their time derivatives, (orders, k, s), and the same of the beam's own beginning."""
@@ -158,12 +170,6 @@ class SegmentSolution:
     end: State  # the state at the end of the last step
     energies: Array  # there, since the start of the motion, (3,), J
     count: int  # of the steps of the integrator
-
-
-def _through_ends(h: Array, values: Array, rates: Array, changes: Array) -> Array:
-    """Return the coefficients (m, 6, s) through values and two time derivatives at the ends of steps, (m + 1, s)."""
-    scaled = [part[side] for side in (slice(-1), slice(1, None)) for part in (values, rates, changes)]
-    return _polynomials(QUINTIC, *(part * h ** (k % 3) for k, part in enumerate(scaled)))
 
 
 def _complex(parts: Array) -> Array:
@@ -273,14 +279,14 @@ class DenseMotion(MotionSource):
         result = np.empty((orders, times.size, self.model.size))
         for chosen, known, slopes in self._parts(times, orders):
             for order in range(orders):
-                result[order, chosen] = self._slopes.nodes(known[order], slopes[order])
+                result[order, chosen] = self._basis.nodes(known[order], slopes[order])
         return result if self.model.held_at_base_alone else self._closed(result, times)
 
     def along(self, row: Array, times: Array, order: int = 0) -> Array:
         """Return weighted sums of the nodes, see ``MotionSource``, from the slopes at once."""
         if not self.model.held_at_base_alone:
             return super().along(row, times, order)
-        of_known, of_slopes = self._slopes.weights(row)
+        of_known, of_slopes = self._basis.weights(row)
         result = np.empty(times.size, dtype=complex)
         for chosen, known, slopes in self._parts(times, order + 1):
             result[chosen] = known[order] @ of_known + slopes[order] @ of_slopes
@@ -355,7 +361,7 @@ class DenseMotion(MotionSource):
         return excitation_pieces(self.model, self.base, self.load, begin, end)
 
     @cached_property
-    def _slopes(self) -> Slopes:
+    def _basis(self) -> Slopes:
         return Slopes(self.model)
 
     @cached_property

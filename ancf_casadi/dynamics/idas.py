@@ -223,7 +223,7 @@ def integrate_by_idas(
         energies = work + np.vstack([np.zeros(ENERGY_STATES), result["qf"].full().T])
         coefficients = np.zeros((segment.points, 4, ENERGY_STATES))
         coefficients[:, 0], coefficients[:, 1] = energies[:-1], np.diff(energies, axis=0)
-        steps, work = Steps.of(slopes, segment.instants, ends, coefficients), energies[-1]
+        steps, work = Steps(slopes, segment.instants, ends, coefficients), energies[-1]
         end = State(ends[-1, 0], ends[-1, 1], segment.end)
         yield SegmentSolution(segment, steps, end, work, int(run.stats()["nsteps"]))
         x0 = states[-1]

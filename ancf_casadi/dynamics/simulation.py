@@ -43,7 +43,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import compiled
 from ancf_casadi.support.inputs import check_instance, choice, flag, physical, positive_or_infinite, whole
 from ancf_casadi.support.interrupts import noted_interrupts
-from ancf_casadi.vibration.equilibrium import Equilibrium, warn_of_overbent_elements
+from ancf_casadi.vibration.equilibrium import Equilibrium, bends_allowed, warn_of_overbent_elements
 
 Method = Literal["auto", "idas", "radau"]
 
@@ -149,8 +149,7 @@ def simulate(
     tolerance = None if tolerance is None else physical(tolerance, "tolerance")
     largest_step, most_steps = positive_or_infinite(largest_step, "largest_step"), whole(most_steps, "most_steps", 1)
     hidden = not flag(progress, "progress")
-    with noted_interrupts() as interrupts, warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "an element bends")  # at the start, of which the motion tells below
+    with noted_interrupts() as interrupts, bends_allowed():  # of which the motion tells below
         setup = set_up(
             model,
             duration=duration,
@@ -181,8 +180,7 @@ def simulate(
                 raise
     run = replace(_trajectory(setup, use, done, began), interrupted=interrupted)
     _warn_of_energy_gain(run, setup.equations.law)
-    ends = np.concatenate([solution.steps.instants for solution in done if solution.steps is not None])
-    coordinates = run.source.nodes(ends)[0]
+    coordinates = np.concatenate([solution.steps.ends[:, 0] for solution in done if solution.steps is not None])
     _warn_of_short_elements(model, coordinates)
     warn_of_overbent_elements(model, coordinates)
     return run

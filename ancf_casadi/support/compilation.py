@@ -263,16 +263,20 @@ def _differentiability(function: cs.Function) -> dict[str, list[bool]]:
 
 
 class Buffered:
-    """A dense Function bound to arrays, matrices by columns: a call reads its inputs and writes to ``outputs``."""
+    """A dense Function bound to arrays, matrices by columns: a call reads its inputs and writes to ``outputs``.
 
-    def __init__(self, function: cs.Function, *inputs: NDArray[Any]) -> None:
+    The first outputs may be given, as arrays that no input shares.
+    """
+
+    def __init__(self, function: cs.Function, *inputs: NDArray[Any], outputs: Sequence[Array] = ()) -> None:
         buffer: Any
         buffer, self._evaluate = function.buffer()
-        self._kept = buffer, [array.reshape(-1).view(float) for array in inputs]
-        self.outputs = [np.zeros(function.numel_out(k)) for k in range(function.n_out())]
+        sizes = [function.numel_out(k) for k in range(function.n_out())]
+        self.outputs = [*outputs, *map(np.zeros, sizes[len(outputs) :])]
+        self._kept = buffer, [array.reshape(-1).view(float) for array in inputs], [*map(np.ravel, self.outputs)]
         for k, array in enumerate(self._kept[1]):
             buffer.set_arg(k, array.data)
-        for k, array in enumerate(self.outputs):
+        for k, array in enumerate(self._kept[2]):
             buffer.set_res(k, array.data)
 
     def __call__(self) -> list[Array]:

@@ -51,8 +51,8 @@ class TestRigidRotation:
     def test_is_exact_and_does_not_stretch_the_beam(self):
         slopes = Slopes(strip(4, axis=(1.0, 0.0)))
         instants = np.array([0.0, self.step])
-        stages = self.motion(self.step * np.array([0.0, *RADAU.nodes]))[None, :, 0]
-        steps = Steps.of(slopes, instants, self.motion(instants), np.zeros((1, 4, 3)), stages)
+        stages = self.motion(self.step * RADAU.nodes)[None, :, 0]
+        steps = Steps(slopes, instants, self.motion(instants), np.zeros((1, 4, 3)), stages)
         x = np.array([0.1, 0.37, 0.8])
         z, _ = steps.slopes(np.zeros(3, dtype=int), x, 3)
         assert abs(z[0]) == pytest.approx(np.ones_like(abs(z[0])), abs=1e-12)
@@ -70,7 +70,7 @@ class TestRigidRotation:
         """A beam that grows like exp(t) in every direction."""
         slopes, instants = Slopes(strip(4)), np.array([0.0, 0.3])
         ends = np.exp(instants)[:, None, None] * np.stack([slopes.model.straight] * 3)
-        steps = Steps.of(slopes, instants, ends, np.zeros((1, 4, 3)))
+        steps = Steps(slopes, instants, ends, np.zeros((1, 4, 3)))
         z, _ = steps.slopes(np.zeros(1, dtype=int), np.array([0.4]), 2)
         assert abs(z) == pytest.approx(np.full_like(abs(z), np.exp(0.12)), rel=1e-12)
 

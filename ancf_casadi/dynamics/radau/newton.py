@@ -73,7 +73,7 @@ class Newton:
         self._stage_weights = np.tile(self._weights / math.sqrt(STAGES), STAGES)
         state = self.reference_q, self.end[1], self.length, self.reference_excitation
         self._stages = Buffered(form.stages, *self.of_stages)
-        self._factors = Buffered(form.factors, *state, parameters)
+        self._factors = Buffered(form.factors, *state, parameters, outputs=[self.real, self.pair])
 
     @property
     def of_stages(self) -> list[Array]:
@@ -87,7 +87,7 @@ class Newton:
         self.reference_excitation[:] = self.excitations[MIDDLE]
         self.reference_q[:] = self.end[0] + self.increments[MIDDLE]
         self.reference[:] = self._model.whole(self.reference_q, self.reference_excitation[:NODE])
-        self.real[:], self.pair[:] = self._factors()
+        self._factors()
 
     def converge(self) -> int:
         """Solve the stage equations, and return the number of iterations; 0 if they do not converge."""

@@ -31,7 +31,7 @@ from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import Buffered
 
-MOST_STEPS = 200_000  # to the end of a segment
+MOST_STEPS = 200_000  # to the end of a segment; these take a minute
 
 
 def integrate_by_radau(
@@ -61,7 +61,7 @@ def _polynomials_of(
     instants, free, bases, nodes, energies, added = (np.array(values) for values in zip(*kept, strict=True))
     ends = slopes.model.whole(np.moveaxis(free, -1, 0), np.moveaxis(bases.reshape(-1, 3, NODE), -1, 0))
     energies = np.concatenate([energies[1:, None], added[1:]], axis=1)
-    return Steps.of(slopes, instants, np.moveaxis(ends, 0, -1), energies, nodes[1 + first :])
+    return Steps(slopes, instants, np.moveaxis(ends, 0, -1), energies, nodes[1 + first :, 1:])
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +112,9 @@ class Stepper:
         a[:] = form.accelerations(q, v, first, parameters)
 
         self._finish = Buffered(form.finish, *arrays.of_stages[:-1], a)
-        self._predict = Buffered(form.prediction, arrays.nodes, arrays.ratio, arrays.excitations, q)
-        self._excite = Buffered(_at_stages(piece.function), arrays.time, arrays.length)
+        known = arrays.nodes, arrays.ratio, arrays.excitations, q
+        self._predict = Buffered(form.prediction, *known, outputs=[arrays.increments])
+        self._excite = Buffered(_at_stages(piece.function), arrays.time, arrays.length, outputs=[arrays.excitations])
 
     @property
     def state(self) -> State:
@@ -190,10 +191,10 @@ class Stepper:
         """Set up the trial of a step of length h: evaluate the excitation and predict the increments."""
         newton, (_, v, a) = self.newton, self.newton.end
         newton.length[0], newton.time[0] = h, self.now
-        newton.excitations.ravel()[:] = self._excite()[0]
+        self._excite()
         if self.steps:
             newton.ratio[0] = h / self._control.length
-            newton.increments.ravel()[:] = self._predict()[0]
+            self._predict()
         else:
             times = h * RADAU.nodes[:, None]
             newton.increments[:] = times * v + times**2 / 2 * a

@@ -44,6 +44,7 @@ from ancf_casadi.vibration.equilibrium import Equilibrium, short_elements_advice
 Start = Literal["equilibrium", "straight", "impact"]
 
 MOST_TRAJECTORY_SAMPLES = 2e6  # coordinates and velocities take 2.7 GB at 20 elements
+ROUNDED_STRAIN = 1e-12  # strain that rounding of the coordinates may cause
 START_TOLERANCE = 1e-6  # deviation of a state from its base, relative to length, unit slope and largest velocity
 LOAD_NAMES = ("force_x", "force_y", "moment")  # N, N, N m
 START_LOAD_NAMES = (*LOAD_NAMES, *(f"{name}_rate" for name in LOAD_NAMES))
@@ -236,7 +237,8 @@ def _warn_of_uneven_stretch(model: Model, state: State) -> None:
     spans = np.searchsorted(np.sort([support.point for support in beam.supports]), places)
     means = np.array([np.average(strain[spans == span], weights=lengths[spans == span]) for span in np.unique(spans)])
     held = beam.mass * (math.hypot(*beam.gravity) + np.abs(state.velocities).max() ** 2 / beam.length)
-    uneven = np.maximum(np.abs(strain - means[np.unique(spans, return_inverse=True)[1]]) - held / stiffness, 0.0)
+    deviation = np.abs(strain - means[np.unique(spans, return_inverse=True)[1]])
+    uneven = np.maximum(deviation - held / stiffness - ROUNDED_STRAIN, 0.0)
     strain_energy = float(model.strain_energy(state.coordinates, model.properties))
     bending_energy = strain_energy - float(stiffness * lengths @ strain**2) / 2
     if float(stiffness * lengths @ uneven**2) / 2 > abs(bending_energy):

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.dynamics.dense_output import MotionSource
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model, axial_strains_near, curvature_at
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
@@ -243,6 +244,8 @@ class Trajectory(Motion):
             If an instant is not a number within the motion, or is not a sample of a motion that has samples alone.
         """
         instants = np.atleast_1d(array(times, "times"))
+        if instants.ndim != 1:
+            raise InputError(f"must be one row of numbers, got an array of shape {instants.shape}", "times")
         self.source.check(instants)
         return replace(self, time=instants)
 

@@ -95,7 +95,7 @@ def test_a_run_can_be_read_at_any_instants_in_any_order(swing):
     assert np.sqrt(np.mean((swing.at(times).axial_force(0.2) - force) ** 2)) < 2e-3 * abs(force).max()
 
 
-@pytest.mark.parametrize("times", [[-0.1], [2.1], [np.nan], "now"])
+@pytest.mark.parametrize("times", [[-0.1], [2.1], [np.nan], "now", [[0.1, 0.2]]])
 def test_instants_outside_the_motion_are_refused(swing, times):
     with pytest.raises(InputError, match=r"^times: (the motion lasts from 0 to 2|must be)"):
         swing.at(times)

@@ -234,6 +234,12 @@ class TestState:
         state = modes.state(1, 2e-3)
         assert model.interpolation(0.25) @ state.coordinates == pytest.approx([0.25, 2e-3], abs=1e-8)
 
+    def test_a_straight_state_without_weight_is_not_taken_for_a_stretched_one(self, paper_beam):
+        """Rounding of the coordinates has more energy than no bending."""
+        model = Model(paper_beam(4, gravity=(0.0, 0.0)))
+        still = State(model.straight, np.zeros(model.size))
+        assert simulate(model, start=still, duration=0.01).tip == pytest.approx(np.tile([0.0, -0.5], (11, 1)))
+
     def test_a_motion_from_it_takes_few_steps_and_a_linear_shape_is_named(self, hanging):
         """One millimetre: 15 steps, and 13 000 from the linear shape."""
         modes = natural_modes(hanging, count=1)

@@ -198,10 +198,11 @@ def _unexplained(decay: DecayFit, noise_free: float) -> str | None:
     if warning is None or math.isnan(decay.explained_share):
         return warning
     residual = f"{decay.residual_rms:.2g} {decay.model.sensor.unit}".rstrip()
-    if decay.residual_rms < (step := resolution(decay.measured)) / 2:
+    if _is_rounded(decay):
+        step = f"{resolution(decay.measured):.2g} {decay.model.sensor.unit}".rstrip()
         return (
-            f"the residuals ({residual} rms) are those of the resolution of the record, "
-            f"{f'{step:.2g} {decay.model.sensor.unit}'.rstrip()}; the standard errors allow for their colour"
+            f"the residuals ({residual} rms) are those of the resolution of the record, {step}; the standard errors "
+            "allow for their colour"
         )
     frequency = _residual_frequency(decay)
     order = frequency / decay.frequency
@@ -219,8 +220,15 @@ def _unexplained(decay: DecayFit, noise_free: float) -> str | None:
     )
 
 
+def _is_rounded(decay: DecayFit) -> bool:
+    """Return whether the residuals are as small as those of rounding to the resolution of the record."""
+    return decay.residual_rms < resolution(decay.measured) / 2
+
+
 def _changing(decay: DecayFit) -> str | None:
-    """Return a warning if the two parts of a record disagree on the mode."""
+    """Return a warning if the two parts of a record disagree on the mode by more than rounding explains."""
+    if _is_rounded(decay):
+        return None
     fit, rows = decay.fit, decay.rows
     time = decay.time if fit.times is None else decay.release_time + fit.times[rows]
     mode = [k for k in decay.indices if not fit.names[k].startswith(OF_PARTS) and not fit.active_bounds[k]]

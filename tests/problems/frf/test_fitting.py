@@ -434,9 +434,8 @@ def test_a_nonlinear_resonance_is_one_mode_and_the_note_names_it():
     fit = fit_frf(FrfRecord(f, values, "receptance"))
     assert fit.frequencies == pytest.approx([17.28, 30.97], abs=0.05)
     (note,) = [note for note in fit.warnings if note.startswith("one mode")]
-    assert re.match(
-        r"one mode near 17\.\d+ Hz \(second pole at 17\.\d+ Hz\), near (30\.9\d|31) Hz \(second pole at", note
-    )
+    pairs = re.findall(r"near (\d+)[.\d]* Hz \(second pole at (\d+)", note)
+    assert sorted(pairs) in ([("17", "17"), ("30", "31")], [("17", "17"), ("31", "31")], [("17", "17"), ("30", "30")])
 
 
 def leaked(f, modes):

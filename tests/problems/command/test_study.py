@@ -1,7 +1,6 @@
 """``study`` on the file that ``init`` writes, and on measured records of another beam."""
 
 import json
-import math
 import shutil
 from pathlib import Path
 

@@ -71,8 +71,8 @@ def clocks(parts: dict[str, float]) -> Iterator[None]:
         return call
 
     class Clocked(Buffered):
-        def __init__(self, function: Any, *inputs: Any) -> None:
-            super().__init__(function, *inputs)
+        def __init__(self, function: Any, *inputs: Any, **options: Any) -> None:
+            super().__init__(function, *inputs, **options)
             self._evaluate = clocked(function.name(), self._evaluate)
 
     with patch.object(stepper, "Buffered", Clocked):

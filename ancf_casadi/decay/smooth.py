@@ -26,7 +26,6 @@ from functools import lru_cache
 
 import casadi as cs
 import numpy as np
-import scipy  # its packages are imported on first use
 
 from ancf_casadi.support.arrays import Array
 
@@ -110,16 +109,12 @@ def _interpolation(time: bytes) -> tuple[cs.DM, cs.DM, cs.DM]:
     """Return steps (n,), and weights (m, n + 1) of the values and of the slopes at their ends for times (m,)."""
     t = np.frombuffer(time)
     edges = np.append(0.0, (float(t.max(initial=0.0)) or 1.0) * 0.5 ** np.arange(PANELS - 1, -1, -1))
-    places = np.arange(PANELS * STEPS + 1) / STEPS
-    grid = np.interp(places, np.arange(PANELS + 1), edges)
+    grid = np.interp(np.arange(PANELS * STEPS + 1) / STEPS, np.arange(PANELS + 1), edges)
     begin = np.clip(np.searchsorted(grid, t, side="right") - 1, 0, len(grid) - 2)
     steps = np.diff(grid)
     h, s = steps[begin], (t - grid[begin]) / steps[begin]
-    rows, columns = np.tile(np.arange(len(t)), 2), np.concatenate([begin, begin + 1])
+    places = np.tile(np.arange(len(t)), 2).tolist(), np.concatenate([begin, begin + 1]).tolist()
     rise = s**2 * (3 - 2 * s)
     pairs = (1 - rise, rise), (h * s * (1 - s) ** 2, -h * s**2 * (1 - s))
-    values, slopes = (
-        cs.DM(scipy.sparse.csc_array((np.concatenate(pair), (rows, columns)), shape=(len(t), len(grid))))
-        for pair in pairs
-    )
+    values, slopes = (cs.DM.triplet(*places, cs.DM(np.concatenate(pair)), len(t), len(grid)) for pair in pairs)
     return cs.DM(steps), values, slopes

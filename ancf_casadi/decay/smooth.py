@@ -32,10 +32,8 @@ from ancf_casadi.support.arrays import Array
 NODES = 7
 MIDDLE = 2  # A_2 is within the record, where it determines frequency and damping ratio best
 AMPLITUDE_SPAN = 50.0  # S, if the amplitudes are not known
-PANELS, STEPS = (
-    8,
-    12,
-)  # of the integration, and steps in a panel (test_the_flow_of_a_damping_ratio_without_a_closed_form)
+# of the integration, and steps in a panel (test_the_flow_of_a_damping_ratio_without_a_closed_form)
+PANELS, STEPS = 8, 12
 
 
 @dataclass(frozen=True)

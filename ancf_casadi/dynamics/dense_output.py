@@ -184,7 +184,7 @@ def _polynomials(basis: Array, *values: Array) -> Array:
 
 
 class MotionSource(ABC):
-    """Where a ``Trajectory`` takes its coordinates, forces and energies from, at instants that it knows."""
+    """Base class of the motions that a ``Trajectory`` reads: coordinates, forces and energies at given instants."""
 
     @abstractmethod
     def check(self, times: Array) -> None:
@@ -212,7 +212,7 @@ class MotionSource(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class SampledMotion(MotionSource):
+class MotionSamples(MotionSource):
     """A motion that is known at its k samples alone."""
 
     times: Array  # (k,), s
@@ -269,6 +269,10 @@ class DenseMotion(MotionSource):
 
     def check(self, times: Array) -> None:
         """Refuse instants outside the steps."""
+        if not self.steps:
+            if times.size:
+                raise InputError("the motion has no steps", "times")
+            return
         begin, end = self.instants[[0, -1]].tolist()
         slack = SAME_TIME * (end - begin)
         if times.size and not (begin - slack <= times.min() and times.max() <= end + slack):
@@ -298,7 +302,7 @@ class DenseMotion(MotionSource):
         result = np.empty((times.size, NODE))
         for start in range(0, times.size, INSTANTS_TOGETHER):
             some = times[start : start + INSTANTS_TOGETHER]
-            loads = self._excited(some)[:, 3 * NODE :]
+            loads = self._excited(some, EXCITATION)[:, 3 * NODE :]
             motion = [part.T for part in self.nodes(some, 3)]
             result[start : start + INSTANTS_TOGETHER] = self._base_force(*motion, loads.T).full().T
         return result
@@ -337,21 +341,20 @@ class DenseMotion(MotionSource):
 
     def _base_nodes(self, times: Array, orders: int) -> Array:
         """Return position and slope of the base and their time derivatives, complex, (orders, k, 2)."""
-        result = np.empty((times.size, orders * NODE))
-        for piece, chosen in self._pieces_of(times):
-            function = piece.function if orders > 1 else piece.node
-            result[chosen] = function(times[None, chosen])[: orders * NODE, :].full().T
-        return result.view(complex).reshape(-1, orders, 2).swapaxes(0, 1)
+        return self._excited(times, orders * NODE).view(complex).reshape(-1, orders, 2).swapaxes(0, 1)
 
-    def _excited(self, times: Array) -> Array:
-        """Return the excitation at instants, (k, 16)."""
-        result = np.empty((times.size, EXCITATION))
+    def _excited(self, times: Array, rows: int) -> Array:
+        """Return the first ``rows`` of the excitation at instants, (k, rows)."""
+        result = np.empty((times.size, rows))
         for piece, chosen in self._pieces_of(times):
-            result[chosen] = piece.function(times[None, chosen]).full().T
+            function = piece.node if rows == NODE else piece.function
+            result[chosen] = function(times[None, chosen])[:rows, :].full().T
         return result
 
     def _pieces_of(self, times: Array) -> Iterator[tuple[Excitation, Index]]:
         """Yield the smooth pieces of the excitation, and the indices of the instants in each."""
+        if not times.size:
+            return
         owners = np.searchsorted([piece.end for piece in self._pieces[:-1]], times - SAME_TIME * np.ptp(self.instants))
         for k in np.unique(owners).tolist():
             yield self._pieces[k], np.flatnonzero(owners == k)

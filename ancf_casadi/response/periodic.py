@@ -13,7 +13,7 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.dense_output import SampledMotion
+from ancf_casadi.dynamics.dense_output import MotionSamples
 from ancf_casadi.dynamics.trajectory import MOVING, IntegratorUse, Trajectory
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.reduction.forces import BASE_SIZE
@@ -198,7 +198,7 @@ class PeriodicMotion(Reported):
         return Trajectory(
             model=body,
             time=instants,
-            source=SampledMotion(instants, np.array([e, e_t]), forces, loads, work),
+            source=MotionSamples(instants, np.array([e, e_t]), forces, loads, work),
             steps=0,
             wall_seconds=time.perf_counter() - began,
             integrators=(IntegratorUse(0.0, "harmonic balance", self.errors.largest),),

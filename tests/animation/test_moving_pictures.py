@@ -25,7 +25,7 @@ from ancf_casadi import (
     simulate,
 )
 from ancf_casadi.animation import drawing, motions
-from ancf_casadi.dynamics.dense_output import SampledMotion
+from ancf_casadi.dynamics.dense_output import MotionSamples
 from ancf_casadi.support.figures import COMPUTED
 
 GREEN = np.array([int(COMPUTED[k : k + 2], 16) for k in (1, 3, 5)])
@@ -56,7 +56,7 @@ def film(monkeypatch):
 def moving(model, coordinates, rate):
     """Return a motion with given coordinates (k, 4 n + 4) at a sample rate."""
     time, force = np.arange(len(coordinates)) / rate, np.zeros((len(coordinates), 4))
-    source = SampledMotion(time, np.array([coordinates, 0 * coordinates]), force, force[:, 1:], force[:, 1:])
+    source = MotionSamples(time, np.array([coordinates, 0 * coordinates]), force, force[:, 1:], force[:, 1:])
     return Trajectory(model, time, source, 0, 0.0, ())
 
 

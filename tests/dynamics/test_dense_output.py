@@ -2,6 +2,7 @@
 
 import pickle
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -99,6 +100,14 @@ def test_a_run_can_be_read_at_any_instants_in_any_order(swing):
 def test_instants_outside_the_motion_are_refused(swing, times):
     with pytest.raises(InputError, match=r"^times: (the motion lasts from 0 to 2|must be)"):
         swing.at(times)
+
+
+def test_a_run_that_failed_at_once_has_no_instants(swing):
+    failed = replace(swing, time=swing.time[:0], source=replace(swing.source, steps=()))
+    assert failed.at([]).tip.shape == failed.base.shape == (0, 2)
+    assert failed.to_dict()["tip_m"] == [] and failed.clamp_force.shape == (0, 4)
+    with pytest.raises(InputError, match=r"^times: the motion has no steps$"):
+        failed.at([0.0])
 
 
 def test_a_periodic_motion_is_known_at_its_samples_alone():

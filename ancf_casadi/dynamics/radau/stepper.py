@@ -133,7 +133,7 @@ class Stepper:
 
     @property
     def end(self) -> tuple[float, Array, Array, Array, Array, Array]:
-        """What a result keeps of the last step.
+        """State, stages and energies of the last step, as a result keeps them.
 
         Its end, s; q, v and a there, (3, N), and the motion of the base, (12,); the coordinates at its start and its
         stages, (4, 4 n + 4); the energies at its start, (3,), J, and the coefficients of x, x^2 and x^3 in those added.

@@ -16,9 +16,10 @@ import scipy
 from msgspec import Struct, to_builtins
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.structs import DataFile, IdentificationData, ProvenanceData, data_of
+from ancf_casadi.export.structs import DataFile, IdentificationSpec, ProvenanceSpec
 from ancf_casadi.support.files import MOST_LEVELS, check, place
 from ancf_casadi.support.inputs import check_instance, instances, is_sequence, shown
+from ancf_casadi.support.specs import convert
 from ancf_casadi.version import __version__
 
 MOST_RESULT_LEVELS = MOST_LEVELS - 4  # of a result, which is four levels deep in a document
@@ -63,7 +64,7 @@ class Identification:
             raise InputError(f"must be a text, got {shown(result['kind'])}", "result.kind")
         object.__setattr__(self, "result", _plain(self.result, "result"))
         object.__setattr__(self, "data", instances(self.data, "data", DataFile, least=0))
-        _check(self, IdentificationData)
+        _check(self, IdentificationSpec)
 
     @classmethod
     def of(cls, result: Any, *, data: Sequence[str | Path] = ()) -> Identification:
@@ -148,7 +149,7 @@ class Provenance:
     def __post_init__(self) -> None:
         """Validate."""
         check_instance(self.versions, "versions", Mapping)
-        _check(self, ProvenanceData)
+        _check(self, ProvenanceSpec)
         try:
             datetime.datetime.fromisoformat(self.written)
         except ValueError:
@@ -170,7 +171,7 @@ class Provenance:
 
 def _check(part: Any, kind: type[Struct]) -> None:
     """Check that a document can hold a part of it."""
-    check(to_builtins(data_of(part, kind)), "")
+    check(to_builtins(convert(part, kind)), "")
 
 
 def _plain(value: Any, where: str, level: int = 1) -> Any:

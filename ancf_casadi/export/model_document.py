@@ -6,48 +6,32 @@ the last bit.  ``structs`` describes its layout.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import NoneType
 from typing import Any
 
 import msgspec
-import numpy as np
-from msgspec import UNSET
-from msgspec.structs import asdict
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, SumOfLaws
+from ancf_casadi.damping.spec import law_spec
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.identification import Identification, Provenance
 from ancf_casadi.export.structs import (
-    COEFFICIENT_LAWS,
     DOCUMENT_FORMAT,
     DOCUMENT_VERSION,
-    BeamData,
-    DocumentData,
-    EquilibriumData,
-    IdentificationData,
-    LawData,
-    ModalData,
-    ModesData,
-    ProvenanceData,
-    StrainMeasuresData,
-    SumData,
-    data_of,
+    DocumentSpec,
+    IdentificationSpec,
+    ProvenanceSpec,
     read,
 )
-from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.lumped import PART_KINDS, table_of, with_parts
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.strain import StrainMeasures
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.mechanics.spec import BeamSpec, StrainMeasuresSpec, model_from
 from ancf_casadi.support.files import check_file, place, read_json, write_file
 from ancf_casadi.support.inputs import check_instance, instances, located
+from ancf_casadi.support.specs import convert
 from ancf_casadi.support.tables import to_json
-from ancf_casadi.vibration.equilibrium import Equilibrium
-from ancf_casadi.vibration.modes import Modes
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,14 +81,14 @@ class Document:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the document as plain data; a damping law that it cannot hold raises an ``InputError``."""
-        data = DocumentData(
+        data = DocumentSpec(
             format=DOCUMENT_FORMAT,
             schema=DOCUMENT_VERSION,
-            beam=beam_data(self.model.beam),
-            strain_measures=data_of(self.model.measures, StrainMeasuresData),
-            damping=None if self.damping is None else law_data(self.damping, self.model),
-            identifications=tuple(data_of(found, IdentificationData) for found in self.identifications),
-            provenance=data_of(self.provenance, ProvenanceData),
+            beam=BeamSpec.of(self.model.beam),
+            strain_measures=convert(self.model.measures, StrainMeasuresSpec),
+            damping=None if self.damping is None else law_spec(self.damping, self.model),
+            identifications=convert(self.identifications, tuple[IdentificationSpec, ...]),
+            provenance=convert(self.provenance, ProvenanceSpec),
         )
         found: dict[str, Any] = msgspec.to_builtins(data)
         return found
@@ -157,13 +141,13 @@ def read_document(path: str | Path) -> Document:
     with located(str(path)):
         found = read(data)
         model = model_from(found.beam, found.strain_measures, "$")
-        law = None if found.damping is None else law_from(found.damping, model, "$.damping")
+        law = None if found.damping is None else found.damping.law(model, "$.damping")
         identifications = []
         for k, item in enumerate(found.identifications):
             with located(place("$.identifications", k)):
                 identifications.append(Identification(item.result, item.data))
         with located("$.provenance"):
-            provenance = Provenance(**asdict(found.provenance))
+            provenance = Provenance(**found.provenance.given())
         return Document(model, law, identifications, provenance)
 
 
@@ -173,90 +157,3 @@ def _check_mesh(law: DampingLaw | None, model: Model) -> None:
         _check_mesh(term, model)
     if isinstance(law, ModalDamping) and law.modes.model.size != model.size:
         raise InputError("belong to a beam with another number of elements", "damping: modes")
-
-
-def beam_data(beam: Beam) -> BeamData:
-    """Return the fields of a beam."""
-    given: dict[str, Any] = {one.name: getattr(beam, one.name) for one in fields(beam)}
-    if not beam.prestress:
-        del given["prestress"]  # so that documents stay as they were
-    for name in PART_KINDS:
-        tables = [table_of(part) for part in given[name]]
-        given[name] = [{key: None if own == math.inf else own for key, own in one.items()} for one in tables]
-    return data_of(given, BeamData)
-
-
-def law_data(law: DampingLaw, model: Model) -> LawData:
-    """Return the fields of a damping law, for a document that holds a model; refuse a law without a layout."""
-    if isinstance(law, ModalDamping):
-        return ModalData(tuple(law.ratios), tuple(law.frequencies or ()), _modes_data(law.modes, model))
-    if isinstance(law, SumOfLaws):
-        return SumData(tuple(law_data(term, model) for term in law.laws))
-    for data, kind in COEFFICIENT_LAWS.items():
-        if isinstance(law, kind):
-            return data_of(law, data)
-    known = ", ".join([*(kind.__name__ for kind in COEFFICIENT_LAWS.values()), ModalDamping.__name__])
-    message = f"a {type(law).__name__} cannot be written to a document; only {known} and their sums can"
-    raise InputError(message, "damping")
-
-
-def beam_from(data: BeamData) -> Beam:
-    """Return the beam of its fields; refuse values that make no beam."""
-    given = {name: value for name, value in asdict(data).items() if value is not UNSET}
-    for name in PART_KINDS:
-        tables: list[dict[str, Any]] = msgspec.to_builtins(given[name])
-        given[name] = [{key: math.inf if own is None else own for key, own in one.items()} for one in tables]
-    return Beam(**with_parts(given))
-
-
-def model_from(beam: BeamData, measures: StrainMeasuresData, where: str) -> Model:
-    """Return the model that a document holds at a place; refuse values that make no beam."""
-    with located(place(where, "beam")):
-        known = beam_from(beam)
-    with located(place(where, "strain_measures")):
-        return Model(known, StrainMeasures(**asdict(measures)))
-
-
-def law_from(data: LawData, model: Model, where: str) -> DampingLaw:
-    """Return the damping law that a document holds at a place, beside a model; refuse values that make no law."""
-    if isinstance(data, SumData):
-        at = place(where, "laws")
-        return SumOfLaws(tuple(law_from(term, model, place(at, k)) for k, term in enumerate(data.laws)))
-    if isinstance(data, ModalData):
-        modes = _modes_from(data.modes, model, place(where, "modes"))
-        with located(where):
-            return ModalDamping(modes, data.ratios, frequencies=data.frequencies)
-    with located(where):
-        return COEFFICIENT_LAWS[type(data)](**asdict(data))
-
-
-def _modes_data(modes: Modes, model: Model) -> ModesData:
-    rest, own = modes.equilibrium, modes.model != model
-    if rest.loads:
-        raise InputError("refer to an equilibrium under loads away from the tip, which a document cannot hold", "modes")
-    return ModesData(
-        frequencies=tuple(modes.frequencies.tolist()),
-        shapes=tuple(map(tuple, modes.shapes.T.tolist())),
-        equilibrium=EquilibriumData(tuple(rest.coordinates.tolist()), rest.tip_force, rest.tip_moment),
-        beam=beam_data(modes.model.beam) if own else UNSET,
-        strain_measures=data_of(modes.model.measures, StrainMeasuresData) if own else UNSET,
-    )
-
-
-def _modes_from(data: ModesData, model: Model, where: str) -> Modes:
-    if data.beam is not UNSET and data.strain_measures is not UNSET:
-        model = model_from(data.beam, data.strain_measures, where)
-    at, count = place(where, "shapes"), len(data.frequencies)
-    if len(data.shapes) != count:
-        raise InputError(f"has {len(data.shapes)} shapes for {count} frequencies", at)
-    shapes = [_coordinates(shape, model, place(at, k)) for k, shape in enumerate(data.shapes)]
-    rest = data.equilibrium
-    coordinates = _coordinates(rest.coordinates, model, f"{where}.equilibrium.coordinates")
-    equilibrium = Equilibrium(model, coordinates, rest.tip_force, rest.tip_moment)
-    return Modes(equilibrium, np.array(data.frequencies), np.ascontiguousarray(np.array(shapes).T))
-
-
-def _coordinates(values: tuple[float, ...], model: Model, where: str) -> Array:
-    if len(values) != model.size:
-        raise InputError(f"has {len(values)} values for {model.size} coordinates", where)
-    return np.array(values)

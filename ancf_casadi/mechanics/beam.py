@@ -28,13 +28,12 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import Attachment
-from ancf_casadi.mechanics.lumped import PART_KINDS, PROPERTIES, Place, changed_parts, lumped_places, with_parts
+from ancf_casadi.mechanics.lumped import PROPERTIES, Place, changed_parts, lumped_places
 from ancf_casadi.mechanics.section import Section, check_elements
 from ancf_casadi.mechanics.supports import Clamp, Support, at_first
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import read_toml
 from ancf_casadi.support.inputs import (
-    check_keys,
     check_size,
     instances,
     is_sequence,
@@ -47,6 +46,7 @@ from ancf_casadi.support.inputs import (
     vector,
     whole,
 )
+from ancf_casadi.support.specs import convert
 from ancf_casadi.support.tables import Displayed, counted
 
 INITIAL = ("natural_curvature", "prestress")  # one value per element, or none; the largest is a lumped property
@@ -229,19 +229,14 @@ class Beam(Displayed):
         >>> Beam.from_toml("beam.toml").elements
         20
         """
-        return cls.from_table(read_toml(path).get("beam"), str(path))
+        from ancf_casadi.mechanics.spec import BeamSpec  # which imports this module
 
-    @classmethod
-    def from_table(cls, table: Any, where: str) -> Beam:
-        """Make a beam from the table ``[beam]`` of a document, called ``where`` in messages; see ``from_toml``."""
-        if not isinstance(table, dict):
-            raise InputError("has no table [beam]", where)
-        required = {"length", "elements", *PROPERTIES}
-        optional = {"axis", "gravity", "tip_mass", "clamp_stiffness", *INITIAL, *PART_KINDS}
-        check_keys(table, required, optional, f"{where}: [beam]")
-        given = with_parts(table, f"{where}: [beam]")
-        with located(f"{where}: [beam]"):
-            return cls.uniform(**given)
+        where = f"{path}: [beam]"
+        if "beam" not in (tables := read_toml(path)):
+            raise InputError("the table is missing", where)
+        spec = convert(tables["beam"], BeamSpec, where)
+        with located(where):
+            return spec.beam()
 
     @property
     def elements(self) -> int:
@@ -332,7 +327,7 @@ class Beam(Displayed):
                 changes[name] = _spread(changes[name], self.elements, name)
         if "length" in changes:  # what is at the tip stays there
             length = positive(changes["length"], "length")
-            for name in PART_KINDS:
+            for name in ("supports", "attachments"):
                 own = (replace(one, point=length) if one.point == self.length else one for one in getattr(self, name))
                 changes.setdefault(name, tuple(own))
         beam = replace(self, **changes)

@@ -39,7 +39,6 @@ from scipy.linalg import solve_triangular
 from scipy.special import chdtrc
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping
-from ancf_casadi.export.model_document import beam_from
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, Figure
@@ -244,7 +243,7 @@ def _drag(
     """Return the table of drag coefficients: ``rows`` as in ``results.json``, ``drag`` by Eq. (25) with its errors."""
     standard = found[""].beam
     assert standard is not None
-    unit = implied_drag_coefficient(1.0, beam_from(standard), air)[0]
+    unit = implied_drag_coefficient(1.0, standard.beam(), air)[0]
     linear = []
     for one in fit.measured:
         rate = 4 * math.pi * one.frequency

@@ -17,22 +17,24 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
+from ancf_casadi.damping.spec import sum_laws
 from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.model_document import Document
 from ancf_casadi.mechanics.loads import PointLoad
-from ancf_casadi.mechanics.lumped import PART_KINDS, with_parts
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.spec import ConfigurationSpec
 from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.layout import LAYOUT_KEYS, TableLayout
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import array, check_keys, is_sequence, located, shown, whole
+from ancf_casadi.support.specs import convert
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.record import Camera, Channel, MotionRecord
 from problems.beam.values.records import FrequencyRecord, StaticRecord
-from problems.schema.beam import DAMPED_HELP, read_damped, term_of, total
+from problems.schema.beam import DAMPED_HELP, read_damped, term_of
 from problems.schema.motion import MOTION_KEYS, READING, read_measured, read_motion
 from problems.schema.table import StudyFile, made
 
@@ -108,7 +110,7 @@ CURVE_NUMBERS = {"frequencies", "values", "phases", "levels"}
 CURVE_MADE = {"sensor", "model", "notes"}  # of other keys
 CURVE_READING = {"file", "column", "frequency", "level", "phase", "unit", "level_unit", "phase_unit", *LAYOUT_KEYS}
 UNKNOWN_KEYS = {"std", "offset", "zero"}
-CONFIGURATION = {"length", "axis", "tip_mass", "clamp_stiffness", *PART_KINDS}
+CONFIGURATION = set(ConfigurationSpec.__struct_fields__)
 CHANNEL = {"file", "column", "unit", "sensor", "begin", "end", *SENSOR, *READING, *UNKNOWN_KEYS}
 RECORD = {"channels", "name", "release_time", "camera", "base", "load", "release", "start", *CHANNEL, *CONFIGURATION}
 FIT = {"unknowns", "fixed", "bounds", "priors", "robust", "tolerance"}  # of ``fit_beam``
@@ -154,9 +156,9 @@ def read_measurements(given: str | StudyFile) -> Measurements:
 
 def configuration(given: Mapping[str, Any], model: Model, where: str) -> Model:
     """Return the beam in the configuration of a table."""
-    changes = with_parts({key: given[key] for key in CONFIGURATION & given.keys()}, where)
+    spec = convert({key: given[key] for key in CONFIGURATION & given.keys()}, ConfigurationSpec, where)
     with located(where):
-        return Model(model.beam.with_(**changes), model.measures) if changes else model
+        return Model(model.beam.with_(**spec.changes()), model.measures) if spec.given() else model
 
 
 def _frequencies(given: Any, model: Model, where: str) -> FrequencyRecord:
@@ -260,7 +262,7 @@ def read_laws(file: StudyFile, source: Document) -> tuple[DampingLaw, ...]:
     with located(file.where("fit")):
         if not is_sequence(given) or not given or not all(is_sequence(numbers) and numbers for numbers in given):
             raise InputError(f"must be a list of lists of numbers, such as [[1], [1, 2]], got {shown(given)}", "laws")
-        laws = [total([terms[whole(number, "laws", 1, len(terms)) - 1] for number in numbers]) for numbers in given]
+        laws = [sum_laws([terms[whole(number, "laws", 1, len(terms)) - 1] for number in numbers]) for numbers in given]
     return tuple(one for one in laws if one is not None)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 import textwrap
+import typing
 from collections.abc import Callable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +29,7 @@ from ancf_casadi.support.inputs import (
     vector,
     whole,
 )
+from ancf_casadi.support.specs import plain
 
 Made = TypeVar("Made")
 
@@ -141,6 +143,14 @@ def told(head: str, text: str, *declared: type, indent: int = 16, base: type | N
     return (
         textwrap.fill(full, 80, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False) + "\n"
     )
+
+
+def told_kinds(head: str, kinds: Any) -> str:
+    """Return the help on a table of several kinds, which a key tells apart."""
+    infos: list[Any] = [plain(types.type_info(kind)) for kind in typing.get_args(kinds)]
+    lines = [f'{info.tag_field} = "{info.tag}": {", ".join(keys_of(info.cls))}' for info in infos]
+    folded = [textwrap.fill(line, 64, break_long_words=False, break_on_hyphens=False) for line in lines]
+    return f"  {head}\n" + textwrap.indent("\n".join(folded), " " * 16) + "\n"
 
 
 def keys_of(kind: type, base: type | None = None) -> list[str]:

@@ -17,10 +17,9 @@ from typing import Annotated, Any, ClassVar, Self
 from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.model_document import beam_from
-from ancf_casadi.export.structs import BeamData
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.inputs import is_sequence, number, shown
 from problems.schema.beam import law_of, read_beam
@@ -49,9 +48,9 @@ class Finding:
     tables: tuple[DataTable, ...] = ()  # in the order of the document
     figures: tuple[Drawing, ...] = ()  # likewise
     warnings: tuple[str, ...] = ()  # limitations of the results
-    beam: BeamData | None = None  # the beam that the part has found, as results are kept
+    beam: BeamSpec | None = None  # the beam that the part has found, as results are kept
     terms: Terms = ()  # the damping law that it has found, as tables [[damping]]
-    guess: BeamData | None = None  # the beam before a fit that has identified some of its properties
+    guess: BeamSpec | None = None  # the beam before a fit that has identified some of its properties
     errors: dict[str, float] | None = None  # standard errors of these, SI units, by name
     frequency_errors: tuple[float, ...] = ()  # those of the natural frequencies of the identified beam, Hz
 
@@ -158,7 +157,7 @@ class Part:
         data = found[name].beam
         if data is None:
             raise InputError(f"the part {name!r} finds no beam; name a part of the kind match", "beam")
-        return beam_from(data)
+        return data.beam()
 
     def data_table(self, title: str, columns: Sequence[Column], *notes: str) -> DataTable:
         """Return a table that names the origin of the printed numbers."""

@@ -32,7 +32,7 @@ from tqdm import tqdm
 
 import ancf_casadi
 import problems
-from ancf_casadi.export.model_document import beam_data
+from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.support.files import write_file
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.parallel import COUNT_BAR, processes, unbroken
@@ -134,7 +134,7 @@ def run_parts(
     A part may stand before those that it needs.  The folder is that of the results, with the finished tasks of an
     earlier run.
     """
-    findings = {"": Finding(None, beam=None if study.beam is None else beam_data(study.beam))}  # of the file
+    findings = {"": Finding(None, beam=None if study.beam is None else BeamSpec.of(study.beam))}  # of the file
     awaited = {name for part in study.parts for name in part.needs}
     waiting = list(study.parts)
     running: dict[str, tuple[_Steps, list[str]]] = {}  # with the keys of the tasks that a part waits for

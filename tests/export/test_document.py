@@ -241,7 +241,7 @@ class TestRoundTrip:
             message = refused(
                 tmp_path, json.dumps(data | {"beam": data["beam"] | {"supports": [clamp | {key: wrong}]}})
             )
-            assert message.startswith(f"$.beam.supports[0].{key}: expected `float")
+            assert message.startswith(f"$.beam.supports[0].{key}: must ")
         del data["beam"]["supports"]
         path.write_text(json.dumps(data))
         assert read_document(path).model == Model(paper_beam(2))
@@ -267,11 +267,15 @@ class TestRoundTrip:
             (
                 "supports",
                 {"kind": "glue"},
-                "$.beam.supports[0].kind: invalid value 'glue'; must be one of clamp, pin, ",
+                "$.beam.supports[0].kind: must be one of clamp, pin, roller, guide, got 'glue'",
             ),
-            ("supports", {"point": 0.0}, "$.beam.supports[0]: object missing required field `kind`"),
+            ("supports", {"point": 0.0}, "$.beam.supports[0]: the key 'kind' is missing; "),
             ("supports", {"kind": "pin", "point": 9.0}, "$.beam: supports: the point 9.0 m is not on the beam"),
-            ("supports", {"kind": "pin", "point": 0, "mass": 1}, "$.beam.supports[0]: object contains unknown field"),
+            (
+                "supports",
+                {"kind": "pin", "point": 0, "mass": 1},
+                "$.beam.supports[0]: unknown key 'mass'; known are disp",
+            ),
             (
                 "supports",
                 {"kind": "guide", "point": 0, "direction": [0, 0]},
@@ -280,12 +284,12 @@ class TestRoundTrip:
             (
                 "attachments",
                 {"kind": "clamp"},
-                "$.beam.attachments[0].kind: invalid value 'clamp'; must be one of mass, ",
+                "$.beam.attachments[0].kind: must be one of mass, spring, rotational_spring, dashpot, got 'clamp'",
             ),
             (
                 "attachments",
                 {"kind": "spring", "point": 0, "stiffness": [1, -1]},
-                "$.beam.attachments[0].stiffness[1]: expected `float` >= 0.0",
+                "$.beam.attachments[0].stiffness[1]: must not be negative, got -1",
             ),
         ],
     )
@@ -300,8 +304,8 @@ class TestSchema:
         jsonschema.validate(json.loads(written.read_text()), schema(), jsonschema.Draft202012Validator)
 
     def test_it_has_every_field_of_a_beam(self):
-        assert list(schema()["$defs"]["BeamData"]["properties"]) == [field.name for field in fields(Beam)]
-        measures = schema()["$defs"]["StrainMeasuresData"]["properties"]
+        assert {field.name for field in fields(Beam)} <= schema()["$defs"]["BeamSpec"]["properties"].keys()
+        measures = schema()["$defs"]["StrainMeasuresSpec"]["properties"]
         assert list(measures) == [field.name for field in fields(StrainMeasures)]
 
     @pytest.mark.slow
@@ -316,7 +320,7 @@ class TestSchema:
                 continue
             message = refused(tmp_path, json.dumps(changed))
             named = [key for key in path if isinstance(key, str)][-2:]
-            assert any(key in message for key in [*named, "unknown field `extra`"])
+            assert any(key in message for key in [*named, "unknown key 'extra'"])
             count += 1
         assert count > 500
 
@@ -366,27 +370,39 @@ class TestRefusals:
             ('"length": 0.5', '"length": 1e999', "$.beam.length: is beyond the range of numbers"),
             ('"length": 0.5', f'"length": 1{"0" * 400}', "$.beam.length: is beyond the range of numbers"),
             ('"length": 0.5', f'"length": 1{"0" * 5000}', "is not JSON"),
-            ('"length": 0.5', '"length": "0.5"', "$.beam.length: expected `float`, got `str`"),
-            ('"length": 0.5', '"length": null', "$.beam.length: expected `float`, got `null`"),
+            ('"length": 0.5', '"length": "0.5"', "$.beam.length: must be a number, got '0.5'"),
+            ('"length": 0.5', '"length": null', "$.beam.length: must be a number, got None"),
             ('"length": 0.5', '"length": 0.5, "length": 0.5', "$.beam.length: the key appears twice"),
-            ('"length": 0.5', '"length": 0.5, "colour": 1', "$.beam: object contains unknown field `colour`"),
-            ('"length": 0.5', '"length": -0.5', "$.beam.length: expected `float` > 0.0"),
+            (
+                '"length": 0.5',
+                '"length": 0.5, "colour": 1',
+                "$.beam: unknown key 'colour'; known are ",
+            ),
+            ('"length": 0.5', '"length": -0.5', "$.beam.length: must be positive, got -0.5"),
             ('"length": 0.5', f'"length": 0.5, "{"k" * 300}": 1', "$.beam: has a key of 300 characters"),
             (
                 '"law": "quadratic"',
                 '"law": "cubic"',
-                "$.damping.laws[2].law: invalid value 'cubic'; must be one of rayleigh",
+                "$.damping.laws[2].law: must be one of rayleigh, quadratic, friction, modal, sum, got 'cubic'",
             ),
-            ('"law": "quadratic"', f'"law": "{"c" * 500}"', "$.damping.laws[2].law: invalid value 'cccc"),
-            ('"eta2": 0.11', '"eta2": -0.11', "$.damping.laws[2].eta2: expected `float` >= 0.0"),
-            ('"eta2": 0.11', '"eta2": [0.11]', "$.damping.laws[2].eta2: expected `float`, got `array`"),
+            (
+                '"law": "quadratic"',
+                f'"law": "{"c" * 500}"',
+                "$.damping.laws[2].law: must be one of rayleigh, quadratic, friction, modal, sum, got ",
+            ),
+            ('"eta2": 0.11', '"eta2": -0.11', "$.damping.laws[2].eta2: must not be negative, got -0.11"),
+            ('"eta2": 0.11', '"eta2": [0.11]', "$.damping.laws[2].eta2: must be a number, got [0.11]"),
             (
                 '"stiffness": "tangent"',
                 '"stiffness": "other"',
-                "$.damping.laws[3].stiffness: invalid enum value 'other'; must be one of strain-rate",
+                "$.damping.laws[3].stiffness: must be one of reference, strain-rate, tangent, got 'other'",
             ),
             ('"note": "a note"', '"note": "\\ud800"', "$.provenance.note: holds half a character"),
-            ('"axial_points": 2', '"axial_points": 2.0', "$.strain_measures.axial_points: expected `int`, got `float`"),
+            (
+                '"axial_points": 2',
+                '"axial_points": 2.0',
+                "$.strain_measures.axial_points: must be a whole number, 1 to 9",
+            ),
             ('"2025-01-31T', '"2025-02-31T', "$.provenance: written: must be a time"),
         ],
     )
@@ -468,7 +484,7 @@ class TestParts:
             (lambda: Identification(FIT | {"kind": 3}), "result.kind: must be a text, got 3"),
             (lambda: Identification(FIT | {"kind": ""}), "result.kind: must be a text, got ''"),
             (lambda: Identification(3), "result: is not the result of a fit"),
-            (lambda: Identification(FIT | {1: 2}), "result: expected `str`, got `int`"),
+            (lambda: Identification(FIT | {1: 2}), "result: has a key that is no text"),
             (lambda: Identification(FIT | {"k" * 201: 2}), "result: has a key of 201 characters"),
             (lambda: Identification(FIT | {"a": 10**5000}), "result.a: is beyond the range of numbers"),
             (lambda: Identification(FIT, ["x.csv"]), "data: must be a DataFile"),
@@ -483,14 +499,14 @@ class TestParts:
             (lambda: Provenance(WRITTEN + "\n", {}), "written: expected `str` of length <= 20"),
             (lambda: DataFile("a\udc80", "a" * 64), "name: holds half a character"),
             (lambda: Provenance("2025-02-31T12:00:00Z", {}), "written: must be a time such as"),
-            (lambda: DataFile(3, "a" * 64), "name: expected `str`, got `int`"),
-            (lambda: DataFile("a", 3), "sha256: expected `str`, got `int`"),
+            (lambda: DataFile(3, "a" * 64), "name: must be a text, got 3"),
+            (lambda: DataFile("a", 3), "sha256: must be a text, got 3"),
             (lambda: DataFile.of("."), ".: cannot be read (Is a directory)"),
-            (lambda: Provenance(3, {}), "written: expected `str`, got `int`"),
+            (lambda: Provenance(3, {}), "written: must be a text, got 3"),
             (lambda: Provenance(WRITTEN, 3), "versions: must be a mapping, got 3"),
-            (lambda: Provenance(WRITTEN, {1: "2"}), "versions: expected `str`, got `int`"),
-            (lambda: Provenance(WRITTEN, {"casadi": 3.8}), "versions[...]: expected `str`, got `float`"),
-            (lambda: Provenance(WRITTEN, {}, note=3), "note: expected `str`, got `int`"),
+            (lambda: Provenance(WRITTEN, {1: "2"}), "versions: has a key that is no text"),
+            (lambda: Provenance(WRITTEN, {"casadi": 3.8}), "versions: must be a text, got {'casadi': 3.8}"),
+            (lambda: Provenance(WRITTEN, {}, note=3), "note: must be a text, got 3"),
         ],
     )
     def test_unusable_arguments(self, make, message):

@@ -159,8 +159,8 @@ def test_with_rejects_unknown_properties():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("length = 0.5", "{path}: has no table [beam]"),
-        ("beam = 3", "{path}: has no table [beam]"),
+        ("length = 0.5", "{path}: [beam]: the table is missing"),
+        ("beam = 3", "{path}: [beam]: must be a table, got 3"),
         (TOML.replace("width = 5e-3", ""), "{path}: [beam]: the key 'width' is missing"),
         (
             TOML + "colour = 'red'",

@@ -10,11 +10,10 @@ from typing import Annotated, Any, Self, final
 import numpy as np
 from msgspec import Meta
 
-from ancf_casadi.export.model_document import beam_data, beam_from
-from ancf_casadi.export.structs import BeamData
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.lumped import unit_of
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
@@ -62,7 +61,7 @@ class BeamProperties(Part):
             Column("unit", tuple(unit for _, unit, _ in BEAM_ROWS)),
             Column("value", _means(beam), "", scaled if errors else None, self.printed.get("value")),
         ]
-        guess = None if origin.guess is None else beam_from(origin.guess)
+        guess = None if origin.guess is None else origin.guess.beam()
         if guess:
             columns.insert(2, Column("guess", _means(guess)))
         varying = [name for name, *_ in ELEMENT_ROWS if np.ptp(getattr(beam, name)) > 0.0]
@@ -86,7 +85,7 @@ class BeamProperties(Part):
             "axis": list(beam.axis),
             "gravity": list(beam.gravity),
         }
-        return Finding(data, (table,), beam=beam_data(beam))
+        return Finding(data, (table,), beam=BeamSpec.of(beam))
 
 
 @final
@@ -119,7 +118,7 @@ class ModesOfBeam(Part):
         ]  # fmt: skip
         table = self.data_table("Natural frequencies" + " of the identified beam" * bool(errors), columns)
         figure = drawn("Mode shapes about the equilibrium.", modes.figure)
-        return Finding({"frequency_hz": frequencies}, (table,), (figure,), beam=beam_data(beam))
+        return Finding({"frequency_hz": frequencies}, (table,), (figure,), beam=BeamSpec.of(beam))
 
 
 def _means(beam: Beam) -> tuple[float, ...]:
@@ -127,7 +126,7 @@ def _means(beam: Beam) -> tuple[float, ...]:
     return tuple(scale * float(np.mean(getattr(beam, name))) for name, _, scale in BEAM_ROWS)
 
 
-def match_plain(beam: Beam, request: dict[str, Any]) -> tuple[BeamData, dict[str, Any], dict[str, Array]]:
+def match_plain(beam: Beam, request: dict[str, Any]) -> tuple[BeamSpec, dict[str, Any], dict[str, Array]]:
     """Return a matched beam, the result for JSON, and what else fits equally well, all as plain data.
 
     The last are relative changes of each property of each element, (n, 2); none if the targets are out of reach.
@@ -139,7 +138,7 @@ def match_plain(beam: Beam, request: dict[str, Any]) -> tuple[BeamData, dict[str
     data["elastic_modulus_per_element"] = data["elastic_modulus"]
     data["density_per_element"] = data["density"]
     data["elastic_modulus"], data["density"] = data["elastic_modulus"][0], data["density"][0]
-    return beam_data(match.beam), data, ranges
+    return BeamSpec.of(match.beam), data, ranges
 
 
 @final
@@ -186,7 +185,7 @@ class Match(Part, MatchTable):
         tables = (self._properties(beam, matched, data), self._frequencies(beam, data))
         return Finding(data, tables, figures, tuple(data["warnings"]), matched)
 
-    def _properties(self, beam: Beam, matched: BeamData, data: Mapping[str, Any]) -> DataTable:
+    def _properties(self, beam: Beam, matched: BeamSpec, data: Mapping[str, Any]) -> DataTable:
         rows = []
         for name, unit, scale in ELEMENT_ROWS:
             before, values = scale * float(np.mean(getattr(beam, name))), scale * np.array(getattr(matched, name))
@@ -240,7 +239,7 @@ class Match(Part, MatchTable):
         return drawn(caption, draw)
 
 
-def _profiles(beam: Beam, matched: BeamData, ranges: Mapping[str, Array]) -> Figure:
+def _profiles(beam: Beam, matched: BeamSpec, ranges: Mapping[str, Array]) -> Figure:
     """Draw the properties that vary along the beam among those that may change, or the first of these."""
     from ancf_casadi.plot import properties_figure  # slow to import
 
@@ -248,4 +247,4 @@ def _profiles(beam: Beam, matched: BeamData, ranges: Mapping[str, Array]) -> Fig
     along = [name for name in names if np.ptp(getattr(matched, name)) > 0.0] or names[:1]
     changes = {name: np.divide(getattr(matched, name), getattr(beam, name)) - 1 for name in along}
     shown = {name: ranges.get(name, change[:, None]) for name, change in changes.items()}
-    return properties_figure(beam, beam_from(matched), shown, width=FIGURE_WIDTH)
+    return properties_figure(beam, matched.beam(), shown, width=FIGURE_WIDTH)

@@ -16,7 +16,7 @@ from msgspec import Meta
 
 from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.model_document import beam_data
+from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.support.tables import known
 from ancf_casadi.vibration.equilibrium import bends_allowed
 from ancf_casadi.vibration.modes import natural_modes
@@ -117,7 +117,7 @@ def fitted(file: StudyFile) -> Finding:
     tables = [_estimates(data["fit"]["estimates"])]
     if predictions:
         tables.append(_errors(data["predictions"]))
-    finding = Finding(data, tuple(tables), tuple(figures), warnings, beam_data(fit.model.beam))
+    finding = Finding(data, tuple(tables), tuple(figures), warnings, BeamSpec.of(fit.model.beam))
     if not fit.first:
         return finding
     with bends_allowed():  # the fit tells
@@ -129,7 +129,7 @@ def fitted(file: StudyFile) -> Finding:
     errors[numbers - 1] = predicted.errors
     return replace(
         finding,
-        guess=beam_data(fit.given.beam),
+        guess=BeamSpec.of(fit.given.beam),
         errors={kind_of(name): _error(fit, name) for name in fit.first if "[" not in name},
         frequency_errors=tuple(errors.tolist()),
     )

@@ -14,6 +14,8 @@ import tomllib
 from typing import Any
 
 from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.spec import BeamSpec
+from ancf_casadi.support.specs import convert
 from problems.paper.reproduce import PAPER_FILE
 
 _TABLES = tomllib.loads(PAPER_FILE.read_text(encoding="utf-8"))
@@ -51,4 +53,4 @@ OPTIMUM_FREQUENCIES: tuple[float, ...] = tuple(_PARTS["frequency_matching"]["pri
 
 def standard_beam() -> Beam:
     """Return the hanging beam of Table 1 with the mesh of Section 5.1."""
-    return Beam.from_table(_TABLES["beam"], PAPER_FILE.name)
+    return convert(_TABLES["beam"], BeamSpec, PAPER_FILE.name).beam()

@@ -233,7 +233,7 @@ class TestRecords:
         assert (shorter.length, shorter.lumped) == (0.4, {"tip_mass": 1e-3})
         assert other.supports == (Pin(0.0), Roller(0.5, (0.0, 1.0))) and other.lumped == {"spring_y": 20.0}
         wrong = text.replace('"roller"', '"glue"')
-        with pytest.raises(InputError, match=r"\[frequencies\]: supports: 2: kind must be one of clamp"):
+        with pytest.raises(InputError, match=r"\[frequencies\]: supports: 2: kind: must be one of clamp"):
             read_measurements(file(BEAM, wrong))
 
     def test_a_static_test_of_another_configuration(self, file):

@@ -1,8 +1,11 @@
 """TOML files give the same beams, laws, base motions and settings as Python, or an error with the name of the key."""
 
-from dataclasses import fields
+import math
+from dataclasses import MISSING, fields
 from pathlib import Path
+from typing import get_args
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -25,11 +28,12 @@ from ancf_casadi import (
     Spring,
     natural_modes,
 )
+from ancf_casadi.damping.spec import FrictionSpec, QuadraticSpec, RayleighSpec
 from ancf_casadi.export import Document, write_document
-from ancf_casadi.mechanics.lumped import PART_KINDS
+from ancf_casadi.mechanics.spec import AttachmentSpec, SupportSpec
 from ancf_casadi.support.inputs import numbers
 from problems import Global, MeasuredModes, PerElement, Smooth
-from problems.schema.beam import BEAM_HELP, read_beam, read_damped
+from problems.schema.beam import DAMPED_HELP, read_beam, read_damped
 from problems.schema.match import read_match
 from problems.schema.motion import read_simulation
 
@@ -129,10 +133,11 @@ class TestBeam:
     @pytest.mark.parametrize(
         ("text", "message"),
         [
-            ("supports = 1", "supports: must be a list of tables, got 1"),
-            ("supports = [1]", "supports: 1: kind must be one of clamp, pin, roller, guide, got None"),
-            ('supports = [{kind = "glue"}]', "supports: 1: kind must be one of clamp, pin, roller, guide, got 'glue'"),
-            ("supports = [{kind = 1}]", "supports: 1: kind must be one of clamp, pin, roller, guide, got 1"),
+            ("supports = 1", "supports: must be a list, got 1"),
+            ("supports = [1]", "supports: 1: must be a table, got 1"),
+            ("supports = [{}]", "supports: 1: the key 'kind' is missing; it is one of clamp, pin, roller, guide"),
+            ('supports = [{kind = "glue"}]', "supports: 1: kind: must be one of clamp, pin, roller, guide, got 'glue'"),
+            ("supports = [{kind = 1}]", "supports: 1: kind: must be a text, got 1"),
             ('supports = [{kind = "pin"}]', "supports: 1: the key 'point' is missing"),
             (
                 'supports = [{kind = "clamp"}, {kind = "pin", point = 0.5, rotation = 1}]',
@@ -146,7 +151,7 @@ class TestBeam:
             ),
             (
                 'attachments = [{kind = "clamp"}]',
-                "attachments: 1: kind must be one of mass, spring, rotational_spring, dashpot, got 'clamp'",
+                "attachments: 1: kind: must be one of mass, spring, rotational_spring, dashpot, got 'clamp'",
             ),
             ('attachments = [{kind = "mass", point = 0}]', "attachments: 1: the key 'mass' is missing"),
             (
@@ -163,15 +168,21 @@ class TestBeam:
                 read(path)
             assert str(caught.value).startswith(f"{path}: [beam]: {message}")
 
-    def test_the_help_names_all_fields_of_supports_and_attachments(self):
-        for kinds in PART_KINDS.values():
-            for kind, made in kinds.items():
-                own = BEAM_HELP.partition(f'kind = "{kind}"')[2].partition("kind =")[0]
-                assert all(field.name in own for field in fields(made)), kind
+    def test_specifications_have_the_fields_and_defaults_of_the_objects(self):
+        """The classes of Python and the tables of files declare the same arguments."""
+        for spec in (*get_args(SupportSpec), *get_args(AttachmentSpec), RayleighSpec, QuadraticSpec, FrictionSpec):
+            declared = {field.name: field for field in fields(spec.made)}
+            further = {"drag_coefficient", "air_density"} if spec is QuadraticSpec else set()
+            assert set(spec.__struct_fields__) == declared.keys() | further
+            for field in msgspec.structs.fields(spec):
+                default = {None: math.inf}.get(field.default, field.default)
+                assert field.name in further or field.required or default == declared[field.name].default, spec
+                assert field.name in further or field.required == (declared[field.name].default is MISSING), spec
+                assert field.name in DAMPED_HELP
 
     @pytest.mark.parametrize("text", ["# a beam", "[base]\n", "beam = 1\n"])
     def test_missing(self, file, text):
-        with pytest.raises(InputError, match=r"study\.toml: (the key 'beam' is missing|has no table \[beam\])"):
+        with pytest.raises(InputError, match=r"study\.toml: (the key 'beam' is missing|\[beam\]: must be a table)"):
             read_beam(file(text))
 
     def test_file_that_is_not_there(self, tmp_path):
@@ -291,25 +302,28 @@ class TestSimulation:
         [
             (
                 "[damping]\neta2 = 0.1\n",
-                r"\[damping\]: law must be one of rayleigh, quadratic, friction, modal, got None",
+                r"\[damping\]: the key 'law' is missing; it is one of rayleigh, quadratic, friction, modal",
             ),
             (
                 "[damping]\nlaw = 'air'\n",
-                r"\[damping\]: law must be one of rayleigh, quadratic, friction, modal, got 'air'",
+                r"\[damping\]: law: must be one of rayleigh, quadratic, friction, modal, sum, got 'air'",
             ),
-            ("[damping]\nlaw = ['modal']\n", r"\[damping\]: law must be one of .*, got \['modal'\]"),
+            ("[damping]\nlaw = ['modal']\n", r"\[damping\]: law: must be a text, got \['modal'\]"),
             (
                 "[damping]\nlaw = 'quadratic'\nalpha = 1\n",
-                r"\[damping\]: unknown key 'alpha'; known are eta1, eta2",
+                r"\[damping\]: unknown key 'alpha'; known are air_density, drag_coeff",
             ),
             ("[damping]\nlaw = 'rayleigh'\nalpha = -1\n", r"\[damping\]: alpha: must not be negative"),
             ("[damping]\nlaw = 'modal'\n", r"\[damping\]: the key 'ratios' is missing"),
             (
                 "[damping]\nlaw = 'modal'\nratios = 0.01\n",
-                r"\[damping\]: ratios: must have one value per mode, got 0.01",
+                r"\[damping\]: ratios: must be a list, got 0.01",
             ),
-            ("[damping]\nlaw = 'modal'\nratios = []\n", r"\[damping\]: ratios: has 0 values"),
-            ("[damping]\nlaw = 'modal'\nratios = [1.0]\n", r"\[damping\]: ratios: a damping ratio must be at least 0"),
+            ("[damping]\nlaw = 'modal'\nratios = []\n", r"\[damping\]: ratios: must be a list of 1 or more, got \[\]"),
+            (
+                "[damping]\nlaw = 'modal'\nratios = [1.0]\n",
+                r"\[damping\]: ratios: 1: must be at least 0 and below 1",
+            ),
             (f"[damping]\nlaw = 'modal'\nratios = {[0.01] * 17}\n", r"\[damping\]: ratios: has 17 values for 16 modes"),
             ("[damping]\nlaw = 'modal'\nratios = [0.01]\nfrequencies = [1, 2]\n", r"frequencies: has 2 values for 1"),
             ("[base]\namplitude = 1e-3\n", r"\[base\]: the key 'frequency' is missing"),
@@ -325,7 +339,7 @@ class TestSimulation:
         ("text", "message"),
         [
             ("damping = 3\n", "must be a table .damping., or several"),
-            ("damping = [3]\n", "law must be one of"),
+            ("damping = [3]\n", r"\[damping\]: must be a table, got 3"),
             ("base = 3\n", r"\[base\]: must be a table, got 3"),
         ],
     )

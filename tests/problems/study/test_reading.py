@@ -142,7 +142,7 @@ MISTAKES = {  # what is replaced, by what, and the message after the name of the
     "law without a name": ('name = "weak"', "", ": [laws]: the key 'name' is missing"),
     "repeated law": ('name = "found"', 'name = "weak"', ": [laws]: name: must be made of letters, digits and _, and d"),
     "unknown kind of law": ('law = "quadratic"', 'law = "cubic"',
-                            ": [parts]: swing: laws: weak: law must be one of rayleigh, quadratic, friction"),
+                            ": [parts]: swing: laws: weak: law: must be one of rayleigh, quadratic, friction"),
     "law of a part that is a number": ('part = "rayleigh"', "part = 3",
                                        ": [laws]: found: part: must be the name of a part, got 3"),
     "modal law with too many ratios": ('law = "quadratic", eta1 = 0.1', f'law = "modal", ratios = {[0.01] * 13}',

@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, Clamp, Pin, PointMass, Roller, Spring
-from ancf_casadi.export.model_document import beam_data, beam_from
-from ancf_casadi.export.structs import BeamData
+from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.support.arrays import Array
 from problems.study import runner as store_module
 from problems.study.part import Task
@@ -45,7 +44,7 @@ class Sample:
     pairs: tuple[tuple[float, float], ...]
     text: str
     content: bytes
-    beam: BeamData | None
+    beam: BeamSpec | None
     anything: Any
 
 
@@ -57,7 +56,7 @@ def sample(scale: float, beam: Beam | None = None) -> Sample:
         pairs=((0.1, 1e300), (math.nan, 2.0)),
         text="η2 = 0.11 1/m",
         content=b"\x89PNG\x00",
-        beam=None if beam is None else beam_data(beam),
+        beam=None if beam is None else BeamSpec.of(beam),
         anything={"rows": [1, 2.5, None, True], "ratio": 0.1 + 0.2},
     )
 
@@ -92,8 +91,8 @@ class TestKey:
             "from problems.paper.reproduce import ALL_KINDS\n"
             "from problems.study.reading import read_study; from problems.study.runner import key_of\n"
             "study = read_study(PAPER_FILE, ALL_KINDS)\n"
-            "from ancf_casadi.export.model_document import beam_data\n"
-            "found = {'': Finding(None, beam=beam_data(study.beam))}\n"
+            "from ancf_casadi.mechanics.spec import BeamSpec\n"
+            "found = {'': Finding(None, beam=BeamSpec.of(study.beam))}\n"
             "for part in study.parts:\n"
             "    tasks = () if any(part.needs) else part.tasks(found)\n"
             "    print(part.name, *map(key_of, (*tasks, Task(print, (part,)))))\n"
@@ -160,7 +159,7 @@ class TestContent:
         assert repr(found.numbers) == repr(given.numbers)
         assert repr(found.pairs) == repr(given.pairs)
         assert (found.text, found.content, found.anything) == (given.text, given.content, given.anything)
-        assert beam_from(found.beam) == beam
+        assert found.beam.beam() == beam
 
     @pytest.mark.parametrize("array", [np.empty((0, 3)), np.array(2.0), np.ones((2, 3)).T, np.arange(9)[::2]])
     def test_keeps_arrays_of_any_shape(self, array):

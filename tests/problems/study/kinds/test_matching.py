@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Model, natural_modes
-from ancf_casadi.export.model_document import beam_data, beam_from
+from ancf_casadi.mechanics.spec import BeamSpec
 from problems.study.part import Finding
 from problems.study.study import run_study
 from tests.problems.conftest import BEAM, study_in
@@ -44,9 +44,9 @@ def test_later_parts_take_the_matched_beam(report):
 @pytest.mark.slow
 def test_the_beam_of_the_outcome_has_the_frequencies(study_file):
     study = study_in(study_file(BEAM, MATCH, LATER))
-    part, found = study.parts[0], {"": Finding(None, beam=beam_data(study.beam))}
+    part, found = study.parts[0], {"": Finding(None, beam=BeamSpec.of(study.beam))}
     results = [task.function(*task.inputs) for task in part.tasks(found)]
-    beam = beam_from(part.finding(results, found).beam)
+    beam = part.finding(results, found).beam.beam()
     assert natural_modes(Model(beam), count=2).frequencies == pytest.approx([1.85, 10.19], rel=1e-6)
     _, data, _ = results[0]
     assert beam.density[0] == data["density"] == data["density_per_element"][0]
@@ -78,7 +78,7 @@ def test_the_standard_frequencies_need_another_density_and_no_gravity(study_file
     text = BEAM.replace("elements = 3", "elements = 20")
     targets = f"[match]\ntargets = {list(paper.TARGET_FREQUENCIES)}\n"
     study = study_in(study_file(text, targets, LATER.replace("[1.67, 10.47]", "[1.67, 10.47, 29.32, 57.46, 94.97]")))
-    part, found = study.parts[0], {"": Finding(None, beam=beam_data(study.beam))}
+    part, found = study.parts[0], {"": Finding(None, beam=BeamSpec.of(study.beam))}
     results = [task.function(*task.inputs) for task in part.tasks(found)]
     _, table = part.finding(results, found).tables
     (column,) = (column for column in table.columns if column.printed and column.printed[0] == 1.67)

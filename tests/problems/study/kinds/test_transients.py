@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import InputError
-from ancf_casadi.export.model_document import beam_data
+from ancf_casadi.mechanics.spec import BeamSpec
 from problems.study.kinds.experiment import EXPERIMENT_STEPS, QUICK_DRIVING, QUICK_STEPS
 from problems.study.part import Finding
 from problems.study.study import StudyReport
@@ -130,7 +130,7 @@ def test_equal_experiments_run_once(report):
 def test_a_quick_look_drives_for_less_time(study_file):
     whole = study_in(study_file(BEAM, LAWS, PARTS))
     for study, driving, steps in ((whole, 1.0, EXPERIMENT_STEPS), (whole.shortened(), QUICK_DRIVING, QUICK_STEPS)):
-        _, _, run, *_ = study.parts[0].tasks({"": Finding(None, beam=beam_data(study.beam))})[0].inputs
+        _, _, run, *_ = study.parts[0].tasks({"": Finding(None, beam=BeamSpec.of(study.beam))})[0].inputs
         assert run.stop == pytest.approx(5.0 * driving)
         assert run.steps_per_period == steps
     assert QUICK_DRIVING < 0.2

@@ -1,0 +1,218 @@
+"""The beam as data: the table ``[beam]`` of a TOML file, and the object ``beam`` of a JSON document.
+
+A document holds one value per element and every key; a TOML file may give one number for all elements, and leave out
+the keys that have a default.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Annotated, Any, ClassVar
+
+from msgspec import UNSET, Meta, UnsetType
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, RotationalSpring, Spring
+from ancf_casadi.mechanics.beam import MAXIMUM_ELEMENTS, MINIMUM_ELEMENTS, Beam
+from ancf_casadi.mechanics.lumped import PROPERTIES
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.strain import AxialStrain, Curvature, StrainMeasures
+from ancf_casadi.mechanics.supports import Clamp, Guide, Pin, Roller, Support
+from ancf_casadi.support.inputs import located
+from ancf_casadi.support.specs import NotNegative, Pair, Positive, Spec, convert, place_of
+
+Point = Annotated[float, Meta(ge=0.0, description="m")]
+Displacement = Annotated[Pair, Meta(description="m")]
+Rotation = Annotated[float, Meta(description="rad")]
+Direction = Annotated[Pair, Meta(description="of sliding")]
+TorsionalStiffness = Annotated[Positive | None, Meta(description="N m/rad; inf, in a document null, if rigid")]
+AmountPair = tuple[NotNegative, NotNegative]
+PerElement = Positive | Annotated[tuple[Positive, ...], Meta(min_length=2)]
+Elements = Annotated[int, Meta(ge=MINIMUM_ELEMENTS, le=MAXIMUM_ELEMENTS, description="not needed beside a list")]
+Points = Annotated[int, Meta(ge=1, le=9, description="Gauss points")]
+
+
+class LumpedSpec(Spec, frozen=True, tag_field="kind"):
+    """A support or attachment, which a key ``kind`` tells apart; its other keys are the fields of its class."""
+
+    made: ClassVar[type]
+
+    def object(self) -> Any:
+        """Return the support or attachment."""
+        values = {name: math.inf if value is None else value for name, value in self.given().items()}
+        return self.made(**values)
+
+
+class ClampSpec(LumpedSpec, frozen=True, tag="clamp"):
+    """A clamp, which holds position and direction."""
+
+    made = Clamp
+
+    point: Point = 0.0
+    stiffness: TorsionalStiffness = None
+    displacement: Displacement = (0.0, 0.0)
+    rotation: Rotation = 0.0
+
+
+class PinSpec(LumpedSpec, frozen=True, tag="pin"):
+    """A hinge, which holds the position."""
+
+    made = Pin
+
+    point: Point
+    displacement: Displacement = (0.0, 0.0)
+
+
+class RollerSpec(LumpedSpec, frozen=True, tag="roller"):
+    """A roller: the point may slide, and the beam turn."""
+
+    made = Roller
+
+    point: Point
+    direction: Direction = (1.0, 0.0)
+    displacement: Displacement = (0.0, 0.0)
+
+
+class GuideSpec(LumpedSpec, frozen=True, tag="guide"):
+    """A guide: the point may slide, and the beam does not turn."""
+
+    made = Guide
+
+    point: Point
+    direction: Direction = (1.0, 0.0)
+    displacement: Displacement = (0.0, 0.0)
+    rotation: Rotation = 0.0
+
+
+class PointMassSpec(LumpedSpec, frozen=True, tag="mass"):
+    """A mass at a point."""
+
+    made = PointMass
+
+    point: Point
+    mass: Annotated[float, Meta(ge=0.0, description="kg")]
+    rotary_inertia: Annotated[float, Meta(ge=0.0, description="kg m^2")] = 0.0
+
+
+class SpringSpec(LumpedSpec, frozen=True, tag="spring"):
+    """A spring between a point and the base."""
+
+    made = Spring
+
+    point: Point
+    stiffness: Annotated[AmountPair, Meta(description="along x and y, N/m")]
+
+
+class RotationalSpringSpec(LumpedSpec, frozen=True, tag="rotational_spring"):
+    """A torsional spring at a point."""
+
+    made = RotationalSpring
+
+    point: Point
+    stiffness: Annotated[float, Meta(ge=0.0, description="N m/rad")]
+
+
+class DashpotSpec(LumpedSpec, frozen=True, tag="dashpot"):
+    """A viscous damper between a point and the base."""
+
+    made = Dashpot
+
+    point: Point
+    coefficient: Annotated[AmountPair, Meta(description="along x and y, N s/m")]
+
+
+SupportSpec = ClampSpec | PinSpec | RollerSpec | GuideSpec
+AttachmentSpec = PointMassSpec | SpringSpec | RotationalSpringSpec | DashpotSpec
+
+
+class ConfigurationSpec(Spec, frozen=True):
+    """What may differ between two measurements of one beam."""
+
+    length: Annotated[Positive | UnsetType, Meta(description="m")] = UNSET
+    axis: Pair | UnsetType = UNSET
+    tip_mass: Annotated[NotNegative | UnsetType, Meta(description="kg")] = UNSET
+    clamp_stiffness: Annotated[Positive | UnsetType, Meta(description="N m/rad")] = UNSET
+    supports: tuple[SupportSpec, ...] | UnsetType = UNSET
+    attachments: tuple[AttachmentSpec, ...] | UnsetType = UNSET
+
+    def changes(self) -> dict[str, Any]:
+        """Return the arguments of ``Beam.with_``."""
+        return _with_objects(self.given())
+
+
+class BeamSpec(Spec, frozen=True):
+    """A beam (m, kg/m^3, Pa, m/s^2, 1/m); a property is one number, or a list with one value per element."""
+
+    length: Annotated[Positive, Meta(description="m")]
+    width: Annotated[PerElement, Meta(description="m")]
+    thickness: Annotated[PerElement, Meta(description="m")]
+    density: Annotated[PerElement, Meta(description="kg/m^3")]
+    elastic_modulus: Annotated[PerElement, Meta(description="Pa")]
+    elements: Elements | UnsetType = UNSET
+    axis: Pair = (0.0, -1.0)
+    gravity: Annotated[Pair, Meta(description="m/s^2")] = (0.0, -9.81)
+    natural_curvature: Annotated[float | tuple[float, ...], Meta(description="1/m")] = ()
+    prestress: Annotated[float | tuple[float, ...] | UnsetType, Meta(description="Pa")] = UNSET
+    supports: tuple[SupportSpec, ...] = (ClampSpec(),)
+    attachments: tuple[AttachmentSpec, ...] = ()
+    tip_mass: Annotated[NotNegative | UnsetType, Meta(description="kg")] = UNSET
+    clamp_stiffness: Annotated[Positive | UnsetType, Meta(description="N m/rad")] = UNSET
+
+    @classmethod
+    def of(cls, beam: Beam) -> BeamSpec:
+        """Return the specification of a beam, with one value per element."""
+        fields = {field.name: getattr(beam, field.name) for field in dataclasses.fields(beam)}
+        if not beam.prestress:
+            del fields["prestress"]  # so that documents stay as they were
+        for name in ("supports", "attachments"):
+            fields[name] = tuple(map(lumped_spec, fields[name]))
+        return convert(fields, cls)
+
+    def beam(self) -> Beam:
+        """Return the beam; refuse values that make none."""
+        arguments = _with_objects(self.given())
+        lists = [arguments[name] for name in PROPERTIES if isinstance(arguments[name], tuple)]
+        if "elements" not in arguments and not lists:
+            raise InputError("the key 'elements' is missing")
+        arguments.setdefault("elements", len(lists[0]) if lists else 0)
+        if arguments["natural_curvature"] == ():
+            arguments["natural_curvature"] = 0.0
+        return Beam.uniform(**arguments)
+
+
+class StrainMeasuresSpec(Spec, frozen=True):
+    """Strain measures."""
+
+    axial: AxialStrain
+    curvature: Curvature
+    axial_points: Points
+    bending_points: Points
+
+
+def lumped_spec(part: Support | Attachment) -> LumpedSpec:
+    """Return the specification of a support or attachment; the stiffness of a rigid clamp is None."""
+    kinds = (ClampSpec, PinSpec, RollerSpec, GuideSpec, PointMassSpec, SpringSpec, RotationalSpringSpec, DashpotSpec)
+    (kind,) = (kind for kind in kinds if kind.made is type(part))
+    values = {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}
+    return convert({name: None if value == math.inf else value for name, value in values.items()}, kind)
+
+
+def model_from(beam: BeamSpec, measures: StrainMeasuresSpec, where: str) -> Model:
+    """Return the model of a document's beam and strain measures at a place; refuse values that make no beam."""
+    with located(place_of(where, ["beam"])):
+        made = beam.beam()
+    with located(place_of(where, ["strain_measures"])):
+        return Model(made, StrainMeasures(**measures.given()))
+
+
+def _with_objects(arguments: dict[str, Any]) -> dict[str, Any]:
+    """Return arguments with supports and attachments in place of their specifications."""
+    for name in ("supports", "attachments"):
+        parts = []
+        for k, spec in enumerate(arguments.get(name, ()), start=1):
+            with located(f"{name}: {k}"):
+                parts.append(spec.object())
+        if name in arguments:
+            arguments[name] = tuple(parts)
+    return arguments

@@ -1,0 +1,156 @@
+"""Specifications: data with types, ranges, units and descriptions, declared once as a msgspec Struct.
+
+A class that inherits from ``Spec`` is a table of a TOML file and an object of a JSON document alike.  Its fields are
+the keys; ``msgspec.Meta`` holds their ranges and descriptions.  ``convert`` reads plain data, and refuses what does
+not fit in one line with the place, such as
+
+    study.toml: [beam]: supports: 2: stiffness: must be positive, got -1
+    $.beam.supports[1].stiffness: must be positive, got -1
+
+where a place that begins with ``$`` is a path in a JSON document.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, TypeVar, cast, overload
+
+import msgspec
+from msgspec import UNSET, Meta, Struct
+from msgspec import inspect as types
+from msgspec.structs import asdict
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.inputs import shown
+
+SpecType = TypeVar("SpecType")
+
+Positive = Annotated[float, Meta(gt=0.0)]
+NotNegative = Annotated[float, Meta(ge=0.0)]
+Pair = tuple[float, float]
+
+NOUNS = {"float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "array": "a list",
+         "object": "a table", "null": "null"}  # fmt: skip
+
+
+class Spec(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A table with no other keys than its fields."""
+
+    def given(self) -> dict[str, Any]:
+        """Return the fields that are set."""
+        return {name: value for name, value in asdict(self).items() if value is not UNSET}
+
+
+@overload
+def convert(source: Any, kind: type[SpecType], where: str = "") -> SpecType: ...
+@overload
+def convert(source: Any, kind: Any, where: str = "") -> Any: ...
+def convert(source: Any, kind: Any, where: str = "") -> Any:
+    """Return plain data, or the attributes of an object, as a type; refuse what does not fit, at its place."""
+    try:
+        return msgspec.convert(source, kind, from_attributes=True)
+    except msgspec.ValidationError as error:
+        reason, _, path = str(error).partition(" - at ")
+        steps = [name or int(number) for name, number in re.findall(r"\.([^.\[\]`]+)|\[(\d+)\]", path)]
+        value = source
+        declared: types.Type | None = _tagged(types.type_info(kind), source)
+        for step in steps:
+            value = _item(value, step)
+            declared = _declaration(declared, step, value)
+        message = "has a key that is no text" if path.startswith("`key`") else _plain_reason(reason, value, declared)
+        raise InputError(message, place_of(where, steps)) from None
+
+
+def place_of(where: str, steps: Sequence[str | int]) -> str:
+    """Return the place of a value: a path in a document, ``$.laws[0]``, or else names and numbers from 1."""
+    if where.startswith("$"):
+        return where + "".join(f".{step}" if isinstance(step, str) else f"[{step}]" for step in steps)
+    names = [step if isinstance(step, str) else str(step + 1) for step in steps]
+    return ": ".join([*([where] if where else []), *names])
+
+
+def plain(kind: types.Type) -> types.Type:
+    """Return a declared type without its description."""
+    return plain(kind.type) if isinstance(kind, types.Metadata) else kind
+
+
+def alternatives(kind: types.Type) -> tuple[types.Type, ...]:
+    """Return the types that a value may have."""
+    kind = plain(kind)
+    return tuple(map(plain, kind.types)) if isinstance(kind, types.UnionType) else (kind,)
+
+
+def _item(value: Any, step: str | int) -> Any:
+    """Return what is at a step into plain data or an object; None if nothing is there."""
+    if isinstance(value, Mapping):
+        return value.get(step)
+    if isinstance(step, str):
+        return getattr(value, step, None)
+    return value[step] if isinstance(value, Sequence) and step < len(value) else None
+
+
+def _declaration(declared: types.Type | None, step: str | int, value: Any) -> types.Type | None:
+    """Return the declared type at a step into a type, or None if it does not tell."""
+    for kind in alternatives(declared) if declared else ():
+        if isinstance(kind, types.VarTupleType) and isinstance(step, int):
+            return _tagged(kind.item_type, value)
+        if isinstance(kind, types.TupleType) and isinstance(step, int):
+            return kind.item_types[step]
+        if isinstance(kind, types.StructType):
+            if step == kind.tag_field:
+                return declared
+            if found := [field.type for field in kind.fields if field.encode_name == step]:
+                return _tagged(found[0], value)
+    return None
+
+
+def _tagged(declared: types.Type, value: Any) -> types.Type:
+    """Return the struct among several that the tag of a table names."""
+    for kind in alternatives(declared):
+        if isinstance(kind, types.StructType) and kind.tag and _item(value, cast(str, kind.tag_field)) == kind.tag:
+            return kind
+    return declared
+
+
+def _plain_reason(reason: str, value: Any, declared: types.Type | None) -> str:
+    """Return the message of msgspec as the checks of this package word it."""
+    kinds = [kind for kind in (alternatives(declared) if declared else ()) if not isinstance(kind, types.NoneType)]
+    structs = [kind for kind in kinds if isinstance(kind, types.StructType)]
+    if match := re.fullmatch(r"Object missing required field `(.*)`", reason):
+        tags = ", ".join(str(kind.tag) for kind in structs if kind.tag_field == match[1])
+        return f"the key '{match[1]}' is missing" + (f"; it is one of {tags}" if tags else "")
+    if match := re.fullmatch(r"Object contains unknown field `(.*)`", reason):
+        keys = sorted(field.encode_name for field in structs[0].fields) if structs else []
+        return f"unknown key {shown(match[1])}; known are {', '.join(keys)}"
+    if reason.startswith("Invalid"):
+        names = [str(kind.tag) for kind in structs]
+        names += [str(name) for kind in kinds if isinstance(kind, types.LiteralType) for name in kind.values]
+        return f"must be one of {', '.join(names)}, got {shown(value)}"
+    if isinstance(value, float) and not math.isfinite(value):
+        return f"must be a finite number, got {value:g}"
+    if re.match(r"Expected `(float|int)`", reason):
+        return f"must {_number_range(kinds, value)}, got {shown(value)}"
+    if reason.startswith("Expected `array`") and any(isinstance(kind, types.TupleType) for kind in kinds):
+        return f"must be a pair of numbers (x, y), got {shown(value)}"
+    if match := re.fullmatch(r"Expected `array` of length (?:>= )?(\d+)(?:, got \d+)?", reason):
+        least = " or more" if ">=" in reason else ""
+        return f"must be a list of {match[1]}{least}, got {shown(value)}"
+    if match := re.fullmatch(r"Expected `([^`]*)`, got `[^`]*`", reason):
+        nouns = [NOUNS.get(name, name) for name in match[1].split(" | ") if name != "null"]
+        return f"must be {' or '.join(nouns)}, got {shown(value)}"
+    return f"{reason[0].lower()}{reason[1:]}, got {shown(value)}"
+
+
+def _number_range(kinds: Sequence[types.Type], value: Any) -> str:
+    """Return the numbers that a declared type allows, as a value that is none of them needs it said."""
+    for kind in kinds:
+        if isinstance(kind, types.IntType):
+            return f"be a whole number, {kind.ge or 0} " + ("or more" if kind.le is None else f"to {kind.le}")
+        if isinstance(kind, types.FloatType) and isinstance(value, int | float) and not isinstance(value, bool):
+            if kind.le is None and kind.lt is None and (kind.gt == 0.0 or kind.ge == 0.0):
+                return "be positive" if kind.gt == 0.0 else "not be negative"
+            limits = (("above", kind.gt), ("at least", kind.ge), ("below", kind.lt), ("at most", kind.le))
+            return "be " + " and ".join(f"{word} {limit:g}" for word, limit in limits if limit is not None)
+    return "be a number"

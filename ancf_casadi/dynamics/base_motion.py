@@ -15,10 +15,11 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, Literal, final, get_args
+from typing import Annotated, Any, Literal, final, get_args
 
 import casadi as cs
 import numpy as np
+from msgspec import Meta
 from numpy.typing import ArrayLike
 
 from ancf_casadi.damping import Parameter
@@ -115,8 +116,8 @@ class FixedBase(BaseMotion):
     array([0.005, 0.   ])
     """
 
-    displacement: tuple[float, float] = (0.0, 0.0)
-    rotation: float = 0.0
+    displacement: Annotated[tuple[float, float], Meta(description="m")] = (0.0, 0.0)
+    rotation: Annotated[float, Meta(description="rad")] = 0.0
 
     def __post_init__(self) -> None:
         """Validate."""
@@ -222,12 +223,12 @@ class HarmonicBase(_Oscillation):
     4.125
     """
 
-    amplitude: float
-    frequency: float
-    stop: float = math.inf
+    amplitude: Annotated[float, Meta(description="m")]
+    frequency: Annotated[float, Meta(description="Hz")]
+    stop: Annotated[float, Meta(description="s")] = math.inf
     direction: tuple[float, float] = (1.0, 0.0)
     stop_at: StopAt = "rest"
-    ramp: float = 0.0
+    ramp: Annotated[float, Meta(description="cycles in which the amplitude grows from 0")] = 0.0
 
     def __post_init__(self) -> None:
         """Validate, and normalise the direction."""
@@ -270,12 +271,12 @@ class SweepBase(_Oscillation):
     True
     """
 
-    amplitude: float
-    frequencies: tuple[float, float]
-    stop: float
+    amplitude: Annotated[float, Meta(description="m")]
+    frequencies: Annotated[tuple[float, float], Meta(description="[FIRST, LAST], Hz")]
+    stop: Annotated[float, Meta(description="s")]
     direction: tuple[float, float] = (1.0, 0.0)
     stop_at: StopAt = "rest"
-    ramp: float = 0.0
+    ramp: Annotated[float, Meta(description="cycles")] = 0.0
 
     def __post_init__(self) -> None:
         """Validate, and normalise the direction."""

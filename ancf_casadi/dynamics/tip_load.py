@@ -16,10 +16,11 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, final
+from typing import Annotated, Any, final
 
 import casadi as cs
 import numpy as np
+from msgspec import Meta
 from numpy.typing import ArrayLike
 
 from ancf_casadi.dynamics.base_motion import Piece, check_ramp, checked_samples, pieces_between, ramped
@@ -127,12 +128,12 @@ class HarmonicLoad(TipLoad):
            [0. , 0. , 0. ]])
     """
 
-    force: tuple[float, float]
-    frequency: float
-    moment: float = 0.0
-    stop: float = math.inf
-    ramp: float = 0.0
-    point: float | None = None
+    force: Annotated[tuple[float, float], Meta(description="N")]
+    frequency: Annotated[float, Meta(description="Hz")]
+    moment: Annotated[float, Meta(description="N m")] = 0.0
+    stop: Annotated[float, Meta(description="s")] = math.inf
+    ramp: Annotated[float, Meta(description="cycles")] = 0.0
+    point: Annotated[float | None, Meta(description="m")] = None
     follower: bool = False
 
     def __post_init__(self) -> None:
@@ -268,11 +269,11 @@ class MovingForce(TipLoad):
     -3.93 mm
     """
 
-    force: tuple[float, float]
-    speed: float
-    point: float = 0.0
-    begin: float = 0.0
-    end: float | None = None
+    force: Annotated[tuple[float, float], Meta(description="N")]
+    speed: Annotated[float, Meta(description="m/s")]
+    point: Annotated[float, Meta(description="m")] = 0.0
+    begin: Annotated[float, Meta(description="s")] = 0.0
+    end: Annotated[float | None, Meta(description="m")] = None
 
     def __post_init__(self) -> None:
         """Validate."""

@@ -1,8 +1,8 @@
 """Specifications: data with types, ranges, units and descriptions, declared once as a msgspec Struct.
 
 A class that inherits from ``Spec`` is a table of a TOML file and an object of a JSON document alike.  Its fields are
-the keys; ``msgspec.Meta`` holds their ranges and descriptions.  ``convert`` reads plain data, and refuses what does
-not fit in one line with the place, such as
+the keys; ``msgspec.Meta`` holds their ranges and descriptions.  A dataclass of the toolkit may be a table as it is.
+``convert`` reads plain data, and refuses what does not fit in one line with the place, such as
 
     study.toml: [beam]: supports: 2: stiffness: must be positive, got -1
     $.beam.supports[1].stiffness: must be positive, got -1
@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from typing import Annotated, Any, TypeVar, cast, overload
 
 import msgspec
@@ -23,7 +24,7 @@ from msgspec import inspect as types
 from msgspec.structs import asdict
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import shown
+from ancf_casadi.support.inputs import check_keys, located, shown
 
 SpecType = TypeVar("SpecType")
 
@@ -35,7 +36,7 @@ NOUNS = {"float": "a number", "int": "a whole number", "str": "a text", "bool": 
          "object": "a table", "null": "null"}  # fmt: skip
 
 
-class Spec(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Spec(Struct, frozen=True, forbid_unknown_fields=True):
     """A table with no other keys than its fields."""
 
     def given(self) -> dict[str, Any]:
@@ -49,8 +50,11 @@ def convert(source: Any, kind: type[SpecType], where: str = "") -> SpecType: ...
 def convert(source: Any, kind: Any, where: str = "") -> Any: ...
 def convert(source: Any, kind: Any, where: str = "") -> Any:
     """Return plain data, or the attributes of an object, as a type; refuse what does not fit, at its place."""
+    if is_dataclass(kind) and isinstance(source, Mapping):
+        check_keys(source, set(), keys_of(kind), where)  # a Struct refuses unknown keys by itself
     try:
-        return msgspec.convert(source, kind, from_attributes=True)
+        with located(where):
+            return msgspec.convert(source, kind, from_attributes=True)
     except msgspec.ValidationError as error:
         reason, _, path = str(error).partition(" - at ")
         steps = [name or int(number) for name, number in re.findall(r"\.([^.\[\]`]+)|\[(\d+)\]", path)]
@@ -61,6 +65,11 @@ def convert(source: Any, kind: Any, where: str = "") -> Any:
             declared = _declaration(declared, step, value)
         message = "has a key that is no text" if path.startswith("`key`") else _plain_reason(reason, value, declared)
         raise InputError(message, place_of(where, steps)) from None
+
+
+def keys_of(kind: Any) -> set[str]:
+    """Return the keys of a table that a class declares."""
+    return {field.name for field in fields(kind)} if is_dataclass(kind) else set(kind.__struct_encode_fields__)
 
 
 def place_of(where: str, steps: Sequence[str | int]) -> str:
@@ -98,8 +107,8 @@ def _declaration(declared: types.Type | None, step: str | int, value: Any) -> ty
             return _tagged(kind.item_type, value)
         if isinstance(kind, types.TupleType) and isinstance(step, int):
             return kind.item_types[step]
-        if isinstance(kind, types.StructType):
-            if step == kind.tag_field:
+        if isinstance(kind, types.StructType | types.DataclassType):
+            if step == getattr(kind, "tag_field", None):
                 return declared
             if found := [field.type for field in kind.fields if field.encode_name == step]:
                 return _tagged(found[0], value)
@@ -134,9 +143,10 @@ def _plain_reason(reason: str, value: Any, declared: types.Type | None) -> str:
         return f"must {_number_range(kinds, value)}, got {shown(value)}"
     if reason.startswith("Expected `array`") and any(isinstance(kind, types.TupleType) for kind in kinds):
         return f"must be a pair of numbers (x, y), got {shown(value)}"
-    if match := re.fullmatch(r"Expected `array` of length (?:>= )?(\d+)(?:, got \d+)?", reason):
-        least = " or more" if ">=" in reason else ""
-        return f"must be a list of {match[1]}{least}, got {shown(value)}"
+    for kind in kinds:
+        if isinstance(kind, types.VarTupleType) and reason.startswith("Expected `array` of length"):
+            most = "or more" if kind.max_length is None else f"to {kind.max_length}"
+            return f"must be a list of {kind.min_length or 0} {most}, got {shown(value)}"
     if match := re.fullmatch(r"Expected `([^`]*)`, got `[^`]*`", reason):
         nouns = [NOUNS.get(name, name) for name in match[1].split(" | ") if name != "null"]
         return f"must be {' or '.join(nouns)}, got {shown(value)}"

@@ -13,7 +13,7 @@ from problems.beam.fitting import compare_laws
 from problems.command.output import Output, add_plot, new_files, positive_count, result_output
 from problems.command.record_options import add_record_options, check_no_record_options, read_record, releases
 from problems.decay.comparison import compare_decay_laws
-from problems.schema.records import RECORDS_HELP, read_measurements
+from problems.spec.records import RECORDS_HELP, read_measurements
 
 
 def add_compare_laws(parser: argparse.ArgumentParser) -> None:

@@ -34,7 +34,7 @@ from ancf_casadi.export.fmu import FmuKind
 from ancf_casadi.support.files import check_folder, read_json
 from ancf_casadi.support.inputs import located
 from problems.command.output import Output, comma_numbers, finite, new_files, positive_count
-from problems.schema.beam import DAMPED_HELP, read_damped
+from problems.spec.beam import DAMPED_HELP, read_damped
 
 FORMATS = {
     "json": "json: a document that can be read again",

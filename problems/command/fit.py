@@ -16,12 +16,13 @@ from ancf_casadi.exceptions import AncfError
 from ancf_casadi.export import Document, write_document
 from ancf_casadi.records.sensor import Quantity
 from ancf_casadi.support.inputs import located
+from ancf_casadi.support.specs import keys_of
 from problems.beam.curves.record import Control, Sweep
 from problems.beam.fitting import fit_beam
 from problems.command.output import Output, add_plot, figure_writers, new_files
 from problems.command.record_options import add_spectral_options
-from problems.schema.records import CURVE_READING, RECORDS_HELP, read_measurements
-from problems.schema.table import StudyFile
+from problems.spec.file import StudyFile
+from problems.spec.records import RECORDS_HELP, CurveFileSpec, read_measurements
 
 
 def add_fit(parser: argparse.ArgumentParser) -> None:
@@ -76,7 +77,7 @@ def run_fit_response(options: argparse.Namespace) -> Output:
     """Fit the curves of files."""
     new_files([options.file, *options.curves], options.out, options.plot)
     file = StudyFile.of(options.file)
-    keys = [*sorted(CURVE_READING - {"file"}), "sensor", "sweep", "control"]
+    keys = [*sorted(keys_of(CurveFileSpec) - {"file"}), "sensor", "sweep", "control"]
     shared = {key: value for key in keys if (value := getattr(options, key)) is not None}
     curves = [{"file": os.path.abspath(path), **shared} for path in options.curves]
     return _fitted(options, StudyFile(file.path, {**file.tables, "curves": [*file.several("curves"), *curves]}))

@@ -12,7 +12,7 @@ from problems.command.fit_decay import add_law_options
 from problems.command.output import Output, add_plot, finite, new_files, result_output
 from problems.command.record_options import add_record_options, check_no_record_options, read_record, releases
 from problems.mode.fitting import fit_mode
-from problems.schema.records import MODE_CURVES_HELP, read_curves
+from problems.spec.records import MODE_CURVES_HELP, read_curves
 
 
 def add_fit_mode(parser: argparse.ArgumentParser) -> None:

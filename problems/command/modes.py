@@ -16,8 +16,8 @@ from ancf_casadi.support.tables import Table
 from ancf_casadi.vibration.modes import STATIONS, Modes, natural_modes
 from problems.command.output import Output, add_plot, file_writers, new_files, positive_count, result_output
 from problems.matching.frequency_matching import match_frequencies
-from problems.schema.beam import BEAM_HELP, damping_on, read_beam
-from problems.schema.match import MATCH_HELP, read_match
+from problems.spec.beam import BEAM_HELP, damping_on, read_beam
+from problems.spec.match import MATCH_HELP, read_match
 
 
 def add_modes(parser: argparse.ArgumentParser) -> None:

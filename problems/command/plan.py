@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from problems.command.output import Output, add_plot, figure_writers, new_files, positive_count, result_output
-from problems.schema.plan import PLAN_HELP, read_plan
+from problems.spec.plan import PLAN_HELP, read_plan
 
 
 def add_plan(parser: argparse.ArgumentParser) -> None:

@@ -16,7 +16,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located, physical
 from ancf_casadi.support.tables import Table
 from problems.command.output import Output, add_plot, figure_writers, file_writers, finite, new_files
-from problems.schema.motion import RESPONSE_HELP, SIMULATION_HELP, ResponseTask, read_response, read_simulation
+from problems.spec.motion import RESPONSE_HELP, SIMULATION_HELP, ResponseTask, read_response, read_simulation
 from problems.study.data_table import Column, DataTable
 from problems.study.kinds.response import Curve, curve_numbers, level_numbers, level_titles, summary_columns
 

@@ -10,8 +10,10 @@ from importlib.resources import files
 from pathlib import Path
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.files import check_file, write_file
+from ancf_casadi.support.files import check_file, check_ours, write_files
+from ancf_casadi.support.tables import to_json
 from problems.command.output import Output, positive_count
+from problems.spec.schema import SCHEMA_FILE
 
 STUDY = files("problems.command").joinpath("study.toml").read_text(encoding="utf-8")  # runs as it is
 
@@ -29,17 +31,23 @@ def add_init(parser: argparse.ArgumentParser) -> None:
 
 
 def run_init(options: argparse.Namespace) -> Output:
-    """Write a commented TOML file."""
+    """Write a commented TOML file, and the schema by which editors complete its keys."""
+    from problems.study.study import study_schema  # slow to import
+
     path: Path = options.file
     if path.suffix.lower() != ".toml":
         raise InputError("must end in .toml", str(path))
     if path.exists() or path.is_symlink():
         raise InputError("exists already; choose another name", str(path))
-    check_file(path)
+    schema = path.with_name(SCHEMA_FILE)
+    content = to_json(study_schema())
+    for target in (path, schema):
+        check_file(target)
+    check_ours(schema, content[:80])
     name = path.name if path.name.isprintable() else "study.toml"  # in comments, which a line break would end
-    write = partial(write_file, path, STUDY.replace("study.toml", name))
-    closing = f"wrote {path}; try: ancf-casadi simulate {path} --out motion.csv"
-    return Output(lambda: {"file": str(path)}, str, [write], closing)
+    write = partial(write_files, {path: STUDY.replace("study.toml", name), schema: content})
+    closing = f"wrote {path}, and {schema.name} for editors; try: ancf-casadi simulate {path} --out motion.csv"
+    return Output(lambda: {"file": str(path), "schema": str(schema)}, str, [write], closing)
 
 
 def add_study(parser: argparse.ArgumentParser) -> None:

@@ -45,7 +45,7 @@ from ancf_casadi.support.figures import COMPUTED, MEASURED, Figure
 from ancf_casadi.support.tables import known
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.paper.air import Air, implied_drag_coefficient, viscous_damping_ratios
-from problems.schema.beam import law_of
+from problems.spec.beam import law_of
 from problems.study.data_table import Column, DataTable, columns_of
 from problems.study.drawing import Drawing, drawn, line, new_figure
 from problems.study.part import Finding, Found

@@ -26,7 +26,7 @@ from problems.paper.effects import (
     ratios_over_time,
     simulate_decay,
 )
-from problems.schema.beam import law_of
+from problems.spec.beam import law_of
 from problems.study.data_table import DataTable, columns_of
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure, series
 from problems.study.part import Finding, Found, LawChoice, Task

@@ -29,8 +29,8 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure, plain_log_ticks
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.paper.combined_law import ratio_curves
-from problems.schema.beam import law_of
-from problems.schema.motion import RESPONSE_MODES, ResponseTable, ResponseTask
+from problems.spec.beam import law_of
+from problems.spec.motion import RESPONSE_MODES, ResponseSpec, ResponseTask
 from problems.study.data_table import columns_of
 from problems.study.drawing import drawn, new_figure, series
 from problems.study.kinds.experiment import FEWEST_MODES, ExperimentResult, RequestedRun, decay_curve
@@ -167,7 +167,7 @@ def resonance(beam: Beam, terms: Terms, amplitude: float, frequencies: tuple[flo
     """Return the response curve under a base amplitude (m), and the amplitude of the driven mode along it."""
     model = Model(beam)
     law, count = law_of(terms, model, "damping"), max(RESPONSE_MODES, mode)
-    task = ResponseTask(model, law, ResponseTable(frequencies, amplitude, points=24), count, {})
+    task = ResponseTask(model, law, ResponseSpec(frequencies, amplitude, points=24), count, {})
     curve = task.curve(amplitude)
     return curve_numbers(task, curve), np.array([_amplitude(motion, mode) for motion in curve.motions])
 

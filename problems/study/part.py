@@ -22,8 +22,9 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.inputs import is_sequence, number, shown
-from problems.schema.beam import law_of, read_beam
-from problems.schema.table import NO_FILE, UNLISTED, StudyFile
+from problems.spec.beam import law_of, read_beam
+from problems.spec.file import NO_FILE, StudyFile
+from problems.spec.help import UNLISTED
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing
 

@@ -16,7 +16,8 @@ from typing import Any
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import shown
-from problems.schema.table import StudyFile, read
+from problems.spec.file import StudyFile
+from problems.spec.table import read
 from problems.study.part import LawChoice, Part, Study
 from problems.study.results import file_name
 

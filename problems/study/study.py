@@ -26,10 +26,11 @@ from ancf_casadi.support.inputs import check_instance, flag, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Displayed, counted, to_json
 from ancf_casadi.version import __version__
-from problems.schema import beam as beam_schema
-from problems.schema.match import MATCH_KEYS
-from problems.schema.plan import PLAN_KEYS
-from problems.schema.table import told
+from problems.spec import beam as beam_schema
+from problems.spec.help import table_help
+from problems.spec.match import MATCH_KEYS
+from problems.spec.plan import PLAN_KEYS
+from problems.spec.schema import file_schema
 from problems.study.kinds.beam import BeamProperties, Match, ModesOfBeam
 from problems.study.kinds.decays import DecayRecord, Decays
 from problems.study.kinds.motion import Comparison, MotionFit, PlanPart, SimulationPart
@@ -103,17 +104,26 @@ def study_help() -> str:
     """Return the tables of a study file and their keys, for ``--help``."""
     return "".join((
         beam_schema.HEAD,
-        told("[study]", "{}", Study),
+        table_help("[study]", "{}", Study),
         beam_schema.BEAM_KEYS,
         MATCH_KEYS,
         PLAN_KEYS,
-        told("[[decays]]", "measured free decays: {}", DecayRecord),
-        told("[[laws]]", "damping laws: {}", LawChoice),
+        table_help("[[decays]]", "measured free decays: {}", DecayRecord),
+        table_help("[[laws]]", "damping laws: {}", LawChoice),
         beam_schema.DAMPING_KEYS,
-        told("[[parts]]", "the document in order; without it, the parts that the other tables suggest.  Each part has "
-             "a kind, and may have {}", Part),
-        *(told(f'kind = "{kind.kind}"', kind.about, kind, indent=24, base=Part) for kind in KINDS),
+        table_help("[[parts]]", "the document in order; without it, the parts that the other tables suggest.  Each "
+                   "part has a kind, and may have {}", Part),
+        *(table_help(f'kind = "{kind.kind}"', kind.about, kind, indent=24, base=Part) for kind in KINDS),
     ))  # fmt: skip
+
+
+def study_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a study file."""
+    schema = file_schema(
+        {"study": Study, "laws": LawChoice, "decays": DecayRecord}, {kind.kind: kind for kind in KINDS}
+    )
+    schema["$defs"]["LawChoice"] = {"type": "string", "description": "name of a table [[laws]]"}  # as parts give it
+    return schema
 
 
 def run_study(

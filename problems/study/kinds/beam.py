@@ -18,10 +18,11 @@ from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import located, whole
+from ancf_casadi.support.specs import Positive
 from ancf_casadi.vibration.modes import natural_modes
 from problems.matching.frequency_matching import match_frequencies
-from problems.schema.match import MatchTable, request_of
-from problems.schema.table import Positive, read
+from problems.spec.match import MatchTable, request_of
+from problems.spec.table import read
 from problems.study.data_table import Column, DataTable, columns_of, shown
 from problems.study.drawing import FIGURE_WIDTH, Drawing, drawn, new_figure, series
 from problems.study.part import Finding, Found, Part, Printed, Study, Task, printed_numbers

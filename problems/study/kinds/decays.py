@@ -14,7 +14,6 @@ from typing import Annotated, Any, Literal, Self, final
 import casadi as cs
 import numpy as np
 from msgspec import Meta, Struct
-from msgspec.structs import asdict
 
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
 from ancf_casadi.decay.rest import Rest
@@ -24,12 +23,14 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure, prefixed
 from ancf_casadi.support.inputs import check_keys, located
+from ancf_casadi.support.specs import Positive, convert
 from ancf_casadi.support.tables import known
 from problems.decay.fitting import fit_decay
 from problems.decay.laws import Law
 from problems.decay.result import DecayFit
-from problems.schema.motion import read_measured
-from problems.schema.table import UNLISTED, Positive, read
+from problems.spec.help import UNLISTED
+from problems.spec.motion import ColumnName, FileSpec
+from problems.spec.table import read
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
 from problems.study.part import Finding, Found, Part, Printed, Study, Task, printed_numbers
@@ -39,15 +40,11 @@ SYNTHETIC_STD = 0.2e-3  # m, of synthetic decays
 MOST_DECAY_SAMPLES = 10_000_000  # of a synthetic decay
 
 
-class DecayRecord(Struct, frozen=True):
+class DecayRecord(FileSpec, frozen=True):
     """A measured free decay."""
 
-    file: str
-    column: Annotated[Any, Meta(description="name or number")] = None
-    unit: Any = None
-    time: Annotated[Any, Meta(description="column of the times")] = None
-    time_unit: Any = None
-    sample_rate: Annotated[Any, Meta(description="1/s")] = None
+    column: Annotated[ColumnName | None, Meta(description="name or number")] = None
+    unit: str | None = None
     begin: Annotated[float | None, Meta(description="s")] = None
     end: Annotated[float | None, Meta(description="s")] = None
     release_time: Annotated[float, Meta(description="s")] = math.nan
@@ -187,8 +184,8 @@ class Decays(Part):
                 with located(place):
                     decays.append(self._synthetic(given, study.seed, k))
                 continue
-            measured = read(table, DecayRecord, place)
-            recording = read_measured(study.file, asdict(measured), place)
+            measured = convert(table, DecayRecord, place)
+            recording = measured.recording(study.file, place)
             with located(place):
                 record = Measurement.from_recording(recording, measured.column, unit=measured.unit)
                 decays.append(Decay(record.cut(measured.begin, measured.end), "", measured.release_time))

@@ -24,10 +24,10 @@ from problems.beam.fitting import compare_laws, fit_beam
 from problems.beam.properties import kind_of, value_of
 from problems.beam.result import BeamFit
 from problems.beam.values.records import FrequencyRecord
-from problems.schema.motion import read_simulation
-from problems.schema.plan import PLAN_TABLES, read_plan
-from problems.schema.records import NUMBERS, read_measurements
-from problems.schema.table import StudyFile
+from problems.spec.file import StudyFile
+from problems.spec.motion import read_simulation
+from problems.spec.plan import PLAN_TABLES, read_plan
+from problems.spec.records import NUMBERS, read_measurements
 from problems.study.data_table import Column, DataTable, columns_of, digits_of
 from problems.study.drawing import drawn
 from problems.study.part import Finding, Found, Part, Study, Task

@@ -12,9 +12,9 @@ from msgspec import Meta, Struct
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.figures import Figure, plain_log_ticks
 from ancf_casadi.support.inputs import located
+from ancf_casadi.support.specs import Positive
 from ancf_casadi.support.tables import known
 from problems.modal_damping.rayleigh import RayleighFit, fit_rayleigh, rayleigh_ratio
-from problems.schema.table import Positive
 from problems.study.data_table import Column, columns_of
 from problems.study.drawing import drawn, line, new_figure
 from problems.study.part import Finding, Found, Part, Printed, Study, printed_numbers

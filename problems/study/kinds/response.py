@@ -27,8 +27,9 @@ from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Axes, Figure
 from ancf_casadi.vibration.modes import natural_modes
-from problems.schema.motion import ResponseTask, read_response
-from problems.schema.table import UNLISTED, StudyFile
+from problems.spec.file import StudyFile
+from problems.spec.help import UNLISTED
+from problems.spec.motion import ResponseTask, read_response
 from problems.study.data_table import Column, columns_of
 from problems.study.drawing import drawn, new_figure, series
 from problems.study.part import Finding, Found, Part, Study, Task

@@ -19,12 +19,13 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.arrays import Array, maxima
 from ancf_casadi.support.figures import Axes, Figure, plain_log_ticks
 from ancf_casadi.support.tables import known
-from problems.schema.table import keys_of
+from problems.spec.help import described_keys
 from problems.study.data_table import Column, DataTable, columns_of
 from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, series
 from problems.study.kinds.experiment import ExperimentResult, RequestedRun, run_experiment
 from problems.study.part import Finding, Found, LawChoice, Part, Printed, Study, Task, printed_numbers
 
+RUN_KEYS = ", ".join(described_keys(RequestedRun))
 TRANSIENT_KEYS = {"experiment", "runs"}  # other keys of its numbers
 
 Row = tuple[int, LawChoice, dict[str, Any]]  # number of a run, law, and the numbers of the experiment
@@ -64,7 +65,8 @@ class Transients(Part):
     naming = ("beam",)
 
     runs: Annotated[
-        tuple[RequestedRun, ...], Meta(min_length=1, description=f"[{{{', '.join(keys_of(RequestedRun))}}}, ...]")
+        tuple[RequestedRun, ...],
+        Meta(min_length=1, description=f"[{{{RUN_KEYS}}}, ...]"),
     ]
     laws: Annotated[tuple[LawChoice, ...], Meta(description="names of [[laws]]")] = ()
     beam: Annotated[str, Meta(description='"PART"')] = ""

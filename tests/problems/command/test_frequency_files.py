@@ -15,7 +15,7 @@ from ancf_casadi import (
     periodic_motion,
     reduce_model,
 )
-from problems.schema.records import read_measurements
+from problems.spec.records import read_measurements
 
 F = np.linspace(5.0, 25.0, 401)
 BEAM = """

@@ -7,7 +7,7 @@ import pytest
 
 from ancf_casadi import HarmonicBase, periodic_motion
 from problems.cli import main
-from problems.schema.motion import read_response
+from problems.spec.motion import read_response
 
 STUDY = """
 [beam]

@@ -3,7 +3,7 @@
 import pytest
 
 from ancf_casadi import InputError
-from problems.schema.motion import read_response
+from problems.spec.motion import read_response
 from problems.study.study import run_study
 from tests.problems.conftest import BEAM, study_in
 

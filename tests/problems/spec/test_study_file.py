@@ -33,9 +33,9 @@ from ancf_casadi.export import Document, write_document
 from ancf_casadi.mechanics.spec import AttachmentSpec, SupportSpec
 from ancf_casadi.support.inputs import numbers
 from problems import Global, MeasuredModes, PerElement, Smooth
-from problems.schema.beam import DAMPED_HELP, read_beam, read_damped
-from problems.schema.match import read_match
-from problems.schema.motion import read_simulation
+from problems.spec.beam import DAMPED_HELP, read_beam, read_damped
+from problems.spec.match import read_match
+from problems.spec.motion import read_simulation
 
 BEAM = """
 [beam]

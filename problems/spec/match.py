@@ -13,8 +13,10 @@ from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.inputs import located, numbers, shown
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.unknowns import Global, PerElement, PropertyUnknown, Smooth
-from problems.schema.beam import BEAM_HELP, read_beam
-from problems.schema.table import StudyFile, read, told
+from problems.spec.beam import BEAM_HELP, read_beam
+from problems.spec.file import StudyFile
+from problems.spec.help import table_help
+from problems.spec.table import read
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +47,7 @@ class MatchTable:
         return {key: value for key, value in given.items() if value is not None}
 
 
-MATCH_KEYS = told("[match]", "{}", MatchTable)
+MATCH_KEYS = table_help("[match]", "{}", MatchTable)
 MATCH_HELP = BEAM_HELP + MATCH_KEYS
 MOST_ELEMENTS = 1000  # a match with more takes minutes, and Ctrl-C does not end it at once
 MODE_KEYS = ("frequency_std", "points", "shapes", "shape_std")  # keys that belong to MeasuredModes

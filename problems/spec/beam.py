@@ -16,7 +16,8 @@ from ancf_casadi.mechanics.spec import AttachmentSpec, BeamSpec, SupportSpec
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.specs import Spec, convert
 from ancf_casadi.vibration.modes import natural_modes
-from problems.schema.table import StudyFile, is_document, told, told_kinds
+from problems.spec.file import StudyFile, is_document
+from problems.spec.help import table_help, tagged_help
 
 
 class DocumentName(Spec, frozen=True):
@@ -26,15 +27,15 @@ class DocumentName(Spec, frozen=True):
 
 
 HEAD = "tables of a TOML file:\n"
-BEAM_KEYS = told(
+BEAM_KEYS = table_help(
     "[beam]",
     "{}; a property is one number, or a list with one value per element; supports = []: a free beam.  Or only {}: a "
     "JSON document with a beam and its damping",
     BeamSpec,
     DocumentName,
 )
-PART_KEYS = told_kinds("[[beam.supports]]", SupportSpec) + told_kinds("[[beam.attachments]]", AttachmentSpec)
-DAMPING_KEYS = told_kinds("[[damping]]", RayleighSpec | QuadraticSpec | FrictionSpec | ModalSpec)
+PART_KEYS = tagged_help("[[beam.supports]]", SupportSpec) + tagged_help("[[beam.attachments]]", AttachmentSpec)
+DAMPING_KEYS = tagged_help("[[damping]]", RayleighSpec | QuadraticSpec | FrictionSpec | ModalSpec)
 BEAM_HELP = HEAD + BEAM_KEYS + PART_KEYS
 DAMPED_HELP = BEAM_HELP + DAMPING_KEYS
 
@@ -48,7 +49,7 @@ def read_beam(given: str | StudyFile) -> Document:
     if isinstance(table, dict) and "document" in table:
         name = convert(table, DocumentName, where).document
         with located(f"{where}: document"):
-            return read_document(file.beside(name, where))
+            return read_document(file.beside(name))
     spec = convert(table, BeamSpec, where)
     with located(where):
         return Document(Model(spec.beam()))

@@ -9,7 +9,7 @@ from ancf_casadi.estimation.criteria import Expectation
 from ancf_casadi.version import __version__
 from problems import PlannedComparison, plan, run_study
 from problems.cli import main
-from problems.schema.plan import read_plan
+from problems.spec.plan import read_plan
 from tests.problems.conftest import BEAM
 
 FITTED = (
@@ -81,7 +81,7 @@ def test_each_kind_of_candidate_is_told_by_its_keys(study):
     assert tones.model.beam.tip_mass == 1e-3
     assert curve.sensor.point == 0.4 and curve.base.amplitude == 1e-3
     assert (task.table.budget, task.table.goal) == (6.0, "density")
-    assert task.settings == {"unknowns": ["elastic_modulus", "density"]}
+    assert task.settings == {"unknowns": ("elastic_modulus", "density")}
 
 
 @pytest.mark.slow
@@ -133,13 +133,13 @@ def test_the_command_compares_the_laws_of_the_file(tmp_path, capsys, monkeypatch
         asked.update(settings, candidates=list(candidates), laws=[type(law) for law in laws])
         return PlannedComparison(("first", "second"), {("candidate 1", 0, 1): Expectation(difference=3.0, right=0.8)})
 
-    monkeypatch.setattr("problems.schema.plan.plan_comparison", found)
+    monkeypatch.setattr("problems.spec.plan.plan_comparison", found)
     path = tmp_path / "study.toml"
     path.write_text("\n".join((BEAM, MOTION, DRAG, "[fit]\nlaws = [[2], [1]]\nunknowns = ['density']")))
     assert main(["plan", str(path), "--laws", "--json", "--jobs", "2"]) == 0
     assert json.loads(capsys.readouterr().out)["right"] == {"candidate 1": 0.8}
     assert asked == {
-        "candidates": ["candidate 1"], "laws": [QuadraticDamping, RayleighDamping], "unknowns": ["density"],
+        "candidates": ["candidate 1"], "laws": [QuadraticDamping, RayleighDamping], "unknowns": ("density",),
         "jobs": 2, "progress": True,
     }  # fmt: skip
 

@@ -6,7 +6,9 @@ import pytest
 from msgspec import Meta, Struct
 
 from ancf_casadi.exceptions import InputError
-from problems.schema.table import Positive, made, read, told
+from ancf_casadi.support.specs import Positive
+from problems.spec.help import table_help
+from problems.spec.table import read
 
 
 class Mark(Struct, frozen=True):
@@ -66,22 +68,8 @@ def test_a_mistake_names_its_key(given, message):
     assert str(raised.value).startswith(message)
 
 
-def test_the_arguments_of_a_function_are_the_keys_of_a_table():
-    def swing(length: float, mass: float = 1.0, *, start: float = 0.0) -> tuple[float, ...]:
-        return length, mass, start
-
-    assert made({"length": 2.0}, swing, "x", start=3.0) == (2.0, 1.0, 3.0)
-    for table, keys, message in (
-        ({}, None, "x: the key 'length' is missing"),
-        ({"length": 1.0, "start": 1.0}, {"length"}, "x: unknown key 'start'; known are length"),
-        ([], None, "x: must be a table"),
-    ):
-        with pytest.raises(InputError, match=message):
-            made(table, swing, "x", keys)
-
-
 def test_the_help_lists_keys_with_units_and_choices():
-    text = told("[record]", "a record: {}", Record)
+    text = table_help("[record]", "a record: {}", Record)
     assert text.splitlines()[0].startswith("  [record]      a record: rate (1/s), from, marks")
     assert 'side ("left" or "right"), quiet (true or false)' in " ".join(text.split())
     assert all(len(line) <= 80 for line in text.splitlines())

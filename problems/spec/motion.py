@@ -1,0 +1,353 @@
+"""The tables of a motion: [base] of the clamp, [load] at the tip, and [release], the load before time 0.
+
+Those of a simulation also have [simulation] with its settings, and [markers] with points to output.  The table
+[response] is the steady vibration of the beam under harmonic excitation, over a range of frequencies.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from msgspec import UNSET, Meta, UnsetType
+
+from ancf_casadi.damping import DampingLaw
+from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
+from ancf_casadi.dynamics.simulation import Method
+from ancf_casadi.dynamics.start import Start
+from ancf_casadi.dynamics.tip_load import HarmonicLoad, MovingForce, SampledLoad, TipLoad
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.records.channel import Recording
+from ancf_casadi.records.layout import TableLayout
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.recording import read_recording
+from ancf_casadi.records.sensor import Quantity, Sensor
+from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
+from ancf_casadi.response.curve import ResponseCurve
+from ancf_casadi.response.tracing import CURVE_POINTS, MOST_CURVE_POINTS, frequency_response
+from ancf_casadi.support.inputs import located, physical, shown, unit_vector, whole
+from ancf_casadi.support.specs import Pair, Positive, Spec, convert
+from ancf_casadi.vibration.statics import static_equilibrium
+from problems.spec.beam import DAMPED_HELP, read_damped
+from problems.spec.file import StudyFile, convert_groups
+from problems.spec.help import Kinds, kinds_help, table_help
+
+ColumnName = str | int  # name of a column, or its number from 1
+Rows = tuple[Pair, ...]
+
+
+class LayoutSpec(Spec, frozen=True):
+    """Rows and columns of a file that its reader cannot tell by itself."""
+
+    names_row: Annotated[int | None, Meta(description="line with the names")] = None
+    skip_rows: Annotated[tuple[int, ...], Meta(description="lines to leave out")] = ()
+    leave_out: Annotated[tuple[ColumnName, ...], Meta(description="columns to leave out")] = ()
+
+    def layout(self) -> TableLayout:
+        """Return the layout."""
+        return TableLayout.of(self.given())
+
+
+class FileSpec(LayoutSpec, frozen=True, kw_only=True):
+    """A file of measurements, and its times."""
+
+    file: str
+    time: Annotated[ColumnName | None, Meta(description="column of the times")] = None
+    time_unit: str | None = None
+    sample_rate: Annotated[float | None, Meta(description="1/s, without times")] = None
+
+    def recording(self, file: StudyFile, where: str) -> Recording:
+        """Read the file."""
+        times: dict[str, Any] = {"time": self.time, "time_unit": self.time_unit, "sample_rate": self.sample_rate}
+        with located(where):
+            return read_recording(file.beside(self.file), progress=True, layout=self.layout(), **times)
+
+
+class BaseColumns(Spec, frozen=True):
+    """Columns with the motion of the base; one is enough."""
+
+    x: ColumnName | None = None
+    y: ColumnName | None = None
+    rotation: ColumnName | None = None
+    unit: Annotated[str | None, Meta(description="of x and y")] = None
+
+
+class LoadColumns(Spec, frozen=True):
+    """Columns with the load at the tip; one is enough."""
+
+    force_x: ColumnName | None = None
+    force_y: ColumnName | None = None
+    moment: ColumnName | None = None
+    unit: Annotated[str | None, Meta(description="of the force")] = None
+
+
+class LoadValues(Spec, frozen=True):
+    """A load at the tip by its values."""
+
+    time: Annotated[tuple[float, ...], Meta(description="s")]
+    force: Annotated[tuple[tuple[float, ...] | float, ...], Meta(description="[[X, Y], ...], N")]
+    moment: Annotated[tuple[float, ...] | None, Meta(description="N m")] = None
+
+
+class ReleaseSpec(Spec, frozen=True):
+    """The load that holds the beam until time 0."""
+
+    tip_force: Annotated[Pair, Meta(description="N")] = (0.0, 0.0)
+    tip_moment: Annotated[float, Meta(description="N m")] = 0.0
+
+
+class SimulationSpec(Spec, frozen=True):
+    """A simulated motion."""
+
+    duration: Annotated[Positive, Meta(description="s")]
+    sample_rate: Annotated[Positive | UnsetType, Meta(description="1/s")] = UNSET
+    tolerance: Positive | UnsetType = UNSET
+    method: Method | UnsetType = UNSET
+    start: Start | UnsetType = UNSET
+
+
+BASE_KINDS: Kinds = {
+    "harmonic": (HarmonicBase,),
+    "sweep": (SweepBase,),
+    "fixed": (FixedBase,),
+    "sampled": (FileSpec, BaseColumns),
+}
+LOAD_KINDS: Kinds = {
+    "harmonic": (HarmonicLoad,),
+    "moving": (MovingForce,),
+    "values": (LoadValues,),
+    "sampled": (FileSpec, LoadColumns),
+}
+MOTION_KEYS = (
+    kinds_help("[base]", BASE_KINDS)
+    + kinds_help("[load]", LOAD_KINDS)
+    + table_help("[release]", "the load that holds the beam until time 0: {}", ReleaseSpec)
+)
+COLUMN_NAMES = ("time", "tip", "base")  # names of columns that are always there
+MARKERS_KEYS = table_help("[markers]", "NAME = arc length from the clamp (m): points in the output")
+SIMULATION_HELP = DAMPED_HELP + MOTION_KEYS + table_help("[simulation]", "{}", SimulationSpec) + MARKERS_KEYS
+
+
+def read_motion(file: StudyFile, given: Mapping[str, Any], model: Model, where: str) -> dict[str, Any]:
+    """Return the arguments ``base``, ``load`` and ``start`` of a motion, as far as there are tables.
+
+    They come from the tables within ``given``, whose place is ``where``, or else from those of the file.  A given start
+    holds instead of a release.
+    """
+    arguments: dict[str, Any] = {"start": given["start"]} if "start" in given else {}
+    readers = {"base": read_base, "load": read_load}
+    for name, reader in readers.items():
+        table, place = _table(file, given, name, where)
+        if table is not None:
+            arguments[name] = reader(file, table, place)
+    table, place = _table(file, given, "release", where)
+    if table is not None and "start" not in given:
+        release = convert(table, ReleaseSpec, place)
+        with located(place):
+            arguments["start"] = static_equilibrium(model, **release.given())
+    return arguments
+
+
+def _table(file: StudyFile, given: Mapping[str, Any], name: str, where: str) -> tuple[Any, str]:
+    """Return a table within another one, or else that of the file, and its place."""
+    return (given[name], f"{where}: {name}") if name in given else (file.tables.get(name), file.where(name))
+
+
+def read_base(file: StudyFile, table: Any, where: str) -> BaseMotion:
+    """Return a base motion, of one of four kinds that the keys of its table tell apart."""
+    keys = set(table) if isinstance(table, dict) else set()
+    if "file" in keys:
+        sampled: BaseMotion = _sampled(file, table, SampledBase, BaseColumns, ("position", "position", "slope"), where)
+        return sampled
+    fixed = keys and keys <= {"displacement", "rotation"}
+    kind: Any = SweepBase if "frequencies" in keys else FixedBase if fixed else HarmonicBase
+    base: BaseMotion = convert(table, kind, where)
+    return base
+
+
+def read_load(file: StudyFile, table: Any, where: str) -> TipLoad:
+    """Return a load at the tip, of one of four kinds that the keys of its table tell apart."""
+    keys = set(table) if isinstance(table, dict) else set()
+    if "file" in keys:
+        sampled: TipLoad = _sampled(file, table, SampledLoad, LoadColumns, ("force", "force", "moment"), where)
+        return sampled
+    if "time" in keys:
+        values = convert(table, LoadValues, where)
+        with located(where):
+            return SampledLoad(values.time, values.force, values.moment)
+    load: TipLoad = convert(table, MovingForce if "speed" in keys else HarmonicLoad, where)
+    return load
+
+
+def _sampled(
+    file: StudyFile, table: Any, kind: Any, columns: type[Spec], quantities: tuple[Quantity, ...], where: str
+) -> Any:
+    """Return an excitation with the times and columns of a file, in SI units; one without a column is zero."""
+    source, chosen = convert_groups(table, where, FileSpec, columns)
+    names = columns.__struct_fields__[:-1]  # the unit holds for those of the first quantity
+    named = {name: column for name in names if (column := getattr(chosen, name)) is not None}
+    if not named:
+        raise InputError(f"name at least one of the columns {', '.join(names)}", where)
+    recording = source.recording(file, where)
+    records = {}
+    for name, quantity in zip(names, quantities, strict=True):
+        if name in named:
+            unit = chosen.unit if quantity == quantities[0] else None
+            with located(f"{where}: {name}"):
+                records[name] = Measurement.from_recording(recording, named[name], unit=unit, sensor=Sensor(quantity))
+    first, *others = records
+    for name in others:
+        if not np.array_equal(records[name].time, records[first].time):
+            raise InputError(
+                f"has other times or gaps than {first}; give all columns at the same times", f"{where}: {name}"
+            )
+    time = records[first].time
+    x, y, turning = (records[name].values if name in records else np.zeros(len(time)) for name in names)
+    with located(where):
+        return kind(time, np.column_stack([x, y]), turning)
+
+
+def read_simulation(given: str | StudyFile) -> tuple[dict[str, Any], dict[str, float]]:
+    """Read the arguments of ``simulate``, and the points to output: arc length by name, m."""
+    file = StudyFile.of(given)
+    source, where = read_damped(file), file.where("simulation")
+    settings = convert(file.needed("simulation"), SimulationSpec, where).given()
+    _check_size(settings, source.model, where)
+    if "start" in settings and "release" in file.tables:
+        raise InputError("is given by the table [release]; leave it out", f"{where}: start")
+    motion = settings | read_motion(file, settings, source.model, where)
+    return {"model": source.model, "damping": source.damping, **motion}, read_markers(file, source.model)
+
+
+def _check_size(settings: Mapping[str, Any], model: Model, where: str) -> None:
+    """Refuse a motion that would fill the memory."""
+    rate = settings.get("sample_rate", 1000.0)  # 1/s, the default of ``simulate``
+    with located(where):
+        samples = physical(settings["duration"], "duration") * physical(rate, "sample_rate")
+    if 2 * 8 * model.size * samples > 5e8:  # bytes of the coordinates and velocities
+        raise InputError(
+            f"{samples:.3g} samples of {model.beam.elements} elements would take {16 * model.size * samples / 1e9:.2g} "
+            "GB; lower sample_rate or duration, or use fewer elements",
+            f"{where}: sample_rate",
+        )
+
+
+def read_markers(file: StudyFile, model: Model) -> dict[str, float]:
+    """Return the points of the table [markers]: arc length by name, m."""
+    where = file.where("markers")
+    points = convert(file.tables.get("markers", {}), dict[str, Any], where)
+    for name, point in points.items():
+        if name in COLUMN_NAMES or not re.fullmatch(r"\w[\w.-]*", name):
+            raise InputError(
+                f"a name must be made of letters and digits and differ from {', '.join(COLUMN_NAMES)}",
+                f"{where}: {shown(name)}",
+            )
+        with located(f"{where}: {name}"):
+            model.element_at(point)
+    return points
+
+
+RESPONSE_MODES = 8  # of the reduced model, if the beam has as many
+RESPONSE_TOLERANCE = 1e-4  # few harmonics suffice for it, even under friction
+
+Levels = Positive | Annotated[tuple[Positive, ...], Meta(min_length=1, max_length=20)]
+
+
+class ResponseSpec(Spec, frozen=True):
+    """Steady vibration over frequency; 0 stands for what is not given."""
+
+    frequencies: Annotated[tuple[Positive, Positive], Meta(description="[FROM, TO], Hz")]
+    base_amplitudes: Annotated[Levels, Meta(description="m, one number or several levels")] = ()
+    tip_forces: Annotated[Levels, Meta(description="N, instead of base_amplitudes")] = ()
+    direction: Pair = (1.0, 0.0)
+    model: Literal["reduced", "full"] = "reduced"
+    modes: Annotated[int, Meta(ge=1, description=f"of the reduced model, {RESPONSE_MODES}")] = 0
+    points: Annotated[int, Meta(ge=2, le=MOST_CURVE_POINTS, description=f"least number on a curve, {CURVE_POINTS}")] = (
+        CURVE_POINTS
+    )
+    tolerance: Annotated[
+        float, Meta(gt=0.0, le=0.01, description=f"error of each motion relative to its size, {RESPONSE_TOLERANCE:g}")
+    ] = RESPONSE_TOLERANCE
+
+
+RESPONSE_HELP = DAMPED_HELP + table_help("[response]", "steady vibration: {}", ResponseSpec) + MARKERS_KEYS
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseTask:
+    """The arguments of ``frequency_response`` from a file, one curve per level of the excitation."""
+
+    model: Model
+    damping: DampingLaw | None
+    table: ResponseSpec
+    modes: int  # of the reduced model; 0 for the full beam
+    markers: Mapping[str, float]  # arc length of each point to output, m
+
+    @property
+    def driven(self) -> str:
+        """Place of the excitation, "base" or "tip"."""
+        return "base" if self.table.base_amplitudes else "tip"
+
+    @property
+    def levels(self) -> tuple[float, ...]:
+        """Amplitudes of the excitation: of the base, m, or of the force at the tip, N."""
+        levels = self.table.base_amplitudes or self.table.tip_forces
+        return levels if isinstance(levels, tuple) else (levels,)
+
+    @cached_property
+    def body(self) -> Model | ReducedModel:
+        """The full beam, or its reduced model with the damping law."""
+        return reduce_model(self.model, modes=self.modes, damping=self.damping) if self.modes else self.model
+
+    @property
+    def unit(self) -> str:
+        """Unit of the levels."""
+        return "m" if self.driven == "base" else "N"
+
+    def excitation(self, level: float) -> dict[str, Any]:
+        """Return the excitation of a level as the argument ``base`` or ``load`` of ``frequency_response``."""
+        start, direction = self.table.frequencies[0], unit_vector(self.table.direction, "direction")
+        if self.driven == "base":
+            return {"base": HarmonicBase(level, start, direction=direction)}
+        return {"load": HarmonicLoad((level * direction[0], level * direction[1]), start)}
+
+    def curve(self, level: float) -> ResponseCurve:
+        """Return the response curve of a level."""
+        return frequency_response(
+            self.body,
+            self.table.frequencies,
+            damping=None if self.modes else self.damping,  # a reduced model has its law
+            points=self.table.points,
+            tolerance=self.table.tolerance,
+            **self.excitation(level),
+        )
+
+
+def read_response(given: str | StudyFile) -> ResponseTask:
+    """Read a beam, its damping, and its harmonic excitation over a range of frequencies."""
+    file = StudyFile.of(given)
+    source, where = read_damped(file), file.where("response")
+    table = convert(file.needed("response"), ResponseSpec, where)
+    first, last = table.frequencies
+    if first == last:
+        raise InputError(f"must be [FROM, TO], two different values, got {first:g} twice", f"{where}: frequencies")
+    unit_vector(table.direction, f"{where}: direction")
+    if bool(table.base_amplitudes) == bool(table.tip_forces):
+        raise InputError("give either base_amplitudes (m) or tip_forces (N)", f"{where}: base_amplitudes")
+    modes, markers = _modes(table, source.model, f"{where}: modes"), read_markers(file, source.model)
+    return ResponseTask(source.model, source.damping, table, modes, markers)
+
+
+def _modes(table: ResponseSpec, model: Model, where: str) -> int:
+    """Return the number of modes of the reduced model; 0 for the full beam."""
+    most = model.freedoms
+    if table.model == "full":
+        if table.modes:
+            raise InputError("belongs to the reduced model; leave it out", where)
+        return 0
+    return whole(table.modes, where, 1, most) if table.modes else min(RESPONSE_MODES, most // 2)

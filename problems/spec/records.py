@@ -1,0 +1,435 @@
+"""The tables of a fit of a beam: its measurements, one table each, and [fit] with the unknowns.
+
+[[records]] are motions in files, [[curves]] response curves in files or as numbers, [[statics]] static tests and
+[[frequencies]] natural frequencies, both as numbers.
+"""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any
+
+import numpy as np
+from msgspec import UNSET, Meta, UnsetType
+
+from ancf_casadi.damping import DampingLaw
+from ancf_casadi.damping.spec import sum_laws
+from ancf_casadi.dynamics.base_motion import HarmonicBase
+from ancf_casadi.dynamics.start import Start
+from ancf_casadi.dynamics.tip_load import HarmonicLoad
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.export.model_document import Document
+from ancf_casadi.mechanics.loads import PointLoad
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.spec import ConfigurationSpec
+from ancf_casadi.records.channel import Recording
+from ancf_casadi.records.layout import LAYOUT_KEYS
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.sensor import Frame, Quantity, Sensor
+from ancf_casadi.support.inputs import located, whole
+from ancf_casadi.support.specs import Pair, Positive, Spec, convert, keys_of
+from problems.beam.curves.reading import ExcitationUnit
+from problems.beam.curves.record import Control, ResponseRecord, Sweep
+from problems.beam.motions.record import Camera, Channel, MotionRecord
+from problems.beam.values.records import FrequencyRecord, StaticRecord
+from problems.spec.beam import DAMPED_HELP, read_damped, term_of
+from problems.spec.file import StudyFile, convert_groups
+from problems.spec.help import table_help
+from problems.spec.motion import MOTION_KEYS, ColumnName, FileSpec, LayoutSpec, read_motion
+
+Values = float | tuple[float, ...]  # one number, or one per value
+Table = dict[str, Any]
+
+
+class SensorSpec(Spec, frozen=True):
+    """What a sensor measures, and where."""
+
+    sensor: Quantity | UnsetType = UNSET
+    point: Annotated[float | None, Meta(description="m, the tip if not given")] = None
+    direction: Pair = (1.0, 0.0)
+    frame: Frame = "inertial"
+    gravity: Annotated[bool, Meta(description="whether an accelerometer feels it")] = False
+    distance: Annotated[float | None, Meta(description="m, of a strain gauge from the neutral axis")] = None
+
+    def make(self, quantity: Quantity, where: str) -> Sensor:
+        """Return the sensor; ``quantity`` is what it measures if the table does not say."""
+        arguments = self.given()
+        with located(where):
+            return Sensor(arguments.pop("sensor", quantity), **arguments)
+
+
+class ChannelSpec(Spec, frozen=True):
+    """A channel of a motion, and what is not known of it."""
+
+    column: Annotated[ColumnName | None, Meta(description="name or number")] = None
+    unit: str | None = None
+    begin: Annotated[float | None, Meta(description="s")] = None
+    end: Annotated[float | None, Meta(description="s")] = None
+    std: Annotated[float | None, Meta(description="standard deviation")] = None
+    offset: Annotated[Pair | None, Meta(description="bounds of an unknown time offset, s")] = None
+    zero: Annotated[Pair | None, Meta(description="bounds of an unknown reading at rest")] = None
+
+    def make(self, recording: Recording, sensor: Sensor, where: str) -> Channel:
+        """Return the channel of a recording."""
+        with located(where):
+            record = Measurement.from_recording(recording, self.column, unit=self.unit, sensor=sensor)
+            return Channel(record.cut(self.begin, self.end), self.std, self.offset, self.zero)
+
+
+class MotionSpec(Spec, frozen=True):
+    """A measured motion; a key of its channels beside them holds for all."""
+
+    name: str = ""
+    channels: Annotated[tuple[Table, ...], Meta(min_length=1, description="[{KEYS OF A CHANNEL}, ...]")] = ()
+    release_time: Annotated[float | Pair, Meta(description="start in the times of the file, s, or its bounds")] = 0.0
+    camera: Annotated[Table | UnsetType, Meta(description="{scale, rotation, origin}: bounds of an unknown view")] = (
+        UNSET
+    )
+    base: Table | UnsetType = UNSET
+    load: Table | UnsetType = UNSET
+    release: Table | UnsetType = UNSET
+    start: Annotated[Start | UnsetType, Meta(description="these four if they differ from the tables")] = UNSET
+
+
+class BaseLevelSpec(Spec, frozen=True):
+    """A harmonic motion of the base at level 1; its frequency has no effect."""
+
+    amplitude: Annotated[float, Meta(description="m")]
+    direction: Pair = (1.0, 0.0)
+
+
+class LoadLevelSpec(Spec, frozen=True):
+    """A harmonic load at the tip at level 1; its frequency has no effect."""
+
+    force: Annotated[Pair, Meta(description="N")]
+    moment: Annotated[float, Meta(description="N m")] = 0.0
+
+
+class CurveSpec(Spec, frozen=True):
+    """A curve of steady vibration."""
+
+    name: str | UnsetType = UNSET
+    base: Annotated[BaseLevelSpec | UnsetType, Meta(description="{amplitude (m), direction} at level 1")] = UNSET
+    load: Annotated[LoadLevelSpec | UnsetType, Meta(description="{force (N), moment (N m)} at level 1")] = UNSET
+    excitation_unit: Annotated[ExcitationUnit | UnsetType, Meta(description="of the levels")] = UNSET
+    relative: Annotated[bool, Meta(description="whether the sensor moves with the base")] = False
+    sweep: Sweep | None = None
+    control: Annotated[Control, Meta(description="quantity that was held")] = "excitation"
+    amplitude_std: Values | None = None
+    phase_std: Values | None = None
+    level_std: Values | None = None
+
+
+class CurveFileSpec(LayoutSpec, frozen=True, kw_only=True):
+    """A file with a curve, and its columns, if their names do not tell them."""
+
+    file: str
+    frequency: ColumnName | None = None
+    column: Annotated[ColumnName | None, Meta(description="of amplitudes")] = None
+    phase: ColumnName | None = None
+    level: ColumnName | None = None
+    imaginary: Annotated[ColumnName | None, Meta(description="of imaginary parts")] = None
+    unit: str | None = None
+    phase_unit: str | None = None
+    level_unit: str | None = None
+
+
+class CurveValuesSpec(Spec, frozen=True):
+    """The values of a curve."""
+
+    frequencies: Annotated[tuple[float, ...], Meta(description="Hz")]
+    values: Annotated[tuple[float, ...], Meta(description="amplitudes of the sensor")]
+    phases: Annotated[tuple[float, ...] | None, Meta(description="rad")] = None
+    levels: tuple[float, ...] | None = None
+
+
+class LoadSpec(Spec, frozen=True):
+    """A mass that hangs at a point, or a force and a moment there."""
+
+    mass: Annotated[float | UnsetType, Meta(description="kg")] = UNSET
+    force: Annotated[Pair | UnsetType, Meta(description="N")] = UNSET
+    moment: Annotated[float | UnsetType, Meta(description="N m")] = UNSET
+    point: Annotated[float | None, Meta(description="m")] = None
+
+    def make(self) -> PointLoad:
+        """Return the load."""
+        if self.mass is UNSET:
+            return PointLoad(**self.given())
+        if self.force is not UNSET or self.moment is not UNSET:
+            raise InputError("give either a mass, or a force and a moment")
+        return PointLoad.hung(self.mass, self.point)
+
+
+class StaticSpec(Spec, frozen=True):
+    """A static test; a key of its channels beside them holds for all."""
+
+    loads: Annotated[
+        tuple[LoadSpec | tuple[LoadSpec, ...], ...],
+        Meta(description="[{mass (kg), or force (N) and moment (N m), point (m)}, ...] by case, or lists of these"),
+    ]
+    name: str = "static test"
+    channels: Annotated[tuple[Table, ...], Meta(min_length=1, description="[{KEYS OF A CHANNEL}, ...]")] = ()
+    tared: Annotated[bool, Meta(description="whether all sensors read 0 without loads")] = False
+
+
+class StaticValuesSpec(Spec, frozen=True):
+    """Readings of a sensor in a static test."""
+
+    values: Annotated[tuple[float, ...], Meta(description="of the cases")]
+    std: Values = math.nan
+
+
+class FrequenciesSpec(Spec, frozen=True):
+    """Measured natural frequencies."""
+
+    frequencies: Annotated[tuple[float, ...], Meta(description="Hz")]
+    std: Annotated[Values | None, Meta(description="Hz")] = None
+    modes: Annotated[tuple[int, ...] | None, Meta(description="from 1")] = None
+    name: str = "frequencies"
+
+
+class FitSpec(Spec, frozen=True):
+    """The unknowns of a fit, and what is known of them."""
+
+    unknowns: Annotated[
+        tuple[str, ...] | UnsetType,
+        Meta(
+            description='properties such as "elastic_modulus", "tip_mass", "thickness[1:5]"; "base_amplitude"; '
+            '"start_force_x", "start_force_y", "start_moment" and their _rate'
+        ),
+    ] = UNSET
+    fixed: Annotated[tuple[str, ...] | UnsetType, Meta(description="parameters of the law that are known")] = UNSET
+    bounds: Annotated[Table | UnsetType, Meta(description="{NAME = [LOW, HIGH]}")] = UNSET
+    priors: Annotated[
+        Table | UnsetType,
+        Meta(description='{NAME = [MEAN, STD]}, or [MEDIAN, RELATIVE STD, "log-normal"]'),
+    ] = UNSET
+    robust: bool | UnsetType = UNSET
+    tolerance: Positive | UnsetType = UNSET
+    laws: Annotated[
+        Annotated[tuple[Annotated[tuple[int, ...], Meta(min_length=1)], ...], Meta(min_length=1)] | UnsetType,
+        Meta(description="[[1], [1, 2]]: the tables [[damping]] of each law to compare; each alone, and all together"),
+    ] = UNSET
+
+
+CURVE_KEYS = table_help("[[curves]]", "steady vibration: {}; or {}; and {}; {}; without [base], [load] and levels with "
+                        "a unit, levels in N are a force in x at the tip, those in m or m/s^2 motions of the base in x",
+                        CurveFileSpec, CurveValuesSpec, CurveSpec, SensorSpec)  # fmt: skip
+FIT_KEYS = table_help("[fit]", "{}", FitSpec)
+RECORD_KEYS = (
+    table_help("[[records]]", "a measured motion: {}; keys of a channel: {}, {}, {}", MotionSpec, FileSpec, ChannelSpec,
+               SensorSpec)
+    + table_help("[[predictions]]", "records to predict with the estimates; the same keys")
+    + CURVE_KEYS
+    + table_help("[[statics]]", "beam at rest under loads: {}; keys of a channel: {}, {}", StaticSpec, StaticValuesSpec,
+                 SensorSpec)
+    + table_help("[[frequencies]]", "natural frequencies: {}", FrequenciesSpec)
+    + table_help("", "a measurement in another configuration of the beam has {}", ConfigurationSpec)
+    + FIT_KEYS
+)  # fmt: skip
+MODE_CURVES_HELP = "tables of CURVES.toml:\n" + CURVE_KEYS
+RECORDS_HELP = DAMPED_HELP + MOTION_KEYS + RECORD_KEYS
+NUMBERS = ("frequencies", "statics", "curves")  # tables of values, each made on its own
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """Measurements of a beam, and what to estimate from them."""
+
+    model: Model  # with guesses of its properties
+    damping: DampingLaw | None  # with guesses of its parameters
+    laws: tuple[DampingLaw, ...]  # to compare
+    records: tuple[MotionRecord | FrequencyRecord | StaticRecord | ResponseRecord, ...]
+    predictions: tuple[MotionRecord, ...]  # to predict, not to fit
+    settings: Mapping[str, Any]  # other arguments of ``fit_beam``
+
+
+def read_measurements(given: str | StudyFile) -> Measurements:
+    """Read a beam, its damping, measurements, and the unknowns of a fit to them."""
+    file = StudyFile.of(given)
+    source = read_damped(file)
+    fit = convert(file.tables.get("fit", {}), FitSpec, file.where("fit"))
+    law = source.damping
+    if law is None and (file.several("records") or file.several("curves")):
+        raise InputError("the table is missing; its parameters are the unknowns", file.where("damping"))
+    if not any(file.several(name) for name in NUMBERS):
+        file.needed("records", f"it names the file to fit; or add {', '.join(f'[[{name}]]' for name in NUMBERS)}")
+    laws = read_laws(file, fit, source)
+    records, predictions = (
+        [_record(file, table, source.model, file.where(name)) for table in file.several(name)]
+        for name in ("records", "predictions")
+    )
+    readers: tuple[Callable[[Any, Model, str], Any], ...] = (_frequencies, _static, partial(_curve, file))
+    others = [
+        reader(table, source.model, file.where(name))
+        for name, reader in zip(NUMBERS, readers, strict=True)
+        for table in file.several(name)
+    ]
+    settings = fit.given()
+    settings.pop("laws", None)
+    return Measurements(source.model, law, laws, (*records, *others), tuple(predictions), settings)
+
+
+def configured(model: Model, configuration: ConfigurationSpec) -> Model:
+    """Return the beam in another configuration; the model itself if nothing changes."""
+    changes = configuration.changes()
+    return Model(model.beam.with_(**changes), model.measures) if changes else model
+
+
+def other_model(model: Model, configuration: ConfigurationSpec, where: str) -> Model | None:
+    """Return the beam in another configuration; None if nothing changes."""
+    with located(where):
+        return configured(model, configuration) if configuration.given() else None
+
+
+def _frequencies(table: Any, model: Model, where: str) -> FrequencyRecord:
+    spec, configuration = convert_groups(table, where, FrequenciesSpec, ConfigurationSpec)
+    with located(where):
+        return FrequencyRecord(configured(model, configuration), **spec.given())
+
+
+def _static(table: Any, model: Model, where: str) -> StaticRecord:
+    (spec, configuration), channels = channel_groups(
+        table, where, (StaticSpec, ConfigurationSpec), (StaticValuesSpec, SensorSpec)
+    )
+    cases = len(spec.loads)
+    sensors, columns, deviations = [], [], []
+    for (readings, sensor), place in channels:
+        sensors.append(sensor.make("displacement", place))
+        for name, numbers in (("values", readings.values), ("std", readings.std)):
+            if isinstance(numbers, tuple) and len(numbers) != cases:
+                raise InputError(f"has {len(numbers)} values for {cases} load cases", f"{place}: {name}")
+        columns.append(readings.values)
+        deviations.append(np.broadcast_to(readings.std, cases))
+    std = np.column_stack(deviations)
+    with located(where):
+        return StaticRecord(
+            configured(model, configuration),
+            load_cases(spec.loads),
+            np.column_stack(columns),
+            sensors,
+            None if np.isnan(std).all() else std,
+            tared=spec.tared,
+            name=spec.name,
+        )
+
+
+def load_cases(loads: Sequence[LoadSpec | Sequence[LoadSpec]]) -> list[list[PointLoad]]:
+    """Return the loads of each case."""
+    cases = []
+    for k, case in enumerate(loads, start=1):
+        with located(f"loads: {k}"):
+            cases.append([load.make() for load in (case if isinstance(case, Sequence) else [case])])
+    return cases
+
+
+def read_curves(name: str) -> list[ResponseRecord]:
+    """Read the response curves of a file, which needs no beam."""
+    file = StudyFile.of(name, required={"curves"})
+    return [_curve(file, table, None, file.where("curves")) for table in file.several("curves")]
+
+
+def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> ResponseRecord:
+    in_file = isinstance(table, dict) and "file" in table
+    kinds = (CurveFileSpec if in_file else CurveValuesSpec, CurveSpec, SensorSpec)
+    source, curve, sensor, *others = convert_groups(table, where, *kinds, *[ConfigurationSpec] * (model is not None))
+    arguments = curve.given()
+    if model is not None:
+        arguments |= excitation(file, curve, where)
+        arguments["model"] = other_model(model, others[0], where)
+    if not in_file or keys_of(SensorSpec) & table.keys():
+        arguments["sensor"] = sensor.make("displacement", where)
+    if not in_file:
+        with located(where):
+            return ResponseRecord(**source.given(), **arguments)
+    if model is None:
+        arguments.setdefault("excitation_unit", "")
+    columns = {key: value for key, value in source.given().items() if key not in (*LAYOUT_KEYS, "file")}
+    with located(where):
+        return ResponseRecord.from_file(
+            file.beside(source.file), layout=source.layout(), progress=True, **columns, **arguments
+        )
+
+
+def excitation(file: StudyFile, curve: Any, where: str) -> dict[str, HarmonicBase | HarmonicLoad]:
+    """Return base or load of a curve, at level 1: those of its table, or else of the file."""
+    levels = {name: (getattr(curve, name), f"{where}: {name}") for name in ("base", "load")}
+    if curve.base is UNSET and curve.load is UNSET:
+        for name, kind in (("base", BaseLevelSpec), ("load", LoadLevelSpec)):
+            if name in file.tables:
+                table, place = file.tables[name], file.where(name)
+                known = {key: table[key] for key in keys_of(kind) & set(table)} if isinstance(table, dict) else table
+                levels[name] = convert(known, kind, place), place
+    found: dict[str, HarmonicBase | HarmonicLoad] = {}
+    for name, (level, place) in levels.items():
+        if level is not UNSET:
+            with located(place):
+                found[name] = (HarmonicBase if name == "base" else HarmonicLoad)(**level.given(), frequency=1.0)
+    return found
+
+
+def read_laws(file: StudyFile, fit: FitSpec, source: Document) -> tuple[DampingLaw, ...]:
+    """Return the laws to compare: the sums of terms that [fit] numbers from 1, or each term, and the law with all."""
+    terms = [term_of(table, source.model, file.where("damping")) for table in file.several("damping")]
+    if fit.laws is UNSET:
+        laws: list[DampingLaw | None] = [*terms, source.damping] if len(terms) > 1 else [source.damping]
+    else:
+        with located(file.where("fit")):
+            chosen = [[whole(number, "laws", 1, len(terms)) - 1 for number in numbers] for numbers in fit.laws]
+        laws = [sum_laws([terms[k] for k in numbers]) for numbers in chosen]
+    return tuple(law for law in laws if law is not None)
+
+
+def channel_groups(
+    table: Any, where: str, kinds: Sequence[Any], channel_kinds: Sequence[Any]
+) -> tuple[Any, list[tuple[Any, str]]]:
+    """Return a table as an object of each kind, and its channels with their places; a key beside them holds for all."""
+    keys = {key for kind in channel_kinds for key in keys_of(kind)}
+    objects = convert_groups(table, where, *kinds, shared=keys)
+    shared = {key: table[key] for key in keys & table.keys()}
+    listed = [channel for group in objects for channel in getattr(group, "channels", ())]
+    places = [f"{where}: channels: {k}" for k in range(1, 1 + len(listed))] or [where]
+    channels = [
+        (convert_groups(shared | channel, place, *channel_kinds), place)
+        for channel, place in zip(listed or [{}], places, strict=True)
+    ]
+    return objects, channels
+
+
+def _record(file: StudyFile, table: Any, model: Model, where: str) -> MotionRecord:
+    (motion, configuration), tables = channel_groups(
+        table, where, (MotionSpec, ConfigurationSpec), (FileSpec, ChannelSpec, SensorSpec)
+    )
+    channels = []
+    recordings: dict[FileSpec, Recording] = {}  # channels of one file are read at once
+    for (source, channel, sensor), place in tables:
+        if source not in recordings:
+            _check_made(file, source.file)
+            recordings[source] = source.recording(file, place)
+        channels.append(channel.make(recordings[source], sensor.make("position", place), place))
+    if motion.release is not UNSET and motion.start is not UNSET:
+        raise InputError("is given by the release; leave it out", f"{where}: start")
+    own_model = other_model(model, configuration, where)
+    excitation = read_motion(file, motion.given(), own_model or model, where)
+    camera = None if motion.camera is UNSET else convert(motion.camera, Camera, f"{where}: camera")
+    with located(where):
+        return MotionRecord(
+            channels,
+            model=own_model,
+            name=motion.name,
+            release_time=motion.release_time,
+            camera=camera,
+            **excitation,
+        )
+
+
+def _check_made(file: StudyFile, name: str) -> None:
+    """Check that a file exists that the simulation of the same study can make."""
+    path = file.beside(name)
+    if "simulation" in file.tables and path.suffix.lower() == ".csv" and not path.exists():
+        command = f"ancf-casadi simulate {shlex.quote(file.path)} --out {shlex.quote(str(path))}"
+        raise InputError(f"does not exist; if it is to hold the motion of [simulation], run: {command}", str(path))

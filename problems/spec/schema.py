@@ -1,0 +1,103 @@
+"""The JSON Schema (draft 2020-12) of a TOML file, by which editors complete and check its keys.
+
+It is made from the declarations of the tables.  A table whose keys come from several declarations has the keys of all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, get_type_hints
+
+import msgspec
+
+from ancf_casadi.damping.spec import LawSpec
+from ancf_casadi.mechanics.spec import BeamSpec, ConfigurationSpec
+from problems.spec import motion, plan, records
+from problems.spec.beam import DocumentName
+from problems.spec.help import listed_fields
+from problems.spec.match import MatchTable
+
+SCHEMA_FILE = "study.schema.json"
+Alternatives = dict[str, list[tuple[Any, ...]]]
+
+ONE: Alternatives = {  # tables of the file, by the alternatives of their keys, each of one or several declarations
+    "beam": [(BeamSpec,), (DocumentName,)],
+    "match": [(MatchTable,)],
+    "base": list(motion.BASE_KINDS.values()),
+    "load": list(motion.LOAD_KINDS.values()),
+    "release": [(motion.ReleaseSpec,)],
+    "simulation": [(motion.SimulationSpec,)],
+    "response": [(motion.ResponseSpec,)],
+    "fit": [(records.FitSpec,)],
+    "plan": [(plan.PlanSpec,)],
+}  # fmt: skip
+CURVE = (records.CurveSpec, records.SensorSpec, ConfigurationSpec)
+CANDIDATE = (plan.CandidateSpec, ConfigurationSpec)
+PLANNED = (plan.PlannedChannelSpec, records.SensorSpec)
+SEVERAL: Alternatives = {  # tables of which the file may have several
+    "records": [(records.MotionSpec, ConfigurationSpec, motion.FileSpec, records.ChannelSpec, records.SensorSpec)],
+    "curves": [(records.CurveFileSpec, *CURVE), (records.CurveValuesSpec, *CURVE)],
+    "statics": [(records.StaticSpec, records.StaticValuesSpec, records.SensorSpec, ConfigurationSpec)],
+    "frequencies": [(records.FrequenciesSpec, ConfigurationSpec)],
+    "candidates": [
+        (*CANDIDATE, plan.PlannedMotionSpec, *PLANNED),
+        (*CANDIDATE, plan.PlannedStaticSpec, *PLANNED),
+        (*CANDIDATE, plan.PlannedFrequenciesSpec),
+        (*CANDIDATE, plan.PlannedCurveSpec, records.SensorSpec),
+    ],
+}
+
+
+def file_schema(further: Mapping[str, type], parts: Mapping[str, type]) -> dict[str, Any]:
+    """Return the schema, with the declarations of further tables, and of the kinds of [[parts]], by their names."""
+    definitions: dict[str, Any] = {}
+    properties = {name: _table(kinds, definitions) for name, kinds in ONE.items()}
+    several = {name: _table(kinds, definitions, whole=False) for name, kinds in SEVERAL.items()}  # of channels as well
+    several |= {name: _object((declared,), definitions) for name, declared in further.items()}
+    kinds = [_object((kind,), definitions) for kind in parts.values()]
+    for name, kind in zip(parts, kinds, strict=True):
+        kind["properties"]["kind"] = {"const": name}
+    several |= {"damping": _described(LawSpec, definitions), "parts": {"anyOf": kinds}}
+    for name, table in several.items():
+        definitions[name] = table
+        reference = {"$ref": f"#/$defs/{name}"}
+        properties[name] = {"anyOf": [reference, {"type": "array", "items": reference}]}
+    properties["predictions"] = properties["records"]
+    properties["markers"] = {"type": "object", "additionalProperties": {"type": "number"}}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "A study of ancf-casadi",
+        "type": "object",
+        "properties": properties,
+        "additionalProperties": False,
+        "$defs": definitions,
+    }
+
+
+def _table(kinds: list[tuple[Any, ...]], definitions: dict[str, Any], *, whole: bool = True) -> dict[str, Any]:
+    """Return the schema of a table with alternatives of keys."""
+    tables = [_object(declarations, definitions, whole=whole) for declarations in kinds]
+    return tables[0] if len(tables) == 1 else {"anyOf": tables}
+
+
+def _object(declarations: tuple[Any, ...], definitions: dict[str, Any], *, whole: bool = True) -> dict[str, Any]:
+    """Return the schema of a table that has the keys of several declarations, some of them elsewhere if not whole."""
+    properties: dict[str, Any] = {}
+    required: list[str] = []
+    for declared in declarations:
+        hints = get_type_hints(declared, include_extras=True)
+        for field in listed_fields(declared):
+            properties[field.encode_name] = _described(hints[field.name], definitions)
+            required += [field.encode_name] if field.required else []
+    schema = {"type": "object", "description": declarations[0].__doc__.split("\n")[0], "properties": properties}
+    return schema | {"additionalProperties": False} | ({"required": required} if required and whole else {})
+
+
+def _described(hint: Any, definitions: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of a type, and add the definitions to which it refers."""
+    try:
+        (schema,), components = msgspec.json.schema_components([hint], ref_template="#/$defs/{name}")
+    except TypeError:  # a law by its name, which a study looks up
+        return {}
+    definitions |= components
+    return schema

@@ -12,6 +12,7 @@ from ancf_casadi.version import __version__
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "docs"))
+from keys_page import write_keys_page  # noqa: E402
 from run_pages import BUILT, run_page  # noqa: E402
 
 project = "ancf-casadi"
@@ -83,4 +84,5 @@ def run_built_pages(app: Sphinx) -> None:
 def setup(app: Sphinx) -> None:
     """Let pages mark CSV files as such, which Pygments does not know, and run the pages that need the build."""
     app.add_lexer("csv", TextLexer)
+    app.connect("builder-inited", lambda app: write_keys_page(Path(app.srcdir) / "api" / "study_keys.md"))
     app.connect("builder-inited", run_built_pages)

@@ -259,14 +259,14 @@ Levels = Positive | Annotated[tuple[Positive, ...], Meta(min_length=1, max_lengt
 
 
 class ResponseSpec(Spec, frozen=True):
-    """Steady vibration over frequency; 0 stands for what is not given."""
+    """Steady vibration over frequency."""
 
     frequencies: Annotated[tuple[Positive, Positive], Meta(description="[FROM, TO], Hz")]
     base_amplitudes: Annotated[Levels, Meta(description="m, one number or several levels")] = ()
     tip_forces: Annotated[Levels, Meta(description="N, instead of base_amplitudes")] = ()
     direction: Pair = (1.0, 0.0)
     model: Literal["reduced", "full"] = "reduced"
-    modes: Annotated[int, Meta(ge=1, description=f"of the reduced model, {RESPONSE_MODES}")] = 0
+    modes: Annotated[int, Meta(ge=1, description=f"of the reduced model, {RESPONSE_MODES}")] | None = None
     points: Annotated[int, Meta(ge=2, le=MOST_CURVE_POINTS, description=f"least number on a curve, {CURVE_POINTS}")] = (
         CURVE_POINTS
     )

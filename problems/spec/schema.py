@@ -5,6 +5,7 @@ It is made from the declarations of the tables.  A table whose keys come from se
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, get_type_hints
 
@@ -87,10 +88,16 @@ def _object(declarations: tuple[Any, ...], definitions: dict[str, Any], *, whole
     for declared in declarations:
         hints = get_type_hints(declared, include_extras=True)
         for field in listed_fields(declared):
-            properties[field.encode_name] = _described(hints[field.name], definitions)
+            properties[field.encode_name] = _described(hints[field.name], definitions) | _default(field.default)
             required += [field.encode_name] if field.required else []
     schema = {"type": "object", "description": declarations[0].__doc__.split("\n")[0], "properties": properties}
     return schema | {"additionalProperties": False} | ({"required": required} if required and whole else {})
+
+
+def _default(value: Any) -> dict[str, Any]:
+    """Return the default of a key, if it is worth telling."""
+    plain = msgspec.to_builtins(value) if isinstance(value, str | int | float | tuple) else None
+    return {} if plain in (None, "", (), math.inf) or plain != plain else {"default": plain}
 
 
 def _described(hint: Any, definitions: dict[str, Any]) -> dict[str, Any]:

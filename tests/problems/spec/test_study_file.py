@@ -1,11 +1,7 @@
 """TOML files give the same beams, laws, base motions and settings as Python, or an error with the name of the key."""
 
-import math
-from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import get_args
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -28,12 +24,10 @@ from ancf_casadi import (
     Spring,
     natural_modes,
 )
-from ancf_casadi.damping.spec import FrictionSpec, QuadraticSpec, RayleighSpec
 from ancf_casadi.export import Document, write_document
-from ancf_casadi.mechanics.spec import AttachmentSpec, SupportSpec
 from ancf_casadi.support.inputs import numbers
 from problems import Global, MeasuredModes, PerElement, Smooth
-from problems.spec.beam import DAMPED_HELP, read_beam, read_damped
+from problems.spec.beam import read_beam, read_damped
 from problems.spec.match import read_match
 from problems.spec.motion import read_simulation
 
@@ -167,18 +161,6 @@ class TestBeam:
             with pytest.raises(InputError) as caught:
                 read(path)
             assert str(caught.value).startswith(f"{path}: [beam]: {message}")
-
-    def test_specifications_have_the_fields_and_defaults_of_the_objects(self):
-        """The classes of Python and the tables of files declare the same arguments."""
-        for spec in (*get_args(SupportSpec), *get_args(AttachmentSpec), RayleighSpec, QuadraticSpec, FrictionSpec):
-            declared = {field.name: field for field in fields(spec.made)}
-            further = {"drag_coefficient", "air_density"} if spec is QuadraticSpec else set()
-            assert set(spec.__struct_fields__) == declared.keys() | further
-            for field in msgspec.structs.fields(spec):
-                default = {None: math.inf}.get(field.default, field.default)
-                assert field.name in further or field.required or default == declared[field.name].default, spec
-                assert field.name in further or field.required == (declared[field.name].default is MISSING), spec
-                assert field.name in DAMPED_HELP
 
     @pytest.mark.parametrize("text", ["# a beam", "[base]\n", "beam = 1\n"])
     def test_missing(self, file, text):

@@ -171,11 +171,7 @@ class PartReport:
 
     part: Part
     finding: Finding
-    seconds: float  # computing time of its tasks and of its finding, s, as they were when they ran
-    tasks: int
-    kept: int  # tasks, and the finding, that were kept from an earlier run
-    own_seconds: float  # of the computations that no part before it in the document has
-    own_tasks: int
+    times: Mapping[str, float]  # computing time of its tasks and of its finding, s, as it was when they ran, by key
     tables: tuple[tuple[str, DataTable], ...] = ()  # its tables with their labels, once the document has them
     figures: tuple[tuple[str, Drawing], ...] = ()  # its figures with their labels
 
@@ -183,6 +179,16 @@ class PartReport:
     def name(self) -> str:
         """Name of the part."""
         return self.part.name
+
+    @property
+    def tasks(self) -> int:
+        """Number of different tasks, without the finding."""
+        return len(self.times) - 1
+
+    @property
+    def seconds(self) -> float:
+        """Computing time of the tasks and of the finding, s."""
+        return sum(self.times.values())
 
 
 @dataclass(frozen=True)

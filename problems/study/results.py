@@ -15,6 +15,7 @@ from __future__ import annotations
 import base64
 import itertools
 import re
+from collections import ChainMap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from html import escape
@@ -143,7 +144,8 @@ def page(study: Study, reports: Sequence[PartReport], **about: Any) -> str:
     environment.filters |= {"with_units": _with_units, "base64": lambda content: base64.b64encode(content).decode()}
     environment.globals |= {"svg": inline_svg, "numeric": _numeric, "zip": zip}
     source = files("problems.study").joinpath("page.html.jinja").read_text(encoding="utf-8")
-    return environment.from_string(source).render(study=study, parts=reports, about=about)
+    times = ChainMap(*(dict(report.times) for report in reports))  # a computation that parts share counts once
+    return environment.from_string(source).render(study=study, parts=reports, times=times, about=about)
 
 
 def _paragraphs(text: str) -> Markup:

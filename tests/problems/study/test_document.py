@@ -262,11 +262,11 @@ class TestLabels:
         table, figure = small_paper.parts[1].tables[0][1], small_paper.parts[0].figures[0][1]
         finding = Finding({}, (table, table), (figure,))
         plain = Study("plain", (self.part("a"), self.part("b")))
-        shown = labelled([PartReport(part, finding, 0.0, 0, 0, 0.0, 0) for part in plain.parts])
+        shown = labelled([PartReport(part, finding, {}) for part in plain.parts])
         assert [label for part in shown for label, _ in part.tables] == ["Table 1", "Table 2", "Table 3", "Table 4"]
         assert [label for part in shown for label, _ in part.figures] == ["Figure 1", "Figure 2"]
         own = Study("own", (self.part("a", tables=("Table 7",)), self.part("b", figures=("Table A1",))))
-        shown = labelled([PartReport(part, finding, 0.0, 0, 0, 0.0, 0) for part in own.parts])
+        shown = labelled([PartReport(part, finding, {}) for part in own.parts])
         assert [label for part in shown for label, _ in part.tables] == ["Table 7", "Table A2", "Table A3", "Table A4"]
         assert [label for part in shown for label, _ in part.figures] == ["Figure A1", "Table A1"]
 
@@ -282,9 +282,16 @@ def test_a_study_without_labels_counts(study_file, tmp_path):
 def test_a_computation_that_parts_share_counts_once_for_all():
     """Regression: the total of a study was more than the time that it had taken."""
     a, b = (Doubles(name=name, terms=(), after=(), log="") for name in "ab")
-    ran = (PartReport(a, Finding({}), 2.0, 3, 0, 2.0, 3), PartReport(b, Finding({}), 1.75, 2, 0, 0.25, 0))
+    ran = (
+        PartReport(a, Finding({}), {"1": 0.5, "2": 0.5, "3": 0.75, "finding a": 0.25}),
+        PartReport(b, Finding({}), {"2": 0.5, "3": 0.75, "finding b": 0.25}),
+    )
     source = document(Study("shared", (a, b)), ran, command="study", versions={}, quick=False, left_out=())
-    assert '<td>all</td><td class="n">3</td><td class="n">2.2</td>' in source
+    rows = [
+        f'<td class="n">{tasks}</td><td class="n">{seconds}</td>' for tasks, seconds in ((3, 2.0), (2, 1.5), (3, 2.2))
+    ]
+    assert [row in source for row in rows] == [True] * 3
+    assert f"<td>all</td>{rows[-1]}" in source
 
 
 def test_limits_of_numbers_are_aligned_like_numbers():

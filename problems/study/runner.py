@@ -37,7 +37,7 @@ from ancf_casadi.support.files import write_file
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.parallel import COUNT_BAR, processes, unbroken
 from problems.study.drawing import only
-from problems.study.part import Finding, Found, Part, PartReport, Study, Task
+from problems.study.part import Finding, Found, Part, Study, Task
 
 SUFFIX = ".msgpack"
 DIGEST_BYTES = hashlib.sha256().digest_size
@@ -143,7 +143,7 @@ class ThisThread(Executor):
 
 def run_parts(
     study: Study, folder: Path, *, formats: tuple[str, ...], jobs: int, executor: Executor | None, progress: bool
-) -> tuple[PartReport, ...]:
+) -> tuple[Finding, ...]:
     """Run all parts of a study, and return their findings with the times of their computations.
 
     A part may stand before those that it needs.  Each part has a thread, which waits for those parts, then for its
@@ -152,7 +152,7 @@ def run_parts(
     """
     steps = folder / STEPS_FOLDER
     computations: dict[str, Future[Computation]] = {}  # by key
-    reports: dict[str, Future[PartReport]] = {}  # by the name of the part
+    findings: dict[str, Future[Finding]] = {}  # by the name of the part
     lock, stopped = threading.Lock(), threading.Event()
 
     def submit(task: Task) -> tuple[str, Future[Computation]]:
@@ -175,9 +175,11 @@ def run_parts(
             for computation in computations.values() if executor else ():  # processes of a study are ended instead
                 computation.cancel()
 
-    def run(part: Part) -> PartReport:
-        needed = {name: reports[name].result().finding for name in part.needs}
-        found = {name: replace(finding, tables=(), figures=(), warnings=()) for name, finding in needed.items()}
+    def run(part: Part) -> Finding:
+        needed = {name: findings[name].result() for name in part.needs}
+        found = {
+            name: replace(finding, tables=(), figures=(), warnings=(), times={}) for name, finding in needed.items()
+        }
         with lock:  # CasADi builds the expressions of one thread at a time
             tasks = part.tasks(found)
         for task in sorted(tasks, key=lambda task: -task.cost):
@@ -186,7 +188,8 @@ def run_parts(
         results, cost = [computation.result for _, computation in done], 0.2 * (1 + len(tasks))  # s, to draw figures
         key, last = submit(Task(_finding, (part.kind, part, results, found, formats if part.draw else ()), cost))
         times = {key: computation.seconds for key, computation in (*done, (key, last.result()))}
-        return PartReport(part, last.result().result, times)
+        finding: Finding = last.result().result
+        return replace(finding, name=part.name, times=times)
 
     with contextlib.ExitStack() as stack:
         stack.enter_context(unbroken())
@@ -196,18 +199,18 @@ def run_parts(
         stack.callback(threads.shutdown, wait=False)
         stack.callback(stop)
         beam = None if study.beam is None else beam_data(study.beam)
-        reports[""] = ThisThread().submit(PartReport, Part(), Finding(None, beam=beam), {})  # of the file
+        findings[""] = ThisThread().submit(Finding, None, beam=beam)  # of the file
         parts = {part.name: part for part in study.parts}
         for name in TopologicalSorter({name: part.needs for name, part in parts.items()}).static_order():
             if name:
-                reports[name] = threads.submit(run, parts[name])
-        for report in wait(reports.values(), return_when=FIRST_EXCEPTION).done:
-            report.result()
+                findings[name] = threads.submit(run, parts[name])
+        for finding in wait(findings.values(), return_when=FIRST_EXCEPTION).done:
+            finding.result()
     for path in steps.glob(f"*{SUFFIX}"):
         if path.stem not in computations:  # of an earlier study
             with contextlib.suppress(OSError):
                 path.unlink()
-    return tuple(reports[name].result() for name in parts)
+    return tuple(findings[name].result() for name in parts)
 
 
 def _finding(kind: str, part: Part, results: Sequence[Any], found: Found, formats: tuple[str, ...]) -> Finding:

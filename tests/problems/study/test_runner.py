@@ -80,7 +80,7 @@ class Bench:
         self.log.unlink(missing_ok=True)
         study = Study("test", parts)
         self.ran = run_parts(study, self.folder, formats=(), jobs=jobs, executor=executor, progress=False)
-        return {one.name: one.finding.data["sum"] for one in self.ran}
+        return {one.name: one.data["sum"] for one in self.ran}
 
     @property
     def calls(self) -> list[float]:

@@ -15,7 +15,7 @@ import reprlib
 import textwrap
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from html import escape
 from importlib import import_module
 from pathlib import Path
@@ -75,11 +75,15 @@ def _is_default(own: Field[Any], value: Any) -> bool:
 class Table(Displayed):
     """A table with a title and notes."""
 
-    name: str  # short name, used for files
+    name: str  # short name or label, used for files
     title: str
     columns: Sequence[str]  # column heads with units
     rows: Sequence[Sequence[Cell]]  # cells: text, numbers, or None for an empty cell
     notes: Sequence[str] = ()  # remarks below the table
+    errors: Mapping[str, Sequence[float | None]] = field(default_factory=dict)  # standard errors, by column head
+    printed: Mapping[str, Sequence[float | None]] = field(default_factory=dict)  # printed numbers, by column head
+    source: str = "printed"  # origin of the printed numbers
+    digits: Mapping[str, Sequence[int]] = field(default_factory=dict)  # significant digits, by column head
 
     def text(self) -> str:
         """Return the table for a terminal, numbers to six digits."""

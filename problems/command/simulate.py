@@ -17,8 +17,8 @@ from ancf_casadi.support.inputs import located, physical
 from ancf_casadi.support.tables import Table
 from problems.command.output import Output, add_plot, figure_writers, file_writers, finite, new_files
 from problems.spec.motion import RESPONSE_HELP, SIMULATION_HELP, ResponseTask, read_response, read_simulation
-from problems.study.data_table import Column, DataTable
-from problems.study.kinds.response import Curve, curve_numbers, level_numbers, level_titles, summary_columns
+from problems.study.formatting import formatted_table
+from problems.study.kinds.response import SUMMARY_HEADS, Curve, curve_numbers, level_numbers, level_titles, summary_rows
 
 
 def add_simulate(parser: argparse.ArgumentParser) -> None:
@@ -97,7 +97,8 @@ def run_response(options: argparse.Namespace) -> Output:
     levels = level_numbers(task.levels, task.unit, curves)
     data = {"modes": task.modes or None, "driven": task.driven, "levels": levels}
     place = "base amplitude" if task.driven == "base" else "force at the tip"
-    table = DataTable("Peaks and jumps of the response", (Column(place, titles), *summary_columns(curves)))
+    rows = [(title, *row) for title, row in zip(titles, summary_rows(curves), strict=True)]
+    table = formatted_table(Table("response", "Peaks and jumps of the response", (place, *SUMMARY_HEADS), rows))
     lines = [
         f"  {title}: {one['name']} at {one['frequency_hz']:.6g} Hz, tip {1e3 * one['amplitude_m']:.4g} mm"
         for title, curve in zip(titles, curves, strict=True)

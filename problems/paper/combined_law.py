@@ -28,8 +28,8 @@ A. C. Aitken, On least squares and linear combination of observations, Proceedin
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -42,11 +42,10 @@ from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, Figure
-from ancf_casadi.support.tables import known
+from ancf_casadi.support.tables import Cell, Table, known
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.paper.air import Air, implied_drag_coefficient, viscous_damping_ratios
 from problems.spec.beam import law_of
-from problems.study.data_table import Column, DataTable, columns_of
 from problems.study.drawing import Drawing, drawn, line, new_figure
 from problems.study.part import Finding, Found
 
@@ -224,10 +223,9 @@ def finding(part: PaperPart, results: Sequence[Any], found: Found) -> Finding:
     )
     rows = [(f"ζ of mode {n}, linear", "%", 100 * ratio) for n, ratio in enumerate(fit.ratios, start=1)]
     rows += [("η2, all modes", "1/m", fit.eta2), ("drag coefficient", "1", total[0])]
-    *columns, values = columns_of(("", "unit", "value"), rows)
-    errors = (*(100 * error for error in fit.errors[:-1]), fit.errors[-1], total[1])
+    errors = {"value": [*(100 * error for error in fit.errors[:-1]), fit.errors[-1], total[1]]}
     title = "Modal plus quadratic damping for all modes"
-    law = part.data_table(title, [*columns, replace(values, errors=errors)], fit.verdict)
+    law = part.table(title, ("", "unit", "value"), rows, fit.verdict, errors=errors)
     tables = (law, _drag(part, fit, air, data["drag"], drag, found))
     return Finding(data, tables, _drawings(part, fit, modes, found), fit.warnings, terms=terms)
 
@@ -239,36 +237,35 @@ def _drag(
     rows: Sequence[Mapping[str, Any]],
     drag: Sequence[tuple[float, float]],
     found: Found,
-) -> DataTable:
+) -> Table:
     """Return the table of drag coefficients: ``rows`` as in ``results.json``, ``drag`` by Eq. (25) with its errors."""
     standard = found[""].beam
     assert standard is not None
     unit = implied_drag_coefficient(1.0, standard.beam(), air)[0]
-    linear = []
-    for one in fit.measured:
-        rate = 4 * math.pi * one.frequency
-        linear.append((100 * one.eta1 / rate, 100 * one.errors[0] / rate))
-
-    def column(head: str, unit: str, pairs: Iterable[tuple[float, float]]) -> Column:
-        values, errors = zip(*pairs, strict=True)
-        return Column(head, values, unit, errors)
-
-    columns = [
-        Column("mode", tuple(row["mode"] for row in rows)),
-        column("η2", "1/m", ((one.eta2, one.errors[1]) for one in fit.measured)),
-        column("Cd by Eq. (25)", "1", drag),
-        column("Cd, true shape", "1", ((row["drag_coefficient"], row["drag_coefficient_stderr"]) for row in rows)),
-        column("linear part of ζ", "%", linear),
-        Column("of it viscous air", tuple(100 * row["viscous_damping_ratio"] for row in rows), "%"),
-        Column(f"Cd of η2 in the {part.printed_by}", tuple(unit * one for one in part.inputs["printed_eta2"]), "1"),
-    ]
+    rates = [4 * math.pi * one.frequency for one in fit.measured]  # 1/s, of eta1 per damping ratio
+    columns: dict[str, Sequence[Cell]] = {
+        "mode": [row["mode"] for row in rows],
+        "η2, 1/m": [one.eta2 for one in fit.measured],
+        "Cd by Eq. (25), 1": [value for value, _ in drag],
+        "Cd, true shape, 1": [row["drag_coefficient"] for row in rows],
+        "linear part of ζ, %": [100 * one.eta1 / rate for rate, one in zip(rates, fit.measured, strict=True)],
+        "of it viscous air, %": [100 * row["viscous_damping_ratio"] for row in rows],
+        f"Cd of η2 in the {part.printed_by}, 1": [unit * one for one in part.inputs["printed_eta2"]],
+    }
+    errors = {
+        "η2, 1/m": [one.errors[1] for one in fit.measured],
+        "Cd by Eq. (25), 1": [error for _, error in drag],
+        "Cd, true shape, 1": [row["drag_coefficient_stderr"] for row in rows],
+        "linear part of ζ, %": [100 * one.errors[0] / rate for rate, one in zip(rates, fit.measured, strict=True)],
+    }
     notes = (
         "Cd = 2 ρ h η2 (1183/876)/ρ_air, with the constant of the shape (21), and with that of each mode.",
         f"Air: {air.density:g} kg/m³, {air.viscosity:.3g} Pa s.  Viscous damping: oscillating flow "
         "around a thin strip at amplitudes below its width (Sader 1998).",
         "Printed η2: with the beam of the study before any change.",
     )
-    return part.data_table("Drag coefficient and viscous damping", columns, *notes)
+    cells = zip(*columns.values(), strict=True)
+    return part.table("Drag coefficient and viscous damping", [*columns], cells, *notes, errors=errors)
 
 
 def _drawings(part: PaperPart, fit: CombinedLawFit, modes: Modes, found: Found) -> tuple[Drawing, ...]:

@@ -15,7 +15,7 @@ import numpy as np
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure, plain_log_ticks
-from ancf_casadi.support.tables import Cell, known
+from ancf_casadi.support.tables import Cell, Table, known
 from problems.paper.effects import (
     HORIZON,
     LEAST_AMPLITUDE,
@@ -27,7 +27,6 @@ from problems.paper.effects import (
     simulate_decay,
 )
 from problems.spec.beam import law_of
-from problems.study.data_table import DataTable, columns_of
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure, series
 from problems.study.part import Finding, Found, LawChoice, Task
 
@@ -113,21 +112,19 @@ def _law_cells(law: LawChoice, decay: SimulatedDecay) -> tuple[str, float, float
     return law.title, decay.frequency, decay.law.eta1, decay.law.eta2
 
 
-def _times(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]]) -> DataTable:
-    columns = columns_of(
-        (*LAW_HEADS, "time to 10 %, beam, s", "by Eq. (27), s"),
-        [(*_law_cells(*row), row[1].envelope.time_to(0.1), row[1].formula.time_to(0.1)) for row in rows],
-    )
+def _times(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]]) -> Table:
+    heads = (*LAW_HEADS, "time to 10 %, beam, s", "by Eq. (27), s")
+    cells = [(*_law_cells(*row), row[1].envelope.time_to(0.1), row[1].formula.time_to(0.1)) for row in rows]
     largest = max(decay.other_modes for _, decay in rows)
     notes = (
         f"Weightless beam with its elastic modulus scaled to the frequency, released with the tip at "
         f"{1e3 * part.amplitude:g} mm; mode 2 starts with {100 * largest:.1g} % of mode 1.",
         "A dash: more than 10 % is left at the end.",
     )
-    return part.data_table("Decays under each law", columns, *notes)
+    return part.table("Decays under each law", heads, cells, *notes)
 
 
-def _left(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]], times: Sequence[float]) -> DataTable:
+def _left(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]], times: Sequence[float]) -> Table:
     heads = [*LAW_HEADS[:2]]
     cells: list[list[Cell]] = [[*_law_cells(*row)[:2]] for row in rows]
     for time in times:
@@ -135,10 +132,10 @@ def _left(part: PaperPart, rows: Sequence[tuple[LawChoice, SimulatedDecay]], tim
         for own, (_, decay) in zip(cells, rows, strict=True):
             own += [_amplitude_left(envelope, time) for envelope in (decay.envelope, decay.formula)]
     note = f"The simulation does not resolve less than {1e3 * LEAST_AMPLITUDE:g} mm."
-    return part.data_table("Amplitude that is left", columns_of(heads, cells), note)
+    return part.table("Amplitude that is left", heads, cells, note)
 
 
-def _word_table(part: PaperPart, words: Sequence[Mapping[str, Any]], horizon: float) -> DataTable:
+def _word_table(part: PaperPart, words: Sequence[Mapping[str, Any]], horizon: float) -> Table:
     rows = []
     for law, one, printed in zip(part.laws, words, part.inputs["words"], strict=True):
         own = [one[key] for key in CHARACTERISTICS]
@@ -152,7 +149,7 @@ def _word_table(part: PaperPart, words: Sequence[Mapping[str, Any]], horizon: fl
         "Rapid: the larger rate at every frequency.  Independent: rates within 10 %.  Controllable: less than 2 % "
         f"of the amplitude left after {horizon:g} s at every frequency.",
     )  # fmt: skip
-    return part.data_table("Characteristics of the laws", columns_of(heads, rows), *notes)
+    return part.table("Characteristics of the laws", heads, rows, *notes)
 
 
 def _effect_drawings(law: LawChoice, decays: Sequence[SimulatedDecay], end: float) -> list[Drawing]:
@@ -255,22 +252,22 @@ def ratio_change(part: PaperPart, results: Sequence[SimulatedDecay], found: Foun
     return Finding(data, (_laws(part, results, crossings), _ratios(part, ratios)), (figure,))
 
 
-def _laws(part: PaperPart, decays: Sequence[SimulatedDecay], crossings: Sequence[tuple[float, float]]) -> DataTable:
+def _laws(part: PaperPart, decays: Sequence[SimulatedDecay], crossings: Sequence[tuple[float, float]]) -> Table:
     given = zip(part.laws, decays, [(None, None), *crossings], strict=True)
     rows: list[tuple[Cell, ...]] = [(*_law_cells(law, decay), *cross) for law, decay, cross in given]
-    columns = columns_of((*LAW_HEADS, "crosses the first, beam, s", "by Eq. (27), s"), rows)
+    heads = (*LAW_HEADS, "crosses the first, beam, s", "by Eq. (27), s")
     note = f"Start with the tip at {1e3 * part.amplitude:g} mm.  A dash: the envelopes do not cross."
-    return part.data_table("Laws whose damping ratio changes along a decay", columns, note)
+    return part.table("Laws whose damping ratio changes along a decay", heads, rows, note)
 
 
-def _ratios(part: PaperPart, ratios: Sequence[tuple[Array, Array, Array]]) -> DataTable:
+def _ratios(part: PaperPart, ratios: Sequence[tuple[Array, Array, Array]]) -> Table:
     times = ratios[0][0][[0, -1]].tolist()
     heads = ["law", *(head for time in times for head in (f"after {time:.2g} s, beam, %", "by Eq. (27), %"))]
     rows: list[tuple[Cell, ...]] = [
         (law.title, *(100 * float(one[k]) for k in (0, -1) for one in (ratio, formula)))
         for law, (_, ratio, formula) in zip(part.laws, ratios, strict=True)
     ]
-    return part.data_table("Damping ratio along the decay", columns_of(heads, rows), "In windows of two periods.")
+    return part.table("Damping ratio along the decay", heads, rows, "In windows of two periods.")
 
 
 def _change_figure(

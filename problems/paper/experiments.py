@@ -31,10 +31,9 @@ from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.paper.combined_law import ratio_curves
 from problems.spec.beam import law_of
 from problems.spec.motion import RESPONSE_MODES, ResponseSpec, ResponseTask
-from problems.study.data_table import columns_of
 from problems.study.drawing import drawn, new_figure, series
 from problems.study.kinds.experiment import FEWEST_MODES, ExperimentResult, RequestedRun, decay_curve
-from problems.study.kinds.response import curve_numbers, draw_curve, summary_columns
+from problems.study.kinds.response import SUMMARY_HEADS, curve_numbers, draw_curve, summary_rows
 from problems.study.kinds.transients import experiment_tasks, results_of
 from problems.study.part import Finding, Found, Task, Terms
 
@@ -160,7 +159,7 @@ def integrators(part: PaperPart, results: Sequence[Any], found: Found) -> Findin
     heads = ("mode", "law", "damping ratio by Radau, %", "by IDAS, %",
              "largest difference of the tip around the stop, mm", "amplitude there, mm", "steps of Radau",
              "of IDAS")  # fmt: skip
-    return Finding(data, (part.data_table("The same experiment by both integrators", columns_of(heads, rows)),))
+    return Finding(data, (part.table("The same experiment by both integrators", heads, rows),))
 
 
 def resonance(beam: Beam, terms: Terms, amplitude: float, frequencies: tuple[float, float], mode: int) -> Resonance:
@@ -207,9 +206,9 @@ def resonances(part: PaperPart, results: Sequence[Resonance], found: Found) -> F
         (run["mode"], titles[run["law"]], *(1e3 * run[key] for key in ("base_amplitude_m", "reached_amplitude_m")))
         for run in runs
     ]
-    columns = columns_of(("mode", "law", "base amplitude, mm", "reached before the stop, mm"), rows)
-    columns += summary_columns([curve for curve, _ in results])
-    table = part.data_table("Steady vibration at the base amplitudes of the experiments", columns)
+    heads = ("mode", "law", "base amplitude, mm", "reached before the stop, mm", *SUMMARY_HEADS)
+    cells = [(*row, *peaks) for row, peaks in zip(rows, summary_rows([curve for curve, _ in results]), strict=True)]
+    table = part.table("Steady vibration at the base amplitudes of the experiments", heads, cells)
     keys = ("mode", "law", "base_amplitude_m", "drive_hz", "reached_amplitude_m")
     data = [
         {**{key: run[key] for key in keys}, "amplitude_m": amplitudes.tolist(), "curve": curve}

@@ -47,6 +47,7 @@ class Drawing:
     svg: str
     png: bytes
     moving: bytes = b""  # GIF file below it, if any
+    name: str = ""  # label
 
 
 @contextlib.contextmanager

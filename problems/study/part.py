@@ -9,8 +9,8 @@ A later part may need an earlier one: its beam, or the terms of its damping law.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence, Set
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Self
 
@@ -22,10 +22,10 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.inputs import is_sequence, number, shown
+from ancf_casadi.support.tables import Cell, Table
 from problems.spec.beam import law_of, read_beam
 from problems.spec.file import NO_FILE, StudyFile
 from problems.spec.help import UNLISTED
-from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing
 
 Terms = tuple[dict[str, Any], ...]  # tables [[damping]], the terms of one law
@@ -46,7 +46,7 @@ class Finding:
     """Results of a part: those that later parts may need, and the tables and figures that show them."""
 
     data: Any  # the numbers for ``results.json``: SI units, ratios as fractions
-    tables: tuple[DataTable, ...] = ()  # in the order of the document
+    tables: tuple[Table, ...] = ()  # in the order of the document
     figures: tuple[Drawing, ...] = ()  # likewise
     warnings: tuple[str, ...] = ()  # limitations of the results
     beam: BeamSpec | None = None  # the beam that the part has found, as results are kept
@@ -54,6 +54,18 @@ class Finding:
     guess: BeamSpec | None = None  # the beam before a fit that has identified some of its properties
     errors: dict[str, float] | None = None  # standard errors of these, SI units, by name
     frequency_errors: tuple[float, ...] = ()  # those of the natural frequencies of the identified beam, Hz
+    name: str = ""  # of its part, once that has run
+    times: Mapping[str, float] = field(default_factory=dict)  # of the tasks and of the finding when they ran, s, by key
+
+    @property
+    def tasks(self) -> int:
+        """Number of different tasks."""
+        return len(self.times) - 1
+
+    @property
+    def seconds(self) -> float:
+        """Computing time of the tasks and of the finding, s."""
+        return sum(self.times.values())
 
 
 Found = Mapping[str, Finding]  # findings, without tables and figures, by the name of their part
@@ -160,29 +172,18 @@ class Part:
             raise InputError(f"the part {name!r} finds no beam; name a part of the kind match", "beam")
         return data.beam()
 
-    def data_table(self, title: str, columns: Sequence[Column], *notes: str) -> DataTable:
-        """Return a table that names the origin of the printed numbers."""
-        return DataTable(title, tuple(columns), notes, self.printed_by)
-
-
-@dataclass(frozen=True)
-class PartReport:
-    """A part that has run."""
-
-    part: Part
-    finding: Finding
-    seconds: float  # computing time of its tasks and of its finding, s, as they were when they ran
-    tasks: int
-    kept: int  # tasks, and the finding, that were kept from an earlier run
-    own_seconds: float  # of the computations that no part before it in the document has
-    own_tasks: int
-    tables: tuple[tuple[str, DataTable], ...] = ()  # its tables with their labels, once the document has them
-    figures: tuple[tuple[str, Drawing], ...] = ()  # its figures with their labels
-
-    @property
-    def name(self) -> str:
-        """Name of the part."""
-        return self.part.name
+    def table(
+        self,
+        title: str,
+        heads: Sequence[str],
+        rows: Iterable[Sequence[Cell]],
+        *notes: str,
+        errors: Mapping[str, Sequence[float | None]] | None = None,
+        printed: Mapping[str, Sequence[float | None] | None] | None = None,
+    ) -> Table:
+        """Return a table that names the origin of its printed numbers; they and standard errors are by head."""
+        numbers = {head: values for head, values in (printed or {}).items() if values}
+        return Table("", title, heads, list(rows), notes, errors or {}, numbers, self.printed_by)
 
 
 @dataclass(frozen=True)

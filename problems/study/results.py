@@ -13,19 +13,21 @@ Two runs of one study with one seed differ only in ``timing`` and in keys that e
 from __future__ import annotations
 
 import base64
-import itertools
 import re
+from collections import ChainMap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from importlib.resources import files
+from itertools import chain, count
 from types import NoneType
 from typing import Any
 
 from markupsafe import Markup
 
-from problems.study.data_table import DataTable
-from problems.study.part import PartReport, Study
+from ancf_casadi.support.tables import Table
+from problems.study.formatting import formatted_table
+from problems.study.part import Finding, Part, Study
 
 JSON_TYPES = {dict: "object", list: "array", str: "string", bool: "boolean", int: "integer", float: "number",
               NoneType: "null"}  # fmt: skip
@@ -35,29 +37,24 @@ NUMBER_AND_UNIT = re.compile(r"(?<=\d) (?=(?:%|[km]?Hz|[kmµ]?m|m?s|1/s|1/m|k?g|
 LEADING_NUMBER = re.compile(r"^(?:< |[(])?[-+–]?\d")
 
 
-def labelled(reports: Sequence[PartReport]) -> tuple[PartReport, ...]:
-    """Return the reports with the labels of all tables and figures, and with the notes of each part."""
-    given = [label for one in reports for label in (*one.part.tables, *one.part.figures)]
-    taken = {file_name(label) for label in given}
-    numbered = {kind: _free(f"{kind} {'A' if given else ''}", taken) for kind in ("Table", "Figure")}
+def labelled(parts: Sequence[Part], findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Return the findings of parts with labels as names of all tables and figures, and with the notes of each part."""
+    labels = [label for part in parts for label in (*part.tables, *part.figures)]
+    taken = {file_name(label) for label in labels}
+    numbers = {kind: _free(f"{kind} {'A' if labels else ''}", taken) for kind in ("Table", "Figure")}
 
-    def label(kind: str, own: tuple[str, ...], k: int) -> str:
-        return own[k] if k < len(own) else next(numbered[kind])
-
-    found = []
-    for one in reports:
-        part, figures = one.part, one.finding.figures
-        tables = list(one.finding.tables)
-        if tables:
-            tables[0] = replace(tables[0], notes=(*tables[0].notes, *part.notes))
-        found.append(
-            replace(
-                one,
-                tables=tuple((label("Table", part.tables, k), table) for k, table in enumerate(tables)),
-                figures=tuple((label("Figure", part.figures, k), figure) for k, figure in enumerate(figures)),
-            )
+    def named(kind: str, items: Sequence[Any], labels: Sequence[str]) -> tuple[Any, ...]:
+        return tuple(
+            replace(item, name=label) for item, label in zip(items, chain(labels, numbers[kind]), strict=False)
         )
-    return tuple(found)
+
+    with_labels = []
+    for part, finding in zip(parts, findings, strict=True):
+        tables = named("Table", finding.tables, part.tables)
+        first = [replace(table, notes=(*table.notes, *part.notes)) for table in tables[:1]]
+        figures = named("Figure", finding.figures, part.figures)
+        with_labels.append(replace(finding, tables=(*first, *tables[1:]), figures=figures))
+    return tuple(with_labels)
 
 
 def file_name(label: str) -> str:
@@ -69,30 +66,30 @@ def file_name(label: str) -> str:
 
 def _free(kind: str, taken: set[str]) -> Iterator[str]:
     """Yield the running labels whose files have other names than those taken."""
-    for number in itertools.count(1):
+    for number in count(1):
         if file_name(f"{kind}{number}") not in taken:
             yield f"{kind}{number}"
 
 
-def results(study: Study, reports: Sequence[PartReport], versions: Mapping[str, str], *, quick: bool) -> dict[str, Any]:
+def results(study: Study, findings: Sequence[Finding], versions: Mapping[str, str], *, quick: bool) -> dict[str, Any]:
     """Return the numbers of a study as plain data; ``versions`` are those of the programs."""
     parts = [
         {
-            "name": one.name,
-            "kind": one.part.kind,
-            "title": one.part.title,
-            "tables": [label for label, _ in one.tables],
-            "figures": [label for label, _ in one.figures],
-            "warnings": list(one.finding.warnings),
+            "name": part.name,
+            "kind": part.kind,
+            "title": part.title,
+            "tables": [table.name for table in finding.tables],
+            "figures": [figure.name for figure in finding.figures],
+            "warnings": list(finding.warnings),
         }
-        for one in reports
+        for part, finding in zip(study.parts, findings, strict=True)
     ]
     source = study.source.strip()
     return {
         "study": {"title": study.title, "source": source, "seed": study.seed, "quick": quick, "parts": parts},
         "versions": dict(versions),
-        **{one.name: one.finding.data for one in reports},
-        "timing": {one.name: one.seconds for one in reports},
+        **{finding.name: finding.data for finding in findings},
+        "timing": {finding.name: finding.seconds for finding in findings},
     }
 
 
@@ -130,7 +127,7 @@ def _layout(values: Sequence[Any]) -> dict[str, Any]:
     return layout
 
 
-def page(study: Study, reports: Sequence[PartReport], **about: Any) -> str:
+def page(study: Study, findings: Sequence[Finding], **about: Any) -> str:
     """Return the document as HTML.
 
     The circumstances are ``command``, ``versions`` of the programs, ``quick`` for shortened simulations, and
@@ -141,9 +138,12 @@ def page(study: Study, reports: Sequence[PartReport], **about: Any) -> str:
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {"paragraphs": _paragraphs, "anchor": file_name, "unbroken": _unbroken}
     environment.filters |= {"with_units": _with_units, "base64": lambda content: base64.b64encode(content).decode()}
-    environment.globals |= {"svg": inline_svg, "numeric": _numeric, "zip": zip}
+    environment.globals |= {"svg": inline_svg, "numeric": _numeric, "zip": zip,
+                            "formatted": formatted_table}  # fmt: skip
     source = files("problems.study").joinpath("page.html.jinja").read_text(encoding="utf-8")
-    return environment.from_string(source).render(study=study, parts=reports, about=about)
+    times = ChainMap(*(dict(finding.times) for finding in findings))  # a computation that parts share counts once
+    parts = list(zip(study.parts, findings, strict=True))
+    return environment.from_string(source).render(study=study, parts=parts, times=times, about=about)
 
 
 def _paragraphs(text: str) -> Markup:
@@ -162,10 +162,10 @@ def _with_units(text: str) -> str:
     return NUMBER_AND_UNIT.sub(NO_BREAK, text)
 
 
-def _numeric(table: DataTable) -> list[bool]:
-    """Return for each shown column whether it holds numbers, which are aligned to the right."""
+def _numeric(table: Table) -> list[bool]:
+    """Return for each column of a formatted table whether it holds numbers, which are aligned to the right."""
     return [all(not cell or cell == "–" or LEADING_NUMBER.match(cell) for cell in column)
-            for column in zip(*table.cells(), strict=True)]  # fmt: skip
+            for column in zip(*table.rows, strict=True)]  # fmt: skip
 
 
 def inline_svg(svg: str, name: str, caption: str) -> Markup:

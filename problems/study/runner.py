@@ -1,30 +1,30 @@
-"""Running a study: each part as soon as those that it needs are found, in any executor, with finished tasks kept.
+"""Running a study: each part once those that it needs have run, in any executor, with finished computations kept.
 
-A part takes two steps, its tasks and its finding.  Tasks wait in one queue, and all processes stay busy as long as it
-holds any: first come the tasks of parts that other parts wait for, and among these the longest.  Each result is written
-as soon as it is there, so that a study that is stopped at any time continues from there.
+A part takes two steps, its tasks and its finding, which is a task too.  A task is a function and its arguments; equal
+tasks run once.  Each result is written as soon as it is there, so that a study that was stopped at any time continues
+from there.
 
-The key of a result is a hash of everything that it depends on: the function, its inputs, and the sources of this
-program with the version of CasADi.  A kept result is a SHA-256 digest, then the computing time (s) and the result as
-MessagePack.  It is computed anew if it does not match its digest.  A file from elsewhere is never executed, because it
-is decoded into the type that the function declares.
+The name of the file of a result is a hash of everything that it depends on: the function, its arguments, and the
+sources of this program with the version of CasADi.  The file holds a SHA-256 digest, then the computing time (s) and
+the result as MessagePack.  A result that does not match its digest is computed anew.  A file from elsewhere is never
+executed, because it is decoded into the type that the function declares.
 """
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
-import heapq
-import math
+import threading
 import time
 import typing
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_EXCEPTION, CancelledError, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import replace
-from functools import cache, cached_property, partial
+from functools import cache
+from graphlib import TopologicalSorter
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import msgspec
 import numpy as np
@@ -37,11 +37,21 @@ from ancf_casadi.support.files import write_file
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.parallel import COUNT_BAR, processes, unbroken
 from problems.study.drawing import only
-from problems.study.part import Finding, Found, Part, PartReport, Study, Task
+from problems.study.part import Finding, Found, Part, Study, Task
 
 SUFFIX = ".msgpack"
 DIGEST_BYTES = hashlib.sha256().digest_size
 STEPS_FOLDER = "steps"  # folder with the kept results
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
+
+class Computation(NamedTuple):
+    """The result of a task."""
+
+    seconds: float  # computing time, as it was when the task ran
+    result: Any
 
 
 def key_of(task: Task) -> str:
@@ -60,40 +70,33 @@ def decoded(content: bytes, kind: Any) -> Any:
     return msgspec.msgpack.decode(content, type=kind, dec_hook=_array)
 
 
-def run_task(task: Task) -> bytes:
-    """Run a task, and return its computing time and its result as they are kept; all results pass through this form."""
+def compute(path: Path, task: Task) -> Computation:
+    """Run a task, keep its result in a file, and return it in the form that a kept result has."""
     began = time.perf_counter()
     result = task.function(*task.inputs)
-    return encoded((time.perf_counter() - began, result))
+    content = encoded((time.perf_counter() - began, result))
+    write_file(path, with_digest(content))
+    return unpacked(content, task)
 
 
-def unpacked(content: bytes, task: Task) -> tuple[float, Any]:
-    """Return the computing time (s) of a task, and its result in the type that its function declares."""
+def kept(path: Path, task: Task) -> Computation | None:
+    """Return the result of a task in a file, or None if there is none that can be used."""
+    try:
+        content = path.read_bytes()
+        return unpacked(body, task) if content == with_digest(body := content[DIGEST_BYTES:]) else None
+    except (OSError, ValueError, msgspec.MsgspecError):
+        return None
+
+
+def unpacked(content: bytes, task: Task) -> Computation:
+    """Return a kept computation, with its result in the type that the function of its task declares."""
     seconds, result = msgspec.msgpack.decode(content, type=tuple[float, msgspec.Raw])
-    return seconds, decoded(result, typing.get_type_hints(task.function)["return"])
+    return Computation(seconds, decoded(result, typing.get_type_hints(task.function)["return"]))
 
 
 def with_digest(content: bytes) -> bytes:
     """Return the content of a file that shows whether it was damaged: a SHA-256 digest stands in front."""
     return hashlib.sha256(content).digest() + content
-
-
-def kept_in(folder: Path, key: str, task: Task) -> tuple[float, Any] | None:
-    """Return time and result under a key in a folder, or None if there are none that can be used."""
-    try:
-        kept = (folder / f"{key}{SUFFIX}").read_bytes()
-        content = kept[DIGEST_BYTES:]
-        return unpacked(content, task) if kept == with_digest(content) else None
-    except (OSError, ValueError, msgspec.MsgspecError):
-        return None
-
-
-def discard_all_but(folder: Path, keys: set[str]) -> None:
-    """Remove the results of earlier studies from a folder."""
-    for path in folder.glob(f"*{SUFFIX}"):
-        if path.name.removesuffix(SUFFIX) not in keys:
-            with contextlib.suppress(OSError):
-                path.unlink()
 
 
 @cache
@@ -126,147 +129,91 @@ def _array(kind: Any, data: Any) -> Any:
     return np.frombuffer(content, np.dtype(name)).reshape(shape)
 
 
+class ThisThread(Executor):
+    """Calls each function at once; errors and Ctrl-C end the call of ``submit``."""
+
+    def submit(
+        self, function: Callable[Arguments, Result], /, *args: Arguments.args, **keywords: Arguments.kwargs
+    ) -> Future[Result]:
+        """Return the result."""
+        future: Future[Result] = Future()
+        future.set_result(function(*args, **keywords))
+        return future
+
+
 def run_parts(
     study: Study, folder: Path, *, formats: tuple[str, ...], jobs: int, executor: Executor | None, progress: bool
-) -> tuple[PartReport, ...]:
-    """Run all parts of a study, and return their findings with the time of each.
+) -> tuple[Finding, ...]:
+    """Run all parts of a study, and return their findings with the times of their computations.
 
-    A part may stand before those that it needs.  The folder is that of the results, with the finished tasks of an
-    earlier run.
+    A part may stand before those that it needs.  Each part has a thread, which waits for those parts, then for its
+    tasks; with one job and no executor, the parts run in this thread, one after the other.  The folder is that of the
+    results, with the finished tasks of an earlier run.
     """
-    findings = {"": Finding(None, beam=None if study.beam is None else BeamSpec.of(study.beam))}  # of the file
-    awaited = {name for part in study.parts for name in part.needs}
-    waiting = list(study.parts)
-    running: dict[str, tuple[_Steps, list[str]]] = {}  # with the keys of the tasks that a part waits for
-    keys: dict[str, list[str]] = {part.name: [] for part in study.parts}
+    steps = folder / STEPS_FOLDER
+    computations: dict[str, Future[Computation]] = {}  # by key
+    findings: dict[str, Future[Finding]] = {}  # by the name of the part
+    lock, stopped = threading.Lock(), threading.Event()
+
+    def submit(task: Task) -> tuple[str, Future[Computation]]:
+        key = key_of(task)
+        path = steps / f"{key}{SUFFIX}"
+        with lock:
+            if stopped.is_set():
+                raise CancelledError
+            if key not in computations and (computation := kept(path, task)):
+                computations[key] = ThisThread().submit(lambda: computation)
+            elif key not in computations:
+                bar.total += task.cost
+                computations[key] = workers().submit(compute, path, task)
+                computations[key].add_done_callback(lambda _: bar.update(task.cost))
+            return key, computations[key]
+
+    def stop() -> None:
+        with lock:
+            stopped.set()
+            for computation in computations.values() if executor else ():  # processes of a study are ended instead
+                computation.cancel()
+
+    def run(part: Part) -> Finding:
+        needed = {name: findings[name].result() for name in part.needs}
+        found = {
+            name: replace(finding, tables=(), figures=(), warnings=(), times={}) for name, finding in needed.items()
+        }
+        with lock:  # CasADi builds the expressions of one thread at a time
+            tasks = part.tasks(found)
+        for task in sorted(tasks, key=lambda task: -task.cost):
+            submit(task)
+        done = [(key, future.result()) for key, future in map(submit, tasks)]
+        results, cost = [computation.result for _, computation in done], 0.2 * (1 + len(tasks))  # s, to draw figures
+        key, last = submit(Task(_finding, (part.kind, part, results, found, formats if part.draw else ()), cost))
+        times = {key: computation.seconds for key, computation in (*done, (key, last.result()))}
+        finding: Finding = last.result().result
+        return replace(finding, name=part.name, times=times)
+
     with contextlib.ExitStack() as stack:
-        own = executor is None and jobs > 1
-        start = partial(stack.enter_context, processes(jobs)) if own else lambda: executor
-        bar = stack.enter_context(tqdm(total=0, disable=not progress, bar_format=COUNT_BAR, desc="study"))
-        most = jobs + 1 if own else math.inf  # one task more than there are processes: none waits for this one
-        queue = _Queue(folder / STEPS_FOLDER, start, most, bar)
-        stack.callback(queue.cancel)
-
-        def go_on(name: str, steps: _Steps, results: Any) -> None:
-            try:
-                tasks = steps.send(results)
-            except StopIteration as end:
-                findings[name] = end.value
-            else:
-                put = queue.put(tasks, urgent=name in awaited)
-                keys[name] += put
-                running[name] = steps, put
-
-        while waiting or running:
-            for part in [part for part in waiting if findings.keys() >= set(part.needs)]:
-                waiting.remove(part)
-                go_on(part.name, _steps(part, findings, formats), None)
-            done = [name for name, (_, awaits) in running.items() if queue.results.keys() >= set(awaits)]
-            for name in done:
-                steps, awaits = running.pop(name)
-                go_on(name, steps, [queue.results[key] for key in awaits])
-            if not done:
-                queue.finish_one()
-    discard_all_but(queue.folder, set(queue.tasks))
-    return tuple(_reports(study.parts, findings, keys, queue))
-
-
-def _reports(
-    parts: Sequence[Part], findings: Found, keys: Mapping[str, Sequence[str]], queue: _Queue
-) -> Iterator[PartReport]:
-    """Yield the findings with the time of each part, whose last key is that of its finding."""
-    counted: set[str] = set()
-    for part in parts:
-        own = keys[part.name]
-        new = set(own) - counted
-        counted |= new
-        yield PartReport(
-            part,
-            findings[part.name],
-            seconds=sum(queue.seconds[key] for key in own),
-            tasks=len(own) - 1,
-            kept=sum(key in queue.earlier for key in own),
-            own_seconds=sum(queue.seconds[key] for key in new),
-            own_tasks=len(new - {own[-1]}),
-        )
-
-
-_Steps = Generator[list[Task], Any, Finding]
-
-
-def _steps(part: Part, findings: Found, formats: tuple[str, ...]) -> _Steps:
-    """Yield the tasks of a part, then its finding as a task, and return the finding."""
-    found = {name: replace(findings[name], tables=(), figures=(), warnings=()) for name in part.needs}
-    tasks = part.tasks(found)
-    results = yield list(tasks)
-    cost = 0.2 * (1 + len(tasks))  # s, to draw a figure; most parts have one for each task
-    finding: Finding
-    (finding,) = yield [Task(_finding, (part.kind, part, results, found, formats if part.draw else ()), cost)]
-    return finding
+        stack.enter_context(unbroken())
+        bar: Any = stack.enter_context(tqdm(total=0, disable=not progress, bar_format=COUNT_BAR, desc="study"))
+        threads: Executor = ThisThread() if executor is None and jobs == 1 else ThreadPoolExecutor(1 + len(study.parts))
+        workers = cache(lambda: executor or (stack.enter_context(processes(jobs)) if jobs > 1 else threads))
+        stack.callback(threads.shutdown, wait=False)
+        stack.callback(stop)
+        beam = None if study.beam is None else BeamSpec.of(study.beam)
+        findings[""] = ThisThread().submit(Finding, None, beam=beam)  # of the file
+        parts = {part.name: part for part in study.parts}
+        for name in TopologicalSorter({name: part.needs for name, part in parts.items()}).static_order():
+            if name:
+                findings[name] = threads.submit(run, parts[name])
+        for finding in wait(findings.values(), return_when=FIRST_EXCEPTION).done:
+            finding.result()
+    for path in steps.glob(f"*{SUFFIX}"):
+        if path.stem not in computations:  # of an earlier study
+            with contextlib.suppress(OSError):
+                path.unlink()
+    return tuple(findings[name].result() for name in parts)
 
 
 def _finding(kind: str, part: Part, results: Sequence[Any], found: Found, formats: tuple[str, ...]) -> Finding:
     with located(part.name), only(formats):
         finding = part.finding(results, found)
     return finding if part.draw else replace(finding, figures=())
-
-
-class _Queue:
-    """Tasks by key: those that wait, those that run, and the results, of this run or kept from an earlier one.
-
-    ``start`` returns the executor, or None to run the tasks in this process; it may have ``most`` tasks at once.  In
-    the progress bar, a task counts by its cost.
-    """
-
-    def __init__(self, folder: Path, start: Callable[[], Executor | None], most: float, bar: Any) -> None:
-        self.folder = folder
-        self.tasks: dict[str, Task] = {}
-        self.results: dict[str, Any] = {}
-        self.seconds: dict[str, float] = {}  # computing times, as they were when the tasks ran
-        self.earlier: set[str] = set()  # kept from an earlier run
-        self._start, self._most, self._bar = start, most, bar
-        self._waiting: list[tuple[bool, float, int, str]] = []  # a heap: not urgent, -cost, order, key
-        self._running: dict[Future[bytes], str] = {}
-
-    def cancel(self) -> None:
-        """Drop the tasks that an executor has not begun."""
-        for future in self._running:
-            future.cancel()
-
-    @cached_property
-    def _executor(self) -> Executor | None:
-        """The executor of all tasks, started with the first one, because each process takes a second to start."""
-        return self._start()
-
-    def put(self, tasks: Sequence[Task], *, urgent: bool) -> list[str]:
-        """Return the keys of tasks, of which those wait that have no result yet; equal tasks run once."""
-        keys = [key_of(task) for task in tasks]
-        for key, task in zip(keys, tasks, strict=True):
-            if key in self.tasks:
-                continue
-            self.tasks[key] = task
-            if (kept := kept_in(self.folder, key, task)) is not None:
-                self.seconds[key], self.results[key] = kept
-                self.earlier.add(key)
-            else:
-                heapq.heappush(self._waiting, (not urgent, -task.cost, len(self.tasks), key))
-                self._bar.total += task.cost
-        return keys
-
-    def finish_one(self) -> None:
-        """Run tasks until at least one more is finished."""
-        if (executor := self._executor) is None:
-            key = heapq.heappop(self._waiting)[-1]
-            self._keep(key, run_task(self.tasks[key]))
-            return
-        with unbroken():
-            while self._waiting and len(self._running) < self._most:
-                key = heapq.heappop(self._waiting)[-1]
-                self._running[executor.submit(run_task, self.tasks[key])] = key
-            for future in wait(self._running, return_when=FIRST_COMPLETED).done:
-                self._keep(self._running.pop(future), future.result())
-
-    def _keep(self, key: str, content: bytes) -> None:
-        write_file(self.folder / f"{key}{SUFFIX}", with_digest(content))
-        self.seconds[key], self.results[key] = unpacked(content, self.tasks[key])
-        self._bar.update(self.tasks[key].cost)

@@ -31,13 +31,14 @@ from problems.spec.help import table_help
 from problems.spec.match import MATCH_KEYS
 from problems.spec.plan import PLAN_KEYS
 from problems.spec.schema import file_schema
+from problems.study.formatting import formatted_table, numeric_table
 from problems.study.kinds.beam import BeamProperties, Match, ModesOfBeam
 from problems.study.kinds.decays import DecayRecord, Decays
 from problems.study.kinds.motion import Comparison, MotionFit, PlanPart, SimulationPart
 from problems.study.kinds.rayleigh import Rayleigh
 from problems.study.kinds.response import ResponsePart
 from problems.study.kinds.transients import Transients
-from problems.study.part import LawChoice, Part, PartReport, Study
+from problems.study.part import Finding, LawChoice, Part, Study
 from problems.study.reading import read_study
 from problems.study.results import file_name, labelled, page, results, schema
 from problems.study.runner import run_parts
@@ -60,7 +61,7 @@ class StudyReport(Displayed):
         The HTML document.
     results : dict
         The numbers, as in ``results.json``.
-    parts : tuple of PartReport
+    parts : tuple of Finding
         The parts with their tables, figures and times.
 
     Examples
@@ -71,18 +72,18 @@ class StudyReport(Displayed):
     ...          "elastic_modulus = 210e9", "elements = 4", "[[parts]]", 'kind = "beam"']
     >>> _ = Path("strip.toml").write_text("\n".join(lines))
     >>> report = run_study("strip.toml", "results")
-    >>> [label for part in report.parts for label, table in part.tables], report.warnings
+    >>> [table.name for part in report.parts for table in part.tables], report.warnings
     (['Table 1'], ())
     """
 
     page: Path
     results: Mapping[str, Any]
-    parts: tuple[PartReport, ...]
+    parts: tuple[Finding, ...]
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the results, with the name of the part."""
-        return tuple(f"{part.name}: {warning}" for part in self.parts for warning in part.finding.warnings)
+        return tuple(f"{part.name}: {warning}" for part in self.parts for warning in part.warnings)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the results for JSON."""
@@ -92,8 +93,8 @@ class StudyReport(Displayed):
         """Return the tables as text."""
         texts = []
         for part in self.parts:
-            texts += [f"{label}. {table.text()}" for label, table in part.tables]
-            texts += [f"note: {warning}" for warning in part.finding.warnings]
+            texts += [f"{table.name}. {formatted_table(table).text()}" for table in part.tables]
+            texts += [f"note: {warning}" for warning in part.warnings]
         return "\n\n".join(texts)
 
     def _summary(self) -> str:
@@ -193,9 +194,9 @@ def write_study(
     whole_study = read_study(path, kinds)
     study = whole_study.shortened() if quick else whole_study
     formats, progress = ("svg",) if quick else ("svg", "png"), flag(progress, "progress")
-    ran = run_parts(study, folder, formats=formats, executor=executor, jobs=jobs, progress=progress)
-    parts = labelled(ran)
-    left_out = [part.title for part in whole_study.parts if part.name not in {one.name for one in parts}]
+    findings = run_parts(study, folder, formats=formats, executor=executor, jobs=jobs, progress=progress)
+    parts = labelled(study.parts, findings)
+    left_out = [part.title for part in whole_study.parts if part.name not in {part.name for part in study.parts}]
     versions = {"ancf-casadi": __version__, **{name: version(name) for name in ("casadi", "numpy", "scipy")}}
     report = StudyReport(folder / PAGE, results(study, parts, versions, quick=quick), parts)
     document = page(study, parts, command=command, versions=versions, quick=quick, left_out=left_out)
@@ -207,14 +208,12 @@ def _write(report: StudyReport, layout: str, document: str) -> None:
     """Write all files of a study, all or none, and remove numbered ones that are left from another study."""
     folder, contents = report.page.parent, dict[Path, str | bytes]()
     for part in report.parts:
-        for label, table in part.tables:
-            contents[folder / "tables" / f"{file_name(label)}.csv"] = table.table().csv()
-        for label, figure in part.figures:
-            contents[folder / "figures" / f"{file_name(label)}.svg"] = figure.svg
-            if figure.png:
-                contents[folder / "figures" / f"{file_name(label)}.png"] = figure.png
-            if figure.moving:
-                contents[folder / "figures" / f"{file_name(label)}.gif"] = figure.moving
+        for table in part.tables:
+            contents[folder / "tables" / f"{file_name(table.name)}.csv"] = numeric_table(table).csv()
+        for figure in part.figures:
+            for suffix, content in (("svg", figure.svg), ("png", figure.png), ("gif", figure.moving)):
+                if content:
+                    contents[folder / "figures" / f"{file_name(figure.name)}.{suffix}"] = content
     contents |= {folder / SCHEMA_FILE: layout, folder / NUMBERS_FILE: to_json(report.results), report.page: document}
     write_files(contents)
     for earlier in (*folder.glob("tables/*"), *folder.glob("figures/*")):

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from ancf_casadi.support.tables import Table
 from problems.paper.reproduce import ALL_KINDS, PAPER_FILE
 from problems.study.part import Study
 from problems.study.reading import read_study
@@ -66,6 +67,12 @@ def run_in(folder: Path, text: str, *, quick: bool = False, name: str = "study.t
     (folder / name).write_text(text, encoding="utf-8")
     options = {"executor": None, "jobs": 1, "progress": False, "command": "run_in"}
     return write_study(folder / name, ALL_KINDS, folder / "results", quick=quick, **options)
+
+
+def column(table: Table, head: str) -> list[Any]:
+    """Return the cells below the first head that is, or begins with, a text."""
+    k = next(k for k, name in enumerate(table.columns) if name.startswith(head))
+    return [row[k] for row in table.rows]
 
 
 def toml(tables: dict[str, Any]) -> str:

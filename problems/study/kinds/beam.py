@@ -19,12 +19,13 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import located, whole
 from ancf_casadi.support.specs import Positive
+from ancf_casadi.support.tables import Table
 from ancf_casadi.vibration.modes import natural_modes
 from problems.matching.frequency_matching import match_frequencies
 from problems.spec.match import MatchTable, request_of
 from problems.spec.table import read
-from problems.study.data_table import Column, DataTable, columns_of, shown
 from problems.study.drawing import FIGURE_WIDTH, Drawing, drawn, new_figure, series
+from problems.study.formatting import shown
 from problems.study.part import Finding, Found, Part, Printed, Study, Task, printed_numbers
 
 BEAM_ROWS = (("length", "mm", 1e3), ("width", "mm", 1e3), ("thickness", "mm", 1e3), ("density", "kg/m³", 1.0),
@@ -57,14 +58,12 @@ class BeamProperties(Part):
         beam, origin = self.beam_in(found), found[self.beam]
         errors = origin.errors or {}
         scaled = tuple(scale * errors.get(name, math.nan) for name, _, scale in BEAM_ROWS)
-        columns = [
-            Column("property", tuple(name.replace("_", " ") for name, *_ in BEAM_ROWS)),
-            Column("unit", tuple(unit for _, unit, _ in BEAM_ROWS)),
-            Column("value", _means(beam), "", scaled if errors else None, self.printed.get("value")),
-        ]
         guess = None if origin.guess is None else origin.guess.beam()
-        if guess:
-            columns.insert(2, Column("guess", _means(guess)))
+        properties = [_means(guess), _means(beam)] if guess else [_means(beam)]
+        rows = [
+            (name.replace("_", " "), unit, *values)
+            for (name, unit, _), *values in zip(BEAM_ROWS, *properties, strict=True)
+        ]
         varying = [name for name, *_ in ELEMENT_ROWS if np.ptp(getattr(beam, name)) > 0.0]
         notes = [f"{beam.elements} elements; axis {beam.axis}, gravity {beam.gravity} m/s²."]
         if varying:
@@ -76,8 +75,13 @@ class BeamProperties(Part):
             notes.append(f"{name.replace('_', ' ').capitalize()}: {shown(scale * value, error)} {unit}{first}.")
         if beam.supports != (Clamp(),):
             notes.append(f"Supports: {', '.join(map(repr, beam.supports)) or 'none'}.")
-        table = self.data_table(
-            "Properties of the identified beam" if guess else "Properties of the beam", columns, *notes
+        table = self.table(
+            "Properties of the identified beam" if guess else "Properties of the beam",
+            ("property", "unit", "guess", "value") if guess else ("property", "unit", "value"),
+            rows,
+            *notes,
+            errors={"value": scaled} if errors else None,
+            printed={"value": self.printed.get("value")},
         )
         data = {
             **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in ELEMENT_ROWS},
@@ -112,12 +116,14 @@ class ModesOfBeam(Part):
         modes = natural_modes(Model(beam), count=self.modes)
         frequencies = modes.frequencies.tolist()
         errors = found[self.beam].frequency_errors
-        columns = [
-            Column("mode", tuple(range(1, modes.count + 1))),
-            Column("frequency", tuple(frequencies), "Hz", (*errors, *[None] * modes.count)[: modes.count] if errors else
-                   None, self.printed.get("frequency")),
-        ]  # fmt: skip
-        table = self.data_table("Natural frequencies" + " of the identified beam" * bool(errors), columns)
+        head = "frequency, Hz"
+        table = self.table(
+            "Natural frequencies" + " of the identified beam" * bool(errors),
+            ("mode", head),
+            enumerate(frequencies, start=1),
+            errors={head: (*errors, *[None] * modes.count)[: modes.count]} if errors else None,
+            printed={head: self.printed.get("frequency")},
+        )
         figure = drawn("Mode shapes about the equilibrium.", modes.figure)
         return Finding({"frequency_hz": frequencies}, (table,), (figure,), beam=BeamSpec.of(beam))
 
@@ -186,38 +192,34 @@ class Match(Part, MatchTable):
         tables = (self._properties(beam, matched, data), self._frequencies(beam, data))
         return Finding(data, tables, figures, tuple(data["warnings"]), matched)
 
-    def _properties(self, beam: Beam, matched: BeamSpec, data: Mapping[str, Any]) -> DataTable:
+    def _properties(self, beam: Beam, matched: BeamSpec, data: Mapping[str, Any]) -> Table:
         rows = []
         for name, unit, scale in ELEMENT_ROWS:
             before, values = scale * float(np.mean(getattr(beam, name))), scale * np.array(getattr(matched, name))
             row = (before, float(values.mean()), float(values.min()), float(values.max()))
             rows.append((name.replace("_", " "), unit, *row))
         heads = ("property", "unit", "before", "mean", "smallest", "largest")
-        columns = columns_of(heads, rows, {"mean": self.printed["value"]} if "value" in self.printed else None)
         bounds = ", ".join(data["at_bound"]) or "none"
         notes = (
             f"{data['iterations']} iterations of IPOPT; properties at a bound: {bounds}.",
             "Mean, smallest and largest value along the beam.",
             *data["identified"],
         )
-        return self.data_table("Properties of the matched beam", columns, *notes)
+        printed = {"mean": self.printed.get("value")}
+        return self.table("Properties of the matched beam", heads, rows, *notes, printed=printed)
 
-    def _frequencies(self, beam: Beam, data: Mapping[str, Any]) -> DataTable:
-        columns = [
-            Column("mode", tuple(data["modes"])),
-            Column("measured", tuple(data["target_hz"]), "Hz"),
-            Column("before", tuple(data["standard_hz"]), "Hz"),
-        ]
+    def _frequencies(self, beam: Beam, data: Mapping[str, Any]) -> Table:
+        columns = {"mode": data["modes"], "measured, Hz": data["target_hz"], "before, Hz": data["standard_hz"]}
         if self.weightless:
             other = beam.with_(gravity=(0.0, 0.0), density=self.weightless)
             frequencies = natural_modes(Model(other), count=max(data["modes"])).frequencies
-            shown = tuple(float(frequencies[mode - 1]) for mode in data["modes"])
-            columns.append(Column(f"{self.weightless:g} kg/m³, no gravity", shown, "Hz"))
-        columns[-1] = replace(columns[-1], printed=self.printed.get("standard"))
-        columns.append(Column("matched", tuple(data["matched_hz"]), "Hz", printed=self.printed.get("optimum")))
+            shown = [float(frequencies[mode - 1]) for mode in data["modes"]]
+            columns[f"{self.weightless:g} kg/m³, no gravity, Hz"] = shown
+        printed = {[*columns][-1]: self.printed.get("standard"), "matched, Hz": self.printed.get("optimum")}
+        columns["matched, Hz"] = data["matched_hz"]
         note = f"Largest relative error after matching: {data['max_relative_error']:.1e}."
         title = "Natural frequencies before and after matching"
-        return self.data_table(title, columns, note)
+        return self.table(title, [*columns], zip(*columns.values(), strict=True), note, printed=printed)
 
     def _errors(self, data: Mapping[str, Any]) -> Drawing:
         """Draw the relative errors on a logarithmic scale, so that those after matching are visible."""

@@ -24,14 +24,13 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure, prefixed
 from ancf_casadi.support.inputs import check_keys, located
 from ancf_casadi.support.specs import Positive, convert
-from ancf_casadi.support.tables import known
+from ancf_casadi.support.tables import Cell, Table, known
 from problems.decay.fitting import fit_decay
 from problems.decay.laws import Law
 from problems.decay.result import DecayFit
 from problems.spec.help import UNLISTED
 from problems.spec.motion import ColumnName, FileSpec
 from problems.spec.table import read
-from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
 from problems.study.part import Finding, Found, Part, Printed, Study, Task, printed_numbers
 
@@ -232,32 +231,35 @@ class Decays(Part):
         rows = [{**row, "amplitude_error": fit.amplitude_error} for row, fit in zip(data, fits, strict=True)]
         return Finding(data, (self._table(rows),), figures, warnings)
 
-    def _table(self, rows: Sequence[Mapping[str, Any]]) -> DataTable:
-        def column(head: str, name: str, unit: str, key: str, error: str, scale: float = 1.0) -> Column:
-            values = tuple(scale * row[key] for row in rows)
-            errors = tuple(None if row[error] is None else scale * row[error] for row in rows)
-            return Column(head, values, unit, errors, self.printed.get(name))
+    def _table(self, rows: Sequence[Mapping[str, Any]]) -> Table:
+        columns: dict[str, Sequence[Cell]] = {"record": [decay.record.name for decay in self.decays]}
+        errors, printed = {}, {}
 
-        columns = [Column("record", tuple(decay.record.name for decay in self.decays))]
+        def add(head: str, name: str, key: str, error: str, scale: float = 1.0) -> None:
+            columns[head] = [scale * row[key] for row in rows]
+            errors[head] = [None if row[error] is None else scale * row[error] for row in rows]
+            printed[head] = self.printed.get(name)
+
         if all(decay.synthetic for decay in self.decays):
-            columns = [Column("mode", tuple(range(1, len(rows) + 1)))]
-        laws = tuple(row["law"] for row in rows)
+            columns = {"mode": range(1, len(rows) + 1)}
+        laws = [row["law"] for row in rows]
         if len({*laws}) > 1 or self.law == "auto":
-            columns.append(Column("law", laws))
-        columns.append(column("frequency", "frequency", "Hz", "frequency_hz", "frequency_stderr_hz"))
+            columns["law"] = laws
+        add("frequency, Hz", "frequency", "frequency_hz", "frequency_stderr_hz")
         damped_by_rate = any(law != "linear" for law in laws)
         if damped_by_rate:
-            columns.append(column("η1", "eta1", "1/s", "eta1", "eta1_stderr"))
-            columns.append(column("η2", "eta2", "1/m", "eta2_per_m", "eta2_stderr_per_m"))
-            columns.append(Column("correlation", tuple(row["correlation"] for row in rows)))
-            columns.append(column("amplitude", "amplitude", "mm", "amplitude_m", "amplitude_error", 1e3))
-        ratio = "equivalent damping ratio" if damped_by_rate else "damping ratio"
-        columns.append(column(ratio, "damping_ratio", "%", "damping_ratio", "damping_ratio_stderr", 100.0))
+            add("η1, 1/s", "eta1", "eta1", "eta1_stderr")
+            add("η2, 1/m", "eta2", "eta2_per_m", "eta2_stderr_per_m")
+            columns["correlation"] = [row["correlation"] for row in rows]
+            add("amplitude, mm", "amplitude", "amplitude_m", "amplitude_error", 1e3)
+        ratio = "equivalent damping ratio, %" if damped_by_rate else "damping ratio, %"
+        add(ratio, "damping_ratio", "damping_ratio", "damping_ratio_stderr", 100.0)
         sources = dict.fromkeys(decay.synthetic for decay in self.decays if decay.synthetic)
         title = "Modal parameters from free decays"
         if sources:
             title += "; synthetic data"
-        return self.data_table(title, columns, *sources)
+        cells = zip(*columns.values(), strict=True)
+        return self.table(title, [*columns], cells, *sources, errors=errors, printed=printed)
 
     def _drawing(self, mode: int, decay: Decay, fit: FittedDecay) -> Drawing:
         found = fit.numbers

@@ -17,7 +17,7 @@ from msgspec import Meta
 from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.spec import BeamSpec
-from ancf_casadi.support.tables import known
+from ancf_casadi.support.tables import Table, known
 from ancf_casadi.vibration.equilibrium import bends_allowed
 from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.fitting import compare_laws, fit_beam
@@ -28,8 +28,8 @@ from problems.spec.file import StudyFile
 from problems.spec.motion import read_simulation
 from problems.spec.plan import PLAN_TABLES, read_plan
 from problems.spec.records import NUMBERS, read_measurements
-from problems.study.data_table import Column, DataTable, columns_of, digits_of
 from problems.study.drawing import drawn
+from problems.study.formatting import digits_of
 from problems.study.part import Finding, Found, Part, Study, Task
 
 MODES = 12  # whose natural frequencies get standard errors
@@ -79,7 +79,7 @@ def simulated(file: StudyFile, animate: bool) -> Finding:
         from ancf_casadi.animation.motions import moving_pictures  # matplotlib is slow to import
 
         figure = replace(figure, moving=moving_pictures({"": run}, "motion.gif"))
-    table = DataTable("Simulated motion", columns_of(("quantity", "unit", "value"), rows))
+    table = Table("", "Simulated motion", ("quantity", "unit", "value"), rows)
     return Finding(data, (table,), (figure,))
 
 
@@ -141,30 +141,23 @@ def _error(fit: BeamFit, name: str) -> float:
     return relative * value_of(fit.model.beam, kind_of(name))
 
 
-def _estimates(unknowns: Sequence[Mapping[str, Any]]) -> DataTable:
-    columns = (
-        Column("unknown", tuple(one["name"] for one in unknowns)),
-        Column("unit", tuple(one["unit"] for one in unknowns)),
-        Column("estimate", tuple(one["value"] for one in unknowns),
-               errors=tuple(one["standard_error"] for one in unknowns)),
-        *(
-            Column(head, tuple(ends), digits=tuple(digits_of(end or 0.0, one["standard_error"]) for end, one in
-                   zip(ends, unknowns, strict=True)))
-            for head, ends in zip(("95 % interval from", "to"), zip(*(one["interval_95"] for one in unknowns),
-                                  strict=True), strict=True)
-        ),
-    )  # fmt: skip
-    return DataTable("Estimates from the measurements", columns)
+def _estimates(unknowns: Sequence[Mapping[str, Any]]) -> Table:
+    heads = ("unknown", "unit", "estimate", "95 % interval from", "to")
+    rows = [(one["name"], one["unit"], one["value"], *one["interval_95"]) for one in unknowns]
+    errors = [one["standard_error"] for one in unknowns]
+    digits = {head: [digits_of(row[k] or 0.0, error) for row, error in zip(rows, errors, strict=True)]
+              for k, head in enumerate(heads) if k > 2}  # fmt: skip
+    return Table("", "Estimates from the measurements", heads, rows, errors={"estimate": errors}, digits=digits)
 
 
-def _errors(predictions: Sequence[Mapping[str, Any]]) -> DataTable:
+def _errors(predictions: Sequence[Mapping[str, Any]]) -> Table:
     rows = [
         (k, channel["channel"], channel["unit"], channel["rms_error"], 100 * channel["relative_error"])
         for k, one in enumerate(predictions, start=1)
         for channel in one["channels"]
     ]
     heads = ("record", "channel", "unit", "rms error", "rms error, % of the rms motion")
-    return DataTable("Errors of the predictions", columns_of(heads, rows))
+    return Table("", "Errors of the predictions", heads, rows)
 
 
 @final
@@ -199,11 +192,9 @@ def compared(file: StudyFile) -> Finding:
     data = found.to_dict()
     laws = data["laws"]
     lowest = min(law["bic"] for law in laws)
-    columns = columns_of(
-        ("law", "unknowns", "rms residual", "BIC above the lowest"),
-        [(law["law"], law["estimated"], law["residual_rms"], law["bic"] - lowest) for law in laws],
-    )
-    table = DataTable("Damping laws fitted to the measured motion", columns, tuple(found.table().notes))
+    heads = ("law", "unknowns", "rms residual", "BIC above the lowest")
+    rows = [(law["law"], law["estimated"], law["residual_rms"], law["bic"] - lowest) for law in laws]
+    table = Table("", "Damping laws fitted to the measured motion", heads, rows, found.table().notes)
     return Finding(data, (table,), (drawn(caption, found.figure),), tuple(data["warnings"]))
 
 
@@ -239,5 +230,5 @@ def planned(file: StudyFile) -> Finding:
         "Expected standard errors from one record of each candidate, relative to the guesses; below, those of "
         "motions against their duration and the place of a single sensor."
     )
-    tables = (DataTable(own.title, columns_of(own.columns, rows), (note,)),)
+    tables = (Table("", own.title, own.columns, rows, (note,)),)
     return Finding(found.to_dict() | choice, tables, (drawn(caption, found.figure),), found.warnings)

@@ -15,7 +15,6 @@ from ancf_casadi.support.inputs import located
 from ancf_casadi.support.specs import Positive
 from ancf_casadi.support.tables import known
 from problems.modal_damping.rayleigh import RayleighFit, fit_rayleigh, rayleigh_ratio
-from problems.study.data_table import Column, columns_of
 from problems.study.drawing import drawn, line, new_figure
 from problems.study.part import Finding, Found, Part, Printed, Study, printed_numbers
 
@@ -63,17 +62,17 @@ class Rayleigh(Part):
             deviations = self._identified(found[self.identified_by].data)
         fit = fit_rayleigh(self.frequencies, self.ratios, ratio_std=deviations or None)
         errors = (fit.standard_errors["alpha"], fit.standard_errors["beta"])
-        columns = (
-            Column("coefficient", ("alpha", "beta")),
-            Column("unit", ("1/s", "s")),
-            Column("value", (fit.alpha, fit.beta), errors=errors, printed=self.printed.get("value")),
-        )
         modes = zip((*self.frequencies, *self.others.frequencies), (*self.ratios, *self.others.ratios), strict=True)
         rows = [(f, 100 * z, float(100 * rayleigh_ratio(np.array(f), fit.alpha, fit.beta))) for f, z in modes]
-        law = columns_of(("frequency, Hz", "measured, %", "Eq. (16), %"), rows)
         tables = (
-            self.data_table("Coefficients of Rayleigh damping", columns),
-            self.data_table("Damping ratios under this law", law),
+            self.table(
+                "Coefficients of Rayleigh damping",
+                ("coefficient", "unit", "value"),
+                [("alpha", "1/s", fit.alpha), ("beta", "s", fit.beta)],
+                errors={"value": errors},
+                printed={"value": self.printed.get("value")},
+            ),
+            self.table("Damping ratios under this law", ("frequency, Hz", "measured, %", "Eq. (16), %"), rows),
         )
         caption = (
             "Damping ratio under Rayleigh damping against frequency, with the parts of α and β, and the measured modes."

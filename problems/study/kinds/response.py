@@ -26,15 +26,16 @@ from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Axes, Figure
+from ancf_casadi.support.tables import Cell
 from ancf_casadi.vibration.modes import natural_modes
 from problems.spec.file import StudyFile
 from problems.spec.help import UNLISTED
 from problems.spec.motion import ResponseTask, read_response
-from problems.study.data_table import Column, columns_of
 from problems.study.drawing import drawn, new_figure, series
 from problems.study.part import Finding, Found, Part, Study, Task
 
 TIP_KEY = "tip"
+SUMMARY_HEADS = ("peak of the tip, mm", "at, Hz", "damping there, %", "jump up, Hz", "jump down, Hz")
 
 Curve = Mapping[str, Any]  # a response curve as in results.json
 
@@ -82,15 +83,14 @@ def level_titles(levels: Sequence[float], unit: str) -> tuple[str, ...]:
     return tuple(f"{1e3 * level:.4g} m{unit}" for level in levels)
 
 
-def summary_columns(curves: Sequence[Curve]) -> tuple[Column, ...]:
-    """Return peak, damping and jumps of curves as columns of a table, one row per curve."""
-    heads = ("peak of the tip, mm", "at, Hz", "damping there, %", "jump up, Hz", "jump down, Hz")
-    rows = []
+def summary_rows(curves: Sequence[Curve]) -> list[tuple[Cell, ...]]:
+    """Return peak, damping and jumps of curves as rows of a table with ``SUMMARY_HEADS``."""
+    rows: list[tuple[Cell, ...]] = []
     for curve in curves:
         peak = (1e3 * curve["peak_amplitude_m"], curve["peak_frequency_hz"], 100 * curve["peak_damping_ratio"])
         jumps = (", ".join(f"{jump:.5g}" for jump in curve[key]) or "–" for key in ("jumps_up_hz", "jumps_down_hz"))
         rows.append((*peak, *jumps))
-    return columns_of(heads, rows)
+    return rows
 
 
 def level_curve(given: StudyFile, level: float) -> dict[str, Any]:
@@ -124,8 +124,8 @@ class ResponsePart(Part):
     def finding(self, results: Sequence[Any], found: Found) -> Finding:
         """Return the curves with their peaks and jumps."""
         titles = level_titles(self.levels, self.unit)
-        columns = (Column("excitation", titles), *summary_columns(results))
-        table = self.data_table("Peaks and jumps of the response", columns)
+        rows = [(title, *row) for title, row in zip(titles, summary_rows(results), strict=True)]
+        table = self.table("Peaks and jumps of the response", ("excitation", *SUMMARY_HEADS), rows)
         caption = (
             "Steady vibration of the tip relative to the clamp: half the peak-to-peak value, and phase against the "
             "excitation.  Dashed: unstable."

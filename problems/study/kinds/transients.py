@@ -18,9 +18,8 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.arrays import Array, maxima
 from ancf_casadi.support.figures import Axes, Figure, plain_log_ticks
-from ancf_casadi.support.tables import known
+from ancf_casadi.support.tables import Table, known
 from problems.spec.help import described_keys
-from problems.study.data_table import Column, DataTable, columns_of
 from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, series
 from problems.study.kinds.experiment import ExperimentResult, RequestedRun, run_experiment
 from problems.study.part import Finding, Found, LawChoice, Part, Printed, Study, Task, printed_numbers
@@ -64,10 +63,7 @@ class Transients(Part):
     kind, about, heading = "transients", "simulated experiments: {}", "Excitation, stop and decay"
     naming = ("beam",)
 
-    runs: Annotated[
-        tuple[RequestedRun, ...],
-        Meta(min_length=1, description=f"[{{{RUN_KEYS}}}, ...]"),
-    ]
+    runs: Annotated[tuple[RequestedRun, ...], Meta(min_length=1, description=f"[{{{RUN_KEYS}}}, ...]")]
     laws: Annotated[tuple[LawChoice, ...], Meta(description="names of [[laws]]")] = ()
     beam: Annotated[str, Meta(description='"PART"')] = ""
     printed: Annotated[Printed, Meta(description="{LAW = [damping ratio of each run, %]}")] = field(
@@ -114,27 +110,27 @@ class Transients(Part):
             figures.append(drawn(caption, lambda: self._overview(data)))
         return Finding(data, (self._ratios(in_order), self._amplitudes(in_order)), tuple(figures))
 
-    def _ratios(self, rows: Sequence[Row]) -> DataTable:
-        columns = [*columns_of(("mode", "law"), [(row["mode"], law.title) for _, law, row in rows])]
-        if any(math.isfinite(run.measured_ratio) for run in self.runs):
-            columns.append(Column("measured", tuple(100 * self.runs[k].measured_ratio for k, *_ in rows), "%"))
-        printed = tuple(self.printed[law.name][k] if law.name in self.printed else None for k, law, _ in rows)
-        columns += [
-            Column("simulated", tuple(100 * row["damping_ratio"] for *_, row in rows), "%",
-                   printed=printed if any(value is not None for value in printed) else None),
-            Column("predicted by the law", tuple(100 * row["expected_damping_ratio"] for *_, row in rows), "%"),
-            Column("at amplitude", tuple(1e3 * row["amplitude_m"] for *_, row in rows), "mm"),
+    def _ratios(self, rows: Sequence[Row]) -> Table:
+        measured = any(math.isfinite(run.measured_ratio) for run in self.runs)
+        cells = [
+            (row["mode"], law.title, *[100 * self.runs[k].measured_ratio][:measured], 100 * row["damping_ratio"],
+             100 * row["expected_damping_ratio"], 1e3 * row["amplitude_m"])
+            for k, law, row in rows
         ]  # fmt: skip
-        return self.data_table("Damping ratios of the decays after the stop", columns)
+        printed = [self.printed[law.name][k] if law.name in self.printed else None for k, law, _ in rows]
+        return self.table(
+            "Damping ratios of the decays after the stop",
+            ("mode", "law", *["measured, %"][:measured], "simulated, %", "predicted by the law, %", "at amplitude, mm"),
+            cells,
+            printed={"simulated, %": printed if any(value is not None for value in printed) else None},
+        )
 
-    def _amplitudes(self, rows: Sequence[Row]) -> DataTable:
+    def _amplitudes(self, rows: Sequence[Row]) -> Table:
         sizes = ("base_amplitude_m", "requested_amplitude_m", "reached_amplitude_m")
-        columns = columns_of(
-            ("mode", "law", "drive, Hz", "base amplitude, mm", "requested, mm", "at the stop, mm",
-             "frequency in the decay, Hz"),
-            [(row["mode"], law.title, row["drive_hz"], *(1e3 * row[name] for name in sizes), row["frequency_hz"])
-             for _, law, row in rows],
-        )  # fmt: skip
+        heads = ("mode", "law", "drive, Hz", "base amplitude, mm", "requested, mm", "at the stop, mm",
+                 "frequency in the decay, Hz")  # fmt: skip
+        cells = [(row["mode"], law.title, row["drive_hz"], *(1e3 * row[name] for name in sizes), row["frequency_hz"])
+                 for _, law, row in rows]  # fmt: skip
         # relative difference from the requested amplitude that the table explains
         short = any(row["reached_amplitude_m"] < (1 - 0.05) * row["requested_amplitude_m"] for *_, row in rows)
         reason = (
@@ -143,7 +139,7 @@ class Transients(Part):
         )
         notes = ("The base amplitude is that of linear theory for the requested amplitude of the tip.", reason)
         title = "Amplitudes of the excitation and of the tip"
-        return self.data_table(title, columns, *notes[: 1 + short])
+        return self.table(title, heads, cells, *notes[: 1 + short])
 
     def _overview(self, data: Mapping[str, Any]) -> Figure:
         """Draw the damping ratio of each mode under each law."""

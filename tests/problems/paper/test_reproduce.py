@@ -19,6 +19,7 @@ from ancf_casadi.version import __version__
 from problems.cli import main
 from problems.paper import reproduce as reproducing
 from problems.paper.reproduce import PAPER_FILE
+from problems.study.formatting import formatted_table, numeric_table
 from problems.study.part import Study
 from tests.problems.conftest import study_in, without_times
 from tests.problems.paper import numbers as paper
@@ -88,7 +89,7 @@ class TestResults:
                 assert keys <= row.keys(), name
         for name in ("modal_identification", "quadratic"):
             assert [row["mode"] for row in small_paper.results[name]] == [1, 2, 3, 4, 5]
-        assert list(small_paper.results["timing"]) == [part.part.name for part in small_paper.parts]
+        assert list(small_paper.results["timing"]) == [part.name for part in small_paper.parts]
 
     def test_validates_against_its_schema(self, small_paper):
         folder = small_paper.page.parent
@@ -154,14 +155,13 @@ class TestResults:
 
     def test_tables_stand_beside_the_papers_numbers(self, small_paper):
         """The printed numbers, those computed, and the right values beside misprints."""
-        tables = {label: table for part in small_paper.parts for label, table in part.tables}
+        tables = {table.name: table for part in small_paper.parts for table in part.tables}
         assert [label for label in tables if "A" not in label] == [
             "Table 1", "Table 2", "Table 3", "Table 4", "Table 9", "Table 10", "Table 11",
         ]  # fmt: skip
-        assert {table.source for table in tables.values() if "paper" in table.heads()} == {"paper"}
-        frequency = next(column for column in tables["Table 2"].columns if column.head == "frequency")
-        assert frequency.printed == paper.TARGET_FREQUENCIES
-        (beta,) = (row for row in tables["Table 3"].table().rows if row[0] == "beta")
+        assert {table.source for table in tables.values() if "paper" in formatted_table(table).columns} == {"paper"}
+        assert tuple(tables["Table 2"].printed["frequency, Hz"]) == paper.TARGET_FREQUENCIES
+        (beta,) = (row for row in numeric_table(tables["Table 3"]).rows if row[0] == "beta")
         assert beta[2] == pytest.approx(3.18e-5, rel=1e-3)
         assert beta[-1] == 3.18e-4
         assert any("ten times" in note for note in tables["Table 3"].notes)
@@ -169,11 +169,11 @@ class TestResults:
     def test_synthetic_data_say_so(self, small_paper):
         """Erratum 20: no raw record is published; table, note and each figure say that the decays are synthetic."""
         for part in small_paper.parts:
-            if part.part.name in ("modal_identification", "quadratic"):
-                for _, table in part.tables:
+            if part.name in ("modal_identification", "quadratic"):
+                for table in part.tables:
                     assert "synthetic" in table.title
                     assert any("no raw record was published" in note for note in table.notes)
-                for _, figure in part.figures:
+                for figure in part.figures:
                     assert "synthetic" in figure.caption
                     assert "SYNTHETIC" in figure.svg
 

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from problems.study.data_table import Column, DataTable
+from ancf_casadi.support.tables import Table
 from problems.study.drawing import FIGURE_WIDTH, STYLE
-from problems.study.part import Finding, PartReport, Study
+from problems.study.formatting import numeric_table
+from problems.study.part import Finding, Study
 from problems.study.results import _numeric, file_name, inline_svg, labelled
 from problems.study.results import page as document
 from problems.study.study import StudyReport, run_study
@@ -130,17 +131,17 @@ class TestPage:
         folder, text = small_paper.page.parent, "".join(data for _, data in page.texts)
         assert page.names["svg"] == sum(len(part.figures) for part in small_paper.parts)
         for part in small_paper.parts:
-            for label, table in part.tables:
-                assert f"{label}." in text
-                content = (folder / "tables" / f"{file_name(label)}.csv").read_text(encoding="utf-8")
-                assert len(list(csv.reader(io.StringIO(content)))) == 1 + len(table.columns[0].values)
-            for label, figure in part.figures:
-                assert f"{label}." in text
-                name = file_name(label)
+            for table in part.tables:
+                assert f"{table.name}." in text
+                content = (folder / "tables" / f"{file_name(table.name)}.csv").read_text(encoding="utf-8")
+                assert len(list(csv.reader(io.StringIO(content)))) == 1 + len(table.rows)
+            for figure in part.figures:
+                assert f"{figure.name}." in text
+                name = file_name(figure.name)
                 assert (folder / "figures" / f"{name}.svg").read_text(encoding="utf-8") == figure.svg
                 assert not (folder / "figures" / f"{name}.png").exists()  # in a quick look, whose page shows the SVG
         files = {path.stem for kind in ("tables", "figures") for path in (folder / kind).iterdir()}
-        labels = [label for part in small_paper.parts for label, _ in (*part.tables, *part.figures)]
+        labels = [item.name for part in small_paper.parts for item in (*part.tables, *part.figures)]
         assert files == {file_name(label) for label in labels}
 
     def test_names_what_is_not_computed(self, page):
@@ -187,9 +188,9 @@ class TestPage:
     def test_prints_two_figures_on_a_page(self, page, small_paper):
         """Of US letter, beside their captions, with letters of 7 points or more; one law for all modes fills a page."""
         heights = {
-            label: float(re.search(r'height="([\d.]+)pt"', figure.svg)[1]) / 72
+            figure.name: float(re.search(r'height="([\d.]+)pt"', figure.svg)[1]) / 72
             for part in small_paper.parts
-            for label, figure in part.figures
+            for figure in part.figures
             if "against its amplitude" not in figure.caption
         }
         scale = float(re.search(r"minmax\(0, ([\d.]+)in\)", page.source)[1]) / FIGURE_WIDTH
@@ -232,8 +233,8 @@ class TestTextsOfUsers:
     def test_stand_in_the_files_as_they_are(self, nasty):
         folder = nasty.page.parent
         assert json.loads((folder / "results.json").read_text())["study"]["title"] == NASTY
-        table = next(table for part in nasty.parts for _, table in part.tables if table.heads()[1] == "law")
-        rows = list(csv.reader(io.StringIO(table.table().csv())))
+        table = next(table for part in nasty.parts for table in part.tables if table.columns[1] == "law")
+        rows = list(csv.reader(io.StringIO(numeric_table(table).csv())))
         assert any(NASTY in row for row in rows)
         assert NASTY in nasty.report()
 
@@ -259,22 +260,22 @@ class TestLabels:
     @pytest.mark.slow
     def test_others_are_numbered(self, small_paper):
         """Two tables in parts without labels; in a study with labels, theirs start with A and avoid those given."""
-        table, figure = small_paper.parts[1].tables[0][1], small_paper.parts[0].figures[0][1]
+        table, figure = small_paper.parts[1].tables[0], small_paper.parts[0].figures[0]
         finding = Finding({}, (table, table), (figure,))
         plain = Study("plain", (self.part("a"), self.part("b")))
-        shown = labelled([PartReport(part, finding, 0.0, 0, 0, 0.0, 0) for part in plain.parts])
-        assert [label for part in shown for label, _ in part.tables] == ["Table 1", "Table 2", "Table 3", "Table 4"]
-        assert [label for part in shown for label, _ in part.figures] == ["Figure 1", "Figure 2"]
+        shown = labelled(plain.parts, [finding, finding])
+        assert [item.name for part in shown for item in part.tables] == ["Table 1", "Table 2", "Table 3", "Table 4"]
+        assert [item.name for part in shown for item in part.figures] == ["Figure 1", "Figure 2"]
         own = Study("own", (self.part("a", tables=("Table 7",)), self.part("b", figures=("Table A1",))))
-        shown = labelled([PartReport(part, finding, 0.0, 0, 0, 0.0, 0) for part in own.parts])
-        assert [label for part in shown for label, _ in part.tables] == ["Table 7", "Table A2", "Table A3", "Table A4"]
-        assert [label for part in shown for label, _ in part.figures] == ["Figure A1", "Table A1"]
+        shown = labelled(own.parts, [finding, finding])
+        assert [item.name for part in shown for item in part.tables] == ["Table 7", "Table A2", "Table A3", "Table A4"]
+        assert [item.name for part in shown for item in part.figures] == ["Figure A1", "Table A1"]
 
 
 @pytest.mark.slow
 def test_a_study_without_labels_counts(study_file, tmp_path):
     report = run_study(study_file(BEAM, RAYLEIGH, DECAYS), tmp_path / "results")
-    assert [label for part in report.parts for label, _ in (*part.tables, *part.figures)] == [
+    assert [item.name for part in report.parts for item in (*part.tables, *part.figures)] == [
         "Table 1", "Table 2", "Figure 1", "Table 3", "Figure 2", "Figure 3",
     ]  # fmt: skip
 
@@ -282,14 +283,21 @@ def test_a_study_without_labels_counts(study_file, tmp_path):
 def test_a_computation_that_parts_share_counts_once_for_all():
     """Regression: the total of a study was more than the time that it had taken."""
     a, b = (Doubles(name=name, terms=(), after=(), log="") for name in "ab")
-    ran = (PartReport(a, Finding({}), 2.0, 3, 0, 2.0, 3), PartReport(b, Finding({}), 1.75, 2, 0, 0.25, 0))
+    ran = (
+        Finding({}, name="a", times={"1": 0.5, "2": 0.5, "3": 0.75, "finding a": 0.25}),
+        Finding({}, name="b", times={"2": 0.5, "3": 0.75, "finding b": 0.25}),
+    )
     source = document(Study("shared", (a, b)), ran, command="study", versions={}, quick=False, left_out=())
-    assert '<td>all</td><td class="n">3</td><td class="n">2.2</td>' in source
+    rows = [
+        f'<td class="n">{tasks}</td><td class="n">{seconds}</td>' for tasks, seconds in ((3, 2.0), (2, 1.5), (3, 2.2))
+    ]
+    assert [row in source for row in rows] == [True] * 3
+    assert f"<td>all</td>{rows[-1]}" in source
 
 
 def test_limits_of_numbers_are_aligned_like_numbers():
     """Below the resolution of a simulation, a column of numbers has the cell < 0.01."""
-    table = DataTable("left", (Column("law", ("drag", "none")), Column("tip, mm", ("< 0.01", "18.86"))))
+    table = Table("", "left", ("law", "tip, mm"), [("drag", "< 0.01"), ("none", "18.86")])
     assert _numeric(table) == [False, True]
 
 

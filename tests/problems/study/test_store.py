@@ -4,7 +4,6 @@ import dataclasses
 import math
 import os
 import pickle
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -21,17 +20,7 @@ from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.support.arrays import Array
 from problems.study import runner as store_module
 from problems.study.part import Task
-from problems.study.runner import (
-    SUFFIX,
-    decoded,
-    discard_all_but,
-    encoded,
-    kept_in,
-    key_of,
-    run_task,
-    unpacked,
-    with_digest,
-)
+from problems.study.runner import DIGEST_BYTES, SUFFIX, compute, decoded, encoded, kept, key_of, with_digest
 
 
 @dataclass(frozen=True)
@@ -65,8 +54,8 @@ def other(scale: float, beam: Beam | None = None) -> Sample:
     return sample(scale, beam)
 
 
-def keep(folder: Path, content: bytes, task: Task) -> None:
-    (folder / f"{key_of(task)}{SUFFIX}").write_bytes(with_digest(content))
+def file_in(folder: Path, task: Task) -> Path:
+    return folder / f"{key_of(task)}{SUFFIX}"
 
 
 def touch(path: str) -> list[float]:
@@ -149,9 +138,11 @@ class TestKey:
 
 
 class TestContent:
-    def test_keeps_every_bit(self, beam):
+    def test_keeps_every_bit(self, beam, tmp_path):
         given = sample(1 / 3, beam)
-        _, found = unpacked(run_task(Task(sample, (1 / 3, beam))), Task(sample, ()))
+        task = Task(sample, (1 / 3, beam))
+        compute(file_in(tmp_path, task), task)
+        _, found = kept(file_in(tmp_path, task), task)
         assert type(found) is Sample
         for name in ("values", "counts"):
             ours, theirs = getattr(found, name), getattr(given, name)
@@ -172,14 +163,15 @@ class TestContent:
 
 
 class TestFiles:
-    def test_come_back_in_another_store(self, tmp_path):
+    def test_come_back_as_they_were_found(self, tmp_path):
+        """The same bits, and the time of the run."""
         task = Task(sample, (2.0,))
-        kept = run_task(task)
-        keep(tmp_path, kept, task)
-        assert encoded(kept_in(tmp_path, key_of(task), task)) == kept
+        found = compute(tmp_path / "file", task)
+        assert encoded(kept(tmp_path / "file", task)) == encoded(found)
+        assert found.seconds > 0.0
 
     def test_that_are_missing_are_none(self, tmp_path):
-        assert kept_in(tmp_path / "none", "0" * 24, Task(sample, (2.0,))) is None
+        assert kept(tmp_path / "none" / "file", Task(sample, (2.0,))) is None
 
     @pytest.mark.parametrize(
         "kind", ["empty", "cut", "longer", "text", "zeros", "number", "objects", "pickle", "harm", "shape", "dtype"]
@@ -187,47 +179,34 @@ class TestFiles:
     def test_that_are_damaged_or_foreign_are_ignored(self, tmp_path, monkeypatch, kind):
         """Truncated files, other types, arrays of objects and pickles: none is used, none is executed."""
         monkeypatch.chdir(tmp_path)
-        task = Task(sample, (2.0,))
-        key, good = key_of(task), run_task(task)
-        keep(tmp_path, _damaged(good, kind), task)
-        assert kept_in(tmp_path, key, task) is None
+        path, task = tmp_path / "file", Task(sample, (2.0,))
+        compute(path, task)
+        good = path.read_bytes()
+        path.write_bytes(with_digest(_damaged(good[DIGEST_BYTES:], kind)))
+        assert kept(path, task) is None
         assert not (tmp_path / "harm").exists()
-        keep(tmp_path, good, task)
-        assert kept_in(tmp_path, key, task) is not None
+        path.write_bytes(good)
+        assert kept(path, task) is not None
 
     def test_of_every_length_are_ignored(self, tmp_path):
         """A file that was cut at any byte."""
-        task = Task(sample, (2.0,))
-        key = key_of(task)
-        keep(tmp_path, run_task(task), task)
-        path = tmp_path / f"{key}{SUFFIX}"
+        path, task = tmp_path / "file", Task(sample, (2.0,))
+        compute(path, task)
         good = path.read_bytes()
         for size in range(len(good)):
             path.write_bytes(good[:size])
-            assert kept_in(tmp_path, key, task) is None, size
+            assert kept(path, task) is None, size
 
     def test_with_a_flipped_bit_are_ignored(self, tmp_path):
         """In a number, a flipped bit is still a number: the digest tells."""
-        task = Task(sample, (2.0,))
-        keep(tmp_path, run_task(task), task)
-        path = tmp_path / f"{key_of(task)}{SUFFIX}"
+        path, task = tmp_path / "file", Task(sample, (2.0,))
+        compute(path, task)
         content = path.read_bytes()
         for position in range(0, 8 * len(content), 13):
             damaged = bytearray(content)
             damaged[position // 8] ^= 1 << position % 8
             path.write_bytes(damaged)
-            assert kept_in(tmp_path, key_of(task), task) is None, position
-
-    def test_of_other_studies_are_removed(self, tmp_path):
-        tasks = [Task(sample, (scale,)) for scale in (1.0, 2.0, 3.0)]
-        for task in tasks:
-            keep(tmp_path, run_task(task), task)
-        (tmp_path / "notes.txt").write_text("mine")
-        discard_all_but(tmp_path, {key_of(tasks[1])})
-        assert [kept_in(tmp_path, key_of(task), task) is None for task in tasks] == [True, False, True]
-        assert (tmp_path / "notes.txt").read_text() == "mine"
-        shutil.rmtree(tmp_path)
-        discard_all_but(tmp_path, set())
+            assert kept(path, task) is None, position
 
 
 class _Harm:

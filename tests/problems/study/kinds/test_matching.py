@@ -5,9 +5,10 @@ import pytest
 
 from ancf_casadi import Model, natural_modes
 from ancf_casadi.mechanics.spec import BeamSpec
+from problems.study.formatting import formatted_table
 from problems.study.part import Finding
 from problems.study.study import run_study
-from tests.problems.conftest import BEAM, study_in
+from tests.problems.conftest import BEAM, column, study_in
 from tests.problems.paper import numbers as paper
 
 MATCH = """
@@ -56,17 +57,17 @@ def test_the_beam_of_the_outcome_has_the_frequencies(study_file):
 
 def test_extremes_along_the_beam_are_not_named_as_the_range_that_fits_equally_well(report):
     """``lowest`` and ``highest`` are that range, in the report of a match."""
-    (_, properties), _ = report.parts[0].tables
+    properties, _ = report.parts[0].tables
     width = 1e3 * np.array(report.results["match"]["width_m"])
-    row = dict(zip(properties.table().columns, properties.table().rows[0], strict=True))
+    row = dict(zip(properties.columns, properties.rows[0], strict=True))
     assert (row["smallest"], row["largest"]) == pytest.approx((width.min(), width.max()))
     assert not {"lowest", "highest"} & row.keys()
 
 
 def test_tables_name_properties_and_frequencies(report):
-    (_, properties), (_, frequencies) = report.parts[0].tables
-    assert [row[0] for row in properties.table().rows] == ["width", "thickness", "density", "elastic modulus"]
-    heads = frequencies.heads()
+    properties, frequencies = report.parts[0].tables
+    assert column(properties, "property") == ["width", "thickness", "density", "elastic modulus"]
+    heads = formatted_table(frequencies).columns
     assert heads[:4] == ["mode", "measured, Hz", "before, Hz", "7850 kg/m³, no gravity, Hz"]
     assert heads[4:6] == ["printed", "difference"]
     assert any("IPOPT" in note for note in properties.notes)
@@ -81,5 +82,5 @@ def test_the_standard_frequencies_need_another_density_and_no_gravity(study_file
     part, found = study.parts[0], {"": Finding(None, beam=BeamSpec.of(study.beam))}
     results = [task.function(*task.inputs) for task in part.tasks(found)]
     _, table = part.finding(results, found).tables
-    (column,) = (column for column in table.columns if column.printed and column.printed[0] == 1.67)
-    assert column.values == pytest.approx([1.67, 10.47, 29.32, 57.46, 94.97], rel=1e-3)
+    (head,) = (head for head, numbers in table.printed.items() if numbers[0] == 1.67)
+    assert column(table, head) == pytest.approx([1.67, 10.47, 29.32, 57.46, 94.97], rel=1e-3)

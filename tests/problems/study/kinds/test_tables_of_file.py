@@ -8,8 +8,9 @@ import pytest
 from ancf_casadi import Beam, HarmonicBase, InputError, Model, RayleighDamping, StrainMeasures, natural_modes, simulate
 from ancf_casadi.export import Document, write_document
 from problems.command.study import STUDY
+from problems.study.formatting import formatted_table
 from problems.study.study import run_study
-from tests.problems.conftest import BEAM, study_in
+from tests.problems.conftest import BEAM, column, study_in
 
 MOTION = """
 [[damping]]
@@ -45,8 +46,8 @@ def test_properties_that_vary_are_means_and_say_so(study_file, tmp_path):
         "elements = 3", "elements = 3\ntip_mass = 2e-3"
     )
     report = run_study(study_file(text, '[[parts]]\nkind = "beam"\n'), tmp_path / "results")
-    ((_, table),) = report.parts[0].tables
-    assert table.columns[2].values == pytest.approx((500.0, 5.0, 0.5, 8000.0, 210.0))
+    (table,) = report.parts[0].tables
+    assert column(table, "value") == pytest.approx([500.0, 5.0, 0.5, 8000.0, 210.0])
     assert any("width vary along the beam" in note for note in table.notes)
     assert any("2 g" in note for note in table.notes)
     assert report.results["beam"]["width"] == [4e-3, 5e-3, 6e-3]
@@ -59,14 +60,15 @@ def test_a_motion_is_computed_again_if_a_file_changes(study_file, tmp_path):
     for amplitude in (1e-4, 2e-4, 2e-4):
         clamp(tmp_path / "clamp.csv", amplitude)
         report = run_study(path, tmp_path / "results")
-        found.append((report.results["simulation"], report.parts[-1].kept))
-    (one, _), (two, kept), (three, again) = found
+        found.append((report.results["simulation"], report.parts[-1].times))
+    (one, first), (two, second), (three, third) = found
     assert two["tip_position_range_m"][0] == pytest.approx(2 * one["tip_position_range_m"][0], rel=1e-3)
     assert "tip_travel_m" not in two  # which `simulate --json` gives relative to the clamp
     assert two["dissipated_energy_j"] == pytest.approx(4 * one["dissipated_energy_j"], rel=1e-3)
     assert two["balance_error_j"] < 1e-3 * two["dissipated_energy_j"]
     assert three == two
-    assert (kept, again) == (0, 2)
+    assert not first.keys() & second.keys()
+    assert third == second  # the times of the kept results
     moving = (tmp_path / "results" / "figures" / "figure_01.gif").read_bytes()
     assert moving.startswith(b"GIF89a") and base64.b64encode(moving).decode() in report.page.read_text()
 
@@ -93,20 +95,20 @@ def test_a_fit_shows_the_identified_beam_first_and_calls_the_guess_a_guess(study
     )
     report = run_study(study_file(text, fit), tmp_path / "results", quick=True)
     motion, beam, modes = report.parts
-    assert [part.part.kind for part in report.parts] == ["motion", "beam", "modes"]
-    (_, properties), (_, frequencies) = beam.tables[0], modes.tables[0]
+    assert [part["kind"] for part in report.results["study"]["parts"]] == ["motion", "beam", "modes"]
+    (properties,), (frequencies,) = beam.tables, modes.tables
     assert properties.title == "Properties of the identified beam"
-    assert [column.head for column in properties.columns] == ["property", "unit", "guess", "value"]
-    row, scale = [*properties.columns[0].values].index(kind.replace("_", " ")), 1e-9 if "elastic" in kind else 1.0
-    found, error = properties.columns[3].values[row], properties.columns[3].errors[row]
-    assert properties.columns[2].values[row] == pytest.approx(scale * getattr(guess, kind)[0])
+    assert list(properties.columns) == ["property", "unit", "guess", "value"]
+    row, scale = column(properties, "property").index(kind.replace("_", " ")), 1e-9 if "elastic" in kind else 1.0
+    found, error = column(properties, "value")[row], properties.errors["value"][row]
+    assert column(properties, "guess")[row] == pytest.approx(scale * getattr(guess, kind)[0])
     assert 0.0 < error < 0.2 * found and abs(found - scale * getattr(true.beam, kind)[0]) < 4 * error
     assert bool(first) == any("Tip mass" in note and "±" in note and "guess 1 g" in note for note in properties.notes)
-    measured, errors = frequencies.columns[1].values, frequencies.columns[1].errors
+    measured, errors = column(frequencies, "frequency"), frequencies.errors["frequency, Hz"]
     expected = natural_modes(true, count=len(measured)).frequencies
     assert abs(measured[0] - expected[0]) < 4 * errors[0] < 0.05
     assert "Properties of the identified beam" in report.page.read_text()
-    ends = [row[-2:] for row in motion.tables[0][1].cells()]
+    ends = [row[-2:] for row in formatted_table(motion.tables[0]).rows]
     assert all(low != high for low, high in ends)
 
 

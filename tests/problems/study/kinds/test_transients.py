@@ -10,7 +10,7 @@ from ancf_casadi.mechanics.spec import BeamSpec
 from problems.study.kinds.experiment import EXPERIMENT_STEPS, QUICK_DRIVING, QUICK_STEPS
 from problems.study.part import Finding
 from problems.study.study import StudyReport
-from tests.problems.conftest import BEAM, run_in, study_in
+from tests.problems.conftest import BEAM, column, run_in, study_in
 
 pytestmark = pytest.mark.slow  # all tests need the study
 
@@ -80,18 +80,15 @@ def test_ratios_stand_under_their_laws_in_the_order_of_the_runs(report):
 
 def test_the_table_is_in_ascending_order_of_the_modes(report):
     """With the printed number of the same run beside each ratio, and none where none is printed."""
-    (_, ratios), (_, amplitudes) = report.parts[0].tables
-    assert ratios.columns[0].values == amplitudes.columns[0].values == (1, 1, 1, 2)
-    assert ratios.columns[1].values == ("modal", "air drag", "air drag", "modal")
-    simulated = next(column for column in ratios.columns if column.printed)
-    assert simulated.printed[0] == 2.0
-    assert simulated.printed[1:3] == (None, None)
-    assert simulated.printed[3] == 1.0
-    assert simulated.values[3] == pytest.approx(1.0, rel=0.02)
+    ratios, amplitudes = report.parts[0].tables
+    assert column(ratios, "mode") == column(amplitudes, "mode") == [1, 1, 1, 2]
+    assert column(ratios, "law") == ["modal", "air drag", "air drag", "modal"]
+    assert ratios.printed == {"simulated, %": [2.0, None, None, 1.0]}
+    assert column(ratios, "simulated")[3] == pytest.approx(1.0, rel=0.02)
 
 
 def test_a_synthetic_measurement_says_so(report):
-    figures = [figure for _, figure in report.parts[0].figures]
+    figures = report.parts[0].figures
     assert ["synthetic" in figure.svg for figure in figures[:3]] == [True, False, False]
     assert "synthetic" in figures[0].caption
 

@@ -1,0 +1,85 @@
+"""Tables of a study on its page and in its files.
+
+The page shows a value with as many digits as its standard error supports, and with four digits if there is none, beside
+the number that others have printed.  CSV files hold all digits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ancf_casadi.support.tables import Cell, Table
+
+
+def formatted_table(table: Table) -> Table:
+    """Return a table as a document shows it: texts, with value and standard error in one cell."""
+    heads: list[str] = []
+    columns: list[Sequence[str]] = []
+    for head, values in zip(table.columns, zip(*table.rows, strict=True), strict=True):
+        heads.append(head)
+        errors, digits = table.errors.get(head, [None] * len(values)), table.digits.get(head, [4] * len(values))
+        columns.append([*map(shown, values, errors, digits)])
+        if printed := table.printed.get(head):
+            heads += [table.source, "difference"]
+            columns += [[shown(number, digits=6) for number in printed], [*map(difference, values, printed)]]
+    return replace(table, columns=heads, rows=list(zip(*columns, strict=True)))
+
+
+def numeric_table(table: Table) -> Table:
+    """Return a table with one number per cell, all digits, for CSV."""
+    heads: list[str] = []
+    columns: list[Sequence[Cell]] = []
+    for head, values in zip(table.columns, zip(*table.rows, strict=True), strict=True):
+        quantity, _, unit = head.rpartition(", ")
+        heads.append(f"{quantity} ({unit})" if quantity else head)
+        columns.append(values)
+        if errors := table.errors.get(head):
+            heads.append("standard error")
+            columns.append([None if error is None or math.isnan(error) else error for error in errors])
+        if printed := table.printed.get(head):
+            heads.append(table.source)
+            columns.append(printed)
+    return replace(table, columns=heads, rows=list(zip(*columns, strict=True)))
+
+
+def shown(value: Cell, error: float | None = None, digits: int = 4) -> str:
+    """Return a cell as text: a number with the digits that its standard error supports."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "–"
+    if not isinstance(value, float):
+        return str(value)
+    if error is None or not math.isfinite(error) or error <= 0.0:
+        return _plain(f"{value:.{digits}g}")
+    decimals = 1 - math.floor(math.log10(error))  # two digits of a standard error
+    if -3 <= math.log10(max(abs(value), error)) < 6:
+        return f"{value:.{max(0, decimals)}f} ± {error:.{max(0, decimals)}f}"
+    power = math.floor(math.log10(max(abs(value), error)))
+    places = max(0, decimals + power)
+    return f"({value / 10**power:.{places}f} ± {error / 10**power:.{places}f})e{power}"
+
+
+def digits_of(value: float, error: float | None) -> int:
+    """Return the significant digits of a value down to the second digit of an error; 4 for none."""
+    if not (value and error and math.isfinite(error)):
+        return 4
+    return max(4, 2 + math.floor(math.log10(abs(value))) - math.floor(math.log10(error)))
+
+
+def difference(value: Cell, printed: float | None) -> str:
+    """Return the difference of a value from a printed one, in per cent of the printed one."""
+    if printed is None or not isinstance(value, int | float) or not math.isfinite(value):
+        return ""
+    if printed == 0.0:
+        return "0" if value == 0.0 else f"{value:+.2g}"
+    relative = value / printed - 1
+    if abs(relative) < 5e-7:  # relative difference that counts as none
+        return "0"
+    return f"{100 * relative:+.2g} %" if abs(relative) < 0.995 else f"{100 * relative:+.0f} %"
+
+
+def _plain(text: str) -> str:
+    """Return a number without the zeros that Python puts into exponents."""
+    mantissa, e, power = text.partition("e")
+    return f"{mantissa}e{int(power)}" if e else text

@@ -27,7 +27,7 @@ import numpy as np
 
 from ancf_casadi import InputError
 from problems.cli import main
-from problems.command.study import STUDY
+from problems.command.init import STUDY
 from tests.hostile_calls import SECONDS, every_call, hostile_call, outcome
 from tests.problems.command.test_mutations import COMMANDS, OPTIONS
 from tests.problems.command.test_mutations import mutated as mutated_study

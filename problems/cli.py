@@ -29,26 +29,26 @@ COMMANDS = {
     "inspect": "show the channels of a file of measurements, and what a fit would use",
     "track": "track markers through a video, and write their positions as a file of measurements",
     "init": "write a commented TOML file that runs as it is, to start from",
-    "fit-decay": "estimate frequency and damping of one mode from measured decays",
-    "fit-modes": "estimate frequency and damping of several modes from one measured decay",
+    "run": "do what the tables of a study file say: modes, match, simulation, response, fit, comparison, plan, ...",
+    "fit-decay": "estimate frequency and damping of one mode, or of several, from measured decays",
     "fit-frf": "estimate the modes of measured frequency response functions",
-    "fit-response": "estimate a damping law, and properties of the beam, from measured response curves",
     "fit-mode": "estimate frequency and damping of one mode from measured decays and response curves together",
-    "fit": "estimate a damping law, and properties of the beam, from any mix of measurements",
-    "compare-laws": "fit several damping laws to a decay, or to the motion of a beam, and select one",
-    "modes": "compute natural frequencies and mode shapes of a beam about its equilibrium",
-    "match": "find the nearest beam with the measured frequencies",
-    "plan": "compute the standard errors that experiments will have, and choose the best list of them",
-    "simulate": "simulate the large motion of a beam",
-    "response": "follow the steady vibration of a beam over frequency",
     "export": "write a beam and its damping for other programs",
-    "study": "run a study and write its document: an HTML report",
     "reproduce": "run the study of the paper: every table and figure",
 }
-SHARING = {  # commands in the module of another one of problems.command
-    "init": "study", "reproduce": "study", "fit-modes": "fit_decay", "fit-response": "fit", "match": "modes",
-    "response": "simulate",
-}  # fmt: skip
+SHARING = {"reproduce": "run"}  # commands in the module of another one of problems.command
+REPLACED = {  # commands of earlier versions
+    "study": "run STUDY.toml --out DIR",
+    "fit": "run STUDY.toml fit",
+    "fit-response": "run STUDY.toml fit, with the files in tables [[curves]]",
+    "fit-modes": "fit-decay FILE --modes",
+    "compare-laws": "run STUDY.toml compare, or fit-decay FILE --law auto for a decay",
+    "modes": "run STUDY.toml modes",
+    "match": "run STUDY.toml match",
+    "plan": "run STUDY.toml plan",
+    "simulate": "run STUDY.toml simulation, with --out DIR for DIR/motion.csv",
+    "response": "run STUDY.toml response",
+}
 
 
 LONGEST = 300  # characters of a refusal, which may show an option as it was typed
@@ -160,7 +160,10 @@ def _parser() -> _Parser:
 
 def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     options: argparse.Namespace
-    options, unknown = _parser().parse_known_args(arguments)
+    parser, words = _parser(), sys.argv[1:] if arguments is None else arguments
+    if words and words[0] in REPLACED:
+        parser.error(f"{words[0]} is now: ancf-casadi {REPLACED[words[0]]}")
+    options, unknown = parser.parse_known_args(words)
     if unknown:
         options.refuse(f"unrecognized arguments: {' '.join(unknown)}")
     return options

@@ -98,8 +98,8 @@ text = '''
 
 ```sh
 python3 -m venv .venv
-ancf-casadi modes \\
-    examples/beam.toml  # a comment
+ancf-casadi run \\
+    examples/beam.toml modes  # a comment
 python swing.py
 ```
 
@@ -122,12 +122,12 @@ def test_blocks_of_all_kinds_run(tmp_path):
     [
         "```python\nraise ValueError\n```",
         "```python\n# wrong.py\nif __name__ == '__main__':\n    raise ValueError\n```",
-        "```sh\nancf-casadi modes missing.toml\n```",
-        "```sh\nancf-casadi modes --no-such-option\n```",
+        "```sh\nancf-casadi run missing.toml\n```",
+        "```sh\nancf-casadi run --no-such-option\n```",
         "```sh\npython missing.py\n```",
         "```sh\nrm file\n```",
         "```toml\nkey = \n```",
-        "```\nancf-casadi modes\n```",
+        "```\nancf-casadi run\n```",
         "```{code-block} python\nraise ValueError\n```",
         "```python\n",
     ],

@@ -109,7 +109,7 @@ def test_ex10_the_resonance_leans_and_the_air_straightens_it(example):
 def test_the_toml_examples_run(capsys):
     assert main(["modes", str(EXAMPLES / "beam.toml")]) == 0
     assert "1.87613" in capsys.readouterr().out
-    assert main(["match", str(EXAMPLES / "beam.toml")]) == 0
+    assert main(["run", str(EXAMPLES / "beam.toml"), "match"]) == 0
     assert "at a bound: nothing" in capsys.readouterr().out
 
 
@@ -117,7 +117,7 @@ def test_the_toml_examples_run(capsys):
 def test_the_toml_study_runs(capsys, monkeypatch, tmp_path):
     monkeypatch.delenv("ANCF_CASADI_COMPILE", raising=False)  # as users run it
     motion = tmp_path / "motion.csv"
-    assert main(["simulate", str(EXAMPLES / "study.toml"), "--out", str(motion)]) == 0
+    assert main(["run", str(EXAMPLES / "study.toml"), "simulation", "--out", str(tmp_path)]) == 0
     assert "travel" in capsys.readouterr().out
     time, x = np.loadtxt(motion, delimiter=",", skiprows=1, usecols=(0, 1)).T
     assert time[-1] == pytest.approx(8.0)

@@ -57,8 +57,7 @@ def test_ci_runs_the_test_line():
 def test_the_commands_exist(capsys):
     named = {line.split()[1] for line in shell_lines() if line.startswith("ancf-casadi ")}
     assert named == {
-        "inspect", "track", "init", "study", "fit-decay", "fit-modes", "fit-frf", "fit-response", "fit-mode", "fit",
-        "plan", "compare-laws", "modes", "match", "simulate", "response", "export", "reproduce",
+        "inspect", "track", "init", "run", "fit-decay", "fit-frf", "fit-mode", "export", "reproduce",
     }  # fmt: skip
     for command in named:
         with pytest.raises(SystemExit) as ended:

@@ -165,7 +165,7 @@ def _chosen(found: Recording) -> RecordedChannel:
     if not named and any(is_frequency(channel) for channel in channels):
         raise InputError(
             "has values over frequency, not over time; read it by FrfRecord.from_file (fit-frf), or "
-            "ResponseRecord.from_file (fit-response, without a beam fit-mode)",
+            "ResponseRecord.from_file ([[curves]] of a study; without a beam fit-mode)",
             path,
         )
     if not named and len(channels) > 1:

@@ -1,4 +1,4 @@
-"""``ancf-casadi fit-decay`` and ``fit-modes``: frequency and damping of one mode, or of several, from measured decays.
+"""``ancf-casadi fit-decay``: frequency and damping of one mode, or of several, from measured decays.
 
 With ``--band`` the other modes are subtracted first (``problems.decay.mode_separation``).  Several files are fitted at
 once and each alone.  The curve of damping against amplitude is computed last.
@@ -51,7 +51,13 @@ def add_fit_decay(parser: argparse.ArgumentParser) -> None:
         help="of several releases in one record, fit the last, or all as takes of the same mode (default: last)",
     )
     parser.add_argument(
-        "--modes", type=positive_count, metavar="N", help="fit the strongest N modes at once, as fit-modes does"
+        "--modes",
+        nargs="?",
+        type=positive_count,
+        const=0,
+        metavar="N",
+        help="fit the strongest N modes at once, or as many as the record supports, up to "
+        f"{MOST_DECAY_MODES}; give it after the files",
     )
     parser.add_argument(
         "--band",
@@ -107,30 +113,10 @@ def run_fit_decay(options: argparse.Namespace) -> Output:
     return _fitted(options, records, times, isolated)
 
 
-def add_fit_modes(parser: argparse.ArgumentParser) -> None:
-    """Add the options."""
-    parser.add_argument("file", metavar="FILE", help="the record; inspect FILE shows its columns and units")
-    parser.add_argument(
-        "--modes",
-        type=positive_count,
-        metavar="N",
-        help=f"largest number of modes (default: as many as the record supports, up to {MOST_DECAY_MODES})",
-    )
-    add_plot(parser, "draw the record, the sum of the modes, and what remains")
-    add_record_options(parser)
-
-
-def run_fit_modes(options: argparse.Namespace) -> Output:
-    """Fit the modes."""
-    new_files([options.file], options.plot)
-    (release,) = releases(options, 1)
-    return _modes(options, options.file, read_record(options.file, options), release)
-
-
 def _modes(options: argparse.Namespace, file: str, record: Measurement, release: float | None) -> Output:
     """Fit several modes to the record of a file."""
     with located(file):
-        fits = fit_modes(record, modes=options.modes, release_time=release)
+        fits = fit_modes(record, modes=options.modes or None, release_time=release)
     return result_output(fits, options.plot)
 
 

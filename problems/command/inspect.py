@@ -42,7 +42,7 @@ start here with a new file; these can be read:
   pose tracks         tables of DeepLabCut, SLEAP and the like, with likelihoods
 a table with other rows or columns around it is read with --names-row,
 --skip-rows and --leave-out; values over frequency, complex or as amplitude and phase, are fitted by fit-frf
-(frequency response functions) and fit-response (steady vibration of a beam)
+(frequency response functions) and a study with [[curves]] (steady vibration)
 """
 SPECTRUM_SAMPLES = 10  # samples of a spectrum
 

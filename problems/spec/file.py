@@ -39,13 +39,7 @@ class StudyFile:
         """Read a TOML file by its name, with the tables that must be there; a file that was read stays as it is."""
         if isinstance(given, StudyFile):
             return given
-        if is_document(given):
-            raise InputError(
-                "a document holds only beam and damping; write a TOML file with [beam] document = "
-                f'"{Path(given).name}"',
-                given,
-            )
-        tables = read_toml(given)
+        tables = {"beam": {"document": Path(given).name}} if is_document(given) else read_toml(given)
         check_keys(tables, set(required), FILE_TABLES, given)
         return cls(given, tables)
 

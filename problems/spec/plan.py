@@ -48,6 +48,7 @@ class PlanSpec(Spec, frozen=True):
 
     budget: Annotated[Positive, Meta(description="largest sum of the costs of the best list")] = 4.0
     goal: Annotated[str, Meta(description='"D", "A" or the name of an unknown')] = "D"
+    laws: Annotated[bool, Meta(description="probabilities to tell the laws apart instead of errors")] = False
     most_each: Annotated[int, Meta(ge=1, description="largest number of records of one candidate")] | None = None
 
 

@@ -431,5 +431,5 @@ def _check_made(file: StudyFile, name: str) -> None:
     """Check that a file exists that the simulation of the same study can make."""
     path = file.beside(name)
     if "simulation" in file.tables and path.suffix.lower() == ".csv" and not path.exists():
-        command = f"ancf-casadi simulate {shlex.quote(file.path)} --out {shlex.quote(str(path))}"
+        command = f"ancf-casadi run {shlex.quote(file.path)} simulation --out {shlex.quote(str(path.parent))}"
         raise InputError(f"does not exist; if it is to hold the motion of [simulation], run: {command}", str(path))

@@ -62,13 +62,13 @@ def only(formats: tuple[str, ...]) -> Iterator[None]:
 
 def drawn(caption: str, draw: Callable[[], Figure]) -> Drawing:
     """Draw a figure in the style of the documents, identical for identical data, in the formats that are wanted."""
+    svg, png, formats = io.StringIO(), io.BytesIO(), _wanted.get()
+    if not formats:
+        return Drawing(caption, "", b"")
     from matplotlib import rc_context  # slow to import
 
     from ancf_casadi.plot import DOTS_PER_INCH
 
-    svg, png, formats = io.StringIO(), io.BytesIO(), _wanted.get()
-    if not formats:
-        return Drawing(caption, "", b"")
     with _one_at_a_time, rc_context(STYLE):
         figure = literal_text(draw)()
         if engine := figure.get_layout_engine():

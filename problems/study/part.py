@@ -49,6 +49,8 @@ class Finding:
     tables: tuple[Table, ...] = ()  # in the order of the document
     figures: tuple[Drawing, ...] = ()  # likewise
     warnings: tuple[str, ...] = ()  # limitations of the results
+    text: str = ""  # report for a terminal, if it says more than the tables
+    files: dict[str, bytes] = field(default_factory=dict)  # content of further files of the results, by name
     beam: BeamSpec | None = None  # the beam that the part has found, as results are kept
     terms: Terms = ()  # the damping law that it has found, as tables [[damping]]
     guess: BeamSpec | None = None  # the beam before a fit that has identified some of its properties

@@ -23,34 +23,41 @@ from problems.study.results import file_name
 
 SUGGESTED_KEYS = {  # parts that a table suggests
     "beam": ("beam", "modes"), "decays": ("decays",), "match": ("match",), "simulation": ("simulation",),
-    "response": ("response",), "records": ("motion",), "candidates": ("plan",),
+    "response": ("response",), "records": ("motion",), "curves": ("motion",), "statics": ("motion",),
+    "frequencies": ("motion",), "candidates": ("plan",),
 }  # fmt: skip
+STEP_KINDS = {"fit": "motion", "compare": "comparison"}  # kinds of parts by the names that users give to steps
 STUDY_TABLES = {"study", "timing", "versions", "data"}  # other keys of results.json
 
 
-def read_study(path: str | Path, kinds: Sequence[type[Part]]) -> Study:
-    """Read a study whose parts are of these kinds."""
+def read_study(path: str | Path, kinds: Sequence[type[Part]], steps: Sequence[str] = ()) -> Study:
+    """Read a study whose parts are of these kinds: all parts, or the steps that are named with what they need."""
     file = StudyFile.of(str(path), required=set())
     study = read(file.tables.get("study", {}), Study, file.where("study"))
-    tables = file.several("parts") or _suggested(file)
+    study = replace(study, title=study.title or Path(path).stem, file=file, laws=_laws(file))
+    known, where = {kind.kind: kind for kind in kinds}, file.where("parts")
+    tables = _named_tables(file.several("parts") or _suggested(file, steps), known, where)
+    chosen = [name for step in steps for name in _step(step, tables, known, str(path))] or list(tables)
     if not tables:
         raise InputError("has nothing to study; add [beam], [[decays]] or [[parts]]", str(path))
-    study = replace(study, title=study.title or Path(path).stem, file=file, laws=_laws(file))
-    where = file.where("parts")
     parts: dict[str, Part] = {}
-    for table in tables:
-        part = _part(study, table, {kind.kind: kind for kind in kinds}, parts, where)
-        parts[part.name] = replace(part, printed_by=study.printed_by)
+    while missing := [name for name in chosen if name not in parts]:
+        for name in missing:
+            part = _part(study, tables[name], known, name, where)
+            parts[name] = replace(part, printed_by=study.printed_by)
+            chosen += [needed for needed in part.needs if needed in tables]
+    parts = {name: parts[name] for name in tables if name in parts}  # in the order of the document
     _check_needs(parts, where)
     _check_labels(parts, where)
     beam = study.model.beam if any("" in part.needs for part in parts.values()) else None
     return replace(study, parts=tuple(parts.values()), beam=beam)
 
 
-def _suggested(file: StudyFile) -> list[dict[str, Any]]:
-    """Return the parts that the tables of a file suggest; the beam is the one that a fit to motion identifies."""
+def _suggested(file: StudyFile, steps: Sequence[str]) -> list[dict[str, Any]]:
+    """Return the parts that the tables of a file suggest; the beam is the one that a fit identifies, if it is run."""
     kinds = [kind for name in SUGGESTED_KEYS if name in file.tables for kind in SUGGESTED_KEYS[name]]
-    if "motion" not in kinds:
+    kinds = list(dict.fromkeys(kinds))
+    if "motion" not in kinds or (steps and "motion" not in {STEP_KINDS.get(step, step) for step in steps}):
         return [{"kind": kind} for kind in kinds]
     kinds.sort(key=lambda kind: kind != "motion")
     return [{"kind": kind} | ({"beam": "motion"} if kind in SUGGESTED_KEYS["beam"] else {}) for kind in kinds]
@@ -72,23 +79,44 @@ def _laws(file: StudyFile) -> tuple[LawChoice, ...]:
     return tuple(found.values())
 
 
-def _part(study: Study, table: Any, kinds: Mapping[str, type[Part]], before: Mapping[str, Part], where: str) -> Part:
-    kind = table.get("kind") if isinstance(table, dict) else None
-    if not isinstance(kind, str) or kind not in kinds:
-        raise InputError(f"kind must be one of {', '.join(kinds)}, got {shown(kind)}", where)
-    free = next(name for k in itertools.count(1) if (name := f"{kind}_{k}" if k > 1 else kind) not in before)
-    name = table.get("name", free)
-    if not isinstance(name, str) or not name.isidentifier() or name in STUDY_TABLES:
-        taken = ", ".join(sorted(STUDY_TABLES))
-        raise InputError(
-            f"must be made of letters, digits and _, and not one of {taken}, got {shown(name)}", f"{where}: name"
-        )
-    if name in before:
-        raise InputError(f"{name!r} is taken by an earlier part; choose another one", f"{where}: name")
-    given = {"title": kinds[kind].heading, **table, "name": name}
+def _named_tables(tables: Sequence[Any], kinds: Mapping[str, type[Part]], where: str) -> dict[str, dict[str, Any]]:
+    """Return the tables of parts by the names of the parts."""
+    named: dict[str, dict[str, Any]] = {}
+    for table in tables:
+        kind = table.get("kind") if isinstance(table, dict) else None
+        if not isinstance(kind, str) or kind not in kinds:
+            raise InputError(f"kind must be one of {', '.join(kinds)}, got {shown(kind)}", where)
+        free = next(name for k in itertools.count(1) if (name := f"{kind}_{k}" if k > 1 else kind) not in named)
+        name = table.get("name", free)
+        if not isinstance(name, str) or not name.isidentifier() or name in STUDY_TABLES:
+            taken = ", ".join(sorted(STUDY_TABLES))
+            raise InputError(
+                f"must be made of letters, digits and _, and not one of {taken}, got {shown(name)}", f"{where}: name"
+            )
+        if name in named:
+            raise InputError(f"{name!r} is taken by an earlier part; choose another one", f"{where}: name")
+        named[name] = table
+    return named
+
+
+def _step(step: str, tables: dict[str, dict[str, Any]], kinds: Mapping[str, type[Part]], path: str) -> list[str]:
+    """Return the names of the parts that are a step: those of its name or kind, or a new part of this kind."""
+    kind = STEP_KINDS.get(step, step)
+    names = [name for name, table in tables.items() if step == name or kind == table["kind"]]
+    if not names and kind not in kinds:
+        known = ", ".join(dict.fromkeys([*tables, *STEP_KINDS]))
+        raise InputError(f"there is no step {shown(step)}; steps are {known}", path)
+    if not names:
+        tables[kind] = {"kind": kind}
+    return names or [kind]
+
+
+def _part(study: Study, table: dict[str, Any], kinds: Mapping[str, type[Part]], name: str, where: str) -> Part:
+    kind = kinds[table["kind"]]
+    given = {"title": kind.heading, **table, "name": name}
     del given["kind"]
     place = f"{where}: {name}"
-    part = read(given, kinds[kind], place, {LawChoice: study.law_choice})
+    part = read(given, kind, place, {LawChoice: study.law_choice})
     return part.checked(study, place)
 
 

@@ -142,13 +142,20 @@ class ThisThread(Executor):
 
 
 def run_parts(
-    study: Study, folder: Path, *, formats: tuple[str, ...], jobs: int, executor: Executor | None, progress: bool
+    study: Study,
+    folder: Path,
+    *,
+    keep_others: bool = False,
+    formats: tuple[str, ...],
+    jobs: int,
+    executor: Executor | None,
+    progress: bool,
 ) -> tuple[Finding, ...]:
     """Run all parts of a study, and return their findings with the times of their computations.
 
     A part may stand before those that it needs.  Each part has a thread, which waits for those parts, then for its
     tasks; with one job and no executor, the parts run in this thread, one after the other.  The folder is that of the
-    results, with the finished tasks of an earlier run.
+    results, with the finished tasks of an earlier run; those of other parts are removed unless they are to be kept.
     """
     steps = folder / STEPS_FOLDER
     computations: dict[str, Future[Computation]] = {}  # by key
@@ -206,7 +213,7 @@ def run_parts(
                 findings[name] = threads.submit(run, parts[name])
         for finding in wait(findings.values(), return_when=FIRST_EXCEPTION).done:
             finding.result()
-    for path in steps.glob(f"*{SUFFIX}"):
+    for path in [] if keep_others else steps.glob(f"*{SUFFIX}"):
         if path.stem not in computations:  # of an earlier study
             with contextlib.suppress(OSError):
                 path.unlink()

@@ -12,17 +12,19 @@ The folder then holds ``report.html``, ``results.json`` with its schema, and the
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import NoneType
 from typing import Any
 
 from ancf_casadi.support.files import check_folder, check_path, write_files
-from ancf_casadi.support.inputs import check_instance, flag, whole
+from ancf_casadi.support.inputs import check_instance, flag, instances, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Displayed, counted, to_json
 from ancf_casadi.version import __version__
@@ -48,6 +50,7 @@ KINDS: tuple[type[Part], ...] = (  # that users' files name, in the order of the
     Transients, PlanPart,
 )  # fmt: skip
 NUMBERED = re.compile(r"(table|figure)_a?\d+\.(csv|svg|png|gif)")  # names of files of tables and figures
+FEW_PARTS = 3  # that run in the process of the command
 PAGE, NUMBERS_FILE, SCHEMA_FILE = "report.html", "results.json", "results.schema.json"
 
 
@@ -57,8 +60,8 @@ class StudyReport(Displayed):
 
     Parameters
     ----------
-    page : Path
-        The HTML document.
+    page : Path or None
+        The HTML document; None if none was written.
     results : dict
         The numbers, as in ``results.json``.
     parts : tuple of Finding
@@ -67,6 +70,7 @@ class StudyReport(Displayed):
     Examples
     --------
     >>> from pathlib import Path
+    from tempfile import TemporaryDirectory
     >>> from problems import run_study
     >>> lines = ["[beam]", "length = 0.5", "width = 5e-3", "thickness = 0.5e-3", "density = 8000.0",
     ...          "elastic_modulus = 210e9", "elements = 4", "[[parts]]", 'kind = "beam"']
@@ -76,7 +80,7 @@ class StudyReport(Displayed):
     (['Table 1'], ())
     """
 
-    page: Path
+    page: Path | None
     results: Mapping[str, Any]
     parts: tuple[Finding, ...]
 
@@ -93,12 +97,15 @@ class StudyReport(Displayed):
         """Return the tables as text."""
         texts = []
         for part in self.parts:
-            texts += [f"{table.name}. {formatted_table(table).text()}" for table in part.tables]
-            texts += [f"note: {warning}" for warning in part.warnings]
+            if part.text:
+                texts.append(part.text)
+            else:
+                texts += [f"{table.name}. {formatted_table(table).text()}" for table in part.tables]
+                texts += [f"note: {warning}" for warning in part.warnings]
         return "\n\n".join(texts)
 
     def _summary(self) -> str:
-        return f"{str(self.page)!r}, {counted(len(self.parts), 'part')}, {counted(len(self.warnings), 'warning')}"
+        return f"{str(self.page or '')!r}, {counted(len(self.parts), 'part')}, {counted(len(self.warnings), 'warning')}"
 
 
 def study_help() -> str:
@@ -129,8 +136,9 @@ def study_schema() -> dict[str, Any]:
 
 def run_study(
     path: str | Path,
-    out: str | Path = "results",
+    out: str | Path | None = "results",
     *,
+    steps: Sequence[str] = (),
     quick: bool = False,
     executor: Executor | None = None,
     jobs: int = 1,
@@ -145,8 +153,10 @@ def run_study(
     ----------
     path : str or Path
         TOML file of the study.
-    out : str or Path
-        Folder of the results.
+    out : str or Path, optional
+        Folder of the results; with None nothing is written or kept.
+    steps : sequence of str
+        Names or kinds of the parts to run, with those that they need; all if empty.
     quick : bool
         Whether to shorten the simulations, for a first look.
     executor, jobs, progress
@@ -164,6 +174,7 @@ def run_study(
     Examples
     --------
     >>> from pathlib import Path
+    from tempfile import TemporaryDirectory
     >>> from problems import run_study
     >>> lines = ["[[parts]]", 'kind = "rayleigh"', "frequencies = [1.85, 10.19]", "ratios = [0.01, 0.0028]"]
     >>> _ = Path("study.toml").write_text("\n".join(lines))
@@ -171,50 +182,69 @@ def run_study(
     >>> round(report.results["rayleigh"]["alpha"], 6), report.page.name
     (0.228181, 'report.html')
     """
-    return write_study(path, KINDS, out, quick=quick, executor=executor, jobs=jobs, progress=progress, command=command)
+    return write_study(
+        path, KINDS, out, steps=steps, quick=quick, executor=executor, jobs=jobs, progress=progress, command=command
+    )
 
 
 @lasting_interrupts()
 def write_study(
     path: str | Path,
     kinds: Sequence[type[Part]],
-    out: str | Path,
+    out: str | Path | None,
     *,
+    steps: Sequence[str] = (),
     quick: bool,
     executor: Executor | None,
-    jobs: int,
+    jobs: int | None,
     progress: bool,
     command: str,
 ) -> StudyReport:
-    """Run a study whose parts are of these kinds, and write its document, as ``run_study`` does."""
+    """Run a study whose parts are of these kinds, and write its document, as ``run_study`` does.
+
+    Without a number of jobs, a few parts run in this process, which shows their progress, and more on all cores.
+    """
     check_path(path, "path")
     check_instance(executor, "executor", Executor, NoneType)
-    folder = check_folder(out)
-    quick, jobs = flag(quick, "quick"), whole(jobs, "jobs", 1)
-    whole_study = read_study(path, kinds)
-    study = whole_study.shortened() if quick else whole_study
-    formats, progress = ("svg",) if quick else ("svg", "png"), flag(progress, "progress")
-    findings = run_parts(study, folder, formats=formats, executor=executor, jobs=jobs, progress=progress)
+    folder = None if out is None else check_folder(out)
+    whole_study = read_study(path, kinds, instances(steps, "steps", str, least=0))
+    study = whole_study.shortened() if flag(quick, "quick") else whole_study
+    if jobs is None:
+        jobs = 1 if len(study.parts) <= FEW_PARTS else os.cpu_count() or 1
+    formats: tuple[str, ...] = () if folder is None else ("svg",) if quick else ("svg", "png")
+    with contextlib.ExitStack() as stack:
+        findings = run_parts(
+            study,
+            folder or Path(stack.enter_context(TemporaryDirectory())),
+            keep_others=bool(steps),
+            formats=formats,
+            executor=executor,
+            jobs=whole(jobs, "jobs", 1),
+            progress=flag(progress, "progress"),
+        )
     parts = labelled(study.parts, findings)
     left_out = [part.title for part in whole_study.parts if part.name not in {part.name for part in study.parts}]
     versions = {"ancf-casadi": __version__, **{name: version(name) for name in ("casadi", "numpy", "scipy")}}
-    report = StudyReport(folder / PAGE, results(study, parts, versions, quick=quick), parts)
-    document = page(study, parts, command=command, versions=versions, quick=quick, left_out=left_out)
-    _write(report, to_json(schema(study, report.results)), document)
+    report = StudyReport(folder and folder / PAGE, results(study, parts, versions, quick=quick), parts)
+    if folder is not None:
+        document = page(study, parts, command=command, versions=versions, quick=quick, left_out=left_out)
+        _write(report, folder, to_json(schema(study, report.results)), document)
     return report
 
 
-def _write(report: StudyReport, layout: str, document: str) -> None:
+def _write(report: StudyReport, folder: Path, layout: str, document: str) -> None:
     """Write all files of a study, all or none, and remove numbered ones that are left from another study."""
-    folder, contents = report.page.parent, dict[Path, str | bytes]()
+    contents: dict[Path, str | bytes] = {}
     for part in report.parts:
+        for name, content in part.files.items():
+            contents[folder / (f"{part.name}_{name}" if folder / name in contents else name)] = content
         for table in part.tables:
             contents[folder / "tables" / f"{file_name(table.name)}.csv"] = numeric_table(table).csv()
         for figure in part.figures:
-            for suffix, content in (("svg", figure.svg), ("png", figure.png), ("gif", figure.moving)):
-                if content:
-                    contents[folder / "figures" / f"{file_name(figure.name)}.{suffix}"] = content
-    contents |= {folder / SCHEMA_FILE: layout, folder / NUMBERS_FILE: to_json(report.results), report.page: document}
+            for suffix, picture in (("svg", figure.svg), ("png", figure.png), ("gif", figure.moving)):
+                if picture:
+                    contents[folder / "figures" / f"{file_name(figure.name)}.{suffix}"] = picture
+    contents |= {folder / SCHEMA_FILE: layout, folder / NUMBERS_FILE: to_json(report.results), folder / PAGE: document}
     write_files(contents)
     for earlier in (*folder.glob("tables/*"), *folder.glob("figures/*")):
         if NUMBERED.fullmatch(earlier.name) and earlier not in contents:  # of another study in this folder

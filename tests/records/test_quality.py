@@ -79,7 +79,7 @@ def test_inspect_and_fits_say_it(tmp_path, capsys, monkeypatch):
     assert main(["inspect", "a.csv", "--json"]) == 0
     notes = json.loads(capsys.readouterr().out)["notes"]
     assert [any(text in note for note in notes) for text in told] == [True, True]
-    for command in (["fit-decay"], ["fit-modes", "--modes", "1"]):
+    for command in (["fit-decay"], ["fit-decay", "--modes", "1"]):
         assert main([*command, "a.csv", "--end", "3"]) == 0
         printed = " ".join(capsys.readouterr().out.split())
         assert [printed.count(text) for text in told] == [1, 1], command

@@ -10,6 +10,9 @@ from typing import Annotated, Any, Self, final
 import numpy as np
 from msgspec import Meta
 
+from ancf_casadi.exceptions import FitError
+from ancf_casadi.export.identification import Identification
+from ancf_casadi.export.model_document import Document
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.lumped import unit_of
 from ancf_casadi.mechanics.model import Model
@@ -19,9 +22,11 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import located, whole
 from ancf_casadi.support.specs import Positive
-from ancf_casadi.support.tables import Table
-from ancf_casadi.vibration.modes import natural_modes
+from ancf_casadi.support.tables import Table, to_json
+from ancf_casadi.vibration.modes import STATIONS, Modes, natural_modes
 from problems.matching.frequency_matching import match_frequencies
+from problems.spec.beam import damping_on
+from problems.spec.file import StudyFile
 from problems.spec.match import MatchTable, request_of
 from problems.spec.table import read
 from problems.study.drawing import FIGURE_WIDTH, Drawing, drawn, new_figure, series
@@ -125,7 +130,18 @@ class ModesOfBeam(Part):
             printed={head: self.printed.get("frequency")},
         )
         figure = drawn("Mode shapes about the equilibrium.", modes.figure)
-        return Finding({"frequency_hz": frequencies}, (table,), (figure,), beam=BeamSpec.of(beam))
+        files = {"shapes.csv": _shapes(modes).csv().encode()}
+        tip = modes.equilibrium.tip
+        data = {"frequency_hz": frequencies, "equilibrium_tip_m": [float(tip[0]), float(tip[1])]}
+        return Finding(data, (table,), (figure,), text=modes.report(), files=files, beam=BeamSpec.of(beam))
+
+
+def _shapes(modes: Modes) -> Table:
+    """Return the shapes along the beam; the tip moves by 1 in each."""
+    arc = np.linspace(0.0, modes.model.beam.length, STATIONS)
+    names = [f"mode{k}_{axis}" for k in range(1, modes.count + 1) for axis in "xy"]
+    rows = np.column_stack([arc, np.moveaxis(modes.along(arc), 0, 1).reshape(len(arc), -1)])
+    return Table("shapes", "Mode shapes", ("arc_length_m", *names), rows.tolist())
 
 
 def _means(beam: Beam) -> tuple[float, ...]:
@@ -133,19 +149,31 @@ def _means(beam: Beam) -> tuple[float, ...]:
     return tuple(scale * float(np.mean(getattr(beam, name))) for name, _, scale in BEAM_ROWS)
 
 
-def match_plain(beam: Beam, request: dict[str, Any]) -> tuple[BeamSpec, dict[str, Any], dict[str, Array]]:
-    """Return a matched beam, the result for JSON, and what else fits equally well, all as plain data.
+@dataclass(frozen=True)
+class MatchedBeam:
+    """A matched beam as plain data."""
 
-    The last are relative changes of each property of each element, (n, 2); none if the targets are out of reach.
-    """
+    beam: BeamSpec
+    data: dict[str, Any]  # the result for JSON
+    ranges: dict[str, Array]  # changes (n, 2) of each property that fit equally well; none if out of reach
+    report: str
+    document: str  # the beam with the damping of the file, as a JSON document
+
+
+def match_plain(beam: Beam, request: dict[str, Any], file: StudyFile) -> MatchedBeam:
+    """Match a beam, whose damping is that of a file."""
     match = match_frequencies(beam, **request_of(MatchTable(**request)))
+    if match.max_relative_error > 0.5:  # of a frequency; such a beam is not the one that was measured
+        raise FitError(match.warnings[0])
     space = match.matching.space
     ranges = {} if match.out_of_reach else space.by_property(match.identifiability.spread - 1)
     data = match.to_dict()
     data["elastic_modulus_per_element"] = data["elastic_modulus"]
     data["density_per_element"] = data["density"]
     data["elastic_modulus"], data["density"] = data["elastic_modulus"][0], data["density"][0]
-    return BeamSpec.of(match.beam), data, ranges
+    model = Model(match.beam)
+    document = Document(model, damping_on(file, model) if file.tables else None, [Identification.of(match)])
+    return MatchedBeam(BeamSpec.of(match.beam), data, ranges, match.report(), to_json(document.to_dict()))
 
 
 @final
@@ -174,23 +202,26 @@ class Match(Part, MatchTable):
         with located(where):
             modes = len(request_of(own)["targets"])
         columns = {"standard": modes, "optimum": modes, "value": len(ELEMENT_ROWS)}
-        return replace(self, **own.request, printed=printed_numbers(self.printed, columns, where))
+        given = study.file.only({"beam", "damping"}) if "beam" in study.file.tables else self.given
+        return replace(self, **own.request, printed=printed_numbers(self.printed, columns, where), given=given)
 
     def tasks(self, found: Found) -> tuple[Task, ...]:
         """Return the match."""
-        return (Task(match_plain, (self.beam_in(found), self.request), 2.0),)
+        return (Task(match_plain, (self.beam_in(found), self.request, self.given), 2.0),)
 
     def finding(self, results: Sequence[Any], found: Found) -> Finding:
         """Return the properties, the frequencies, and both as figures."""
-        (matched, data, ranges), beam = results[0], self.beam_in(found)
+        match: MatchedBeam = results[0]
+        beam, data = self.beam_in(found), match.data
         figures = (
             drawn("Properties of the matched beam along its length, relative to the given beam.  "
                   "Shaded: changes of single elements that fit equally well.",
-                  lambda: _profiles(beam, matched, ranges)),
+                  lambda: _profiles(beam, match.beam, match.ranges)),
             self._errors(data),
         )  # fmt: skip
-        tables = (self._properties(beam, matched, data), self._frequencies(beam, data))
-        return Finding(data, tables, figures, tuple(data["warnings"]), matched)
+        tables = (self._properties(beam, match.beam, data), self._frequencies(beam, data))
+        files = {"matched.json": match.document.encode()}
+        return Finding(data, tables, figures, tuple(data["warnings"]), text=match.report, files=files, beam=match.beam)
 
     def _properties(self, beam: Beam, matched: BeamSpec, data: Mapping[str, Any]) -> Table:
         rows = []

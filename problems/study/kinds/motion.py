@@ -1,7 +1,7 @@
-"""Parts that one computation makes of the tables of the file, as other commands do.
+"""Parts that one computation makes of the tables of the file.
 
-One simulated motion, as ``ancf-casadi simulate``; a fit to measured large motion with predictions of other records, as
-``fit``; a comparison of damping laws on measured motion, as ``compare-laws``; planned experiments, as ``plan``.
+One simulated motion; a fit to measured large motion with predictions of other records; a comparison of damping laws on
+measured motion; planned experiments.
 """
 
 from __future__ import annotations
@@ -9,15 +9,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Annotated, Any, Self, final
 
 import numpy as np
 from msgspec import Meta
 
 from ancf_casadi.dynamics.simulation import simulate
+from ancf_casadi.dynamics.trajectory import Trajectory
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.export.identification import Identification
+from ancf_casadi.export.model_document import Document
 from ancf_casadi.mechanics.spec import BeamSpec
-from ancf_casadi.support.tables import Table, known
+from ancf_casadi.support.inputs import located
+from ancf_casadi.support.specs import Positive
+from ancf_casadi.support.tables import Table, known, to_json
 from ancf_casadi.vibration.equilibrium import bends_allowed
 from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.fitting import compare_laws, fit_beam
@@ -46,20 +52,31 @@ class SimulationPart(Part):
     reading = frozenset({"beam", "damping", "base", "load", "release", "simulation", "markers"})
 
     animate: Annotated[bool, Meta(description="with a moving picture")] = False
+    animation: Annotated[str, Meta(description='further file with it, such as "motion.mp4" or "motion.html"')] = ""
+    slower: Annotated[Positive | None, Meta(description="times that it is slower than the motion was")] = None
 
     def checked(self, study: Study, where: str) -> Self:
         """Return the part with the tables of its motion."""
         read_simulation(study.file)
+        if self.animation:
+            from ancf_casadi.animation.motions import check_animation  # matplotlib is slow to import
+
+            with located(f"{where}: animation"):
+                check_animation(self.animation)
+                if Path(self.animation).name != self.animation:
+                    raise InputError("must be a name without a folder")
         return super().checked(study, where)
 
     def tasks(self, found: Found) -> tuple[Task, ...]:
         """Return the simulation."""
-        return (Task(simulated, (self.given, self.animate), 10.0),)
+        return (Task(simulated, (self.given, self.animate, self.animation, self.slower), 10.0),)
 
 
-def simulated(file: StudyFile, animate: bool) -> Finding:
+def simulated(file: StudyFile, animate: bool, animation: str, slower: float | None) -> Finding:
     """Simulate the motion of a study file: range and energies, and the figure of the motion."""
-    run = simulate(**read_simulation(file)[0])
+    arguments, markers = read_simulation(file)
+    with located(file.where("simulation")):
+        run = simulate(**arguments)
     data: dict[str, Any] = {
         "tip_position_range_m": np.ptp(run.tip, axis=0).tolist(),
         "dissipated_energy_j": float(run.dissipated_energy[-1]),
@@ -75,12 +92,23 @@ def simulated(file: StudyFile, animate: bool) -> Finding:
     ]
     caption = "Motion of the tip relative to the clamp, and shapes of the beam."
     figure = drawn(caption, run.figure)
-    if animate:
+    files: dict[str, bytes] = {"motion.csv": _positions(run, markers).csv().encode()}
+    if animate or animation:
         from ancf_casadi.animation.motions import moving_pictures  # matplotlib is slow to import
 
-        figure = replace(figure, moving=moving_pictures({"": run}, "motion.gif"))
+        if animate:
+            figure = replace(figure, moving=moving_pictures({"": run}, "motion.gif", slower=slower))
+        if animation:
+            files[animation] = moving_pictures({"": run}, animation, slower=slower)
     table = Table("", "Simulated motion", ("quantity", "unit", "value"), rows)
-    return Finding(data, (table,), (figure,))
+    return Finding(data, (table,), (figure,), text=run.report(), files=files)
+
+
+def _positions(run: Trajectory, markers: Mapping[str, float]) -> Table:
+    """Return the positions of tip, base and markers over time."""
+    places = {"tip": run.tip, "base": run.base} | {name: run.position(s) for name, s in markers.items()}
+    columns = ("time_s", *(f"{name}_{axis}_m" for name in places for axis in "xy"))
+    return Table("motion", "Motion of the beam", columns, np.column_stack([run.time, *places.values()]).tolist())
 
 
 @final
@@ -106,7 +134,8 @@ class MotionFit(Part):
 def fitted(file: StudyFile) -> Finding:
     """Fit the motion in the files of a study: estimates, predictions and their figures."""
     read = read_measurements(file)
-    fit = fit_beam(read.model, read.records, read.damping, **read.settings)
+    with located(file.where("fit")):
+        fit = fit_beam(read.model, read.records, read.damping, **read.settings)
     figures = [drawn("Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
     predictions = [fit.predict(record) for record in read.predictions]
     for k, prediction in enumerate(predictions, start=1):
@@ -117,7 +146,17 @@ def fitted(file: StudyFile) -> Finding:
     tables = [_estimates(data["fit"]["estimates"])]
     if predictions:
         tables.append(_errors(data["predictions"]))
-    finding = Finding(data, tuple(tables), tuple(figures), warnings, BeamSpec.of(fit.model.beam))
+    reports = [fit.report(), *(f"prediction {k}\n{one.report()}" for k, one in enumerate(predictions, start=1))]
+    document = Document(fit.model, fit.law if read.damping else None, [Identification.of(fit)])
+    finding = Finding(
+        data,
+        tuple(tables),
+        tuple(figures),
+        warnings,
+        text="\n\n".join(reports),
+        files={"identified.json": to_json(document.to_dict()).encode()},
+        beam=BeamSpec.of(fit.model.beam),
+    )
     if not fit.first:
         return finding
     with bends_allowed():  # the fit tells
@@ -187,7 +226,8 @@ class Comparison(Part):
 def compared(file: StudyFile) -> Finding:
     """Fit the laws of a study file to its records: the criteria, as a table and as a figure."""
     read = read_measurements(file)
-    found = compare_laws(read.model, read.records, read.laws, **read.settings)
+    with located(file.where("fit")):
+        found = compare_laws(read.model, read.records, read.laws, **read.settings)
     caption = "Information criteria of the laws above the lowest: smaller is better."
     data = found.to_dict()
     laws = data["laws"]
@@ -195,7 +235,7 @@ def compared(file: StudyFile) -> Finding:
     heads = ("law", "unknowns", "rms residual", "BIC above the lowest")
     rows = [(law["law"], law["estimated"], law["residual_rms"], law["bic"] - lowest) for law in laws]
     table = Table("", "Damping laws fitted to the measured motion", heads, rows, found.table().notes)
-    return Finding(data, (table,), (drawn(caption, found.figure),), tuple(data["warnings"]))
+    return Finding(data, (table,), (drawn(caption, found.figure),), tuple(data["warnings"]), text=found.report())
 
 
 @final
@@ -220,6 +260,11 @@ class PlanPart(Part):
 def planned(file: StudyFile) -> Finding:
     """Plan the candidates of a study file: the errors of each and of all, and the best list."""
     task = read_plan(file)
+    if task.table.laws:
+        compared = task.compared()
+        table = compared.table()
+        figures = (drawn("Probability that each candidate tells two laws apart.", compared.figure),)
+        return Finding(compared.to_dict(), (table,), figures, text=compared.report())
     found = task.planned()
     choice = task.chosen(found)
     own = found.table()
@@ -231,4 +276,9 @@ def planned(file: StudyFile) -> Finding:
         "motions against their duration and the place of a single sensor."
     )
     tables = (Table("", own.title, own.columns, rows, (note,)),)
-    return Finding(found.to_dict() | choice, tables, (drawn(caption, found.figure),), found.warnings)
+    chosen = ", ".join(f"{count} x {name}" for name, count in choice["best"].items() if count)
+    lines = [found.report(), "", f"best list within the budget {choice['budget']:g} for {choice['goal']}: {chosen}"]
+    errors = choice["standard_errors"]
+    lines += [f"  {name}: standard error {error:.3g} {found.units[name]}".rstrip() for name, error in errors.items()]
+    figures = (drawn(caption, found.figure),)
+    return Finding(found.to_dict() | choice, tables, figures, found.warnings, text="\n".join(lines))

@@ -1,4 +1,4 @@
-"""A part with response curves, as ``ancf-casadi response`` computes them from the tables of the file.
+"""A part with response curves, computed from the tables of the file.
 
 A curve is a table as in ``results.json``: its points in their order along the curve, with the amplitude of the tip and
 of each marker relative to the clamp (m) and the phase (rad), the peak of the tip, bifurcations, and the frequencies at
@@ -26,12 +26,13 @@ from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Axes, Figure
-from ancf_casadi.support.tables import Cell
+from ancf_casadi.support.tables import Cell, Table
 from ancf_casadi.vibration.modes import natural_modes
 from problems.spec.file import StudyFile
 from problems.spec.help import UNLISTED
 from problems.spec.motion import ResponseTask, read_response
 from problems.study.drawing import drawn, new_figure, series
+from problems.study.formatting import formatted_table
 from problems.study.part import Finding, Found, Part, Study, Task
 
 TIP_KEY = "tip"
@@ -132,7 +133,33 @@ class ResponsePart(Part):
         )
         figure = drawn(caption, lambda: _figure(titles, results))
         data = level_numbers(self.levels, self.unit, results)
-        return Finding(data, (table,), (figure,))
+        lines = [
+            f"  {title}: {bifurcation['name']} at {bifurcation['frequency_hz']:.6g} Hz, "
+            f"tip {1e3 * bifurcation['amplitude_m']:.4g} mm"
+            for title, curve in zip(titles, results, strict=True)
+            for bifurcation in curve["bifurcations"]
+        ]
+        text = "\n".join([formatted_table(table).text(), *lines])
+        files = {"response.csv": _points(self.levels, self.unit, results).csv().encode()}
+        return Finding(data, (table,), (figure,), text=text, files=files)
+
+
+def _points(levels: Sequence[float], unit: str, curves: Sequence[Curve]) -> Table:
+    """Return the points of all curves, one row each."""
+    quantities = ("amplitude_m", "phase_rad")
+    columns = [f"level_{unit.lower()}", "frequency_hz", "stable"]
+    columns += [f"{name}_{quantity}" for name in curves[0]["points"] for quantity in quantities]
+    rows = [
+        [level, frequency, int(stable), *values]
+        for level, curve in zip(levels, curves, strict=True)
+        for frequency, stable, *values in zip(
+            curve["frequency_hz"],
+            curve["stable"],
+            *(point[quantity] for point in curve["points"].values() for quantity in quantities),
+            strict=True,
+        )
+    ]
+    return Table("response", "Steady vibration", columns, rows)
 
 
 def _figure(titles: Sequence[str], curves: Sequence[Curve]) -> Figure:

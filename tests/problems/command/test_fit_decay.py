@@ -1,4 +1,4 @@
-"""``fit-decay`` and ``fit-modes``: modes, bands, several records, parts of a record, and what is refused."""
+"""``fit-decay``: modes, bands, several records, parts of a record, and what is refused."""
 
 import io
 import json
@@ -22,14 +22,14 @@ class TestModes:
     @pytest.mark.slow
     def test_both_modes_of_a_record_are_found(self, run, decay):
         decay("two.csv", SLOW, FAST)
-        slow, fast = json.loads(run("fit-modes", "two.csv", "--modes", "2", "--json").out)["modes"]
+        slow, fast = json.loads(run("fit-decay", "two.csv", "--modes", "2", "--json").out)["modes"]
         for found, (frequency, ratio, _) in ((slow, SLOW), (fast, FAST)):
             assert near(found, "frequency", frequency) and near(found, "damping_ratio", ratio)
 
     @pytest.mark.slow
     def test_without_a_count_the_modes_of_the_record_are_found(self, run, decay):
         decay("three.csv", SLOW, FAST, (50.0, 0.01, 1e-3))
-        done = run("fit-modes", "three.csv", "--json")
+        done = run("fit-decay", "three.csv", "--modes", "--json")
         modes = json.loads(done.out)["modes"]
         assert [mode["frequency_hz"] for mode in modes] == [pytest.approx(f, rel=1e-3) for f in (3.0, 19.0, 50.0)]
         assert not any(mode["warnings"] for mode in modes)
@@ -42,20 +42,15 @@ class TestModes:
         np.savetxt(
             tmp_path / "a.csv", np.column_stack([time, swing]), delimiter=",", header="t_s,a (m/s^2)", comments=""
         )
-        done = run("fit-modes", "a.csv", "--plot", "a.svg")
+        done = run("fit-decay", "a.csv", "--modes", "--plot", "a.svg")
         assert "the residuals have an rms of 0.001 m/s^2" in done.out
         assert run("fit-decay", "a.csv", "--curve", "curve.csv").code == 0
         assert (tmp_path / "curve.csv").read_text().splitlines()[1].split(",")[1].startswith("0.002")
 
     @pytest.mark.slow
-    def test_fit_decay_with_modes_is_the_same(self, run, decay):
-        decay("two.csv", SLOW, FAST)
-        assert run("fit-modes", "two.csv", "--modes", "2").out == run("fit-decay", "two.csv", "--modes", "2").out
-
-    @pytest.mark.slow
     def test_the_table_fits_a_terminal_and_the_figure_is_drawn(self, run, decay, tmp_path):
         decay("two.csv", SLOW, FAST)
-        done = run("fit-modes", "two.csv", "--modes", "2", "--plot", "new/two.svg")
+        done = run("fit-decay", "two.csv", "--modes", "2", "--plot", "new/two.svg")
         assert done.code == 0 and max(map(len, done.out.splitlines())) <= 100
         assert (tmp_path / "new/two.svg").read_bytes().startswith(b"<?xml")
 
@@ -76,7 +71,7 @@ class TestBand:
     @pytest.mark.slow
     def test_the_errors_are_those_of_a_fit_of_both_modes(self, run, decay):
         decay("two.csv", SLOW, FAST)
-        both = json.loads(run("fit-modes", "two.csv", "--modes", "2", "--json").out)["modes"][0]
+        both = json.loads(run("fit-decay", "two.csv", "--modes", "2", "--json").out)["modes"][0]
         band = json.loads(run("fit-decay", "two.csv", "--band", "2,4", "--json").out)
         for name in ("frequency_hz", "frequency_stderr_hz", "damping_ratio", "damping_ratio_stderr"):
             assert band[name] == pytest.approx(both[name], rel=0.02)
@@ -150,8 +145,8 @@ def test_a_unit_at_the_end_of_a_name_is_read_or_refused(run, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", ["fit-decay", "fit-modes"])
-def test_each_step_of_a_fit_is_shown_on_a_terminal(run, decay, monkeypatch, command):
+@pytest.mark.parametrize("options", [(), ("--modes",)])
+def test_each_step_of_a_fit_is_shown_on_a_terminal(run, decay, monkeypatch, options):
     """Solutions and their iterations; the output is the same."""
 
     class Terminal(io.StringIO):
@@ -159,13 +154,13 @@ def test_each_step_of_a_fit_is_shown_on_a_terminal(run, decay, monkeypatch, comm
             return True
 
     decay("two.csv", SLOW, FAST)
-    silent = run(command, "two.csv")
+    silent = run("fit-decay", "two.csv", *options)
     terminal, counted = Terminal(), []
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setattr(progress, "BAR_DELAY", 0.0)
     monkeypatch.setattr(progress.tqdm, "update", lambda bar, n=1: counted.append(n))
-    assert run(command, "two.csv").out == silent.out
-    assert f"{command}: 0 steps" in terminal.getvalue()
+    assert run("fit-decay", "two.csv", *options).out == silent.out
+    assert "fit-decay: 0 steps" in terminal.getvalue()
     assert len(counted) > 5
 
 

@@ -1,4 +1,4 @@
-"""``ancf-casadi fit-frf`` and ``fit-response``: fits of files with values over frequency, or one line."""
+"""``ancf-casadi fit-frf``, and ``run`` with tables ``[[curves]]``: files with values over frequency, or one line."""
 
 import json
 
@@ -97,11 +97,12 @@ class TestFitResponse:
         f = modes.frequencies[0] * np.array([0.97, 0.99, 0.996, 1.0, 1.004, 1.01, 1.03])
         y = np.array([periodic_motion(reduced, base=HarmonicBase(5e-4, x)).harmonics(relative=False)[1] for x in f])
         y = y * (1 + 0.01 * (np.random.default_rng(1).normal(size=(2, f.size)).T @ [1, 1j]))
-        done = run("fit-response", "beam.toml", write_curve(tmp_path, f, y), "--plot", "fit.png", "--json")
-        ratio = json.loads(done.out)["estimates"][0]
+        (tmp_path / "study.toml").write_text(f"{BEAM}[[curves]]\nfile = '{write_curve(tmp_path, f, y)}'\n")
+        done = run("run", "study.toml", "fit", "--out", "new", "--json")
+        ratio = json.loads(done.out)["motion"]["fit"]["estimates"][0]
         assert ratio["name"] == "ratio1"
         assert ratio["value"] == pytest.approx(0.006, abs=4 * ratio["standard_error"])
-        assert (tmp_path / "fit.png").stat().st_size > 5000
+        assert (tmp_path / "new/figures/figure_01.png").stat().st_size > 5000
 
     def test_a_file_without_levels_takes_the_excitation_of_the_study(self, tmp_path, curve):
         table = np.loadtxt(tmp_path / curve, delimiter=",", skiprows=1)
@@ -115,19 +116,19 @@ class TestFitResponse:
         np.testing.assert_allclose(record.amplitudes, 1e-3 * table[:, 2])
 
     @pytest.mark.parametrize(
-        ("arguments", "message"),
+        ("keys", "message"),
         [
-            (["absent.csv"], "absent.csv: cannot be read"),
-            (["beam.toml"], "beam.toml: "),
-            (["c.csv", "--level", "tip (mm)"], "has no column of amplitudes"),
-            (["c.csv", "--unit", "furlong"], "unit: 'furlong' is not a known unit"),
-            (["c.csv", "--sensor", "velocity"], "is in mm, a unit of length, but the sensor measures velocity"),
-            (["c.csv", "--sweep", "down"], "frequencies: must decrease in a sweep down"),
-            (["c.csv", "--out", "c.csv"], "c.csv: is an input, which would be lost"),
+            ("file = 'absent.csv'", "absent.csv: cannot be read"),
+            ("file = 'beam.toml'", "beam.toml: "),
+            ("file = 'c.csv'\nlevel = 'tip (mm)'", "has no column of amplitudes"),
+            ("file = 'c.csv'\nunit = 'furlong'", "unit: 'furlong' is not a known unit"),
+            ("file = 'c.csv'\nsensor = 'velocity'", "is in mm, a unit of length, but the sensor measures velocity"),
+            ("file = 'c.csv'\nsweep = 'down'", "frequencies: must decrease in a sweep down"),
         ],
     )
-    def test_unusable_arguments_are_refused_in_one_line(self, run, curve, arguments, message):
-        done = run("fit-response", "beam.toml", *arguments)
+    def test_unusable_curves_are_refused_in_one_line(self, run, tmp_path, curve, keys, message):
+        (tmp_path / "study.toml").write_text(f"{BEAM}[[curves]]\n{keys}\n")
+        done = run("run", "study.toml")
         (line,) = done.err.strip().splitlines()
         assert done.code == 2 and message in line
 

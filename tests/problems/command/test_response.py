@@ -1,4 +1,4 @@
-"""``ancf-casadi response``: peaks, folds and jumps as text, JSON, CSV and figure, or one line."""
+"""``ancf-casadi run STUDY.toml response``: peaks, folds and jumps as text, JSON, CSV and figure, or one line."""
 
 import json
 
@@ -44,11 +44,10 @@ def study(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_the_jumps_are_the_folds_of_the_curve_that_leans(study, capsys):
     """Mode 2 softens: at 0.2 mm an upward sweep jumps at the upper fold, a downward sweep at the lower one."""
-    assert main(["response", "study.toml", "--json"]) == 0
-    data = json.loads(capsys.readouterr().out)
-    assert data["modes"] == 2 and data["driven"] == "base"
-    small, large = (level["curve"] for level in data["levels"])
-    assert [level["level"] for level in data["levels"]] == [5e-5, 2e-4]
+    assert main(["run", "study.toml", "response", "--json"]) == 0
+    levels = json.loads(capsys.readouterr().out)["response"]
+    small, large = (level["curve"] for level in levels)
+    assert [(level["level"], level["unit"]) for level in levels] == [(5e-5, "m"), (2e-4, "m")]
     assert small["jumps_up_hz"] == small["jumps_down_hz"] == small["bifurcations"] == []
     assert all(small["stable"])
     upper, lower = large["bifurcations"]
@@ -63,10 +62,10 @@ def test_the_jumps_are_the_folds_of_the_curve_that_leans(study, capsys):
 
 @pytest.mark.slow
 def test_a_point_of_the_table_is_the_steady_vibration_at_its_frequency(study, capsys):
-    assert main(["response", "study.toml", "--out", "curve.csv"]) == 0
+    assert main(["run", "study.toml", "response", "--out", "new"]) == 0
     text = capsys.readouterr().out
     assert "fold at" in text and "0.2 mm" in text
-    table = np.genfromtxt("curve.csv", delimiter=",", names=True)
+    table = np.genfromtxt("new/response.csv", delimiter=",", names=True)
     row = table[table["level_m"] == 5e-5][3]
     task = read_response("study.toml")
     motion = periodic_motion(task.body, base=HarmonicBase(5e-5, row["frequency_hz"]))
@@ -79,8 +78,8 @@ def test_a_point_of_the_table_is_the_steady_vibration_at_its_frequency(study, ca
 def test_friction_is_followed_at_the_default_tolerance(study, capsys):
     """The ratio at the peak is above that of the modal law, and falls with the level."""
     study.write_text(STUDY.replace("[response]", '[[damping]]\nlaw = "friction"\neta0 = 0.02\n\n[response]'))
-    assert main(["response", "study.toml", "--json"]) == 0
-    small, large = (level["curve"] for level in json.loads(capsys.readouterr().out)["levels"])
+    assert main(["run", "study.toml", "response", "--json"]) == 0
+    small, large = (level["curve"] for level in json.loads(capsys.readouterr().out)["response"])
     assert 0.003 < large["peak_damping_ratio"] < small["peak_damping_ratio"]
     assert large["peak_amplitude_m"] > 4.1 * small["peak_amplitude_m"]
 
@@ -88,8 +87,8 @@ def test_friction_is_followed_at_the_default_tolerance(study, capsys):
 @pytest.mark.slow
 def test_the_figure_is_a_picture(study, capsys):
     study.write_text(STUDY.replace("[5e-5, 2e-4]", "1e-5"))
-    assert main(["response", "study.toml", "--plot", "curve.png"]) == 0
-    assert study.with_name("curve.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+    assert main(["run", "study.toml", "response", "--out", "new"]) == 0
+    assert (study.parent / "new/figures/figure_01.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
 
 
 @pytest.mark.parametrize(
@@ -105,8 +104,8 @@ def test_the_figure_is_a_picture(study, capsys):
 def test_what_cannot_be_followed_is_one_line(study, capsys, old, new, message, code):
     assert old in STUDY
     study.write_text(STUDY.replace(old, new))
-    assert main(["response", "study.toml", "--out", "curve.csv"]) == code
+    assert main(["run", "study.toml", "response", "--out", "new"]) == code
     captured = capsys.readouterr()
     (line,) = captured.err.splitlines()
     assert captured.out == "" and message in line
-    assert not study.with_name("curve.csv").exists()
+    assert not (study.parent / "new" / "response.csv").exists()

@@ -30,36 +30,35 @@ def study(run, tmp_path):
 
 class TestInit:
     @pytest.mark.slow
-    def test_every_quick_command_runs_on_what_it_writes(self, run, study):
-        assert run("modes", "study.toml").code == 0
-        assert run("match", "study.toml").code == 0
+    def test_steps_run_alone_on_what_it_writes(self, run, study):
+        assert run("run", "study.toml", "modes", "match", "simulation").code == 0
         assert run("export", "study.toml", "--format", "json", "--out", "beam.json").code == 0
-        assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
 
-    @pytest.mark.parametrize("command", ["study", "fit"])
-    def test_a_record_that_the_simulation_makes_is_asked_for_by_the_command(self, run, study, command, tmp_path):
-        done = run(command, "study.toml")
+    @pytest.mark.parametrize("steps", [[], ["fit"]])
+    def test_a_record_that_the_simulation_makes_is_asked_for_by_the_command(self, run, study, steps, tmp_path):
+        done = run("run", "study.toml", *steps)
         assert done.code == 2
         assert done.err.splitlines() == [
-            "ancf-casadi: motion.csv: does not exist; if it is to hold the motion of [simulation], run: "
-            "ancf-casadi simulate study.toml --out motion.csv"
+            "ancf-casadi: results/motion.csv: does not exist; if it is to hold the motion of [simulation], run: "
+            "ancf-casadi run study.toml simulation --out results"
         ]
         assert not (tmp_path / "results").exists()
 
     @pytest.mark.slow
     def test_the_fit_recovers_the_law_from_the_file_that_the_simulation_wrote(self, run, study, tmp_path):
-        assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
-        done = run("fit", "study.toml", "--json", "--out", "found.json", "--plot", "fit.png")
+        assert run("run", "study.toml", "simulation", "--out", "results").code == 0
+        done = run("run", "study.toml", "fit", "--json", "--out", "fitted")
         assert done.code == 0
-        found = {one["name"]: one for one in json.loads(done.out)["estimates"]}
+        found = {one["name"]: one for one in json.loads(done.out)["motion"]["fit"]["estimates"]}
         assert found.keys() == {"ratio1", "ratio2", "eta2"}
         for name, truth in (("ratio1", 0.005), ("ratio2", 0.003), ("eta2", 0.11)):
             assert found[name]["value"] == pytest.approx(truth, rel=0.01)
             low, high = found[name]["interval_95"]
             assert low < truth < high
-        document = read_document("found.json")
+        document = read_document("fitted/identified.json")
+        assert document.identifications[0].kind == "beam"
         assert document.damping.parameters[0].value == pytest.approx(found["ratio1"]["value"])
-        assert (tmp_path / "fit.png").read_bytes().startswith(b"\x89PNG")
+        assert (tmp_path / "fitted/figures/figure_01.png").read_bytes().startswith(b"\x89PNG")
 
     def test_it_never_overwrites(self, run, tmp_path):
         assert run("init").code == 0
@@ -80,21 +79,22 @@ class TestInit:
 
     def test_a_name_with_a_line_break_makes_no_broken_file(self, run):
         assert run("init", "a\nb = 1.toml").code == 0
-        assert run("modes", "a\nb = 1.toml").code == 0
+        assert run("run", "a\nb = 1.toml", "modes").code == 0
 
 
 class TestModes:
     def test_shapes_are_written_and_drawn(self, run, study, tmp_path):
-        assert run("modes", "study.toml", "--modes", "2", "--out", "m.csv", "--plot", "m.PDF").code == 0
-        header, *_ = (tmp_path / "m.csv").read_text().splitlines()
+        study.write_text(study.read_text() + '[[parts]]\nkind = "modes"\nmodes = 2\n')
+        assert run("run", "study.toml", "modes", "--out", "new").code == 0
+        header, *_ = (tmp_path / "new/shapes.csv").read_text().splitlines()
         assert header == "arc_length_m,mode1_x,mode1_y,mode2_x,mode2_y"
-        table = np.loadtxt(tmp_path / "m.csv", delimiter=",", skiprows=1)
+        table = np.loadtxt(tmp_path / "new/shapes.csv", delimiter=",", skiprows=1)
         modes = natural_modes(Model(Beam.from_toml(study)), count=2)
         for s, *row in table[::25].tolist():
             exact = modes.model.interpolation(s) @ modes.shapes / modes.tip_amplitudes()
             assert row == pytest.approx(exact.T.ravel(), abs=1e-12)
         assert np.hypot(*table[-1, 1:3]) == pytest.approx(1.0)
-        assert (tmp_path / "m.PDF").read_bytes().startswith(b"%PDF")
+        assert (tmp_path / "new/figures/figure_01.png").read_bytes().startswith(b"\x89PNG")
 
     def test_json_has_the_shapes(self, run, study):
         data = json.loads(run("modes", "study.toml", "--modes", "3", "--json").out)
@@ -105,9 +105,10 @@ class TestSimulate:
     def test_markers_are_in_the_output(self, run, study, tmp_path):
         text = study.read_text().replace("middle = 0.25", "middle = 0.25\nend = 0.5\nroot = 0")
         study.write_text(text)
-        assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
-        names = (tmp_path / "motion.csv").read_text().splitlines()[0].split(",")
-        table = dict(zip(names, np.loadtxt(tmp_path / "motion.csv", delimiter=",", skiprows=1).T, strict=True))
+        assert run("run", "study.toml", "simulation", "--out", "results").code == 0
+        motion = tmp_path / "results/motion.csv"
+        names = motion.read_text().splitlines()[0].split(",")
+        table = dict(zip(names, np.loadtxt(motion, delimiter=",", skiprows=1).T, strict=True))
         assert names[5:] == ["middle_x_m", "middle_y_m", "end_x_m", "end_y_m", "root_x_m", "root_y_m"]
         for axis in "xy":
             assert table[f"end_{axis}_m"] == pytest.approx(table[f"tip_{axis}_m"], abs=1e-15)
@@ -128,13 +129,13 @@ class TestSimulate:
     )
     def test_markers_that_are_refused(self, run, study, marker, what):
         study.write_text(study.read_text().replace("middle = 0.25", marker))
-        done = run("simulate", "study.toml")
+        done = run("run", "study.toml", "simulation")
         assert done.code == 2 and what in done.err
 
 
 def test_a_motion_that_would_fill_the_memory_is_refused(run, study):
     study.write_text(study.read_text().replace("sample_rate = 200.0", "sample_rate = 1e7"))
-    done = run("simulate", "study.toml")
+    done = run("run", "study.toml", "simulation")
     assert done.code == 2
     assert "[simulation]: sample_rate: 5e+06 samples of 4 elements would take 1.6 GB; lower sample_rate" in done.err
 
@@ -143,29 +144,28 @@ class TestCompareLaws:
     @pytest.mark.slow
     def test_on_a_decay(self, run, decay):
         decay("a.csv", (3.0, 0.02, 5e-3))
-        done = run("compare-laws", "a.csv", "--plot", "laws.png")
+        done = run("fit-decay", "a.csv", "--law", "auto")
         assert done.code == 0 and "most probable: linear" in done.out
         assert max(map(len, done.out.splitlines())) <= 100
-        assert json.loads(run("compare-laws", "a.csv", "--json").out)["best"] == "linear"
 
     @pytest.mark.slow
     def test_on_a_motion(self, run, study):
-        assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
-        done = run("compare-laws", "study.toml")
+        assert run("run", "study.toml", "simulation", "--out", "results").code == 0
+        done = run("run", "study.toml", "compare")
         assert done.code == 0 and max(map(len, done.out.splitlines())) <= 100
         assert "most probable: ModalDamping(ratio1, ratio2) + QuadraticDamping(eta2)" in done.out
 
     def test_parameters_that_are_kept_are_refused(self, run, study):
-        assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
+        assert run("run", "study.toml", "simulation", "--out", "results").code == 0
         study.write_text(study.read_text().replace("# fixed", "fixed"))
-        done = run("compare-laws", "study.toml")
+        done = run("run", "study.toml", "compare")
         assert done.code == 2 and "[fit]: fixed: all parameters of the laws are compared" in done.err
 
 
 @pytest.mark.slow
 def test_progress_is_silent_unless_on_a_terminal(run, decay):
     decay("a.csv", (3.0, 0.02, 5e-3))
-    for command in (["fit-decay", "a.csv"], ["compare-laws", "a.csv"]):
+    for command in (["fit-decay", "a.csv"], ["fit-decay", "a.csv", "--law", "auto"]):
         done = run(*command)
         assert done.code == 0 and done.err == ""
 
@@ -174,10 +174,10 @@ def test_progress_is_silent_unless_on_a_terminal(run, decay):
 def test_a_fit_shows_progress_on_a_terminal(run, study, tmp_path):
     """The number of computed motions, on a line that is gone in the end."""
     pty, termios = pytest.importorskip("pty"), pytest.importorskip("termios")
-    assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
+    assert run("run", "study.toml", "simulation", "--out", "results").code == 0
     ours, theirs = pty.openpty()
     termios.tcsetwinsize(theirs, (24, 80))
-    command = [sys.executable, "-m", "problems.cli", "fit", "study.toml"]
+    command = [sys.executable, "-m", "problems.cli", "run", "study.toml", "fit"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=theirs, cwd=tmp_path) as process:
         os.close(theirs)
         shown = b""
@@ -188,7 +188,7 @@ def test_a_fit_shows_progress_on_a_terminal(run, study, tmp_path):
             pass
         assert process.wait(timeout=60) == 0
     os.close(ours)
-    assert b"fit: " in shown and b" steps" in shown
+    assert b"run: " in shown and b" steps" in shown
     assert b"Traceback" not in shown
 
 
@@ -209,7 +209,7 @@ def test_modulus_and_tip_mass_from_numbers_in_the_file(run, tmp_path):
         "[fit]", 'unknowns = ["elastic_modulus", "tip_mass"]',
     ]  # fmt: skip
     (tmp_path / "sag.toml").write_text("\n".join(tables))
-    done = run("fit", "sag.toml", "--json")
+    done = run("run", "sag.toml", "fit", "--json")
     assert done.code == 0
-    found = {one["name"]: one["value"] for one in json.loads(done.out)["estimates"]}
+    found = {one["name"]: one["value"] for one in json.loads(done.out)["motion"]["fit"]["estimates"]}
     assert found == {"elastic_modulus": pytest.approx(210e9, rel=1e-6), "tip_mass": pytest.approx(1e-3, rel=1e-5)}

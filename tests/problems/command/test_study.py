@@ -1,4 +1,4 @@
-"""``study`` on the file that ``init`` writes, and on measured records of another beam."""
+"""``run`` on the file that ``init`` writes, and on measured records of another beam."""
 
 import json
 import shutil
@@ -62,8 +62,8 @@ def test_the_file_of_init_is_a_study(run, tmp_path):
         assert long in text
         text = text.replace(long, short)
     path.write_text(text)
-    assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
-    done = run("study", "study.toml", "--jobs", "1", "--json")
+    assert run("run", "study.toml", "simulation", "--out", "results").code == 0
+    done = run("run", "study.toml", "--out", "results", "--jobs", "1", "--json")
     assert done.code == 0, done.err
     results = json.loads(done.out)
     parts = [part["name"] for part in results["study"]["parts"]]
@@ -77,7 +77,7 @@ def test_the_file_of_init_is_a_study(run, tmp_path):
 
 def test_without_its_motion_it_names_the_file(run):
     assert run("init").code == 0
-    done = run("study", "study.toml", "--jobs", "1")
+    done = run("run", "study.toml", "--jobs", "1")
     assert (done.code, done.out) == (2, "")
     assert "motion.csv" in done.err
 
@@ -89,7 +89,7 @@ def test_two_silicone_records_are_a_document(run, tmp_path):
     for name in ("beam_gravity_tip.csv", "beam_load52_tip.csv"):
         shutil.copy(DATA / name, tmp_path)
     (tmp_path / "silicone.toml").write_text(SILICONE)
-    done = run("study", "silicone.toml", "--jobs", "1", "--json")
+    done = run("run", "silicone.toml", "--jobs", "1", "--json")
     assert done.code == 0, done.err
     results = json.loads(done.out)
     assert [part["name"] for part in results["study"]["parts"]] == ["motion", "beam", "modes", "decays"]

@@ -7,7 +7,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from problems.command.study import STUDY
+from problems.command.init import STUDY
 from problems.study.study import study_schema
 
 ROOT = Path(__file__).parents[3]

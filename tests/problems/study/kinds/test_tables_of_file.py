@@ -7,7 +7,7 @@ import pytest
 
 from ancf_casadi import Beam, HarmonicBase, InputError, Model, RayleighDamping, StrainMeasures, natural_modes, simulate
 from ancf_casadi.export import Document, write_document
-from problems.command.study import STUDY
+from problems.command.init import STUDY
 from problems.study.formatting import formatted_table
 from problems.study.study import run_study
 from tests.problems.conftest import BEAM, column, study_in

@@ -59,6 +59,10 @@ class Finding:
     name: str = ""  # of its part, once that has run
     times: Mapping[str, float] = field(default_factory=dict)  # of the tasks and of the finding when they ran, s, by key
 
+    def needed_later(self) -> Finding:
+        """Return the finding without what shows it, which no other part needs."""
+        return replace(self, tables=(), figures=(), warnings=(), text="", files={}, times={})
+
     @property
     def tasks(self) -> int:
         """Number of different tasks."""

@@ -17,7 +17,7 @@ import hashlib
 import threading
 import time
 import typing
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, CancelledError, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import replace
 from functools import cache
@@ -42,6 +42,7 @@ from problems.study.part import Finding, Found, Part, Study, Task
 SUFFIX = ".msgpack"
 DIGEST_BYTES = hashlib.sha256().digest_size
 STEPS_FOLDER = "steps"  # folder with the kept results
+MOST_THREADS = 10_000  # which wait: one for each part, and one for each task
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -70,13 +71,12 @@ def decoded(content: bytes, kind: Any) -> Any:
     return msgspec.msgpack.decode(content, type=kind, dec_hook=_array)
 
 
-def compute(path: Path, task: Task) -> Computation:
-    """Run a task, keep its result in a file, and return it in the form that a kept result has."""
+def run_task(task: Task, *, draw: bool = True) -> bytes:
+    """Run a task, and return its computing time and its result as they are kept; all results pass through this form."""
     began = time.perf_counter()
-    result = task.function(*task.inputs)
-    content = encoded((time.perf_counter() - began, result))
-    write_file(path, with_digest(content))
-    return unpacked(content, task)
+    with contextlib.nullcontext() if draw else only(()):
+        result = task.function(*task.inputs)
+    return encoded((time.perf_counter() - began, result))
 
 
 def kept(path: Path, task: Task) -> Computation | None:
@@ -153,55 +153,60 @@ def run_parts(
 ) -> tuple[Finding, ...]:
     """Run all parts of a study, and return their findings with the times of their computations.
 
-    A part may stand before those that it needs.  Each part has a thread, which waits for those parts, then for its
-    tasks; with one job and no executor, the parts run in this thread, one after the other.  The folder is that of the
-    results, with the finished tasks of an earlier run; those of other parts are removed unless they are to be kept.
+    A part may stand before those that it needs.  A thread of each part waits for those parts, then for its tasks; a
+    thread of each task waits for the executor, and writes the result.  With one job and no executor, all this happens
+    in this thread, one after the other.  The folder is that of the results, with the finished tasks of an earlier run;
+    those of other parts are removed unless they are to be kept.
     """
     steps = folder / STEPS_FOLDER
     computations: dict[str, Future[Computation]] = {}  # by key
     findings: dict[str, Future[Finding]] = {}  # by the name of the part
-    lock, stopped = threading.Lock(), threading.Event()
+    running: list[Future[bytes]] = []
+    lock, stopped = threading.RLock(), threading.Event()
 
-    def submit(task: Task) -> tuple[str, Future[Computation]]:
-        key = key_of(task)
-        path = steps / f"{key}{SUFFIX}"
+    def compute(path: Path, task: Task) -> Computation:
+        if computation := kept(path, task):
+            return computation
         with lock:
             if stopped.is_set():
                 raise CancelledError
-            if key not in computations and (computation := kept(path, task)):
-                computations[key] = ThisThread().submit(lambda: computation)
-            elif key not in computations:
-                bar.total += task.cost
-                computations[key] = workers().submit(compute, path, task)
-                computations[key].add_done_callback(lambda _: bar.update(task.cost))
+            bar.total += task.cost
+            running.append(future := workers().submit(run_task, task, draw=bool(formats)))
+        write_file(path, with_digest(content := future.result()))
+        bar.update(task.cost)
+        return unpacked(content, task)
+
+    def submit(task: Task) -> tuple[str, Future[Computation]]:
+        key = key_of(task)
+        with lock:
+            if key not in computations:
+                computations[key] = threads.submit(compute, steps / f"{key}{SUFFIX}", task)
             return key, computations[key]
 
     def stop() -> None:
         with lock:
             stopped.set()
-            for computation in computations.values() if executor else ():  # processes of a study are ended instead
-                computation.cancel()
+            for future in running if executor else ():  # processes of the study are ended instead
+                future.cancel()
 
     def run(part: Part) -> Finding:
-        needed = {name: findings[name].result() for name in part.needs}
-        found = {
-            name: replace(finding, tables=(), figures=(), warnings=(), times={}) for name, finding in needed.items()
-        }
+        found = {name: findings[name].result().needed_later() for name in part.needs}
         with lock:  # CasADi builds the expressions of one thread at a time
             tasks = part.tasks(found)
         for task in sorted(tasks, key=lambda task: -task.cost):
             submit(task)
-        done = [(key, future.result()) for key, future in map(submit, tasks)]
-        results, cost = [computation.result for _, computation in done], 0.2 * (1 + len(tasks))  # s, to draw figures
-        key, last = submit(Task(_finding, (part.kind, part, results, found, formats if part.draw else ()), cost))
-        times = {key: computation.seconds for key, computation in (*done, (key, last.result()))}
-        finding: Finding = last.result().result
+        submitted = [submit(task) for task in tasks]
+        wait_for(future for _, future in submitted)
+        results, cost = [future.result().result for _, future in submitted], 0.2 * (1 + len(tasks))  # s, of figures
+        last = submit(Task(_finding, (part.kind, part, results, found, formats if part.draw else ()), cost))
+        times = {key: future.result().seconds for key, future in (*submitted, last)}
+        finding: Finding = last[1].result().result
         return replace(finding, name=part.name, times=times)
 
     with contextlib.ExitStack() as stack:
         stack.enter_context(unbroken())
         bar: Any = stack.enter_context(tqdm(total=0, disable=not progress, bar_format=COUNT_BAR, desc="study"))
-        threads: Executor = ThisThread() if executor is None and jobs == 1 else ThreadPoolExecutor(1 + len(study.parts))
+        threads: Executor = ThisThread() if executor is None and jobs == 1 else ThreadPoolExecutor(MOST_THREADS)
         workers = cache(lambda: executor or (stack.enter_context(processes(jobs)) if jobs > 1 else threads))
         stack.callback(threads.shutdown, wait=False)
         stack.callback(stop)
@@ -211,13 +216,18 @@ def run_parts(
         for name in TopologicalSorter({name: part.needs for name, part in parts.items()}).static_order():
             if name:
                 findings[name] = threads.submit(run, parts[name])
-        for finding in wait(findings.values(), return_when=FIRST_EXCEPTION).done:
-            finding.result()
+        wait_for(findings.values())
     for path in [] if keep_others else steps.glob(f"*{SUFFIX}"):
         if path.stem not in computations:  # of an earlier study
             with contextlib.suppress(OSError):
                 path.unlink()
     return tuple(findings[name].result() for name in parts)
+
+
+def wait_for(futures: Iterable[Future[Any]]) -> None:
+    """Wait for all futures, or raise the first error."""
+    for future in wait(futures, return_when=FIRST_EXCEPTION).done:
+        future.result()
 
 
 def _finding(kind: str, part: Part, results: Sequence[Any], found: Found, formats: tuple[str, ...]) -> Finding:

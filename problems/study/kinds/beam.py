@@ -22,7 +22,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import located, whole
 from ancf_casadi.support.specs import Positive
-from ancf_casadi.support.tables import Table, to_json
+from ancf_casadi.support.tables import Cell, Table, to_json
 from ancf_casadi.vibration.modes import STATIONS, Modes, natural_modes
 from problems.matching.frequency_matching import match_frequencies
 from problems.spec.beam import damping_on
@@ -64,11 +64,12 @@ class BeamProperties(Part):
         errors = origin.errors or {}
         scaled = tuple(scale * errors.get(name, math.nan) for name, _, scale in BEAM_ROWS)
         guess = None if origin.guess is None else origin.guess.beam()
-        properties = [_means(guess), _means(beam)] if guess else [_means(beam)]
-        rows = [
-            (name.replace("_", " "), unit, *values)
-            for (name, unit, _), *values in zip(BEAM_ROWS, *properties, strict=True)
-        ]
+        columns: dict[str, Sequence[Cell]] = {
+            "property": [name.replace("_", " ") for name, *_ in BEAM_ROWS],
+            "unit": [unit for _, unit, _ in BEAM_ROWS],
+            **({"guess": _means(guess)} if guess else {}),
+            "value": _means(beam),
+        }
         varying = [name for name, *_ in ELEMENT_ROWS if np.ptp(getattr(beam, name)) > 0.0]
         notes = [f"{beam.elements} elements; axis {beam.axis}, gravity {beam.gravity} m/s²."]
         if varying:
@@ -80,14 +81,10 @@ class BeamProperties(Part):
             notes.append(f"{name.replace('_', ' ').capitalize()}: {shown(scale * value, error)} {unit}{first}.")
         if beam.supports != (Clamp(),):
             notes.append(f"Supports: {', '.join(map(repr, beam.supports)) or 'none'}.")
-        table = self.table(
-            "Properties of the identified beam" if guess else "Properties of the beam",
-            ("property", "unit", "guess", "value") if guess else ("property", "unit", "value"),
-            rows,
-            *notes,
-            errors={"value": scaled} if errors else None,
-            printed={"value": self.printed.get("value")},
-        )
+        title = "Properties of the identified beam" if guess else "Properties of the beam"
+        cells = zip(*columns.values(), strict=True)
+        table = self.table(title, [*columns], cells, *notes, errors={"value": scaled} if errors else None,
+                           printed={"value": self.printed.get("value")})  # fmt: skip
         data = {
             **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in ELEMENT_ROWS},
             "length": beam.length,

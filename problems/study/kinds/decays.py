@@ -80,11 +80,8 @@ class FittedDecay:
 
     numbers: dict[str, Any]  # as in ``results.json``
     amplitude_error: float  # standard error of the amplitude, m; nan if unknown
-    time: Array  # from the release on, s
-    measured: Array  # record at these times
-    fitted: Array  # fit at these times
-    fine_time: Array  # fine times over the first periods, s
-    fine: Array  # fit at the fine times
+    motion: Array  # (3, k): times from the release on, s, record and fit
+    first_periods: Array  # (2, k): fine times over the first periods, s, and fit
 
 
 def fit_plain(decay: Decay, law: str, rest: Rest | None) -> FittedDecay:
@@ -96,15 +93,9 @@ def fit_plain(decay: Decay, law: str, rest: Rest | None) -> FittedDecay:
     per_period = len(fit.time) / max(1.0, fit.frequency * float(fit.time[-1] - fit.time[0]))
     periods = min(12, max(3, 300 / per_period), len(fit.time) / per_period)  # drawn in detail
     fine_time = fit.release_time + np.linspace(0.0, periods / fit.frequency, int(40 * periods))
-    return FittedDecay(
-        numbers=_numbers(fit),
-        amplitude_error=fit.standard_errors.get("amplitude", math.nan),
-        time=fit.time,
-        measured=np.interp(fit.time, record.time, record.values),
-        fitted=np.asarray(fit.displacement(fit.time)),
-        fine_time=fine_time,
-        fine=np.asarray(fit.displacement(fine_time)),
-    )
+    motion = np.array([fit.time, np.interp(fit.time, record.time, record.values), fit.displacement(fit.time)])
+    first_periods = np.array([fine_time, fit.displacement(fine_time)])
+    return FittedDecay(_numbers(fit), fit.standard_errors.get("amplitude", math.nan), motion, first_periods)
 
 
 def unbounded_coefficients(fit: DecayFit) -> tuple[float, float, Array]:
@@ -280,20 +271,21 @@ class Decays(Part):
 def _decay_figure(decay: Decay, fit: FittedDecay, title: str) -> Figure:
     """Draw a decay with its fit, its first periods, and the residuals."""
     figure, (whole_record, first, remainder) = new_figure(4.6, 3)
-    size, unit = prefixed(float(np.abs(fit.measured).max()), decay.record.sensor.unit)
+    (time, measured, fitted), (fine_time, fine) = fit.motion, fit.first_periods
+    size, unit = prefixed(float(np.abs(measured).max()), decay.record.sensor.unit)
     label = "synthetic record" if decay.synthetic else "record"
     frequency = fit.numbers["frequency_hz"]
-    draw_band(whole_record, band(fit.time, fit.measured, frequency), 1 / size, filled=True, color="black", label=label)
-    draw_band(whole_record, band(fit.time, fit.fitted, frequency), 1 / size, **line(1), lw=1, label="fit")
-    shown = fit.time <= fit.fine_time[-1]
-    first.plot(fit.time[shown], fit.measured[shown] / size, "k.", ms=3, label=label)
-    first.plot(fit.fine_time, fit.fine / size, **line(1), lw=1, label="fit")
-    rest = fit.measured - fit.fitted
-    rest_size, rest_unit = prefixed(float(np.abs(rest).max()), decay.record.sensor.unit)
-    windows = np.unique(np.linspace(0, len(rest) - 1, min(300, len(rest))).astype(int))  # of the drawn residuals
-    low, high = (extreme.reduceat(rest, windows) / rest_size for extreme in (np.minimum, np.maximum))
-    remainder.vlines(fit.time[windows], low, high, color="black", lw=0.7)
-    remainder.set(xlabel="time, s", ylabel=f"residual, {rest_unit}" if rest_unit else "residual")
+    draw_band(whole_record, band(time, measured, frequency), 1 / size, filled=True, color="black", label=label)
+    draw_band(whole_record, band(time, fitted, frequency), 1 / size, **line(1), lw=1, label="fit")
+    shown = time <= fine_time[-1]
+    first.plot(time[shown], measured[shown] / size, "k.", ms=3, label=label)
+    first.plot(fine_time, fine / size, **line(1), lw=1, label="fit")
+    residuals = measured - fitted
+    residual_size, residual_unit = prefixed(float(np.abs(residuals).max()), decay.record.sensor.unit)
+    windows = np.unique(np.linspace(0, len(residuals) - 1, min(300, len(residuals))).astype(int))  # as drawn
+    low, high = (extreme.reduceat(residuals, windows) / residual_size for extreme in (np.minimum, np.maximum))
+    remainder.vlines(time[windows], low, high, color="black", lw=0.7)
+    remainder.set(xlabel="time, s", ylabel=f"residual, {residual_unit}" if residual_unit else "residual")
     for axes in (whole_record, first):
         axes.set_ylabel(f"{decay.record.sensor.quantity}, {unit}" if unit else decay.record.sensor.quantity)
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)

@@ -1017,7 +1017,7 @@ class TestInterrupted:
         def stopped(*_, **__):
             raise KeyboardInterrupt
 
-        monkeypatch.setattr(runner, "compute", stopped)
+        monkeypatch.setattr(runner, "run_task", stopped)
         assert main(["reproduce", "--jobs", "1", "--out", "study"]) == 130
         assert one_line(capsys) == f"ancf-casadi: stopped; {KEPT}"
         assert not (files / "study").exists()

@@ -107,7 +107,7 @@ def test_ex10_the_resonance_leans_and_the_air_straightens_it(example):
 
 @pytest.mark.slow
 def test_the_toml_examples_run(capsys):
-    assert main(["modes", str(EXAMPLES / "beam.toml")]) == 0
+    assert main(["run", str(EXAMPLES / "beam.toml"), "modes"]) == 0
     assert "1.87613" in capsys.readouterr().out
     assert main(["run", str(EXAMPLES / "beam.toml"), "match"]) == 0
     assert "at a bound: nothing" in capsys.readouterr().out

@@ -20,13 +20,13 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import AxialStrain, Curvature, StrainMeasures
 from ancf_casadi.mechanics.supports import Clamp, Guide, Pin, Roller, Support
 from ancf_casadi.support.inputs import located
-from ancf_casadi.support.specs import NotNegative, Pair, Positive, Spec, convert, place_of
+from ancf_casadi.support.specs import NotNegative, Pair, Positive, PositiveOrInfinite, Spec, convert, place_of
 
 Point = Annotated[float, Meta(ge=0.0, description="m")]
 Displacement = Annotated[Pair, Meta(description="m")]
 Rotation = Annotated[float, Meta(description="rad")]
 Direction = Annotated[Pair, Meta(description="of sliding")]
-TorsionalStiffness = Annotated[Positive | None, Meta(description="N m/rad; inf, in a document null, if rigid")]
+TorsionalStiffness = Annotated[PositiveOrInfinite | None, Meta(description="N m/rad; inf or null if rigid")]
 AmountPair = tuple[NotNegative, NotNegative]
 PerElement = Positive | Annotated[tuple[Positive, ...], Meta(min_length=2)]
 Elements = Annotated[int, Meta(ge=MINIMUM_ELEMENTS, le=MAXIMUM_ELEMENTS, description="not needed beside a list")]
@@ -132,7 +132,7 @@ class ConfigurationSpec(Spec, frozen=True):
     length: Annotated[Positive | UnsetType, Meta(description="m")] = UNSET
     axis: Pair | UnsetType = UNSET
     tip_mass: Annotated[NotNegative | UnsetType, Meta(description="kg")] = UNSET
-    clamp_stiffness: Annotated[Positive | UnsetType, Meta(description="N m/rad")] = UNSET
+    clamp_stiffness: Annotated[PositiveOrInfinite | UnsetType, Meta(description="N m/rad")] = UNSET
     supports: tuple[SupportSpec, ...] | UnsetType = UNSET
     attachments: tuple[AttachmentSpec, ...] | UnsetType = UNSET
 
@@ -157,7 +157,7 @@ class BeamSpec(Spec, frozen=True):
     supports: tuple[SupportSpec, ...] = (ClampSpec(),)
     attachments: tuple[AttachmentSpec, ...] = ()
     tip_mass: Annotated[NotNegative | UnsetType, Meta(description="kg")] = UNSET
-    clamp_stiffness: Annotated[Positive | UnsetType, Meta(description="N m/rad")] = UNSET
+    clamp_stiffness: Annotated[PositiveOrInfinite | UnsetType, Meta(description="N m/rad")] = UNSET
 
     @classmethod
     def of(cls, beam: Beam) -> BeamSpec:

@@ -15,7 +15,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
+from functools import cache
 from typing import Annotated, Any, TypeVar, cast, overload
 
 import msgspec
@@ -28,9 +29,11 @@ from ancf_casadi.support.inputs import check_keys, located, shown
 
 SpecType = TypeVar("SpecType")
 
-Positive = Annotated[float, Meta(gt=0.0)]
+Positive = Annotated[float, Meta(gt=0.0, le=1e30)]  # as ``physical``: its powers are finite
+PositiveOrInfinite = Annotated[float, Meta(gt=0.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
 Pair = tuple[float, float]
+UNLISTED = Meta(extra={"hidden": True})  # of a field that no table gives
 
 NOUNS = {"float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "array": "a list",
          "object": "a table", "null": "null"}  # fmt: skip
@@ -69,7 +72,15 @@ def convert(source: Any, kind: Any, where: str = "") -> Any:
 
 def keys_of(kind: Any) -> set[str]:
     """Return the keys of a table that a class declares."""
-    return {field.name for field in fields(kind)} if is_dataclass(kind) else set(kind.__struct_encode_fields__)
+    return {field.encode_name for field in listed_fields(kind)}
+
+
+@cache
+def listed_fields(kind: type) -> tuple[types.Field, ...]:
+    """Return the fields of a class that are keys of a table."""
+    info = types.type_info(kind)
+    assert isinstance(info, types.StructType | types.DataclassType)
+    return tuple(field for field in info.fields if getattr(field.type, "extra", None) != UNLISTED.extra)
 
 
 def place_of(where: str, steps: Sequence[str | int]) -> str:
@@ -159,8 +170,10 @@ def _number_range(kinds: Sequence[types.Type], value: Any) -> str:
         if isinstance(kind, types.IntType):
             return f"be a whole number, {kind.ge or 0} " + ("or more" if kind.le is None else f"to {kind.le}")
         if isinstance(kind, types.FloatType) and isinstance(value, int | float) and not isinstance(value, bool):
-            if kind.le is None and kind.lt is None and (kind.gt == 0.0 or kind.ge == 0.0):
-                return "be positive" if kind.gt == 0.0 else "not be negative"
+            if kind.gt == 0.0 and value <= 0.0:
+                return "be positive"
+            if kind.ge == 0.0 and value < 0.0:
+                return "not be negative"
             limits = (("above", kind.gt), ("at least", kind.ge), ("below", kind.lt), ("at most", kind.le))
             return "be " + " and ".join(f"{word} {limit:g}" for word, limit in limits if limit is not None)
     return "be a number"

@@ -18,9 +18,8 @@ from pathlib import Path
 from typing import Annotated, Any, Self, final
 
 from ancf_casadi.support.inputs import choice
-from ancf_casadi.support.specs import Positive
+from ancf_casadi.support.specs import UNLISTED, Positive
 from problems.paper import combined_law, decays, drawings, experiments
-from problems.spec.help import UNLISTED
 from problems.study.kinds.experiment import EXPERIMENT_STEPS, QUICK_STEPS, QUICK_WINDOW, RequestedRun
 from problems.study.kinds.transients import with_laws
 from problems.study.part import Finding, Found, LawChoice, Part, Study, Task

@@ -7,13 +7,11 @@ import typing
 from collections.abc import Mapping
 from typing import Any
 
-from msgspec import Meta
 from msgspec import inspect as types
 
-from ancf_casadi.support.specs import alternatives, plain
+from ancf_casadi.support.specs import alternatives, listed_fields, plain
 
 Kinds = Mapping[str, tuple[Any, ...]]  # the declarations of each kind of a table, whose keys stand side by side
-UNLISTED = Meta(extra={"hidden": True})  # of a field that no table gives
 
 
 def table_help(head: str, text: str, *declared: type, indent: int = 16, base: type | None = None) -> str:
@@ -43,13 +41,6 @@ def described_keys(kind: type, base: type | None = None) -> list[str]:
     """Return the keys that a class declares beyond its base, each with its description."""
     known = described_keys(base) if base else []
     return [key for field in listed_fields(kind) if (key := _described(field)) not in known]
-
-
-def listed_fields(kind: type) -> list[types.Field]:
-    """Return the fields of a class that are keys of a table."""
-    info = types.type_info(kind)
-    assert isinstance(info, types.StructType | types.DataclassType)
-    return [field for field in info.fields if getattr(field.type, "extra", None) != UNLISTED.extra]
 
 
 def _described(field: types.Field) -> str:

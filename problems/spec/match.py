@@ -11,12 +11,12 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.inputs import located, numbers, shown
+from ancf_casadi.support.specs import convert
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.unknowns import Global, PerElement, PropertyUnknown, Smooth
 from problems.spec.beam import BEAM_HELP, read_beam
 from problems.spec.file import StudyFile
 from problems.spec.help import table_help
-from problems.spec.table import read
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +66,7 @@ def read_match(given: str | StudyFile) -> tuple[Beam, dict[str, Any]]:
             f"a match takes {MOST_ELEMENTS} at most, got {model.beam.elements}; 20 to 100 are enough",
             f"{file.where('beam')}: elements",
         )
-    table = read(file.needed("match"), MatchTable, where)
+    table = convert(file.needed("match"), MatchTable, where)
     with located(where):
         return model.beam, request_of(table)
 

@@ -13,9 +13,9 @@ import msgspec
 
 from ancf_casadi.damping.spec import LawSpec
 from ancf_casadi.mechanics.spec import BeamSpec, ConfigurationSpec
+from ancf_casadi.support.specs import listed_fields
 from problems.spec import motion, plan, records
 from problems.spec.beam import DocumentName
-from problems.spec.help import listed_fields
 from problems.spec.match import MatchTable
 
 SCHEMA_FILE = "study.schema.json"

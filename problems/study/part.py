@@ -22,10 +22,10 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.inputs import is_sequence, number, shown
+from ancf_casadi.support.specs import UNLISTED
 from ancf_casadi.support.tables import Cell, Table
 from problems.spec.beam import law_of, read_beam
 from problems.spec.file import NO_FILE, StudyFile
-from problems.spec.help import UNLISTED
 from problems.study.drawing import Drawing
 
 Terms = tuple[dict[str, Any], ...]  # tables [[damping]], the terms of one law

@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import shown
+from ancf_casadi.support.inputs import is_sequence, shown
+from ancf_casadi.support.specs import convert
 from problems.spec.file import StudyFile
-from problems.spec.table import read
+from problems.study.kinds.experiment import RequestedRun
 from problems.study.part import LawChoice, Part, Study
 from problems.study.results import file_name
 
@@ -33,7 +34,7 @@ STUDY_TABLES = {"study", "timing", "versions", "data"}  # other keys of results.
 def read_study(path: str | Path, kinds: Sequence[type[Part]], steps: Sequence[str] = ()) -> Study:
     """Read a study whose parts are of these kinds: all parts, or the steps that are named with what they need."""
     file = StudyFile.of(str(path), required=set())
-    study = read(file.tables.get("study", {}), Study, file.where("study"))
+    study = convert(file.tables.get("study", {}), Study, file.where("study"))
     study = replace(study, title=study.title or Path(path).stem, file=file, laws=_laws(file))
     known, where = {kind.kind: kind for kind in kinds}, file.where("parts")
     tables = _named_tables(file.several("parts") or _suggested(file, steps), known, where)
@@ -68,7 +69,7 @@ def _laws(file: StudyFile) -> tuple[LawChoice, ...]:
     where = file.where("laws")
     found: dict[str, LawChoice] = {}
     for table in file.several("laws"):
-        law = read(table, LawChoice, where)
+        law = convert(table, LawChoice, where)
         if not law.name.isidentifier() or law.name in found:
             raise InputError(f"must be made of letters, digits and _, and differ, got {shown(law.name)}",
                              f"{where}: name")  # fmt: skip
@@ -113,11 +114,23 @@ def _step(step: str, tables: dict[str, dict[str, Any]], kinds: Mapping[str, type
 
 def _part(study: Study, table: dict[str, Any], kinds: Mapping[str, type[Part]], name: str, where: str) -> Part:
     kind = kinds[table["kind"]]
-    given = {"title": kind.heading, **table, "name": name}
-    del given["kind"]
     place = f"{where}: {name}"
-    part = read(given, kind, place, {LawChoice: study.law_choice})
-    return part.checked(study, place)
+    keys = {"title": kind.heading, **_with_laws(table, study, place), "name": name}
+    del keys["kind"]
+    return convert(keys, kind, place).checked(study, place)
+
+
+def _with_laws(given: Any, study: Study, where: str) -> dict[str, Any]:
+    """Return a table, also within the list of its runs, with laws in place of their names."""
+    table: dict[str, Any] = dict(convert(given, dict[str, Any], where))
+    if is_sequence(table.get("laws")):
+        table["laws"] = [study.law_choice(name, f"{where}: laws") for name in table["laws"]]
+    if is_sequence(runs := table.get("runs", "")):
+        places = [f"{where}: runs: {k}" for k in range(1, 1 + len(runs))]
+        table["runs"] = [
+            convert(_with_laws(run, study, place), RequestedRun, place) for run, place in zip(runs, places, strict=True)
+        ]
+    return table
 
 
 def _check_needs(parts: Mapping[str, Part], where: str) -> None:

@@ -21,14 +21,13 @@ from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import located, whole
-from ancf_casadi.support.specs import Positive
+from ancf_casadi.support.specs import Positive, convert
 from ancf_casadi.support.tables import Cell, Table, to_json
 from ancf_casadi.vibration.modes import STATIONS, Modes, natural_modes
 from problems.matching.frequency_matching import match_frequencies
 from problems.spec.beam import damping_on
 from problems.spec.file import StudyFile
 from problems.spec.match import MatchTable, request_of
-from problems.spec.table import read
 from problems.study.drawing import FIGURE_WIDTH, Drawing, drawn, new_figure, series
 from problems.study.formatting import shown
 from problems.study.part import Finding, Found, Part, Printed, Study, Task, printed_numbers
@@ -195,7 +194,7 @@ class Match(Part, MatchTable):
         """Return the part with the keys of [match], if it has none of its own."""
         own: MatchTable = self
         if not self.request:
-            own = read(study.file.needed("match"), MatchTable, study.file.where("match"))
+            own = convert(study.file.needed("match"), MatchTable, study.file.where("match"))
         with located(where):
             modes = len(request_of(own)["targets"])
         columns = {"standard": modes, "optimum": modes, "value": len(ELEMENT_ROWS)}

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Self, final
 
 import casadi as cs
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
 from ancf_casadi.decay.rest import Rest
@@ -23,14 +23,12 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure, prefixed
 from ancf_casadi.support.inputs import check_keys, located
-from ancf_casadi.support.specs import Positive, convert
+from ancf_casadi.support.specs import UNLISTED, Positive, Spec, convert
 from ancf_casadi.support.tables import Cell, Table, known
 from problems.decay.fitting import fit_decay
 from problems.decay.laws import Law
 from problems.decay.result import DecayFit
-from problems.spec.help import UNLISTED
 from problems.spec.motion import ColumnName, FileSpec
-from problems.spec.table import read
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
 from problems.study.part import Finding, Found, Part, Printed, Study, Task, printed_numbers
 
@@ -49,7 +47,7 @@ class DecayRecord(FileSpec, frozen=True):
     release_time: Annotated[float, Meta(description="s")] = math.nan
 
 
-class SyntheticDecay(Struct, frozen=True):
+class SyntheticDecay(Spec, frozen=True):
     """Parameters of a free decay by Eq. (9), with a damping ratio, or by Eq. (27), with eta1 and eta2."""
 
     frequency: Positive
@@ -170,7 +168,7 @@ class Decays(Part):
             place = f"{where}: records: {k}"
             if isinstance(table, dict) and "synthetic" in table:
                 check_keys(table, {"synthetic"}, set(), place)
-                given = read(table["synthetic"], SyntheticDecay, f"{place}: synthetic")
+                given = convert(table["synthetic"], SyntheticDecay, f"{place}: synthetic")
                 with located(place):
                     decays.append(self._synthetic(given, study.seed, k))
                 continue

@@ -40,11 +40,10 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import located, whole
-from ancf_casadi.support.specs import Positive
+from ancf_casadi.support.specs import UNLISTED, Positive
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.decay.fitting import fit_decay
 from problems.spec.beam import law_of
-from problems.spec.help import UNLISTED
 from problems.study.drawing import band
 from problems.study.part import LawChoice, Study, Terms
 

@@ -7,19 +7,19 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Self, final
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.figures import Figure, plain_log_ticks
 from ancf_casadi.support.inputs import located
-from ancf_casadi.support.specs import Positive
+from ancf_casadi.support.specs import Positive, Spec
 from ancf_casadi.support.tables import known
 from problems.modal_damping.rayleigh import RayleighFit, fit_rayleigh, rayleigh_ratio
 from problems.study.drawing import drawn, line, new_figure
 from problems.study.part import Finding, Found, Part, Printed, Study, printed_numbers
 
 
-class OtherModes(Struct, frozen=True):
+class OtherModes(Spec, frozen=True):
     """Frequencies (Hz) and damping ratios of modes."""
 
     frequencies: tuple[Positive, ...] = ()

@@ -26,10 +26,10 @@ from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Axes, Figure
+from ancf_casadi.support.specs import UNLISTED
 from ancf_casadi.support.tables import Cell, Table
 from ancf_casadi.vibration.modes import natural_modes
 from problems.spec.file import StudyFile
-from problems.spec.help import UNLISTED
 from problems.spec.motion import ResponseTask, read_response
 from problems.study.drawing import drawn, new_figure, series
 from problems.study.formatting import formatted_table

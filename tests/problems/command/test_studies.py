@@ -96,10 +96,6 @@ class TestModes:
         assert np.hypot(*table[-1, 1:3]) == pytest.approx(1.0)
         assert (tmp_path / "new/figures/figure_01.png").read_bytes().startswith(b"\x89PNG")
 
-    def test_json_has_the_shapes(self, run, study):
-        data = json.loads(run("modes", "study.toml", "--modes", "3", "--json").out)
-        assert np.shape(data["shapes"]) == (3, len(data["arc_length_m"]), 2)
-
 
 class TestSimulate:
     def test_markers_are_in_the_output(self, run, study, tmp_path):
@@ -159,7 +155,7 @@ class TestCompareLaws:
         assert run("run", "study.toml", "simulation", "--out", "results").code == 0
         study.write_text(study.read_text().replace("# fixed", "fixed"))
         done = run("run", "study.toml", "compare")
-        assert done.code == 2 and "[fit]: fixed: all parameters of the laws are compared" in done.err
+        assert done.code == 2 and "[fit]: all parameters of the laws are compared" in done.err
 
 
 @pytest.mark.slow

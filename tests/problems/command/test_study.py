@@ -89,7 +89,7 @@ def test_two_silicone_records_are_a_document(run, tmp_path):
     for name in ("beam_gravity_tip.csv", "beam_load52_tip.csv"):
         shutil.copy(DATA / name, tmp_path)
     (tmp_path / "silicone.toml").write_text(SILICONE)
-    done = run("run", "silicone.toml", "--jobs", "1", "--json")
+    done = run("run", "silicone.toml", "--out", "results", "--jobs", "1", "--json")
     assert done.code == 0, done.err
     results = json.loads(done.out)
     assert [part["name"] for part in results["study"]["parts"]] == ["motion", "beam", "modes", "decays"]

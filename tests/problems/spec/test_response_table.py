@@ -68,7 +68,7 @@ def test_markers_are_points_of_the_output(file):
         (RANGE + "base_amplitudes = 1e-4\ndirection = [0, 0]\n", r"direction: must not be the zero vector"),
         (RANGE + "base_amplitudes = 1e-4\nmodes = 0\n", r"\[response\]: modes: must be"),
         (RANGE + "base_amplitudes = 1e-4\npoints = 1\n", r"\[response\]: points: must be"),
-        (RANGE + "base_amplitudes = 1e-4\ntolerance = 0\n", r"tolerance: must be above 0 and at most 0.01, got 0"),
+        (RANGE + "base_amplitudes = 1e-4\ntolerance = 0\n", r"tolerance: must be positive, got 0"),
         (RANGE + "base_amplitudes = 1e-4\ntolerance = 0.1\n", r"tolerance: must be above 0 and at most 0.01, got 0.1"),
         (
             RANGE + 'base_amplitudes = 1e-4\nmodel = "both"\n',

@@ -29,7 +29,7 @@ COMMANDS = {
     "inspect": "show the channels of a file of measurements, and what a fit would use",
     "track": "track markers through a video, and write their positions as a file of measurements",
     "init": "write a commented TOML file that runs as it is, to start from",
-    "run": "do what the tables of a study file say: modes, match, simulation, response, fit, comparison, plan, ...",
+    "run": "do what the tables of a study file say: modes, match, simulation, response, fit, compare, plan",
     "fit-decay": "estimate frequency and damping of one mode, or of several, from measured decays",
     "fit-frf": "estimate the modes of measured frequency response functions",
     "fit-mode": "estimate frequency and damping of one mode from measured decays and response curves together",
@@ -111,6 +111,12 @@ class _Parser(argparse.ArgumentParser):
         if (title := self.get_default("title")) and not self.get_default("run"):
             add_options, run = functions_of(title)
             add_options(self)
+            words = [
+                f"{action.metavar}{' ...' * (action.nargs in ('+', '*'))}"
+                for action in self._actions
+                if not action.option_strings
+            ]
+            self.usage = " ".join([self.prog, "[options]", *words])  # all options are explained below it
             self.set_defaults(run=run)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:

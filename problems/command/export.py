@@ -34,7 +34,7 @@ from ancf_casadi.export.fmu import FmuKind
 from ancf_casadi.support.files import check_folder, read_json
 from ancf_casadi.support.inputs import located
 from problems.command.output import Output, comma_numbers, finite, new_files, positive_count
-from problems.spec.beam import DAMPED_HELP, read_damped
+from problems.spec.beam import read_damped
 
 FORMATS = {
     "json": "json: a document that can be read again",
@@ -60,7 +60,7 @@ SIMULATORS: dict[str, Callable[..., ExportedBeam]] = {
 
 def add_export(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.epilog = DAMPED_HELP
+    parser.epilog = "ancf-casadi run --keys lists the keys of the tables"
     parser.add_argument("file", metavar="BEAM.toml", help="tables [beam] and [damping], or a JSON document")
     parser.add_argument("--format", choices=tuple(FORMATS), required=True, help="; ".join(FORMATS.values()))
     parser.add_argument("--out", type=Path, required=True, metavar="PATH", help="file to write; for c, a folder")

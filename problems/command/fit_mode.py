@@ -12,12 +12,12 @@ from problems.command.fit_decay import add_law_options
 from problems.command.output import Output, add_plot, finite, new_files, result_output
 from problems.command.record_options import add_record_options, check_no_record_options, read_record, releases
 from problems.mode.fitting import fit_mode
-from problems.spec.records import MODE_CURVES_HELP, read_curves
+from problems.spec.records import read_curves
 
 
 def add_fit_mode(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.epilog = MODE_CURVES_HELP
+    parser.epilog = "ancf-casadi run --keys lists the keys of [[curves]]"
     parser.add_argument(
         "files",
         nargs="*",

@@ -10,10 +10,10 @@ from problems.command.output import Output, positive_count
 
 
 def add_run(parser: argparse.ArgumentParser) -> None:
-    """Add the options, and the help on the tables of a study."""
-    from problems.study.study import study_help
+    """Add the options."""
+    from problems.study.study import study_keys
 
-    parser.epilog = study_help()
+    parser.add_argument("--keys", action="version", version=study_keys(), help="list all tables and their keys")
     parser.add_argument("file", metavar="STUDY.toml", help="the study, or a JSON document; init writes a file")
     parser.add_argument(
         "steps",

@@ -27,7 +27,7 @@ class DocumentName(Spec, frozen=True):
 
 
 HEAD = "tables of a TOML file:\n"
-BEAM_KEYS = table_help(
+PROPERTY_KEYS = table_help(
     "[beam]",
     "{}; a property is one number, or a list with one value per element; supports = []: a free beam.  Or only {}: a "
     "JSON document with a beam and its damping",
@@ -36,8 +36,7 @@ BEAM_KEYS = table_help(
 )
 PART_KEYS = tagged_help("[[beam.supports]]", SupportSpec) + tagged_help("[[beam.attachments]]", AttachmentSpec)
 DAMPING_KEYS = tagged_help("[[damping]]", RayleighSpec | QuadraticSpec | FrictionSpec | ModalSpec)
-BEAM_HELP = HEAD + BEAM_KEYS + PART_KEYS
-DAMPED_HELP = BEAM_HELP + DAMPING_KEYS
+BEAM_KEYS = PROPERTY_KEYS + PART_KEYS + DAMPING_KEYS
 
 
 def read_beam(given: str | StudyFile) -> Document:

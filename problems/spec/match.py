@@ -8,14 +8,9 @@ from typing import Annotated, Any
 from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.strain import StrainMeasures
-from ancf_casadi.support.inputs import located, numbers, shown
-from ancf_casadi.support.specs import convert
+from ancf_casadi.support.inputs import numbers, shown
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.unknowns import Global, PerElement, PropertyUnknown, Smooth
-from problems.spec.beam import BEAM_HELP, read_beam
-from problems.spec.file import StudyFile
 from problems.spec.help import table_help
 
 
@@ -48,27 +43,8 @@ class MatchTable:
 
 
 MATCH_KEYS = table_help("[match]", "{}", MatchTable)
-MATCH_HELP = BEAM_HELP + MATCH_KEYS
 MOST_ELEMENTS = 1000  # a match with more takes minutes, and Ctrl-C does not end it at once
 MODE_KEYS = ("frequency_std", "points", "shapes", "shape_std")  # keys that belong to MeasuredModes
-
-
-def read_match(given: str | StudyFile) -> tuple[Beam, dict[str, Any]]:
-    """Read a beam and the arguments of ``match_frequencies`` after it."""
-    file = StudyFile.of(given)
-    model, where = read_beam(file).model, file.where("match")
-    if model.measures != StrainMeasures():
-        raise InputError(
-            "the document has strain measures that a match does not support; use the defaults", file.where("beam")
-        )
-    if model.beam.elements > MOST_ELEMENTS:
-        raise InputError(
-            f"a match takes {MOST_ELEMENTS} at most, got {model.beam.elements}; 20 to 100 are enough",
-            f"{file.where('beam')}: elements",
-        )
-    table = convert(file.needed("match"), MatchTable, where)
-    with located(where):
-        return model.beam, request_of(table)
 
 
 def request_of(table: MatchTable) -> dict[str, Any]:

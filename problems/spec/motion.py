@@ -33,7 +33,7 @@ from ancf_casadi.response.tracing import CURVE_POINTS, MOST_CURVE_POINTS, freque
 from ancf_casadi.support.inputs import located, physical, shown, unit_vector, whole
 from ancf_casadi.support.specs import Pair, Positive, Spec, convert
 from ancf_casadi.vibration.statics import static_equilibrium
-from problems.spec.beam import DAMPED_HELP, read_damped
+from problems.spec.beam import read_damped
 from problems.spec.file import StudyFile, convert_groups
 from problems.spec.help import Kinds, kinds_help, table_help
 
@@ -130,7 +130,7 @@ MOTION_KEYS = (
 )
 COLUMN_NAMES = ("time", "tip", "base")  # names of columns that are always there
 MARKERS_KEYS = table_help("[markers]", "NAME = arc length from the clamp (m): points in the output")
-SIMULATION_HELP = DAMPED_HELP + MOTION_KEYS + table_help("[simulation]", "{}", SimulationSpec) + MARKERS_KEYS
+SIMULATION_KEYS = table_help("[simulation]", "{}", SimulationSpec) + MARKERS_KEYS
 
 
 def read_motion(file: StudyFile, given: Mapping[str, Any], model: Model, where: str) -> dict[str, Any]:
@@ -275,7 +275,7 @@ class ResponseSpec(Spec, frozen=True):
     ] = RESPONSE_TOLERANCE
 
 
-RESPONSE_HELP = DAMPED_HELP + table_help("[response]", "steady vibration: {}", ResponseSpec) + MARKERS_KEYS
+RESPONSE_KEYS = table_help("[response]", "steady vibration: {}", ResponseSpec)
 
 
 @dataclass(frozen=True, eq=False)

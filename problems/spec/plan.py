@@ -21,12 +21,11 @@ from problems.planning.comparison import PlannedComparison, plan_comparison
 from problems.planning.experiments import plan
 from problems.planning.record import PlannedRecord
 from problems.planning.result import Plan
-from problems.spec.beam import DAMPED_HELP, read_damped
+from problems.spec.beam import read_damped
 from problems.spec.file import StudyFile, convert_groups
 from problems.spec.help import table_help
-from problems.spec.motion import MOTION_KEYS, read_motion
+from problems.spec.motion import read_motion
 from problems.spec.records import (
-    FIT_KEYS,
     BaseLevelSpec,
     FitSpec,
     LoadLevelSpec,
@@ -125,7 +124,6 @@ PLAN_KEYS = table_help("[plan]", "{}", PlanSpec) + table_help(
     PlannedFrequenciesSpec, PlannedCurveSpec,
 )  # fmt: skip
 PLAN_TABLES = {"beam", "damping", "base", "load", "release", "candidates", "fit", "plan"}
-PLAN_HELP = DAMPED_HELP + MOTION_KEYS + PLAN_KEYS + FIT_KEYS
 
 
 @dataclass(frozen=True)
@@ -140,17 +138,15 @@ class PlanTask:
     table: PlanSpec
     file: StudyFile
 
-    def planned(self, *, jobs: int = 1, progress: bool = False) -> Plan:
+    def planned(self) -> Plan:
         """Return the plan."""
         with located(self.file.where("fit")):
-            return plan(self.model, self.candidates, self.damping, jobs=jobs, progress=progress, **self.settings)
+            return plan(self.model, self.candidates, self.damping, **self.settings)
 
-    def compared(self, *, jobs: int = 1, progress: bool = False) -> PlannedComparison:
+    def compared(self) -> PlannedComparison:
         """Return the probabilities that the candidates tell the laws apart."""
         with located(self.file.where("fit")):
-            return plan_comparison(
-                self.model, self.candidates, self.laws, jobs=jobs, progress=progress, **self.settings
-            )
+            return plan_comparison(self.model, self.candidates, self.laws, **self.settings)
 
     def chosen(self, found: Plan) -> dict[str, Any]:
         """Return goal and budget, the best list with its standard errors, and the best shares, for JSON."""

@@ -36,10 +36,10 @@ from problems.beam.curves.reading import ExcitationUnit
 from problems.beam.curves.record import Control, ResponseRecord, Sweep
 from problems.beam.motions.record import Camera, Channel, MotionRecord
 from problems.beam.values.records import FrequencyRecord, StaticRecord
-from problems.spec.beam import DAMPED_HELP, read_damped, term_of
+from problems.spec.beam import read_damped, term_of
 from problems.spec.file import StudyFile, convert_groups
 from problems.spec.help import table_help
-from problems.spec.motion import MOTION_KEYS, ColumnName, FileSpec, LayoutSpec, read_motion
+from problems.spec.motion import ColumnName, FileSpec, LayoutSpec, read_motion
 
 Values = float | tuple[float, ...]  # one number, or one per value
 Table = dict[str, Any]
@@ -231,8 +231,6 @@ RECORD_KEYS = (
     + table_help("", "a measurement in another configuration of the beam has {}", ConfigurationSpec)
     + FIT_KEYS
 )  # fmt: skip
-MODE_CURVES_HELP = "tables of CURVES.toml:\n" + CURVE_KEYS
-RECORDS_HELP = DAMPED_HELP + MOTION_KEYS + RECORD_KEYS
 NUMBERS = ("frequencies", "statics", "curves")  # tables of values, each made on its own
 
 

@@ -28,10 +28,12 @@ from ancf_casadi.support.inputs import check_instance, flag, instances, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Displayed, counted, to_json
 from ancf_casadi.version import __version__
-from problems.spec import beam as beam_schema
+from problems.spec.beam import BEAM_KEYS
 from problems.spec.help import table_help
 from problems.spec.match import MATCH_KEYS
+from problems.spec.motion import MOTION_KEYS, RESPONSE_KEYS, SIMULATION_KEYS
 from problems.spec.plan import PLAN_KEYS
+from problems.spec.records import RECORD_KEYS
 from problems.spec.schema import file_schema
 from problems.study.formatting import formatted_table, numeric_table
 from problems.study.kinds.beam import BeamProperties, Match, ModesOfBeam
@@ -108,17 +110,20 @@ class StudyReport(Displayed):
         return f"{str(self.page or '')!r}, {counted(len(self.parts), 'part')}, {counted(len(self.warnings), 'warning')}"
 
 
-def study_help() -> str:
-    """Return the tables of a study file and their keys, for ``--help``."""
+def study_keys() -> str:
+    """Return the tables of a study file and their keys."""
     return "".join((
-        beam_schema.HEAD,
+        "tables of a TOML file, in SI units; names of files start at its folder:\n",
         table_help("[study]", "{}", Study),
-        beam_schema.BEAM_KEYS,
+        BEAM_KEYS,
         MATCH_KEYS,
+        MOTION_KEYS,
+        SIMULATION_KEYS,
+        RESPONSE_KEYS,
+        RECORD_KEYS,
         PLAN_KEYS,
         table_help("[[decays]]", "measured free decays: {}", DecayRecord),
         table_help("[[laws]]", "damping laws: {}", LawChoice),
-        beam_schema.DAMPING_KEYS,
         table_help("[[parts]]", "the document in order; without it, the parts that the other tables suggest.  Each "
                    "part has a kind, and may have {}", Part),
         *(table_help(f'kind = "{kind.kind}"', kind.about, kind, indent=24, base=Part) for kind in KINDS),

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Self, final
 import numpy as np
 from msgspec import Meta
 
-from ancf_casadi.exceptions import FitError
+from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.export.identification import Identification
 from ancf_casadi.export.model_document import Document
 from ancf_casadi.mechanics.beam import Beam
@@ -25,9 +25,10 @@ from ancf_casadi.support.specs import Positive, convert
 from ancf_casadi.support.tables import Cell, Table, to_json
 from ancf_casadi.vibration.modes import STATIONS, Modes, natural_modes
 from problems.matching.frequency_matching import match_frequencies
+from problems.matching.measured_modes import MeasuredModes
 from problems.spec.beam import damping_on
 from problems.spec.file import StudyFile
-from problems.spec.match import MatchTable, request_of
+from problems.spec.match import MOST_ELEMENTS, MatchTable, request_of
 from problems.study.drawing import FIGURE_WIDTH, Drawing, drawn, new_figure, series
 from problems.study.formatting import shown
 from problems.study.part import Finding, Found, Part, Printed, Study, Task, printed_numbers
@@ -193,10 +194,18 @@ class Match(Part, MatchTable):
     def checked(self, study: Study, where: str) -> Self:
         """Return the part with the keys of [match], if it has none of its own."""
         own: MatchTable = self
+        place, elements = where, study.model.beam.elements
         if not self.request:
-            own = convert(study.file.needed("match"), MatchTable, study.file.where("match"))
-        with located(where):
-            modes = len(request_of(own)["targets"])
+            place = study.file.where("match")
+            own = convert(study.file.needed("match", "run --keys lists its keys"), MatchTable, place)
+        if elements > MOST_ELEMENTS:
+            raise InputError(
+                f"a match takes {MOST_ELEMENTS} at most, got {elements}; 20 to 100 are enough",
+                f"{study.file.where('beam')}: elements",
+            )
+        with located(place):
+            targets = request_of(own)["targets"]
+        modes = len(targets.frequencies if isinstance(targets, MeasuredModes) else targets)
         columns = {"standard": modes, "optimum": modes, "value": len(ELEMENT_ROWS)}
         given = study.file.only({"beam", "damping"}) if "beam" in study.file.tables else self.given
         return replace(self, **own.request, printed=printed_numbers(self.printed, columns, where), given=given)

@@ -139,7 +139,6 @@ def test_the_command_compares_the_laws_of_the_file(tmp_path, capsys, monkeypatch
     assert json.loads(capsys.readouterr().out)["plan"]["right"] == {"candidate 1": 0.8}
     assert asked == {
         "candidates": ["candidate 1"], "laws": [QuadraticDamping, RayleighDamping], "unknowns": ("density",),
-        "jobs": 1, "progress": False,
     }  # fmt: skip
 
 

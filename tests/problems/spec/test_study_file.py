@@ -28,8 +28,10 @@ from ancf_casadi.export import Document, write_document
 from ancf_casadi.support.inputs import numbers
 from problems import Global, MeasuredModes, PerElement, Smooth
 from problems.spec.beam import read_beam, read_damped
-from problems.spec.match import read_match
+from problems.spec.match import request_of
 from problems.spec.motion import read_simulation
+from problems.study.reading import read_study
+from problems.study.study import KINDS
 
 BEAM = """
 [beam]
@@ -41,6 +43,13 @@ elastic_modulus = 210e9
 elements = 4
 """
 SIMULATION = "[simulation]\nduration = 2.0\n"
+
+
+def read_match(path):
+    """Return the beam of a file and the arguments of ``match_frequencies`` after it."""
+    study = read_study(path, KINDS, ["match"])
+    (part,) = study.parts
+    return study.beam, request_of(part)
 
 
 def beam(**changes) -> Beam:

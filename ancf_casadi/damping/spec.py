@@ -158,6 +158,11 @@ class ModalSpec(DampingSpec, frozen=True, tag="modal"):
         ),
     ] = UNSET
 
+    def __post_init__(self) -> None:
+        """Refuse frequencies that are not one per ratio."""
+        if self.frequencies and len(self.frequencies) != len(self.ratios):
+            raise ValueError(f"frequencies: has {len(self.frequencies)} values for {len(self.ratios)} ratios")
+
     def law(self, model: Model, where: str) -> DampingLaw:
         """Return the law on a beam, with the modes that the law holds, or else those of the beam."""
         if self.modes is UNSET:

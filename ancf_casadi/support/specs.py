@@ -161,7 +161,9 @@ def _plain_reason(reason: str, value: Any, declared: types.Type | None) -> str:
     if match := re.fullmatch(r"Expected `([^`]*)`, got `[^`]*`", reason):
         nouns = [NOUNS.get(name, name) for name in match[1].split(" | ") if name != "null"]
         return f"must be {' or '.join(nouns)}, got {shown(value)}"
-    return f"{reason[0].lower()}{reason[1:]}, got {shown(value)}"
+    if reason.startswith("Expected"):
+        return f"{reason[0].lower()}{reason[1:]}, got {shown(value)}"
+    return reason  # of a check by the class itself
 
 
 def _number_range(kinds: Sequence[types.Type], value: Any) -> str:

@@ -16,15 +16,16 @@ from typing import Annotated, Any, ClassVar, Self
 
 from msgspec import Meta
 
+from ancf_casadi.damping.spec import LawSpec
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.mechanics.strain import StrainMeasures
-from ancf_casadi.support.inputs import is_sequence, number, shown
-from ancf_casadi.support.specs import UNLISTED
+from ancf_casadi.support.inputs import is_sequence, number, shown, whole
+from ancf_casadi.support.specs import UNLISTED, convert
 from ancf_casadi.support.tables import Cell, Table
-from problems.spec.beam import law_of, read_beam
+from problems.spec.beam import read_beam
 from problems.spec.file import NO_FILE, StudyFile
 from problems.study.drawing import Drawing
 
@@ -223,7 +224,10 @@ class Study:
         """Return a law by its name."""
         for law in self.laws:
             if law.name == name:
-                law_of([term for term in law.terms if "part" not in term], self.model, f"{where}: {name}")  # check
+                for term in law.terms:
+                    if "part" not in term:
+                        spec = convert(term, LawSpec, f"{where}: {name}")
+                        whole(len(getattr(spec, "ratios", ())), f"{where}: {name}: ratios", 0, self.model.freedoms)
                 return law
         raise InputError(f"there is no law {shown(name)}; [[laws]] names them", where)
 

@@ -202,7 +202,13 @@ def test_the_example_of_the_docstring_prints_what_it_says(small_paper, tmp_path,
 def run(*arguments: str | Path) -> subprocess.Popen[str]:
     """Start the command with two processes, as a user does."""
     command = [sys.executable, "-m", "problems.cli", *map(str, arguments), "--quick", "--jobs", "2", "--json"]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # as in a terminal
+    )
 
 
 def finished(process: subprocess.Popen[str]) -> dict[str, Any]:
@@ -235,6 +241,24 @@ def test_a_study_that_was_killed_continues(small_paper, tmp_path):
     assert kept == {path: path.stat().st_mtime_ns for path in kept}  # none of them ran again
     names = [{path.name for path in folder.rglob("*.svg")} for folder in (out, small_paper.page.parent)]
     assert names[0] == names[1]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="the signal is one of POSIX")
+@pytest.mark.parametrize("count", [1, 8])
+def test_a_study_that_is_interrupted_ends_at_once(tmp_path, count):
+    """Regression: to cancel tasks of processes that were ended broke the executor, and threads waited for ever."""
+    with run("reproduce", "--out", tmp_path / "stopped") as process:
+        while len(list((tmp_path / "stopped").rglob("*.msgpack"))) < count:
+            assert process.poll() is None
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        try:
+            output, errors = process.communicate(timeout=20)
+        finally:
+            process.kill()
+    assert (process.returncode, output) == (128 + signal.SIGINT, "")
+    assert len(errors.splitlines()) == 1
 
 
 @pytest.mark.slow

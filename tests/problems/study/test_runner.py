@@ -1,4 +1,4 @@
-"""Levels of parts, tasks that run once, and results that are kept whatever ends a study."""
+"""The order of parts, tasks that run once, and results that are kept whatever ends a study."""
 
 import json
 from collections.abc import Sequence
@@ -96,7 +96,7 @@ def bench(tmp_path) -> Bench:
     return Bench(tmp_path)
 
 
-class TestLevels:
+class TestOrder:
     def test_a_part_runs_after_those_it_needs(self, bench):
         """3 after 1 and 2 in any order of the document: first all that need nothing, the longest task first."""
         parts = (bench.part("c", 0.5, after=("a", "b")), bench.part("d", 0.25, after=("c",)), bench.part("a", 1.0, 4.0),

@@ -72,6 +72,7 @@ def drawn(caption: str, draw: Callable[[], Figure]) -> Drawing:
     with _one_at_a_time, rc_context(STYLE):
         figure = literal_text(draw)()
         if engine := figure.get_layout_engine():
+            figure.set_dpi(DOTS_PER_INCH)  # letters are wider than at fewer dots
             engine.execute(figure)
             figure.set_layout_engine(None)  # which would compute the layout, and draw, once more for each file
         if "svg" in formats:

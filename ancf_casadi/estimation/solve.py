@@ -325,10 +325,11 @@ def _refined(problem: FitProblem, fit: Fit, others: Sequence[Fit]) -> FitSolutio
         shifts = np.zeros((len(problem.blocks), len(fit.names)))
         finer: list[Block | None] = []
         for own, block, rows in zip(shifts, problem.blocks, problem.rows, strict=True):
-            shift_by = partial(_shifts, problem, fit, block, rows, turn)
-            error = block.error(fit.estimates, fit.residuals[rows] / problem.scale, partial(_is_small, shift_by))
-            own[:] = shift_by(error, doubts=DOUBTS)
-            shift = np.max(meaningful(shift_by(error), fit, block.meaningful))
+            shift_by = partial(_shifts, problem, fit, block, rows)
+            small = partial(_is_small, partial(shift_by, np.zeros(len(fit.names))))
+            error = block.error(fit.estimates, fit.residuals[rows] / problem.scale, small)
+            own[:] = shift_by(turn, error, doubts=DOUBTS)
+            shift = np.max(meaningful(shift_by(turn, error), fit, block.meaningful))
             better = block.refined(float(shift), error)
             if better and math.isfinite(shift):
                 noise = standardised_residuals(fit)[rows] / problem.scale

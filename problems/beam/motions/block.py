@@ -49,9 +49,11 @@ from problems.beam.motions.weights import (
     ERROR_ORDER,
     FIRST_RATIO,
     LATER_RATIO,
+    LEAST_DECREASE,
     MODEL_STD,
     MOST_VISIBLE,
     TIGHTEST,
+    TYPICAL,
     first_weights,
     tighter,
 )
@@ -209,7 +211,7 @@ class MotionBlock(Block):
 
         Errors at two tolerances have similar sizes and spectra, but different phases.
         """
-        return root_mean_square(error) * (1.0 if error is self.expected else _decrease(self, self._finer))
+        return root_mean_square(error) * (TYPICAL if error is self.expected else _decrease(self, self._finer))
 
     def refined(self, shift: float, error: Array) -> Self | None:
         """Return the block with a smaller tolerance; the first is not the last: nothing shows the error of J there."""
@@ -221,7 +223,7 @@ class MotionBlock(Block):
         finer, tolerance = self._finer, min(tighter(self.tolerance, excess), self.tolerance / FIRST_RATIO)
         if not self.wanted and tolerance < finer.tolerance / 2:
             finer = replace(self, tolerance=tolerance, before=self)
-        return replace(finer, expected=_decrease(self, finer) * error, before=finer)
+        return replace(finer, expected=LEAST_DECREASE * error, before=finer)
 
     @cached_property
     def rough(self) -> Self:

@@ -194,6 +194,10 @@ class Block(ABC):
         """
         return np.zeros(sum(self.series))
 
+    def doubt(self, error: Array) -> float:
+        """Return the root mean square of the part of an error (m,) whose size alone is known."""
+        return 0.0
+
     def refined(self, shift: float, error: Array) -> Self | None:
         """Return the block with a finer discretisation; its error (m,) shifts an estimate by ``shift`` standard errors.
 

@@ -222,19 +222,31 @@ class Fit:
         The shifts are to first order.  An unknown at a bound has no standard error; the length of its one-sided
         interval over the quantile t takes its place.  A shift is nan where neither is known.
         """
+        return np.asarray(self._response @ change)
+
+    def scatter(self, deviations: Array) -> Array:
+        """Return the root mean squares (n,) of the shifts by independent changes of the residuals, in standard errors.
+
+        ``deviations`` (m,) are the root mean squares of the changes.
+        """
+        return np.asarray(np.linalg.norm(self._response * deviations, axis=1))
+
+    @cached_property
+    def _response(self) -> Array:
+        """The shifts by a unit change of each residual, in standard errors, (n, m)."""
         weights = row_weights(self.residuals, self.huber)
-        columns, change = self.jacobian * self.scale * weights[:, None], weights * change
+        columns = self.jacobian * self.scale * weights[:, None]
         free = columns[:, ~self.active_bounds]
-        shifts = np.empty(len(self.names))
-        shifts[~self.active_bounds] = -np.linalg.lstsq(free, change)[0]
+        inverse = np.empty(columns.T.shape)
+        inverse[~self.active_bounds] = np.linalg.pinv(free)
         for k in np.flatnonzero(self.active_bounds).tolist():
             column = columns[:, k] - free @ np.linalg.lstsq(free, columns[:, k])[0]
-            shifts[k] = -(column @ change) / (column @ column)
+            inverse[k] = column / (column @ column)
         errors = self.errors
         reach = np.abs(np.diag(moves(self, CONFIDENCE_LEVEL)[0][self.active_bounds]))
         errors[self.active_bounds] = reach / self.quantile(CONFIDENCE_LEVEL)
         with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(shifts * self.scale / errors)
+            return np.asarray(-inverse * weights * (self.scale / errors)[:, None])
 
     @property
     def remaining(self) -> Array:

@@ -14,7 +14,8 @@ residual that the fit absorbs.  A few points that determine many unknowns would 
 The steps are: check that the data determine the unknowns (``determination``); fit; fit again with the weights that the
 residuals give; compute the error of each block's discretisation, and the shifts of the estimates that it causes; if one
 is above ``LARGEST_SHIFT`` standard errors, refine the block, and fit again from the estimates.  An error of the
-derivatives shifts the estimates too; its size follows from the change of the Jacobian since the coarser fit.
+derivatives shifts the estimates too; its size follows from the change of the Jacobian since the coarser fit.  Shifts
+whose size alone is known count once in this criterion, and ``DOUBTS`` times in what the fit states.
 
 The error of the mesh of a beam is computed once, at the estimates, when it is asked for (``FitSolution.mesh_shifts``).
 The residuals r(l) for elements of the length l differ from r(0) by c l^4, so that 16/15 of the way to the estimates for
@@ -47,7 +48,8 @@ from ancf_casadi.estimation.solver.unknown import Unknown, started
 from ancf_casadi.exceptions import AncfError, FitError
 from ancf_casadi.support.arrays import Array, Mask
 
-LARGEST_SHIFT = 0.1  # largest shift of an estimate by the error of the discretisation, in standard errors
+LARGEST_SHIFT = 0.1  # typical shift of an estimate by the error of the discretisation, beyond which it is refined
+DOUBTS = 2.0  # shift of unknown direction that a fit states, over its root mean square
 MOST_REFINEMENTS = 6  # of a block
 LEAST_SHARE = 0.01  # least share 1 - h of the noise that a residual may show
 MOST_UNEXPLAINED = 0.5  # share of the mean square of a motion, beyond which a fit is no result
@@ -285,11 +287,17 @@ def standardised_residuals(fit: Fit) -> Array:
     return np.asarray(fit.residuals / np.sqrt(np.maximum(1 - leverage, LEAST_SHARE)))
 
 
-def _shifts(problem: FitProblem, fit: Fit, block: Block, rows: slice, error: Array) -> Array:
-    """Return the shifts (n,) of the estimates by the error of the residuals of a block, in standard errors."""
-    change = np.zeros(len(fit.residuals))
-    change[rows] = problem.scale * error
-    return fit.shifts(change) + (fit.remaining if block.inaccuracy else 0.0)
+def _shifts(
+    problem: FitProblem, fit: Fit, block: Block, rows: slice, turn: Array, error: Array, doubts: float = 1.0
+) -> Array:
+    """Return the shifts (n,) of the estimates by the error of the residuals of a block, in standard errors.
+
+    Those of known direction add to ``doubts`` times the root mean square of others, which include ``turn``.
+    """
+    change, doubt = np.zeros((2, len(fit.residuals)))
+    change[rows], doubt[rows] = problem.scale * error, problem.scale * block.doubt(error)
+    shifts = fit.shifts(change) + (fit.remaining if block.inaccuracy else 0.0)
+    return shifts + np.copysign(doubts * np.hypot(fit.scatter(doubt), turn if block.inaccuracy else 0.0), shifts)
 
 
 def _is_small(shift_by: Callable[[Array], Array], error: Array) -> bool:
@@ -318,11 +326,10 @@ def _refined(problem: FitProblem, fit: Fit, others: Sequence[Fit]) -> FitSolutio
         finer: list[Block | None] = []
         for own, block, rows in zip(shifts, problem.blocks, problem.rows, strict=True):
             shift_by = partial(_shifts, problem, fit, block, rows)
-            error = block.error(fit.estimates, fit.residuals[rows] / problem.scale, partial(_is_small, shift_by))
-            own[:] = shift_by(error)
-            if block.inaccuracy:
-                own += np.copysign(turn, own)
-            shift = np.max(meaningful(own, fit, block.meaningful))
+            small = partial(_is_small, partial(shift_by, np.zeros(len(fit.names))))
+            error = block.error(fit.estimates, fit.residuals[rows] / problem.scale, small)
+            own[:] = shift_by(turn, error, doubts=DOUBTS)
+            shift = np.max(meaningful(shift_by(turn, error), fit, block.meaningful))
             better = block.refined(float(shift), error)
             if better and math.isfinite(shift):
                 noise = standardised_residuals(fit)[rows] / problem.scale

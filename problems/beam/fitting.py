@@ -131,8 +131,8 @@ def fit_beam(
     robust : bool
         Whether to use the pseudo-Huber loss, which limits the influence of outliers.
     tolerance : float, optional
-        Tolerance of the integration of motions.  If not given, the fit selects one whose error shifts no estimate by
-        more than a tenth of its standard error.
+        Tolerance of the integration of motions.  If not given, the fit selects one whose error typically shifts
+        no estimate by more than a tenth of its standard error.
     modes, harmonics : int
         Numbers of modes and of harmonics of the first fit of response curves; if not given, two modes more than the
         highest that the records are about.

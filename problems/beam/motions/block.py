@@ -35,7 +35,7 @@ from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.estimation.block import Account, Block, Fitted, SeriesWeights
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
-from ancf_casadi.estimation.solve import LARGEST_SHIFT
+from ancf_casadi.estimation.solve import DOUBTS, LARGEST_SHIFT
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.sensor import Sensor
@@ -53,6 +53,7 @@ from problems.beam.motions.weights import (
     MODEL_STD,
     MOST_VISIBLE,
     TIGHTEST,
+    TYPICAL,
     first_weights,
     tighter,
 )
@@ -194,16 +195,23 @@ class MotionBlock(Block):
     @cached_property
     def _finer(self) -> Self:
         """The same motions at the next smaller tolerance."""
-        least = self.wanted if self.wanted and self.wanted < self.tolerance else 0.0
-        ratio = FIRST_RATIO if self.expected is None or self.wanted else LATER_RATIO
-        return replace(self, tolerance=max(self.tolerance / ratio, least), before=self)
+        wanted = self.wanted if self.wanted and self.wanted < self.tolerance else 0.0
+        tolerance = self.tolerance / (FIRST_RATIO if self.expected is None or self.wanted else LATER_RATIO)
+        return replace(self, tolerance=tolerance if tolerance > 2.0 * wanted else wanted, before=self)
 
     def error(self, values: Mapping[str, float], residuals: Array, small: Callable[[Array], bool]) -> Array:
         """Return the error of residuals, from a coarser run, or one at a smaller tolerance."""
         if self.expected is not None and small(self.expected):
             return self.expected
         change = self._finer.computed(values) - residuals
-        return np.asarray(change / (1.0 - (self._finer.tolerance / self.tolerance) ** ERROR_ORDER))
+        return np.asarray(change / (1.0 - _decrease(self, self._finer)))
+
+    def doubt(self, error: Array) -> float:
+        """Return the part of an error that another tolerance does not show: the motion at the smaller one has errors.
+
+        Errors at two tolerances have similar sizes and spectra, but different phases.
+        """
+        return root_mean_square(error) * (TYPICAL if error is self.expected else _decrease(self, self._finer))
 
     def refined(self, shift: float, error: Array) -> Self | None:
         """Return the block with a smaller tolerance; the first is not the last: nothing shows the error of J there."""
@@ -293,7 +301,7 @@ class MotionBlock(Block):
                 f"the integration error at the tolerance {self.tolerance:.1e} could not be checked: its effect on the "
                 "estimates is unknown"
             ]
-        if worst <= LARGEST_SHIFT:
+        if worst <= DOUBTS * LARGEST_SHIFT:
             return []
         name = fitted.fit.names[int(np.abs(fitted.shifts).argmax())]
         advice = "let the fit select the tolerance" if self.tolerance > TIGHTEST else "shorten the record"
@@ -324,6 +332,11 @@ def sensor_noise(blocks: Sequence[Block]) -> dict[Sensor, float]:
     motions = [block for block in blocks if isinstance(block, MotionBlock)]
     pairs = [zip(own.sensors, own.weights.deviations.tolist(), strict=True) for own in motions]
     return {channel.sensor: deviation for own in pairs for channel, deviation in own}
+
+
+def _decrease(block: MotionBlock, finer: MotionBlock) -> float:
+    """Return the integration error of finer motions relative to that of motions."""
+    return float((finer.tolerance / block.tolerance) ** ERROR_ORDER)
 
 
 def _problem(block: MotionBlock, record: MotionRecord) -> SensitivityProblem:

@@ -19,11 +19,12 @@ The tolerance of the integration follows from its error.  An error c of the comp
 (``Fit.shifts``), and it is part of the residuals.  A fit begins at a coarse tolerance (``coarse_tolerance``), because
 far from the minimum nothing has to be accurate.  At its estimates, one integration without derivatives at a tolerance
 smaller by the factor r gives c = (change of the readings)/(1 - r^-p), with the order p of the error, ``ERROR_ORDER``.
-The fit goes on from there at a smaller tolerance, at which the error is taken to be at most ``LEAST_DECREASE`` c.  If
-this shifts an estimate by more than ``LARGEST_SHIFT`` standard errors, the error is computed again, and so on, until
-its shifts are small, and its root mean square is below ``MOST_VISIBLE`` standard deviations of the noise.  The error of
-the derivatives counts too (``ancf_casadi.estimation.solve``).  Measured orders are 0.75 to 1.1 in motions of one to ten
-periods, between the tolerances 1e-4 and 1e-8.
+The fit goes on from there at a smaller tolerance, at which the error is taken to be at most ``LEAST_DECREASE`` c,
+besides an error of unknown direction, ``TYPICAL`` of that.  If this typically shifts an estimate by more than
+``LARGEST_SHIFT`` standard errors, the error is computed again, and so on, until its shifts are small, and its root mean
+square is below ``MOST_VISIBLE`` standard deviations of the noise.  The error of the derivatives counts too
+(``ancf_casadi.estimation.solve``).  Measured orders are 0.75 to 1.1 in motions of one to ten periods, between the
+tolerances 1e-4 and 1e-8.
 
 A record may itself be integrated.  Without noise, the residuals are then the integration errors of the record and of
 the fit.  These are not white noise: they stay in phase with the motion, and a parameter absorbs most of them, so that
@@ -49,6 +50,7 @@ COARSE_WITHOUT_POSITIONS = 1e-5
 ACCURATE = 1e-6  # for a motion that is not fitted
 FIRST_RATIO, LATER_RATIO = 10.0, 3.0  # of successive tolerances
 LEAST_DECREASE = 0.4  # of the integration error, between successive tolerances
+TYPICAL = 0.5  # integration error relative to that which is at most expected
 MOST_VISIBLE = 0.2  # root mean square of an integration error that may be part of the residuals, standard deviations
 ERROR_ORDER = 0.7
 TIGHTEST = 1e-10  # smallest tolerance; it is checked at 1e-11, where rounding sets in

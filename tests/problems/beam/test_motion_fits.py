@@ -28,6 +28,7 @@ from ancf_casadi import (
 from ancf_casadi.dynamics.derivatives.sensitivity import MotionRun, SensitivityProblem
 from ancf_casadi.estimation.criteria import Candidate, judge
 from ancf_casadi.estimation.solve import LARGEST_SHIFT
+from benchmarks.beams import steel
 from problems import MarkerRecord, compare_laws, fit_beam, fit_decay
 from problems.beam import fitting
 from problems.beam.motions import block
@@ -150,7 +151,8 @@ def test_the_shift_by_the_error_of_integration_is_found_from_one_tighter_integra
     assert coarse.solution.problem.blocks[0].tolerance == 1e-4
     moved = (fine.fit.values - coarse.fit.values) / coarse.fit.errors
     assert abs(moved[0]) > 0.5
-    np.testing.assert_allclose(coarse.solution.shifts[0], moved, rtol=0.2)
+    assert (coarse.solution.shifts[0] / moved >= 1.0).all()  # the doubt about the tighter one is added
+    assert (coarse.solution.shifts[0] / moved < 1.5).all()
     (note,) = [note for note in coarse.warnings if note.startswith("the integration error")]
     assert "shifts eta2 by" in note
     assert "let the fit select the tolerance" in coarse.report()
@@ -158,6 +160,22 @@ def test_the_shift_by_the_error_of_integration_is_found_from_one_tighter_integra
     assert abs(fine.shifts[0]) < LARGEST_SHIFT / 5 and not any("integration" in warning for warning in fine.warnings)
     (said,) = fine.to_dict()["records"]
     assert said["tolerance"] == 1e-8 and said["integration_shifts"] == fine.solution.shifts[0].tolist()
+
+
+@pytest.mark.slow
+def test_the_shift_of_a_ringing_motion_is_not_understated_though_coarser_motions_share_it():
+    """A released strip rings: at 1e-5 and 1e-6 its drag is equally wrong, and 1e-7 shows it."""
+    hanging = Model(steel(axis=(0.0, -1.0), gravity=(0.0, -9.81), elements=10))
+    start = static_equilibrium(hanging, tip_force=(0.02, 0.0))
+    law = QuadraticDamping(eta1=0.148, eta2=0.1145)
+    run = simulate(hanging, damping=law, duration=3.0, sample_rate=200.0, tolerance=1e-6, start=start)
+    positions = run.tip + 2e-4 * np.random.default_rng(0).normal(size=run.tip.shape)
+    solution = fit_beam(hanging, MarkerRecord(run.time, positions, start=start), law, tolerance=1e-6).solution
+    (fitted,), fit = solution.problem.blocks, solution.fit
+    residuals = replace(fitted, tolerance=1e-7, before=None).computed(fit.estimates)
+    moved = np.abs(fit.shifts(solution.problem.scale * residuals - fit.residuals))
+    assert (moved > 0.03).all()
+    assert (moved < np.abs(solution.shifts[0])).all() and np.abs(solution.shifts).max() < LARGEST_SHIFT
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ from msgspec import Meta
 
 from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.dynamics.trajectory import Trajectory
-from ancf_casadi.exceptions import InputError
+from ancf_casadi.exceptions import InputError, NumericsError
 from ancf_casadi.export.identification import Identification
 from ancf_casadi.export.model_document import Document
 from ancf_casadi.mechanics.spec import BeamSpec
@@ -137,16 +137,22 @@ def fitted(file: StudyFile) -> Finding:
     with located(file.where("fit")):
         fit = fit_beam(read.model, read.records, read.damping, **read.settings)
     figures = [drawn("Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
-    predictions = [fit.predict(record) for record in read.predictions]
-    for k, prediction in enumerate(predictions, start=1):
+    predictions, failures = [], []
+    for k, record in enumerate(read.predictions, start=1):
+        try:
+            predictions.append(prediction := fit.predict(record))
+        except NumericsError as error:  # the fit holds nevertheless
+            failures.append(f"record {k} could not be predicted: {error}")
+            continue
         caption = f"Record {k} that was predicted, not fitted: measured (dots) and computed (lines), and residuals."
         figures.append(drawn(caption, prediction.figure))
-    warnings = (*fit.warnings, *(warning for prediction in predictions for warning in prediction.warnings))
+    warnings = (*fit.warnings, *(text for prediction in predictions for text in prediction.warnings), *failures)
     data: dict[str, Any] = {"fit": fit.to_dict(), "predictions": [one.to_dict() for one in predictions]}
     tables = [_estimates(data["fit"]["estimates"])]
     if predictions:
         tables.append(_errors(data["predictions"]))
     reports = [fit.report(), *(f"prediction {k}\n{one.report()}" for k, one in enumerate(predictions, start=1))]
+    reports += [f"  note: {text}" for text in failures]
     document = Document(fit.model, fit.law if read.damping else None, [Identification.of(fit)])
     finding = Finding(
         data,
@@ -162,8 +168,8 @@ def fitted(file: StudyFile) -> Finding:
     with bends_allowed():  # the fit tells
         frequencies = natural_modes(fit.model, count=min(MODES, fit.model.freedoms)).frequencies
         numbers = np.flatnonzero(frequencies) + 1
-        record = FrequencyRecord(fit.given, frequencies[numbers - 1], modes=numbers.tolist())
-        (predicted,) = fit.predict(record).channels
+        tones = FrequencyRecord(fit.given, frequencies[numbers - 1], modes=numbers.tolist())
+        (predicted,) = fit.predict(tones).channels
     errors = np.full(frequencies.size, math.nan)
     errors[numbers - 1] = predicted.errors
     return replace(

@@ -10,6 +10,8 @@ import pytest
 
 from ancf_casadi.exceptions import AncfError, InputError
 from problems.paper.reproduce import PAPER_FILE
+from problems.study.reading import read_study
+from problems.study.study import KINDS
 from tests.problems.conftest import BEAM, DECAYS, RAYLEIGH, study_in, toml
 
 LAWS = """
@@ -82,6 +84,8 @@ class TestDefaults:
         "decays": ('[[decays]]\nfile = "a.csv"\n[[decays]]\nfile = "a.csv"\n', ["decays"]),
         "simulation": ("[simulation]\nduration = 0.1\n", ["simulation"]),
         "records": ('[[damping]]\nlaw = "quadratic"\neta1 = 0.1\n[[records]]\nfile = "a.csv"\n', ["motion"]),
+        "frequencies": ('[[frequencies]]\nfrequencies = [1.8]\n[fit]\nunknowns = ["density"]\n', ["motion"]),
+        "statics": ("[[statics]]\nloads = [{mass = 1e-3}]\nvalues = [0.01]\n", ["motion"]),
     }
 
     def test_of_a_beam(self, study_file):
@@ -96,6 +100,26 @@ class TestDefaults:
         text, kinds = self.TABLES[table]
         order = [*kinds, "beam", "modes"] if kinds == ["motion"] else ["beam", "modes", *kinds]
         assert [part.kind for part in study_in(study_file(BEAM, text)).parts] == order
+
+    @pytest.mark.parametrize(
+        ("steps", "kinds"),
+        [(["match"], ["match"]), (["modes", "match"], ["modes", "match"]), (["beam"], ["beam"]),
+         (["compare"], ["comparison"]), (["fit", "modes"], ["motion", "modes"])],
+    )  # fmt: skip
+    def test_steps_run_with_what_they_need(self, study_file, tmp_path, steps, kinds):
+        """A step that no table suggests is made of the others; the beam is an identified one if the fit is a step."""
+        rows = "\n".join(f"{0.01 * k},{math.exp(-0.01 * k) * math.cos(0.3 * k)}" for k in range(200))
+        (tmp_path / "a.csv").write_text(f"time_s,tip_mm\n{rows}\n")
+        laws = '[[damping]]\nlaw = "rayleigh"\nalpha = 0.1\n'  # beside that of the records
+        path = study_file(BEAM, self.TABLES["match"][0], laws, self.TABLES["records"][0])
+        parts = read_study(path, KINDS, steps).parts
+        assert [part.kind for part in parts] == kinds
+        origin = "motion" if "fit" in steps else ""  # of the beam; that of the file is empty
+        assert all(part.needs == (origin,) for part in parts if part.kind == "modes")
+
+    def test_an_unknown_step_is_refused_with_those_there_are(self, study_file):
+        with pytest.raises(InputError, match="there is no step 'fly'; steps are beam, modes, fit, compare"):
+            read_study(study_file(BEAM), KINDS, ["fly"])
 
     def test_decays_need_no_beam(self, study_file, tmp_path):
         (tmp_path / "a.csv").write_text("time_s,tip_mm\n0,1\n0.1,-1\n0.2,0.9\n0.3,-0.9\n")

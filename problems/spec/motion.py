@@ -92,6 +92,8 @@ class LoadValues(Spec, frozen=True):
     time: Annotated[tuple[float, ...], Meta(description="s")]
     force: Annotated[tuple[tuple[float, ...] | float, ...], Meta(description="[[X, Y], ...], N")]
     moment: Annotated[tuple[float, ...] | None, Meta(description="N m")] = None
+    point: Annotated[float | None, Meta(description="m")] = None
+    follower: bool = False
 
 
 class ReleaseSpec(Spec, frozen=True):
@@ -179,7 +181,7 @@ def read_load(file: StudyFile, table: Any, where: str) -> TipLoad:
     if "time" in keys:
         values = convert(table, LoadValues, where)
         with located(where):
-            return SampledLoad(values.time, values.force, values.moment)
+            return SampledLoad(**values.given())
     load: TipLoad = convert(table, MovingForce if "speed" in keys else HarmonicLoad, where)
     return load
 

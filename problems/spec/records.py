@@ -154,12 +154,13 @@ class LoadSpec(Spec, frozen=True):
     force: Annotated[Pair | UnsetType, Meta(description="N")] = UNSET
     moment: Annotated[float | UnsetType, Meta(description="N m")] = UNSET
     point: Annotated[float | None, Meta(description="m")] = None
+    follower: Annotated[bool | UnsetType, Meta(description="whether the force turns with the beam")] = UNSET
 
     def make(self) -> PointLoad:
         """Return the load."""
         if self.mass is UNSET:
             return PointLoad(**self.given())
-        if self.force is not UNSET or self.moment is not UNSET:
+        if not (self.force is self.moment is self.follower is UNSET):
             raise InputError("give either a mass, or a force and a moment")
         return PointLoad.hung(self.mass, self.point)
 

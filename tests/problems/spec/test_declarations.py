@@ -2,13 +2,14 @@
 
 import inspect
 import math
+from dataclasses import fields
 from typing import Any, get_args
 
 import msgspec
 import pytest
 from msgspec import NODEFAULT, UNSET
 
-from ancf_casadi import Sensor, simulate, static_equilibrium
+from ancf_casadi import PointLoad, SampledLoad, Sensor, simulate, static_equilibrium
 from ancf_casadi.damping.spec import FrictionSpec, ModalSpec, QuadraticSpec, RayleighSpec
 from ancf_casadi.mechanics.spec import AttachmentSpec, BeamSpec, ConfigurationSpec, SupportSpec
 from ancf_casadi.response.tracing import frequency_response
@@ -50,6 +51,21 @@ def test_keys_are_arguments_with_the_same_defaults(declared, function, others):
         elif default is not UNSET and usual is not inspect.Parameter.empty:
             same = {None: (None, math.inf, math.nan), (): ((), None)}.get(default, (default,))
             assert usual in same or default in ((), None), (field.name, usual, default)
+
+
+@pytest.mark.parametrize(
+    ("declared", "made", "others"),
+    [
+        (records.LoadSpec, PointLoad, set()),
+        (motion.LoadValues, SampledLoad, set()),
+        (records.SensorSpec, Sensor, {"quantity", "signal_unit"}),
+        (records.ChannelSpec, Channel, {"measurement"}),
+        *((spec, spec.made, {"modes"}) for spec in OBJECTS),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_every_field_of_an_object_is_a_key(declared, made, others):
+    assert {field.name for field in fields(made)} - others <= set(declared.__struct_fields__)
 
 
 def test_what_differs_between_two_measurements_of_a_beam_are_keys_of_the_beam():

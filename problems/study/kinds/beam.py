@@ -207,7 +207,8 @@ class Match(Part, MatchTable):
             targets = request_of(own)["targets"]
         modes = len(targets.frequencies if isinstance(targets, MeasuredModes) else targets)
         columns = {"standard": modes, "optimum": modes, "value": len(ELEMENT_ROWS)}
-        given = study.file.only({"beam", "damping"}) if "beam" in study.file.tables else self.given
+        damped = "damping" in study.file.tables or "document" in study.file.tables.get("beam", {})
+        given = study.file.only({"beam", "damping"}) if damped else self.given
         return replace(self, **own.request, printed=printed_numbers(self.printed, columns, where), given=given)
 
     def tasks(self, found: Found) -> tuple[Task, ...]:

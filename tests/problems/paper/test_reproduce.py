@@ -181,11 +181,11 @@ class TestResults:
         """The finished steps are those of the study above."""
         folder = small_paper.page.parent
         monkeypatch.chdir(folder.parent)
-        assert main(["study", "small.toml", "--quick", "--jobs", "1", "--json"]) == 0
+        assert main(["run", "small.toml", "--out", "results", "--quick", "--jobs", "1", "--json"]) == 0
         printed = json.loads(capsys.readouterr().out)
         assert printed.pop("version") == __version__
         assert printed == json.loads((folder / "results.json").read_text()) == small_paper.to_dict()
-        assert main(["study", "small.toml", "--quick", "--jobs", "1"]) == 0
+        assert main(["run", "small.toml", "--out", "results", "--quick", "--jobs", "1"]) == 0
         *text, last = capsys.readouterr().out.splitlines()
         assert (folder.parent / last).samefile(small_paper.page)
         assert any(line.startswith("Table 2. ") for line in text)
@@ -227,7 +227,7 @@ def finished(process: subprocess.Popen[str]) -> dict[str, Any]:
 def test_a_study_that_was_killed_continues(small_paper, tmp_path):
     """The numbers and files are those of a study in one run, and no finished step is computed again."""
     file, out = small_paper.page.parent.parent / "small.toml", tmp_path / "killed"
-    with run("study", file, "--out", out) as process:
+    with run("run", file, "--out", out) as process:
         while len(list(out.rglob("*.msgpack"))) < 3:
             assert process.poll() is None
             time.sleep(0.02)
@@ -236,7 +236,7 @@ def test_a_study_that_was_killed_continues(small_paper, tmp_path):
     assert not (out / "results.json").exists()
     kept = {path: path.stat().st_mtime_ns for path in (out / "steps").glob("*.msgpack")}
     assert len(kept) >= 3
-    again = finished(run("study", file, "--out", out))
+    again = finished(run("run", file, "--out", out))
     assert without_times(again) == without_times(small_paper.to_dict())
     assert kept == {path: path.stat().st_mtime_ns for path in kept}  # none of them ran again
     names = [{path.name for path in folder.rglob("*.svg")} for folder in (out, small_paper.page.parent)]

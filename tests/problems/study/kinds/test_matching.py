@@ -49,7 +49,7 @@ def test_the_beam_of_the_outcome_has_the_frequencies(study_file):
     results = [task.function(*task.inputs) for task in part.tasks(found)]
     beam = part.finding(results, found).beam.beam()
     assert natural_modes(Model(beam), count=2).frequencies == pytest.approx([1.85, 10.19], rel=1e-6)
-    _, data, _ = results[0]
+    data = results[0].data
     assert beam.density[0] == data["density"] == data["density_per_element"][0]
     assert beam.elastic_modulus[0] == data["elastic_modulus"]
     assert np.abs(np.array(beam.width) / 5e-3 - 1).max() < 0.1 + 1e-9

@@ -13,7 +13,7 @@ import sys
 
 from benchmarks.clock import processor_time
 
-COMMANDS = ("--version", "--help", "init --help", "inspect --help", "fit-decay --help", "study --help")
+COMMANDS = ("--version", "--help", "init --help", "inspect --help", "fit-decay --help", "run --help")
 IMPORTS = (
     "import numpy, casadi",
     "import ancf_casadi",

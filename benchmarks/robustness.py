@@ -66,8 +66,7 @@ def inputs(rng: random.Random, files: dict[str, dict[str, bytes]]) -> tuple[str,
         for long, quick in SHORT.items():
             text = text.replace(long, quick)
         Path("study.toml").write_text(mutated_study(text, rng))
-        command, *options = rng.choice(COMMANDS)
-        return kind, [command, "study.toml", *options]
+        return kind, rng.choice(COMMANDS)
     if kind == "options":
         options = [part for name in rng.sample(sorted(OPTIONS), 2) for part in (name, rng.choice(OPTIONS[name]))]
         return kind, ["fit-decay", "decay.csv", *options]

@@ -34,7 +34,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="time the quick look only")
     parser.add_argument("study", nargs="?", help="file of the study; the paper if not given")
     options = parser.parse_args()
-    command = ("study", options.study) if options.study else ("reproduce",)
+    command = ("run", options.study) if options.study else ("reproduce",)
     with tempfile.TemporaryDirectory() as folder:
         cache, quick, full = Path(folder) / "cache", Path(folder) / "quick", Path(folder) / "full"
         rows = [("quick, empty cache", Path(folder) / "first"), ("quick", quick), ("quick, again", quick)]

@@ -72,7 +72,6 @@ class StudyReport(Displayed):
     Examples
     --------
     >>> from pathlib import Path
-    from tempfile import TemporaryDirectory
     >>> from problems import run_study
     >>> lines = ["[beam]", "length = 0.5", "width = 5e-3", "thickness = 0.5e-3", "density = 8000.0",
     ...          "elastic_modulus = 210e9", "elements = 4", "[[parts]]", 'kind = "beam"']
@@ -179,7 +178,6 @@ def run_study(
     Examples
     --------
     >>> from pathlib import Path
-    from tempfile import TemporaryDirectory
     >>> from problems import run_study
     >>> lines = ["[[parts]]", 'kind = "rayleigh"', "frequencies = [1.85, 10.19]", "ratios = [0.01, 0.0028]"]
     >>> _ = Path("study.toml").write_text("\n".join(lines))

@@ -127,7 +127,7 @@ AttachmentSpec = PointMassSpec | SpringSpec | RotationalSpringSpec | DashpotSpec
 
 
 class ConfigurationSpec(Spec, frozen=True):
-    """What may differ between two measurements of one beam."""
+    """The configuration of a beam in one measurement, as far as it differs from that of the file."""
 
     length: Annotated[Positive | UnsetType, Meta(description="m")] = UNSET
     axis: Pair | UnsetType = UNSET

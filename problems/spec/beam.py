@@ -26,7 +26,6 @@ class DocumentName(Spec, frozen=True):
     document: Annotated[str, Meta(description='"BEAM.json", beside this file')]
 
 
-HEAD = "tables of a TOML file:\n"
 PROPERTY_KEYS = table_help(
     "[beam]",
     "{}; a property is one number, or a list with one value per element; supports = []: a free beam.  Or only {}: a "
@@ -70,16 +69,19 @@ def damping_on(given: str | StudyFile, model: Model) -> DampingLaw | None:
     file = StudyFile.of(given)
     if "damping" in file.tables:
         return law_of(file.several("damping"), model, file.where("damping"))
-    law = read_beam(file).damping
-    terms = law.laws if isinstance(law, SumOfLaws) else [] if law is None else [law]
     return sum_laws(
         [
             ModalDamping(natural_modes(model, count=len(term.ratios)), term.ratios)
             if isinstance(term, ModalDamping)
             else term
-            for term in terms
+            for term in terms_of(read_beam(file).damping)
         ]
     )
+
+
+def terms_of(law: DampingLaw | None) -> tuple[DampingLaw, ...]:
+    """Return the terms of a law that ``law_of`` has summed."""
+    return law.laws if isinstance(law, SumOfLaws) else () if law is None else (law,)
 
 
 def law_of(terms: Sequence[Any], model: Model, where: str) -> DampingLaw | None:

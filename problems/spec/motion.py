@@ -38,7 +38,6 @@ from problems.spec.file import StudyFile, convert_groups
 from problems.spec.help import Kinds, kinds_help, table_help
 
 ColumnName = str | int  # name of a column, or its number from 1
-Rows = tuple[Pair, ...]
 
 
 class LayoutSpec(Spec, frozen=True):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from msgspec import UNSET, Meta, UnsetType
+from msgspec.structs import replace
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.start import Start
@@ -34,7 +35,6 @@ from problems.spec.records import (
     Table,
     Values,
     channel_groups,
-    configured,
     excitation,
     load_cases,
     other_model,
@@ -66,8 +66,8 @@ class PlannedChannelSpec(Spec, frozen=True):
 
     def sensors(self, sensor: SensorSpec, where: str) -> list[Sensor]:
         """Return the sensor at each of the points."""
-        keys = [sensor.given() | {"point": point} for point in self.points] or [sensor.given()]
-        return [SensorSpec(**values).make("displacement", where) for values in keys]
+        at_points = [replace(sensor, point=point) for point in self.points] or [sensor]
+        return [one.make("displacement", where) for one in at_points]
 
 
 class PlannedMotionSpec(Spec, frozen=True):
@@ -205,8 +205,9 @@ def _static(file: StudyFile, table: Any, model: Model, where: str) -> PlannedRec
         table, where, (CandidateSpec, ConfigurationSpec, PlannedStaticSpec), (PlannedChannelSpec, SensorSpec)
     )
     sensors, std = _sensors(channels)
+    beam = other_model(model, configuration, where) or model
     with located(where):
-        loads, beam = load_cases(static.loads), configured(model, configuration)
+        loads = load_cases(static.loads)
         return PlannedRecord.static(beam, loads, sensors, std=std, tared=static.tared, cost=candidate.cost)
 
 
@@ -214,8 +215,8 @@ def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Plann
     candidate, configuration, planned = convert_groups(
         table, where, CandidateSpec, ConfigurationSpec, PlannedFrequenciesSpec
     )
+    beam = other_model(model, configuration, where) or model
     with located(where):
-        beam = configured(model, configuration)
         return PlannedRecord.natural_frequencies(beam, planned.modes, std=planned.std, cost=candidate.cost)
 
 

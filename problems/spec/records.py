@@ -36,7 +36,7 @@ from problems.beam.curves.reading import ExcitationUnit
 from problems.beam.curves.record import Control, ResponseRecord, Sweep
 from problems.beam.motions.record import Camera, Channel, MotionRecord
 from problems.beam.values.records import FrequencyRecord, StaticRecord
-from problems.spec.beam import read_damped, term_of
+from problems.spec.beam import read_damped, terms_of
 from problems.spec.file import StudyFile, convert_groups
 from problems.spec.help import table_help
 from problems.spec.motion import ColumnName, FileSpec, LayoutSpec, read_motion
@@ -46,7 +46,7 @@ Table = dict[str, Any]
 
 
 class SensorSpec(Spec, frozen=True):
-    """What a sensor measures, and where."""
+    """The quantity that a sensor measures, its point and its direction."""
 
     sensor: Quantity | UnsetType = UNSET
     point: Annotated[float | None, Meta(description="m, the tip if not given")] = None
@@ -273,22 +273,18 @@ def read_measurements(given: str | StudyFile) -> Measurements:
     return Measurements(source.model, law, laws, (*records, *others), tuple(predictions), settings)
 
 
-def configured(model: Model, configuration: ConfigurationSpec) -> Model:
-    """Return the beam in another configuration; the model itself if nothing changes."""
-    changes = configuration.changes()
-    return Model(model.beam.with_(**changes), model.measures) if changes else model
-
-
 def other_model(model: Model, configuration: ConfigurationSpec, where: str) -> Model | None:
     """Return the beam in another configuration; None if nothing changes."""
     with located(where):
-        return configured(model, configuration) if configuration.given() else None
+        changes = configuration.changes()
+        return Model(model.beam.with_(**changes), model.measures) if changes else None
 
 
 def _frequencies(table: Any, model: Model, where: str) -> FrequencyRecord:
     spec, configuration = convert_groups(table, where, FrequenciesSpec, ConfigurationSpec)
+    beam = other_model(model, configuration, where) or model
     with located(where):
-        return FrequencyRecord(configured(model, configuration), **spec.given())
+        return FrequencyRecord(beam, **spec.given())
 
 
 def _static(table: Any, model: Model, where: str) -> StaticRecord:
@@ -305,9 +301,10 @@ def _static(table: Any, model: Model, where: str) -> StaticRecord:
         columns.append(readings.values)
         deviations.append(np.broadcast_to(readings.std, cases))
     std = np.column_stack(deviations)
+    beam = other_model(model, configuration, where) or model
     with located(where):
         return StaticRecord(
-            configured(model, configuration),
+            beam,
             load_cases(spec.loads),
             np.column_stack(columns),
             sensors,
@@ -356,24 +353,24 @@ def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> Resp
 
 def excitation(file: StudyFile, curve: Any, where: str) -> dict[str, HarmonicBase | HarmonicLoad]:
     """Return base or load of a curve, at level 1: those of its table, or else of the file."""
-    levels = {name: (getattr(curve, name), f"{where}: {name}") for name in ("base", "load")}
-    if curve.base is UNSET and curve.load is UNSET:
-        for name, kind in (("base", BaseLevelSpec), ("load", LoadLevelSpec)):
-            if name in file.tables:
-                table, place = file.tables[name], file.where(name)
-                known = {key: table[key] for key in keys_of(kind) & set(table)} if isinstance(table, dict) else table
-                levels[name] = convert(known, kind, place), place
-    found: dict[str, HarmonicBase | HarmonicLoad] = {}
-    for name, (level, place) in levels.items():
+    in_file = curve.base is UNSET and curve.load is UNSET
+    excitations: dict[str, HarmonicBase | HarmonicLoad] = {}
+    kinds: dict[str, Any] = {"base": (BaseLevelSpec, HarmonicBase), "load": (LoadLevelSpec, HarmonicLoad)}
+    for name, (spec, harmonic) in kinds.items():
+        level, place = getattr(curve, name), f"{where}: {name}"
+        if in_file and name in file.tables:
+            table, place = file.tables[name], file.where(name)
+            keys = {key: table[key] for key in keys_of(spec) & set(table)} if isinstance(table, dict) else table
+            level = convert(keys, spec, place)
         if level is not UNSET:
             with located(place):
-                found[name] = (HarmonicBase if name == "base" else HarmonicLoad)(**level.given(), frequency=1.0)
-    return found
+                excitations[name] = harmonic(**level.given(), frequency=1.0)
+    return excitations
 
 
 def read_laws(file: StudyFile, fit: FitSpec, source: Document) -> tuple[DampingLaw, ...]:
     """Return the laws to compare: the sums of terms that [fit] numbers from 1, or each term, and the law with all."""
-    terms = [term_of(table, source.model, file.where("damping")) for table in file.several("damping")]
+    terms = terms_of(source.damping) if "damping" in file.tables else ()  # the law of a document is one
     if fit.laws is UNSET:
         laws: list[DampingLaw | None] = [*terms, source.damping] if len(terms) > 1 else [source.damping]
     else:

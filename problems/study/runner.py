@@ -193,9 +193,9 @@ def run_parts(
         found = {name: findings[name].result().needed_later() for name in part.needs}
         with lock:  # CasADi builds the expressions of one thread at a time
             tasks = part.tasks(found)
-        for task in sorted(tasks, key=lambda task: -task.cost):
-            submit(task)
-        submitted = [submit(task) for task in tasks]
+        longest_first = sorted(range(len(tasks)), key=lambda number: -tasks[number].cost)
+        by_number = {number: submit(tasks[number]) for number in longest_first}
+        submitted = [by_number[number] for number in range(len(tasks))]
         wait_for(future for _, future in submitted)
         results, cost = [future.result().result for _, future in submitted], 0.2 * (1 + len(tasks))  # s, of figures
         last = submit(Task(_finding, (part.kind, part, results, found, formats if part.draw else ()), cost))

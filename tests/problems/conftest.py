@@ -14,15 +14,15 @@ from problems.study.part import Study
 from problems.study.reading import read_study
 from problems.study.study import StudyReport, write_study
 
-BEAM = """
+STRIP = """
 [beam]
 length = 0.5
 width = 5e-3
 thickness = 0.5e-3
 density = 8000.0
 elastic_modulus = 210e9
-elements = 3
 """
+BEAM = f"{STRIP}elements = 3\n"
 SMALL = {
     "element", "standard_beam", "photographs", "modal_identification", "proportional", "quadratic",
     "frequency_matching", "damping_comparison",

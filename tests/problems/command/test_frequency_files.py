@@ -16,16 +16,10 @@ from ancf_casadi import (
     reduce_model,
 )
 from problems.spec.records import read_measurements
+from tests.problems.conftest import STRIP
 
 F = np.linspace(5.0, 25.0, 401)
-BEAM = """
-[beam]
-length = 0.5
-width = 5e-3
-thickness = 0.5e-3
-density = 8000.0
-elastic_modulus = 210e9
-elements = 4
+BEAM = f"""{STRIP}elements = 4
 
 [[damping]]
 law = "modal"

@@ -8,15 +8,9 @@ import pytest
 from ancf_casadi import HarmonicBase, periodic_motion
 from problems.cli import main
 from problems.spec.motion import read_response
+from tests.problems.conftest import STRIP
 
-STUDY = """
-[beam]
-length = 0.5
-width = 5e-3
-thickness = 0.5e-3
-density = 8000.0
-elastic_modulus = 210e9
-elements = 4
+STUDY = f"""{STRIP}elements = 4
 
 [[damping]]
 law = "modal"

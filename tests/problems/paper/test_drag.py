@@ -5,19 +5,11 @@ import math
 
 import pytest
 
-from tests.problems.conftest import column, run_in
+from tests.problems.conftest import STRIP, column, run_in
 
 pytestmark = pytest.mark.slow  # all tests need the study
 
-BEAM = """
-[beam]
-length = 0.5
-width = 5e-3
-thickness = 0.5e-3
-density = 8000.0
-elastic_modulus = 210e9
-elements = 20
-"""
+BEAM = f"{STRIP}elements = 20\n"
 LAWS = """
 [[laws]]
 name = "linear"

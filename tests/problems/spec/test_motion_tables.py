@@ -22,16 +22,9 @@ from ancf_casadi import (
 from problems.spec import motion
 from problems.spec.motion import read_simulation
 from problems.spec.records import read_measurements
+from tests.problems.conftest import STRIP
 
-BEAM = """
-[beam]
-length = 0.5
-width = 5e-3
-thickness = 0.5e-3
-density = 8000.0
-elastic_modulus = 210e9
-elements = 4
-"""
+BEAM = f"{STRIP}elements = 4\n"
 SIMULATION = "[simulation]\nduration = 2.0\n"
 LAWS = '[[damping]]\nlaw = "rayleigh"\nalpha = 0.2\n[[damping]]\nlaw = "quadratic"\neta2 = 0.1\n'
 TIME = np.arange(0.0, 1.0, 0.01)

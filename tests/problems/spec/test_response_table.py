@@ -5,16 +5,9 @@ import pytest
 from ancf_casadi import HarmonicBase, HarmonicLoad, InputError, Model, QuadraticDamping
 from ancf_casadi.reduction import ReducedModel
 from problems.spec.motion import read_response
+from tests.problems.conftest import STRIP
 
-BEAM = """
-[beam]
-length = 0.5
-width = 5e-3
-thickness = 0.5e-3
-density = 8000.0
-elastic_modulus = 210e9
-elements = 8
-"""
+BEAM = f"{STRIP}elements = 8\n"
 LAW = '[[damping]]\nlaw = "quadratic"\neta2 = 0.1\n'
 RANGE = "[response]\nfrequencies = [9.0, 11]\n"
 

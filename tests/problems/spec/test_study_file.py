@@ -32,16 +32,9 @@ from problems.spec.match import request_of
 from problems.spec.motion import read_simulation
 from problems.study.reading import read_study
 from problems.study.study import KINDS
+from tests.problems.conftest import STRIP
 
-BEAM = """
-[beam]
-length = 0.5
-width = 5e-3
-thickness = 0.5e-3
-density = 8000.0
-elastic_modulus = 210e9
-elements = 4
-"""
+BEAM = f"{STRIP}elements = 4\n"
 SIMULATION = "[simulation]\nduration = 2.0\n"
 
 

@@ -27,7 +27,7 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics.radau import stepper
+from ancf_casadi.dynamics.radau import newton, stepper
 from ancf_casadi.dynamics.radau.stepper import Stepper
 from ancf_casadi.support.compilation import Buffered
 from benchmarks.beams import BENDING_STIFFNESS, DAMPING_RATIOS, steel
@@ -75,7 +75,7 @@ def clocks(parts: dict[str, float]) -> Iterator[None]:
             super().__init__(function, *inputs, **options)
             self._evaluate = clocked(function.name(), self._evaluate)
 
-    with patch.object(stepper, "Buffered", Clocked):
+    with patch.object(stepper, "Buffered", Clocked), patch.object(newton, "Buffered", Clocked):
         yield
 
 

@@ -9,7 +9,7 @@ complex numbers, r' = exp(lambda + i theta), a step of the length h from t_0 the
 
 because the accelerations at the ends of Radau's steps contain axial vibrations that the steps do not resolve.  Its
 first step takes the first polynomial, and so begins with the rates that are given.  The nodes follow from the slopes as
-sums along the beam (``radau.corotation``), velocities and accelerations by differentiation.
+sums along the beam (``radau.links``), velocities and accelerations by differentiation.
 
 A beam on springs begins at a node of its own, whose position follows the polynomial of degree 5 and whose slope is
 treated like the others.  At supports further along the beam, the nodes thus computed miss their places by less than the
@@ -34,7 +34,7 @@ from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.excitation import ENERGY_STATES, EXCITATION, SAME_TIME, Excitation, Segment, excitation_pieces
 from ancf_casadi.dynamics.placed_load import TIP
-from ancf_casadi.dynamics.radau.collocation import QUINTIC, RADAU, powers
+from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, powers
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model

@@ -112,9 +112,17 @@ class Equations:
     place: PointLoad | None = TIP  # where the load acts; None if it travels
 
     @cached_property
-    def _element_functions(self) -> dict[str, list[cs.Function]]:
-        """The Functions of an element of each group by name, as far as used; those of a single one are not compiled."""
+    def _element_functions(self) -> dict[tuple[str, int], cs.Function]:
+        """The Functions of ``element``, as far as used."""
         return {}
+
+    def element(self, name: str, group: int) -> cs.Function:
+        """Return a Function of the elements of a group (``element_function``); that of a single one is not compiled."""
+        if (name, group) not in self._element_functions:
+            own = self.model.groups[group]
+            make = self.make if own.count > 1 else as_it_is
+            self._element_functions[name, group] = element_function(name, own.element, self.law, make)
+        return self._element_functions[name, group]
 
     @property
     def free(self) -> int:
@@ -179,17 +187,10 @@ class Equations:
         """
         states, c = vectors[0].size2(), cs.vertcat(balance.gravity, balance.coefficients)
         results = []
-        if name not in self._element_functions:
-            made = [
-                element_function(name, own.element, self.law, self.make if own.count > 1 else as_it_is)
-                for own in self.model.groups
-            ]
-            self._element_functions[name] = made
         for k, group in (dict(enumerate(self.model.groups)) if groups is None else groups).items():
-            function = self._element_functions[name][k]
             count = states * group.count
             p = cs.repmat(group.properties(balance.properties, balance.lumped), 1, states)
-            results.append(mapped(function, *map(group.gather, vectors), p, cs.repmat(c, 1, count)))
+            results.append(mapped(self.element(name, k), *map(group.gather, vectors), p, cs.repmat(c, 1, count)))
         return [list(outputs) for outputs in zip(*results, strict=True)]
 
     @cached_property
@@ -296,8 +297,12 @@ class Balance:
 
     def of_low_rank(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the low-rank part R B diag(d) B^T R^T e_t of the damping force, (4 n + 4, s)."""
-        states = zip(cs.horzsplit(e), cs.horzsplit(e_t), strict=True)
-        return cs.horzcat(*(self.modal_damping(x, self.modal_velocities(x, x_t)) for x, x_t in states))
+        (x, y), m = self.equations.model.beam.axis, self.projection.size2()
+        across = turned(self.projection, (1.0, 0.0), (0.0, 1.0))
+        cosine, sine = (cs.repmat(part, m, 1) for part in (x * e[2, :] + y * e[3, :], x * e[3, :] - y * e[2, :]))
+        velocities = cosine * (self.projection.T @ e_t) + sine * (across.T @ e_t)
+        forces = cs.repmat(self.modal_coefficients, 1, e.size2()) * velocities
+        return self.projection @ (cosine * forces) + across @ (sine * forces)
 
     def tangents(self, e: cs.MX, e_t: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
         """Return the entries of K = d(Q_damp + Q_e - Q_load)/de, D = dQ_damp/de_t and M of all elements, (entries, s).

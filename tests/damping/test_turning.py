@@ -18,10 +18,10 @@ from ancf_casadi import (
     simulate,
     simulate_reduced,
 )
-from ancf_casadi.dynamics.derivatives.tangent import Tangent
+from ancf_casadi.dynamics.derivatives.tangent import Tangent, stage_motion
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.idas import SemiExplicit
-from ancf_casadi.dynamics.radau.collocation import Collocation, stage_motion
+from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.stepper import RadauStep
 from ancf_casadi.export import Document, beam_functions, read_document, write_document
 

@@ -21,7 +21,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.dynamics.dense_output import Slopes, Steps
-from ancf_casadi.dynamics.radau.collocation import QUINTIC, RADAU, powers
+from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, powers
 
 STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 SWING = HarmonicBase(amplitude=5e-3, frequency=1.85)

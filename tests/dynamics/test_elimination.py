@@ -1,50 +1,63 @@
-"""Block elimination along the beam, compared with dense matrices."""
+"""Block elimination along the beam, and its part of low rank, compared with dense matrices."""
 
 import casadi as cs
 import numpy as np
 import pytest
 
-from ancf_casadi import Beam, Model, static_equilibrium
+from ancf_casadi import Beam, Model, Pin, Roller, static_equilibrium
 from ancf_casadi.dynamics.equations import as_it_is
-from ancf_casadi.dynamics.radau.elimination import Elimination, node_blocks, node_places
+from ancf_casadi.dynamics.radau.links import Links
+from ancf_casadi.dynamics.radau.low_rank import LowRank
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.vibration.modes import natural_modes
 
 BEAM = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 SPECIAL = {"clamp_stiffness": 0.5, "tip_mass": 0.002}
+SLIDING = {"axis": (1.0, 0.0), "supports": [Pin(0.0), Roller(0.5, (0.8, 0.6))]}
+REAL, COMPLEX = 40.0, 30.0 + 35.0j  # s of both systems
+
+
+def entries(model, name, *vectors):
+    """Return the entries of all element matrices, as in ``Model.entries``."""
+    properties = cs.DM(model.properties)
+    blocks = [
+        getattr(group.element, name).map(group.count)(*map(group.gather, vectors), group.properties(properties))
+        for group in model.groups
+    ]
+    return cs.MX(cs.evalf(cs.vertcat(*map(cs.vec, blocks))))
 
 
 @pytest.mark.parametrize("rank", [0, 3])
-@pytest.mark.parametrize("s", [40.0 + 0.0j, 30.0 + 35.0j], ids=["real", "complex"])
-@pytest.mark.parametrize(("elements", "more"), [(2, {}), (6, SPECIAL), (23, {})], ids=["two", "special", "three calls"])
-def test_solution_is_that_of_the_dense_matrix(elements, more, s, rank):
+@pytest.mark.parametrize(
+    ("elements", "more"),
+    [(2, {}), (6, SPECIAL), (23, {}), (12, SLIDING)],
+    ids=["two", "special", "three calls", "oblique roller"],
+)
+def test_solutions_are_those_of_the_dense_matrices(elements, more, rank):
     """Solve with s^2 M + K + s V diag(d) V^T; one mode of the law is undamped, so d has a zero."""
     model = Model(Beam.uniform(**BEAM, **more, elements=elements))
-    rest, free, parts = static_equilibrium(model), model.first_moved, 1 + bool(s.imag)
-    groups, properties = model.groups, model.properties
-    blocks = {name: [getattr(g.element, name).map(g.count) for g in groups] for name in ("tangent_stiffness", "mass")}
-    p = [cs.DM(g.properties(cs.DM(properties))) for g in groups]
-    e = [g.gather(cs.MX(cs.DM(rest.coordinates))) for g in groups]
-    k = cs.evalf(cs.vertcat(*(cs.vec(f(x, y)) for f, x, y in zip(blocks["tangent_stiffness"], e, p, strict=True))))
-    m = cs.evalf(cs.vertcat(*(cs.vec(f(y)) for f, y in zip(blocks["mass"], p, strict=True))))
-    K = model.tangent_stiffness(rest.coordinates, properties).full()[np.ix_(free, free)]
-    M = model.mass(properties).full()[np.ix_(free, free)]
-    V = (M @ natural_modes(model, count=3).shapes[free])[:, :rank]
-    d = np.array([2.0, 0.0, 30.0])[:rank]
-    A = s**2 * M + K + s * (V * d) @ V.T
+    links, rest, N = Links(model, as_it_is), static_equilibrium(model), model.whole_of_free.full()
+    K = model.tangent_stiffness(rest.coordinates, model.properties).full()
+    M = model.mass(model.properties).full()
+    projection, d = (M @ natural_modes(model, count=3).shapes)[:, :rank], np.array([2.0, 0.0, 30.0])[:rank]
+    V = N.T @ projection
 
-    together = (k + (s**2).real * m, 1.0), ((s**2).imag * m, 0.0)
-    real, imaginary = (node_blocks(model, cs.MX(part), unit) for part, unit in together)
-    places = np.zeros((model.size - NODE, len(A)))
-    places[node_places(model), np.arange(len(A))] = 1.0
-    elimination = Elimination(parts, model.size - NODE, rank, as_it_is)
-    factors = elimination.factors(
-        cs.vertcat(real, imaginary)[: 48 * parts, :], cs.MX(cs.DM(places @ V)), cs.MX(cs.DM(d)), s
-    )
-    assert factors.numel() == elimination.layout.size
-    right = np.random.default_rng(0).normal(size=(len(A), 2)) / model.scale[free][:, None]
-    found = places.T @ cs.evalf(elimination.solve(factors, cs.MX(cs.DM(places @ right[:, :parts])))).full()
-    expected = np.linalg.solve(A, right[:, :parts] @ [1.0, 1.0j][:parts])
-    scale = model.scale[free]
-    error = abs(found @ [1.0, 1.0j][:parts] - expected) / scale
-    assert error.max() < 1e-9 * (abs(expected) / scale).max()
+    k, m = entries(model, "tangent_stiffness", cs.MX(cs.DM(rest.coordinates))), entries(model, "mass")
+    rates = cs.MX(cs.DM([REAL, COMPLEX.real, COMPLEX.imag]))
+    outer, inner = links.factors(links.matrices(k, unit=1.0), links.matrices(0 * k), links.matrices(m), rates)
+    right = np.random.default_rng(0).normal(size=(model.size, 3)) / model.scale[:, None]
+    found = links.solutions(cs.MX(cs.DM(right)), outer, inner)
+    if rank:
+        low_rank = LowRank(NODE * links.count, rank)
+        columns = [np.outer(column, [1.0, 1.0, 0.0]) for column in projection.T]
+        solutions = [links.solutions(cs.MX(cs.DM(column)), outer, inner) for column in columns]
+        factors = low_rank.factors(links.placed(cs.MX(cs.DM(V))), solutions, cs.MX(cs.DM(d)), rates)
+        assert factors.numel() == low_rank.layout.size
+        found -= low_rank.correction(factors, found)
+    found = cs.evalf(found).full()[model.first_moved - NODE]
+
+    scale, right = model.free_scale, N.T @ right
+    pairs = (REAL, found[:, 0], right[:, 0]), (COMPLEX, found[:, 1:] @ [1.0, 1.0j], right[:, 1:] @ [1.0, 1.0j])
+    for s, solution, side in pairs:
+        expected = np.linalg.solve(N.T @ (s**2 * M + K) @ N + s * (V * d) @ V.T, side)
+        assert abs((solution - expected) / scale).max() < 1e-9 * (abs(expected) / scale).max()

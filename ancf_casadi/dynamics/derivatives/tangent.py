@@ -39,9 +39,11 @@ import scipy.sparse
 
 from ancf_casadi.dynamics.equations import Balance, Equations, as_it_is
 from ancf_casadi.dynamics.excitation import EXCITATION, SAME_TIME, Excitation
-from ancf_casadi.dynamics.radau.collocation import QUINTIC, RADAU, STAGES, Collocation, powers, stage_motion
+from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.stepper import RadauStep
+from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, STAGES, powers
 from ancf_casadi.exceptions import SimulationError
+from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.support.banded import BandedFactors, lapack_place, lapack_storage
@@ -94,6 +96,19 @@ def stop_if_interrupted() -> None:
     """Raise a SimulationError if ``noted_interrupts`` has noted a Ctrl-C."""
     if interrupted():
         raise SimulationError("the motion was interrupted")
+
+
+def stage_motion(
+    model: Model, z: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX, excitations: cs.MX
+) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
+    """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (4, 3), at the stages, from Z and the data of the step."""
+    inverse = cs.DM(RADAU.inverse).T
+    velocities = z @ inverse / h
+    accelerations = (velocities - cs.repmat(v, 1, STAGES)) @ inverse / h
+    *nodes, load = cs.vertsplit(excitations, NODE)
+    moved = cs.repmat(q, 1, STAGES) + z, velocities, accelerations
+    e, e_t, e_tt = (model.whole(free, node) for node, free in zip(nodes, moved, strict=True))
+    return e, e_t, e_tt, load
 
 
 def sample_weights(passages: Sequence[Passage], times: Array, orders: int) -> Array:

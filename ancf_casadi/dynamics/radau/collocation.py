@@ -1,4 +1,4 @@
-"""Radau IIA collocation of order 5 for the equation of motion: its coefficients, and the Functions of a step.
+"""Radau IIA collocation of order 5 for the equation of motion: the Functions of a step.
 
 Stages.  With the nodes c and the weights A of the method and a step h, the increments Z_i of the free coordinates at
 the stages t + c_i h determine velocities and accelerations there,
@@ -15,12 +15,15 @@ matrices, a real and a complex banded system in N unknowns, with s = gamma/h and
 replace one system in 3 N (``elimination``).  As the beam turns, K changes by its axial part, which is thousands of
 times stiffer than its bending part; in coordinates that turn with the beam, K hardly changes.  Residuals are therefore
 turned back to the configuration in which the matrices were evaluated, and corrections are turned forth from there
-(``corotation``).
+(``links``).
 
 Prediction.  The collocation polynomial of the last step is extrapolated in the logarithms of the beam's slopes: errors
 of the coordinates themselves would stretch the beam.
 
 Error.  The estimate is the embedded formula of order 3 of Hairer and Wanner, filtered by the real system.
+
+The virtual machine of CasADi takes longer for one operation on arrays than machine code for the forces of an element.
+All that belongs to a node is therefore done in a few compiled passes along the beam, on arrays with a column per link.
 
 References
 ----------
@@ -30,157 +33,170 @@ E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, Springer (1996
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from types import SimpleNamespace
-from typing import Any
 
 import casadi as cs
 import numpy as np
 import scipy.sparse.linalg
 
-from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.equations import Equations, mapped
 from ancf_casadi.dynamics.excitation import EXCITATION
-from ancf_casadi.dynamics.radau.corotation import Corotation
-from ancf_casadi.dynamics.radau.elimination import Elimination, node_blocks, node_places
-from ancf_casadi.mechanics.model import Model
+from ancf_casadi.dynamics.placed_load import load_force, load_on_element
+from ancf_casadi.dynamics.radau.elimination import BLOCK, LINK
+from ancf_casadi.dynamics.radau.link import VALUES
+from ancf_casadi.dynamics.radau.links import Links
+from ancf_casadi.dynamics.radau.low_rank import LowRank
+from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
+from ancf_casadi.mechanics.element import Group
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 
-STAGES = 3
-
-
-@dataclass(frozen=True, eq=False)
-class Tableau:
-    """The coefficients of the method."""
-
-    nodes: Array  # c, (3,)
-    inverse: Array  # A^-1 of the weights A, (3, 3)
-    transform: Array  # T with T^-1 A^-1 T = [[gamma, 0, 0], [0, mu', -mu''], [0, mu'', mu']], (3, 3)
-    gamma: float  # real eigenvalue of A^-1
-    mu: complex  # complex eigenvalue of A^-1
-    embedded: Array  # weights of the increments in the error estimate, in which h f(t) has 1/gamma, (3,)
-    integral: Array  # coefficients of x, x^2, x^3 in the integral from 0 to x of a function known at the nodes
-
-
-def tableau() -> Tableau:
-    """Derive the coefficients from the nodes."""
-    nodes = np.array(cs.collocation_points(STAGES, "radau"))
-    exponents = np.arange(1, STAGES + 1)
-    integral = np.linalg.inv(np.vander(nodes, increasing=True)) / exponents[:, None]
-    weights: Array = np.asarray(nodes[:, None] ** exponents @ integral, dtype=float)
-    inverse = np.asarray(np.linalg.inv(weights), dtype=float)
-    values, vectors = np.linalg.eig(inverse)
-    real, pair = int(np.argmin(np.abs(values.imag))), int(np.argmax(values.imag))
-    transform = np.column_stack([vectors[:, real].real, vectors[:, pair].real, -vectors[:, pair].imag])
-    block = np.linalg.solve(transform, inverse @ transform)
-    gamma, mu = float(block[0, 0]), complex(block[1, 1], block[2, 1])
-    moments = 1 / exponents - np.array([1 / gamma, 0.0, 0.0])
-    quadrature = np.linalg.solve(nodes ** (exponents - 1)[:, None], moments)
-    embedded = (quadrature - weights[-1]) @ inverse
-    return Tableau(nodes, inverse, transform, gamma, mu, embedded, integral)
-
-
-def powers(x: Any, orders: int) -> list[list[Any]]:
-    """Return 1, x, ..., x^5 and their derivatives up to an order, (orders, 6)."""
-    return [[math.perm(k, order) * x ** max(k - order, 0) for k in range(6)] for order in range(orders)]
-
-
-RADAU = tableau()
-# (6, 6), each row a polynomial of degree 5 with one of its values and first two derivatives at 0, then at 1, equal to 1
-QUINTIC = np.linalg.inv(np.array(powers(0.0, 3) + powers(1.0, 3))).T
+MIDDLE = STAGES // 2  # stage in which the matrices are taken
 
 
 @dataclass(frozen=True, eq=False)
 class Collocation:
     """The Functions of a step.
 
-    Free coordinates, velocities and accelerations are q, v and a (N,); Z (N, 3) are the increments at the stages.
-    The columns of W = Z T^-T (N, 3) are the real part, and the real and the imaginary part of the complex one.
-    ``excitations`` (16, 3) are those at the stages.  ``turns`` lead to the stages from ``reference``, all coordinates
-    (4 n + 4,) of the configuration in which the matrices were taken (``corotation``).
+    Free coordinates, velocities and accelerations are q, v and a (N,).  Increments Z and corrections dW have a column
+    per link with the numbers of its second node (12, links), stage by stage: those of Z are N times the increments of
+    the free coordinates, those of dW the real part of W = Z T^-T, and the real and the imaginary part of the complex
+    one.  ``excitations`` (16, 3) are those at the stages.  ``turns`` lead to the stages from ``reference``, all
+    coordinates (4, nodes) of the configuration in which the matrices were taken.
     """
 
     equations: Equations
 
     def __eq__(self, other: object) -> bool:
         """Return whether the Functions are the same: they all follow from the forces, whose parameters are inputs."""
-        return isinstance(other, Collocation) and self._forces == other._forces
+        return isinstance(other, Collocation) and self._text == other._text
 
     def __hash__(self) -> int:
         """Return the hash of the forces."""
-        return hash(self._forces)
+        return hash(self._text)
+
+    @cached_property
+    def links(self) -> Links:
+        """The links of the beam."""
+        return Links(self.equations.model, self.equations.make)
+
+    @cached_property
+    def columns(self) -> cs.Function:
+        """(parameters) -> properties and constants of the elements of the beam, one column per element and stage."""
+        parameters, model = self._symbols.parameters, self.equations.model
+        balance, group = self.equations.balance(parameters), model.groups[0]
+        properties = group.properties(balance.properties, balance.lumped)
+        thrice = np.repeat(np.arange(group.count), STAGES).tolist()
+        constants = cs.repmat(cs.vertcat(balance.gravity, balance.coefficients), 1, STAGES * group.count)
+        return _function("columns", [parameters], [properties[:, thrice], constants])
 
     @cached_property
     def stages(self) -> cs.Function:
-        """(Z, dW, q, v, h, excitations, turns, reference, parameters, real, pair) -> dW, Z, turns.
+        """(``_symbols``) -> dW, Z, turns, weighted norm of dW.
 
-        Z is corrected by the last dW; the results are the next dW and the turns to the stages.  ``real`` and ``pair``
-        are the outputs of ``factors``.
+        Z is corrected by the last dW; the results are the next dW and the turns to the stages.
         """
         s = self._symbols
-        increments, motion = self._corrected()
-        residuals, _ = self.equations.balance(s.parameters).forces(*motion)
-        turns = self._corotation.turns(s.reference, motion[0])
-        r = self._corotation.back(residuals, turns) @ cs.DM(np.linalg.inv(RADAU.transform)).T
-        corrections = cs.horzcat(self._solved(self._real, s.real, r[:, :1]), self._solved(self._pair, s.pair, r[:, 1:]))
-        return _function("stages", [*vars(s).values()], [corrections, increments, turns])
+        increments, turns, *motion = self._advanced()
+        on_links, further, _ = self._forces(motion)
+        corrections = self._solved(on_links, further[:, 1:], turns)
+        size = cs.norm_2(cs.vec(s.weights * corrections))
+        return _function("stages", [*vars(s).values()], [corrections, increments, turns, size])
 
     @cached_property
     def finish(self) -> cs.Function:
-        """(inputs of ``stages`` but pair, a) -> e (4 n + 4, 3) at the stages, v and a at the end, error, powers.
+        """(``_symbols``, a, nodes) -> nodes, q, v and a at the end (N, 3), norm of the error, energies.
 
-        ``error`` is the estimate, turned back; ``powers`` (3, 3) are those of ``Balance.forces`` at the stages.
+        ``nodes`` (16, nodes) are all coordinates at the start and the stages, of the last step and of this one.  The
+        energies (3, 4) have the coefficients of x, x^2 and x^3 in those added within the step, and their sum, from the
+        powers of ``Balance.forces``.
         """
-        s = self._symbols
-        a, model = cs.MX.sym("a", self.equations.free), self.equations.model
-        increments, (e, e_t, e_tt, load) = self._corrected()
-        balance, real, embedded = self.equations.balance(s.parameters), RADAU.gamma / s.h, cs.DM(RADAU.embedded)
-        _, powers = balance.forces(e, e_t, e_tt, load)
-        deviation = s.v / real + increments @ embedded
-        velocity_deviation = real * deviation + a / real + (model.of_free(e_t) - cs.repmat(s.v, 1, STAGES)) @ embedded
-        deviations = [cs.densify(model.moved(part)) for part in (deviation, velocity_deviation)]
-        error = balance.resistance(e[:, -1], e_t[:, -1], *deviations)
-        if balance.projection.numel():
-            error += balance.of_low_rank(e[:, -1], deviations[0])
-        solved = self._solved(self._real, s.real, self._frames(1).back(real * error, s.turns[-NODE:, :]))
-        *shared, _ = vars(s).values()
-        return _function(
-            "finish", [*shared, a], [e, model.of_free(e_t[:, -1]), model.of_free(e_tt[:, -1]), solved, powers]
-        )
+        s, a = self._symbols, cs.MX.sym("a", self.equations.free)
+        nodes = cs.MX.sym("nodes", NODE * (STAGES + 1), self.links.count + 1)
+        increments, _, *motion = self._advanced()
+        powers = self._forces(motion)[2]
+        v, last, twice = self.links.places(s.v), RADAU.inverse[-1], RADAU.inverse[-1] @ RADAU.inverse
+        velocity = _combined(last, increments) / s.h
+        acceleration = (_combined(twice, increments) / s.h - last.sum() * v) / s.h
+        end = [s.q + self.links.free(increments[-NODE:, :]), *map(self.links.free, (velocity, acceleration))]
+        error = self._error(increments, v, self.links.places(a), motion)
+        size = math.sqrt(STAGES) * cs.norm_2(cs.vec(s.weights[:NODE, :] * error))
+        outputs = [
+            self.links.nodes(nodes[-NODE:, :], s.excitations[:NODE, :], motion[0]),
+            cs.horzcat(*end),
+            size,
+            s.h * powers @ cs.DM(np.column_stack([RADAU.integral.T, RADAU.integral.sum(axis=0)])),
+        ]
+        return _function("finish", [*vars(s).values(), a, nodes], outputs)
+
+    def _error(self, increments: cs.MX, v: cs.MX, a: cs.MX, motion: Sequence[cs.MX]) -> cs.MX:
+        """Return the estimated error (4, links), turned back, from Z, the first v and a (4, links), and the motion."""
+        s, equations, embedded = self._symbols, self.equations, RADAU.embedded
+        balance, real, root = equations.balance(s.parameters), RADAU.gamma / s.h, equations.model.root
+        deviation = v / real + _combined(embedded, increments)
+        change = _combined(embedded @ RADAU.inverse, increments) / s.h - embedded.sum() * v
+        deviations = [deviation, real * deviation + a / real + change]
+        columns = [x[-LINK:, root:] for x in motion[:2]]
+        columns += [self.links.both(x)[:, root:] for x in deviations]
+        numbers = s.properties[:, ::STAGES], s.constants[:, ::STAGES]
+        (force,) = mapped(equations.element("resistance", 0), *columns, *numbers)
+        further = cs.MX(equations.model.size, 1)
+        if self._others or self._low_rank.rank:
+            e, e_t, *_ = (x[:, -1] for x in self._whole(motion))
+            u, w = (cs.vertcat(cs.MX.zeros(NODE), cs.vec(x)) for x in deviations)
+            if self._others:
+                parts = equations.mapped("resistance", balance, e, e_t, u, w, groups=self._others)[0]
+                further += equations.model.sum_at_nodes(parts, self._others.values())
+            if self._low_rank.rank:
+                further += balance.of_low_rank(e, u)
+        # residuals of the real system alone, in the frame of the last stage
+        at_stages = RADAU.transform[:, :1]
+        forces = cs.sparsify(cs.DM(np.kron(at_stages, np.eye(LINK)))) @ (real * force)
+        on_links = cs.horzcat(cs.MX(LINK * STAGES, root), forces) if root else forces
+        on_nodes = self.links.node_by_node(real * further @ cs.DM(at_stages).T)[:, 1:]
+        return self._solved(on_links, on_nodes, self.links.last_turns(s.turns))[:NODE, :]
 
     @cached_property
     def factors(self) -> cs.Function:
-        """(q, v, h, excitation, parameters) -> factors of s^2 M + s D + K, for the real s, and for the complex one."""
+        """(Z, q, v, h, excitation of the middle stage, parameters) -> reference, outer, inner and low-rank factors."""
         s, excitation = self._symbols, cs.MX.sym("excitation", EXCITATION)
         position, velocity, _, load = cs.vertsplit(excitation, NODE)
-        model = self.equations.model
-        e, e_t = model.whole(s.q, position), model.whole(s.v, velocity)
+        model, middle = self.equations.model, slice(NODE * MIDDLE, NODE * (MIDDLE + 1))
+        e = model.whole(s.q, position) + cs.vertcat(cs.MX(NODE, 1), cs.vec(s.increments[middle, :]))
         balance = self.equations.balance(s.parameters)
-        k, d, m = balance.tangents(e, e_t, load)
-        real, a, b = RADAU.gamma / s.h, RADAU.mu.real / s.h, RADAU.mu.imag / s.h
-        parts = k + real * d + real**2 * m, k + a * d + (a**2 - b**2) * m, b * d + 2 * a * b * m
-        alone, *pair = (node_blocks(model, part, unit) for part, unit in zip(parts, (1.0, 1.0, 0.0), strict=True))
-        low_rank = self._placed(model.of_free(balance.turned_projection(e))), balance.modal_coefficients / s.h
-        outputs = [
-            self._real.factors(alone, *low_rank, complex(RADAU.gamma)),
-            self._pair.factors(cs.vertcat(*pair), *low_rank, RADAU.mu),
-        ]
-        return _function("factors", [s.q, s.v, s.h, excitation, s.parameters], outputs)
+        k, d, m = balance.tangents(e, model.whole(s.v, velocity), load)
+        rates = cs.vertcat(RADAU.gamma, RADAU.mu.real, RADAU.mu.imag) / s.h
+        k, d, m = self.links.matrices(k, unit=1.0), self.links.matrices(d), self.links.matrices(m)
+        outer, inner = self.links.factors(k, d, m, rates)
+        low_rank = cs.MX(0, 1)
+        if self._low_rank.rank:
+            projection = balance.turned_projection(e)
+            alike = cs.DM([[1.0, 1.0, 0.0]])  # a real right-hand side of both systems
+            solutions = [self.links.solutions(column @ alike, outer, inner) for column in cs.horzsplit(projection)]
+            placed = self.links.placed(model.of_free(projection))
+            low_rank = self._low_rank.factors(placed, solutions, balance.modal_coefficients, rates)
+        inputs = [s.increments, s.q, s.v, s.h, excitation, s.parameters]
+        return _function("factors", inputs, [cs.reshape(e, NODE, -1), outer, inner, low_rank])
 
     @cached_property
     def prediction(self) -> cs.Function:
-        """(nodes, ratio, excitations, q) -> Z.
+        """(nodes, ratio, excitations) -> Z.
 
-        ``nodes`` (4 n + 4, 4) are all coordinates at the start and the stages of the last step; ``ratio`` is the length
+        ``nodes`` (16, nodes) are all coordinates at the start and the stages of the last step; ``ratio`` is the length
         of the new step relative to the last one.
         """
         s, ratio = self._symbols, cs.MX.sym("ratio")
-        nodes = cs.MX.sym("nodes", self.equations.model.size, STAGES + 1)
+        nodes = cs.MX.sym("nodes", NODE * (STAGES + 1), self.links.count + 1)
         known = np.concatenate([[0.0], RADAU.nodes])
-        weights = [cs.vertcat(*_lagrange(known, 1 + c * ratio)[1:]) for c in RADAU.nodes.tolist()]
-        q = self._corotation.continued(cs.horzcat(*weights), nodes, s.excitations[:NODE, :])
-        return _function("prediction", [nodes, ratio, s.excitations, s.q], [q - cs.repmat(s.q, 1, STAGES)])
+        x = cs.SX.sym("ratio")
+        weights = [cs.vertcat(*_lagrange(known, 1 + c * x)[1:]) for c in RADAU.nodes.tolist()]
+        increments = self.links.continued(
+            nodes, cs.Function("weights", [x], [cs.horzcat(*weights)])(ratio), s.excitations[: 3 * NODE, :]
+        )
+        return _function("prediction", [nodes, ratio, s.excitations], [increments])
 
     def accelerations(self, q: Array, v: Array, excitation: Array, parameters: Array) -> Array:
         """Return the accelerations a in a state (q, v) under an excitation (16,)."""
@@ -197,62 +213,96 @@ class Collocation:
         return cs.Function("mass", [parameters], [self.equations.balance(parameters).free_mass()])
 
     @cached_property
-    def _forces(self) -> str:
+    def _text(self) -> str:
         """The forces as text, with the constants of the mesh and of the law."""
         return str(self.balance.serialize())
 
     @cached_property
-    def _real(self) -> Elimination:
-        return self._elimination(1)
+    def _others(self) -> dict[int, Group]:
+        """The groups of elements besides those of the beam, by number: what is attached to it."""
+        return dict(enumerate(self.equations.model.groups[1:], start=1))
 
     @cached_property
-    def _pair(self) -> Elimination:
-        return self._elimination(2)
+    def _low_rank(self) -> LowRank:
+        return LowRank(NODE * self.links.count, self.equations.projection.shape[1])
 
-    def _elimination(self, parts: int) -> Elimination:
-        equations = self.equations
-        places = equations.model.size - NODE
-        return Elimination(parts, places, equations.projection.shape[1], equations.make)
-
-    def _placed(self, x: cs.MX) -> cs.MX:
-        """Return free coordinates (N, c) at four places per node, zero where a coordinate is held."""
-        model = self.equations.model
-        return x if model.held_at_base_alone else _selection(model) @ x
-
-    def _solved(self, elimination: Elimination, factors: cs.MX, right: cs.MX) -> cs.MX:
-        """Return the solution (N, c) for right-hand sides of the free coordinates."""
-        model, found = self.equations.model, elimination.solve(factors, self._placed(right))
-        return found if model.held_at_base_alone else _selection(model).T @ found
-
-    def _frames(self, configurations: int) -> Corotation:
-        return Corotation(self.equations.model, configurations, self.equations.make)
-
-    @cached_property
-    def _corotation(self) -> Corotation:
-        return self._frames(STAGES)
-
-    def _corrected(self) -> tuple[cs.MX, tuple[cs.MX, cs.MX, cs.MX, cs.MX]]:
-        """Return Z minus T dW, turned forth, and the motion and the load at the stages."""
+    def _advanced(self) -> list[cs.MX]:
+        """Return Z minus T dW, turned forth, the turns to the stages, and the motion of the links there."""
         s = self._symbols
-        z = s.increments - self._corotation.forth(s.corrections @ cs.DM(RADAU.transform).T, s.turns)
-        return z, stage_motion(self.equations.model, z, s.q, s.v, s.h, s.excitations)
+        base = s.excitations[: 3 * NODE, :]
+        return self.links.advanced(s.corrections, s.turns, s.increments, s.q, s.v, s.h, base, s.reference)
+
+    def _whole(self, motion: Sequence[cs.MX]) -> list[cs.MX]:
+        """Return e, e_t and e_tt (4 n + 4, 3) at the stages from those of the links (24, links)."""
+        base = cs.vertsplit(self._symbols.excitations[: 3 * NODE, :], NODE)
+        return [self.links.whole(node, both) for node, both in zip(base, motion, strict=True)]
+
+    def _forces(self, motion: Sequence[cs.MX]) -> tuple[cs.MX, cs.MX, cs.MX]:
+        """Return the forces on both nodes of each link (24, links), those on all nodes besides (12, nodes), and powers.
+
+        ``motion`` are e, e_t and e_tt of the links (24, links) at the stages; the powers (3, 3) are those of
+        ``Balance.forces``.
+        """
+        s, equations, links = self._symbols, self.equations, self.links
+        model, root, balance = equations.model, equations.model.root, equations.balance(s.parameters)
+        load, whole = s.excitations[3 * NODE :, :], self._whole(motion)
+        coordinates = [cs.reshape(x[:, root:] if root else x, LINK, -1) for x in motion]
+        forces, lost_in_elements = mapped(equations.element("balance", 0), *coordinates, s.properties, s.constants)
+        forces, further = cs.reshape(forces, LINK * STAGES, -1), cs.MX(model.size, STAGES)
+        lost = cs.sum2(cs.reshape(lost_in_elements, STAGES, -1)).T
+        if place := equations.place:
+            index, _ = model.place_at(place.place(model.beam))
+            at_load = [cs.reshape(x[:, index + root], LINK, STAGES) for x in motion[:2]]
+            acting = load_on_element(model, place, at_load[0], load)
+            supplied = cs.sum1(acting * at_load[1])
+            forces[:, index] -= cs.vec(acting)
+        else:
+            acting = load_force(model, None, whole[0], load)
+            supplied, further = cs.sum1(acting * whole[1]), further - acting
+        if self._others:
+            parts, powers = equations.mapped("balance", balance, *whole, groups=self._others)
+            further += model.sum_at_nodes(parts, self._others.values())
+            lost += sum(cs.sum1(cs.reshape(power, -1, STAGES)) for power in powers)
+        if self._low_rank.rank:
+            damping = balance.of_low_rank(*whole[:2])
+            further, lost = further + damping, lost + cs.sum1(whole[1] * damping)
+        on_links = cs.horzcat(cs.MX(LINK * STAGES, root), forces) if root else forces
+        on_base = cs.reshape(on_links[:, 0], LINK, STAGES)[:NODE, :] + further[:NODE, :]
+        if not model.held_at_base_alone:
+            on_base = model.of_base(further + links.summed(on_links))
+        by_base = cs.sum1(s.excitations[NODE : 2 * NODE, :] * on_base)
+        return on_links, links.node_by_node(further), cs.vertcat(lost, by_base, supplied)
+
+    def _solved(self, on_links: cs.MX, further: cs.MX, turns: cs.MX) -> cs.MX:
+        """Return the solution dW for forces on the links and further ones on their second nodes."""
+        s, links = self._symbols, self.links
+        solution = links.substituted(links.reduced(on_links, further, turns, s.outer), s.inner)
+        if not self._low_rank.rank:
+            return solution
+        correction = self._low_rank.correction(s.low_rank, links.stage_by_stage(solution))
+        return solution - links.node_by_node(correction)
 
     @cached_property
     def _symbols(self) -> SimpleNamespace:
         """The inputs of ``stages``, in order, which the other Functions share."""
-        free, model = self.equations.free, self.equations.model
+        free, model, links = self.equations.free, self.equations.model, self.links.count
+        elements, constants = model.beam.elements, 2 + len(self.equations.law.parameters)
         return SimpleNamespace(
-            increments=cs.MX.sym("Z", free, STAGES),
-            corrections=cs.MX.sym("dW", free, STAGES),
+            increments=cs.MX.sym("Z", VALUES, links),
+            corrections=cs.MX.sym("dW", VALUES, links),
+            turns=cs.MX.sym("turns", VALUES, links),
             q=cs.MX.sym("q", free),
             v=cs.MX.sym("v", free),
             h=cs.MX.sym("h"),
             excitations=cs.MX.sym("excitations", EXCITATION, STAGES),
-            turns=cs.MX.sym("turns", NODE * STAGES, self._corotation.links),
-            reference=cs.MX.sym("reference", model.size),
+            reference=cs.MX.sym("reference", NODE, links + 1),
             parameters=cs.MX.sym("parameters", self.equations.parameters.size),
-            real=cs.MX.sym("real", self._real.layout.size),
-            pair=cs.MX.sym("pair", self._pair.layout.size),
+            properties=cs.MX.sym("properties", model.groups[0].element.elastic_force.size1_in(1), STAGES * elements),
+            constants=cs.MX.sym("constants", constants, STAGES * elements),
+            outer=cs.MX.sym("outer", 3 * BLOCK, links),
+            inner=cs.MX.sym("inner", 6 * BLOCK, links),
+            low_rank=cs.MX.sym("low_rank", self._low_rank.layout.size),
+            weights=cs.MX.sym("weights", VALUES, links),
         )
 
     @cached_property
@@ -270,31 +320,15 @@ def first_equal(form: Collocation) -> Collocation:
     return form
 
 
-def stage_motion(
-    model: Model, z: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX, excitations: cs.MX
-) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
-    """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (4, 3), at the stages, from Z and the data of the step."""
-    inverse = cs.DM(RADAU.inverse).T
-    velocities = z @ inverse / h
-    accelerations = (velocities - cs.repmat(v, 1, STAGES)) @ inverse / h
-    *nodes, load = cs.vertsplit(excitations, NODE)
-    moved = cs.repmat(q, 1, STAGES) + z, velocities, accelerations
-    e, e_t, e_tt = (model.whole(free, node) for node, free in zip(nodes, moved, strict=True))
-    return e, e_t, e_tt, load
+def _combined(weights: Array, columns: cs.MX) -> cs.MX:
+    """Return the weighted sums (4, links) of the values at the stages (12, links)."""
+    return cs.sparsify(cs.DM(np.kron(weights, np.eye(NODE)))) @ columns
 
 
-def _selection(model: Model) -> cs.DM:
-    """Return the sparse matrix that takes free coordinates to four places per node."""
-    places = node_places(model)
-    return cs.DM.triplet(
-        places.tolist(), list(range(places.size)), cs.DM.ones(places.size), model.size - NODE, places.size
-    )
-
-
-def _lagrange(nodes: Array, x: cs.MX) -> list[cs.MX]:
+def _lagrange(nodes: Array, x: cs.SX) -> list[cs.SX]:
     """Return the Lagrange polynomials of some nodes at x."""
     factors = [[(x - other) / (node - other) for other in nodes if other != node] for node in nodes]
-    return [cs.MX(math.prod(one, start=cs.MX(1))) for one in factors]
+    return [math.prod(of_node, start=cs.SX(1)) for of_node in factors]
 
 
 def _function(name: str, inputs: list[cs.MX], outputs: list[cs.MX]) -> cs.Function:

@@ -1,183 +1,90 @@
-"""Block elimination for the matrices of Newton's method, node by node along the beam.
+"""Block elimination for the matrices of Newton's method, node by node from the tip of the beam.
 
-The matrices couple each node to its neighbours only.  With 4x4 blocks D on the diagonal, B on its right and C below it,
+The matrices A couple each node to its neighbours only.  With 4x4 blocks D on the diagonal, B in the rows of a node for
+the next one and C in those of the next one for it, elimination from the tip and substitution from the base,
 
-    P_i = (D_i - L_i-1 B_i-1)^-1,    L_i = C_i P_i,    f_i = r_i - L_i-1 f_i-1,    x_i = P_i (f_i - B_i x_i+1)
+    P_k = (D_k - B_k P_k+1 C_k)^-1,    f_k = r_k - B_k P_k+1 f_k+1,    x_k = P_k (f_k - C_k-1 x_k-1),
 
-solves the system with right-hand side r.  A matrix s^2 M + s D + K with positive definite M and K needs no pivots: some
-rotation of the complex plane makes its real part positive definite.  If K is so indefinite that a P_i becomes
-inaccurate, Newton's method converges slowly, and the step becomes shorter.
+solve A x = r.  A matrix s^2 M + s D + K with positive definite M and K needs no pivots: some rotation of the complex
+plane makes its real part positive definite.  If K is so indefinite that a P_k becomes inaccurate, Newton's method
+converges slowly, and the step becomes shorter.
 
-A part B diag(d) B^T of the damping adds s V diag(d) V^T, of low rank, to the matrix A, by Woodbury's identity:
-
-    x = y - W T V^T y,    y = A^-1 r,    W = A^-1 V,    T = s diag(d) (1 + V^T W s diag(d))^-1.
-
-Complex numbers are pairs of real ones.  Vectors have one column for a real system, and two for the real and imaginary
-parts in a complex one.  The Functions of a node depend neither on the mesh nor on the law, so one library serves all.
+A real and a complex system are solved side by side.  The four numbers of a node in the real one, then the real and the
+imaginary parts of those in the complex one, are three columns; complex matrices are pairs of real ones.
 """
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Sequence
 
 import casadi as cs
-import numpy as np
 
-from ancf_casadi.dynamics.equations import ELEMENTS_PER_CALL
-from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
-from ancf_casadi.support.arrays import Index, Layout
 
-BLOCK_ENTRIES = NODE**2
-BLOCKS = 3 * BLOCK_ENTRIES  # entries of D, B and C of a node, or of P, B and L
+BLOCK = NODE**2  # entries of a block
+LINK = 2 * NODE  # coordinates of the two nodes that a link joins
+PARTS = (slice(0, 1), slice(1, 3))  # columns of the real system, and of the complex one
 
 Complex = list[cs.SX]  # the real part of a matrix, or its real and imaginary parts
 
 
-@dataclass(frozen=True, eq=False)
-class Elimination:
-    """Solution of systems with a real or a complex matrix A + s V diag(d) V^T, for four coordinates per node."""
+def eliminate() -> cs.Function:
+    """Return the Function of a link that eliminates its second node.
 
-    parts: int  # 1 for a real matrix, 2 for a complex one
-    free: int  # number of coordinates N, four per node
-    rank: int  # number of columns of V, m
-    make: Callable[[cs.Function], cs.Function]  # compiles a Function, or leaves it to the virtual machine
+    (matrices beyond, K, D, M, rates) -> matrices beyond, (B_k P_k+1), (P_k, C_k-1), for A = s^2 M + s D + K.
 
-    @cached_property
-    def layout(self) -> Layout:
-        """Layout of the factors: P, B and L of each node, V, W and T."""
-        nodes, rows, columns = self.free // NODE, self.parts * self.free, self.parts * self.rank
-        sizes = {"blocks": self.parts * BLOCKS * nodes, "v": self.free * self.rank}
-        return Layout.of(**sizes, w=rows * columns, t=columns**2)
-
-    def factors(self, blocks: cs.MX, v: cs.MX, coefficients: cs.MX, s: complex) -> cs.MX:
-        """Return the factors as a vector, from D, B and C of each node, V (N, m), d (m,) and s.
-
-        ``blocks`` (48 parts, N/4) has the real parts of all three blocks of a node, then the imaginary parts.
-        """
-        solved = _along(self._nodes[0], blocks)
-        if not self.rank:
-            return cs.vec(solved)
-        none = [cs.MX(self.free, 1)] * (self.parts - 1)
-        solutions = [self._solve(solved, cs.horzcat(column, *none)) for column in cs.horzsplit(v)]
-        w = self._as_real([cs.horzcat(*columns) for columns in zip(*map(cs.horzsplit, solutions), strict=True)])
-        d = self._as_real([cs.diag(coefficients) * part for part in (s.real, s.imag)[: self.parts]])
-        inner = cs.MX.eye(d.shape[0]) + cs.vertcat(*(v.T @ rows for rows in cs.vertsplit(w, self.free))) @ d
-        return cs.vertcat(*map(cs.vec, (solved, v, w, cs.solve(inner.T, d.T, "qr").T)))
-
-    def solve(self, factors: cs.MX, right: cs.MX) -> cs.MX:
-        """Return the solution (N, parts) for a right-hand side (N, parts)."""
-        blocks, v, w, t = cs.vertsplit(factors, self.layout.offsets)
-        solution = self._solve(cs.reshape(blocks, self.parts * BLOCKS, -1), right)
-        if not self.rank:
-            return solution
-        v, w, t = (cs.reshape(x, -1, columns * self.rank) for x, columns in ((v, 1), (w, self.parts), (t, self.parts)))
-        return solution - cs.reshape(w @ (t @ cs.vec(v.T @ solution)), *solution.shape)
-
-    def _solve(self, blocks: cs.MX, right: cs.MX) -> cs.MX:
-        """Return the solution without the part of low rank."""
-        columns = cs.vertcat(*(cs.reshape(part, NODE, -1) for part in cs.horzsplit(right)))
-        forward, backward = self._nodes[1:]
-        solution = _along(backward, _along(forward, columns, blocks), blocks, back=True)
-        return cs.horzcat(*map(cs.vec, cs.vertsplit(solution, NODE)))
-
-    def _as_real(self, parts: list[cs.MX]) -> cs.MX:
-        """Return a matrix, or the real matrix that multiplies real above imaginary parts as a complex one does."""
-        return parts[0] if self.parts == 1 else cs.blockcat([[parts[0], -parts[1]], [parts[1], parts[0]]])
-
-    @cached_property
-    def _nodes(self) -> tuple[cs.Function, ...]:
-        return tuple(map(self.make, _node_functions(self.parts)))
+    K, D and M (64,) are those of the link; the rates are s of the real system, and its real and imaginary part in the
+    complex one.  The matrices beyond a node are B, C and the first block of the next link, and P of its second node.
+    """
+    k, d, m = (cs.SX.sym(name, LINK, LINK) for name in "kdm")
+    beyond, rates = cs.SX.sym("beyond", 12 * BLOCK), cs.SX.sym("rates", 3)
+    gamma, a, b = cs.vertsplit(rates)
+    systems: list[Complex] = [
+        [k + gamma * d + gamma**2 * m],
+        [k + a * d + (a**2 - b**2) * m, b * d + 2 * a * b * m],
+    ]
+    carried, outer, inner = [], [], []
+    first, second = slice(0, NODE), slice(NODE, LINK)
+    for matrix, (b_, c, own, p) in zip(systems, _matrices(beyond, 4), strict=True):
+        bp = _times(b_, p)
+        block = [x[second, second] + y for x, y in zip(matrix, own, strict=True)]
+        inverse = _inverse(_minus(block, _times(bp, c)))
+        to_next, from_next = [x[first, second] for x in matrix], [x[second, first] for x in matrix]
+        carried.append([to_next, from_next, [x[first, first] for x in matrix], inverse])
+        outer.append([bp])
+        inner.append([inverse, from_next])
+    inputs = [beyond, *(cs.vec(x) for x in (k, d, m)), rates]
+    outputs = [_column(parts) for parts in (carried, outer, inner)]
+    return cs.Function("eliminate", inputs, outputs, {"cse": True})
 
 
-@functools.cache
-def _node_functions(parts: int) -> tuple[cs.Function, ...]:
-    """(carried, columns of each node, ...) -> carried, result, for elimination, and forward and back substitution."""
-    kind, size = "real" if parts == 1 else "complex", parts * NODE
-    blocks, factors = cs.SX.sym("blocks", parts * BLOCKS), cs.SX.sym("factors", parts * BLOCKS)
-    previous, carried, right = (cs.SX.sym("x", length) for length in (parts * BLOCK_ENTRIES, size, size))
-    (d, b, c), (before,) = _split(blocks, BLOCK_ENTRIES, 3), _split(previous, BLOCK_ENTRIES, 1)
-    inverse = _inverse(_minus(d, before))
-    beyond = _times(c, inverse)
-    p, b_, l = _split(factors, BLOCK_ENTRIES, 3)
-    (last,), (r,) = _split(carried, NODE, 1), _split(right, NODE, 1)
-    f, x = _minus(r, last), _times(p, _minus(r, _times(b_, last)))
-    return (
-        _chained(f"eliminate_{kind}", [previous, blocks], [_joined(_times(beyond, b)), _joined(inverse, b, beyond)]),
-        _chained(f"forward_{kind}", [carried, right, factors], [_joined(_times(l, f)), _joined(f)]),
-        _chained(f"backward_{kind}", [carried, right, factors], [_joined(x)] * 2, back=True),
-    )
+def reduced(r: cs.SX, outer: cs.SX, beyond: cs.SX) -> cs.SX:
+    """Return f_k (4, 3) from r_k, the second output of ``eliminate`` (48,), and f_k+1."""
+    columns = [_minus(_parts(r, part), _times(bp, _parts(beyond, part)))
+               for part, (bp,) in zip(PARTS, _matrices(outer, 1), strict=True)]  # fmt: skip
+    return cs.horzcat(*(x for parts in columns for x in parts))
 
 
-def _split(column: cs.SX, length: int, count: int) -> list[Complex]:
-    """Return the matrices in a column, which holds the real parts of all of them, then the imaginary parts."""
-    pieces = [cs.reshape(piece, NODE, -1) for piece in cs.vertsplit(column, length)]
-    return [pieces[k::count] for k in range(count)]
+def substituted(f: cs.SX, inner: cs.SX, before: cs.SX) -> cs.SX:
+    """Return x_k (4, 3) from f_k, the third output of ``eliminate`` (96,), and x_k-1."""
+    columns = [_times(p, _minus(_parts(f, part), _times(c, _parts(before, part))))
+               for part, (p, c) in zip(PARTS, _matrices(inner, 2), strict=True)]  # fmt: skip
+    return cs.horzcat(*(x for parts in columns for x in parts))
 
 
-def node_blocks(model: Model, entries: cs.MX, unit: float = 1.0) -> cs.MX:
-    """Return D, B and C of each node, (48, nodes), as sums of element matrices (entries as in ``Model.entries``)."""
-    kept, rows, columns, products = model.free_entries
-    places = node_places(model)
-    rows, columns = places[rows], places[columns]
-    row, column = rows // NODE, columns // NODE
-    block = np.where(row == column, 0, np.where(row < column, 1, 2))
-    target = BLOCKS * np.minimum(row, column) + BLOCK_ENTRIES * block + NODE * (columns % NODE) + rows % NODE
-    if not model.is_selection:
-        weights = np.zeros(entries.numel())
-        weights[kept] = products
-        entries = entries * cs.DM(weights)
-    padded, total = cs.vertcat(entries, 0.0), cs.MX(BLOCKS * (model.size // NODE - 1), 1)
-    held = np.setdiff1d(np.arange(model.size - NODE), places)
-    if held.size:
-        diagonal = np.zeros(total.numel())
-        diagonal[BLOCKS * (held // NODE) + (NODE + 1) * (held % NODE)] = unit
-        total = cs.MX(cs.DM(diagonal))
-    while target.size:  # each place takes an entry of one element after the other
-        found, first = np.unique(target, return_index=True)
-        sources = np.full(total.numel(), entries.numel())
-        sources[found] = kept[first]
-        total += padded.nz[sources.tolist()]
-        target, kept = np.delete(target, first), np.delete(kept, first)
-    return cs.reshape(total, BLOCKS, -1)
+def _parts(vectors: cs.SX, columns: slice) -> Complex:
+    return cs.horzsplit(vectors[:, columns])
 
 
-def node_places(model: Model) -> Index:
-    """Return the place of each free coordinate in a vector with four places per node beyond the base, (N,)."""
-    return model.first_moved - NODE
+def _matrices(column: cs.SX, count: int) -> list[list[Complex]]:
+    """Return the real and the complex blocks in a column, as many of each."""
+    blocks = iter([cs.reshape(part, NODE, NODE) for part in cs.vertsplit(column, BLOCK)])
+    return [[[next(blocks) for _ in range(parts)] for _ in range(count)] for parts in (1, 2)]
 
 
-def _chained(name: str, inputs: list[cs.SX], outputs: list[cs.SX], *, back: bool = False) -> cs.Function:
-    """Return the Function of ``ELEMENTS_PER_CALL`` nodes that passes the first input from node to node."""
-    one = cs.Function(name, inputs, [cs.densify(output) for output in outputs], {"cse": True})
-    carried = cs.MX.sym("carried", one.size1_in(0))
-    columns = [cs.MX.sym(f"x{k}", one.size1_in(k), ELEMENTS_PER_CALL) for k in range(1, one.n_in())]
-    passed, results = carried, []
-    for j in range(ELEMENTS_PER_CALL)[:: -1 if back else 1]:
-        passed, result = one(passed, *(x[:, j] for x in columns))
-        results.append(result)
-    options = {"is_diff_in": [False] * one.n_in()}
-    return cs.Function(name, [carried, *columns], [passed, cs.horzcat(*results[:: -1 if back else 1])], options)
-
-
-def _along(function: cs.Function, *columns: cs.MX, back: bool = False) -> cs.MX:
-    """Evaluate a Function from ``_chained`` for any number of nodes; copies of the last one fill the last call."""
-    count = columns[0].size2()
-    padded = [cs.horzcat(x, cs.repmat(x[:, -1], 1, -count % ELEMENTS_PER_CALL)) for x in columns]
-    carried, results = cs.MX.zeros(function.size1_in(0)), []
-    calls = list(zip(*(cs.horzsplit(x, ELEMENTS_PER_CALL) for x in padded), strict=True))
-    for arguments in calls[:: -1 if back else 1]:
-        carried, result = function(carried, *arguments)
-        results.append(result)
-    return cs.horzcat(*results[:: -1 if back else 1])[:, :count]
-
-
-def _joined(*matrices: Complex) -> cs.SX:
-    """Return matrices as a column, as ``_split`` takes it."""
-    return cs.SX(cs.vertcat(*(cs.vec(part) for parts in zip(*matrices, strict=True) for part in parts)))
+def _column(systems: Sequence[Sequence[Complex]]) -> cs.SX:
+    """Return blocks as a column, as ``_matrices`` takes it."""
+    return cs.densify(cs.vertcat(*(cs.vec(x) for blocks in systems for block in blocks for x in block)))
 
 
 def _minus(a: Complex, b: Complex) -> Complex:

@@ -22,13 +22,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ancf_casadi.dynamics.excitation import EXCITATION, SAME_TIME
-from ancf_casadi.dynamics.radau.collocation import STAGES, Collocation
+from ancf_casadi.dynamics.radau.collocation import MIDDLE, Collocation
+from ancf_casadi.dynamics.radau.tableau import STAGES
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.compilation import Buffered
+from ancf_casadi.support.compilation import Buffered, evaluated
 
 NEWTON_RATIO = 0.001  # relative to the tolerance of the step; with a larger one, the errors of many steps add up
-MIDDLE = STAGES // 2  # stage in which the matrices are taken
 ERROR_ORDER = 4  # of the error estimate in the step length
 NEWTON_ITERATIONS = 10  # k_max
 STEADY = 3e-4  # contraction of Newton's method below which matrices may be kept
@@ -43,62 +43,53 @@ LEAST_ERROR, LEAST_TREND = 1e-10, 1e-2  # lower limits of err and err_last
 class Newton:
     """Newton's method for the stage equations of the step being tried, and the arrays that the Functions read in place.
 
-    N is the number of free coordinates.  ``Stepper`` writes ``start`` and ``end``, q, v and a at both ends of the last
-    step, and ``nodes``, all coordinates at its start and its stages, when a step is accepted.  For the step being
-    tried, it writes ``time``, its start, s, ``length``, s, ``ratio``, relative to that of the last step, and the
-    ``excitations`` at the stages, and predicts the ``increments`` Z of the free coordinates.  Here their last
-    ``corrections`` dW and the ``turns`` of the stages from the reference of the matrices are written, and, where the
-    matrices are taken, all and the free coordinates and the excitation of this ``reference``, and the factors of the
-    ``real`` and the complex matrix, the ``pair``.
+    N is the number of free coordinates; arrays with a row per link, or per node, are the columns of ``Collocation``.
+    ``Stepper`` writes ``start`` and ``end``, q, v and a at both ends of the last step, and ``nodes``, all coordinates
+    at its start and its stages, when a step is accepted.  For the step being tried, it writes ``time``, its start, s,
+    ``length``, s, ``ratio``, relative to that of the last step, and the ``excitations`` at the stages, and predicts the
+    ``increments`` Z.  Here their last ``corrections`` dW and the ``turns`` of the stages from the reference of the
+    matrices are written, and, where the matrices are taken, this reference with their factors.
 
     ``iterations`` and ``factorisations`` count the work of the run.  ``contraction`` is the last theta that was
     measured, in an earlier step if the last step took a single iteration.
     """
 
     def __init__(self, form: Collocation, parameters: Array, tolerance: float) -> None:
-        model = form.equations.model
-        size, free = model.size, form.equations.free
-        self.start, self.end, self.nodes = np.zeros((3, free)), np.zeros((3, free)), np.zeros((STAGES + 1, size))
+        model, links = form.equations.model, form.links.count
+        free = form.equations.free
+        self.start, self.end = np.zeros((3, free)), np.zeros((3, free))
+        self.nodes = np.zeros((links + 1, STAGES + 1, NODE))
         self.time, self.length, self.ratio = np.zeros(1), np.zeros(1), np.zeros(1)
         self.excitations = np.zeros((STAGES, EXCITATION))
-        self.increments, self.corrections = np.zeros((STAGES, free)), np.zeros((STAGES, free))
-        self.turns = np.zeros(form.stages.numel_out(2))
-        self.reference, self.reference_q, self.reference_excitation = (np.zeros(k) for k in (size, free, EXCITATION))
-        self.real, self.pair = (np.zeros(form.factors.numel_out(k)) for k in range(2))
-        self.parameters = parameters
+        self.increments, self.corrections, self.turns = (np.zeros((links, STAGES, NODE)) for _ in range(3))
         self.iterations = self.factorisations = 0
         self.contraction = 1.0
-        self._model = model
-        self._weights = 1 / (model.free_scale * tolerance * math.sqrt(free))
-        self._stage_weights = np.tile(self._weights / math.sqrt(STAGES), STAGES)
-        state = self.reference_q, self.end[1], self.length, self.reference_excitation
+        motion = *self.end[:2], self.length
+        middle = self.excitations[MIDDLE]
+        self._factors = Buffered(form.factors, self.increments, *motion, middle, parameters)
+        reference, *factors = self._factors.outputs
+        columns = evaluated(form.columns, parameters)
+        trial = self.increments, self.corrections, self.turns, *motion, self.excitations
+        weights = np.zeros(NODE * links)  # of corrections at four places per node
+        weights[model.first_moved - NODE] = 1 / (model.free_scale * tolerance * math.sqrt(STAGES * free))
+        weights = np.repeat(weights.reshape(links, 1, NODE), STAGES, axis=1)
+        self.of_stages = [*trial, reference, parameters, *(x.T for x in columns), *factors, weights]
         self._stages = Buffered(form.stages, *self.of_stages)
-        self._factors = Buffered(form.factors, *state, parameters, outputs=[self.real, self.pair])
-
-    @property
-    def of_stages(self) -> list[Array]:
-        """The inputs of ``Collocation.stages``, in order."""
-        trial = [self.increments, self.corrections, *self.end[:2], self.length, self.excitations, self.turns]
-        return [*trial, self.reference, self.parameters, self.real, self.pair]
 
     def factorise(self) -> None:
         """Evaluate and factorise the matrices in the predicted configuration of the middle stage."""
         self.factorisations += 1
-        self.reference_excitation[:] = self.excitations[MIDDLE]
-        self.reference_q[:] = self.end[0] + self.increments[MIDDLE]
-        self.reference[:] = self._model.whole(self.reference_q, self.reference_excitation[:NODE])
         self._factors()
 
     def converge(self) -> int:
         """Solve the stage equations, and return the number of iterations; 0 if they do not converge."""
-        increments, corrections, turns = self.increments.ravel(), self.corrections.ravel(), self.turns
+        increments, corrections, turns = self.increments.ravel(), self.corrections.ravel(), self.turns.ravel()
         corrections[:] = 0.0
         size = math.inf
         for iteration in range(1, NEWTON_ITERATIONS + 1):
             self.iterations += 1
-            corrections[:], increments[:], turns[:] = self._stages()
-            weighted = corrections * self._stage_weights
-            before, size = size, math.sqrt(weighted.dot(weighted))
+            corrections[:], increments[:], turns[:], norm = self._stages()
+            before, size = size, norm.item()
             if iteration == 1:
                 contraction = 0.0 if size < NEWTON_RATIO else 1.0
             else:
@@ -108,11 +99,6 @@ class Newton:
             if contraction < 1.0 and contraction / (1.0 - contraction) * size < NEWTON_RATIO:
                 return iteration
         return 0
-
-    def error(self, estimate: Array) -> float:
-        """Return the size of an error estimate relative to the tolerance."""
-        weighted = estimate * self._weights
-        return math.sqrt(weighted.dot(weighted))
 
 
 @dataclass(frozen=True)

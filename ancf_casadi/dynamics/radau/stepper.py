@@ -23,8 +23,9 @@ import numpy as np
 
 from ancf_casadi.dynamics.dense_output import SegmentSolution, Slopes, Steps
 from ancf_casadi.dynamics.excitation import ENERGY_STATES, SAME_TIME, Excitation, Segment
-from ancf_casadi.dynamics.radau.collocation import RADAU, STAGES, Collocation
+from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.newton import Newton, StepControl
+from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
@@ -61,7 +62,8 @@ def _polynomials_of(
     instants, free, bases, nodes, energies, added = (np.array(values) for values in zip(*kept, strict=True))
     ends = slopes.model.whole(np.moveaxis(free, -1, 0), np.moveaxis(bases.reshape(-1, 3, NODE), -1, 0))
     energies = np.concatenate([energies[1:, None], added[1:]], axis=1)
-    return Steps(slopes, instants, np.moveaxis(ends, 0, -1), energies, nodes[1 + first :, 1:])
+    stages = np.moveaxis(nodes[1 + first :, :, 1:], 1, 2)
+    return Steps(slopes, instants, np.moveaxis(ends, 0, -1), energies, stages.reshape(*stages.shape[:2], -1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,35 +102,36 @@ class Stepper:
         model, first = form.equations.model, piece.at(piece.begin)
         self.now, self.steps = piece.begin, 0
         self._form, self._piece, self._largest_step, self._control = form, piece, largest_step, StepControl()
-        # energies at the start of the last step, and coefficients of x, x^2 and x^3 of those added within it
+        # energies at the start of the last step; coefficients of x, x^2 and x^3 in those added within it, and their sum
         self._energies = np.zeros(ENERGY_STATES) if work is None else work
-        self._added = np.zeros((STAGES, ENERGY_STATES))
+        self._added = np.zeros((STAGES + 1, ENERGY_STATES))
 
         self.newton = arrays = Newton(form, parameters, tolerance)
         arrays.excitations[:] = first
         q, v, a = arrays.end
         q[:], v[:] = model.of_free(start.coordinates), model.of_free(start.velocities)
-        arrays.nodes[:] = model.whole(q, first[:NODE])
+        arrays.nodes[:] = model.whole(q, first[:NODE]).reshape(-1, 1, NODE)
         a[:] = form.accelerations(q, v, first, parameters)
 
-        self._finish = Buffered(form.finish, *arrays.of_stages[:-1], a)
-        known = arrays.nodes, arrays.ratio, arrays.excitations, q
-        self._predict = Buffered(form.prediction, *known, outputs=[arrays.increments])
-        self._excite = Buffered(_at_stages(piece.function), arrays.time, arrays.length, outputs=[arrays.excitations])
+        self._finish = Buffered(form.finish, *arrays.of_stages, a, arrays.nodes)
+        known = arrays.time, arrays.length, arrays.ratio, arrays.nodes
+        self._predict = Buffered(
+            _trial(form.prediction, piece.function), *known, outputs=[arrays.excitations, arrays.increments]
+        )
 
     @property
     def state(self) -> State:
         """The state at the end of the last step."""
         newton = self.newton
         velocities = self._form.equations.model.whole(newton.end[1], newton.excitations[-1, NODE : 2 * NODE])
-        return State(newton.nodes[-1].copy(), velocities, self.now)
+        return State(newton.nodes[:, -1].ravel(), velocities, self.now)
 
     @property
     def last_step(self) -> RadauStep:
         """The last step."""
         newton, h = self.newton, self._control.length
         q, v, a = newton.start.copy()
-        stages = self._form.equations.model.of_free(newton.nodes[1:].T).T
+        stages = self._form.equations.model.of_free(np.moveaxis(newton.nodes[:, 1:], 1, 2).reshape(-1, STAGES)).T
         return RadauStep(self.now - h, h, q, v, a, stages - q, newton.excitations.copy())
 
     @property
@@ -136,16 +139,17 @@ class Stepper:
         """State, stages and energies of the last step, as a result keeps them.
 
         Its end, s; q, v and a there, (3, N), and the motion of the base, (12,); the coordinates at its start and its
-        stages, (4, 4 n + 4); the energies at its start, (3,), J, and the coefficients of x, x^2 and x^3 in those added.
+        stages, (nodes, 4, 4); the energies at its start, (3,), J, and the coefficients of x, x^2 and x^3 in those that
+        it adds.
         """
         newton = self.newton
         kept = newton.end.copy(), newton.excitations[-1, : 3 * NODE].copy(), newton.nodes.copy()
-        return self.now, *kept, self._energies, self._added
+        return self.now, *kept, self._energies, self._added[:-1]
 
     @property
     def work(self) -> Array:
         """The energies at the end of the last step, (3,), J."""
-        return np.asarray(self._energies + self._added.sum(axis=0))
+        return np.asarray(self._energies + self._added[-1])
 
     def steps_to(self, instant: float) -> Iterator[None]:
         """Take steps until an instant is passed."""
@@ -171,19 +175,16 @@ class Stepper:
             if not iterations:
                 control = control.not_converged(h, kept=kept)
                 continue
-            nodes, velocities, accelerations, estimate, powers = self._finish()
-            error = newton.error(estimate)
+            nodes, end, norm, added = self._finish()
+            error = norm.item()
             if error <= 1.0:
                 break
             control = control.inaccurate(h, error, iterations)
 
         self._control = control.accepted(h, error, iterations, newton.contraction, self._largest_step)
-        self._energies = self.work
-        self._added = h * RADAU.integral @ powers.reshape(STAGES, ENERGY_STATES)
-        newton.nodes[0], newton.nodes[1:] = newton.nodes[-1], nodes.reshape(STAGES, -1)
+        self._energies, self._added = self.work, added.reshape(self._added.shape).copy()
         newton.start[:] = newton.end
-        last = self._form.equations.model.of_free(newton.nodes[-1])
-        newton.end[0], newton.end[1], newton.end[2] = last, velocities, accelerations
+        newton.end[:], newton.nodes[:] = end.reshape(newton.end.shape), nodes.reshape(newton.nodes.shape)
         self.now += h
         self.steps += 1
 
@@ -191,20 +192,20 @@ class Stepper:
         """Set up the trial of a step of length h: evaluate the excitation and predict the increments."""
         newton, (_, v, a) = self.newton, self.newton.end
         newton.length[0], newton.time[0] = h, self.now
-        self._excite()
-        if self.steps:
-            newton.ratio[0] = h / self._control.length
-            self._predict()
-        else:
-            times = h * RADAU.nodes[:, None]
-            newton.increments[:] = times * v + times**2 / 2 * a
+        newton.ratio[0] = h / self._control.length if self.steps else 1.0
+        self._predict()
+        if not self.steps:
+            times = h * RADAU.nodes
+            moved = self._form.equations.model.moved(np.outer(v, times) + np.outer(a, times**2 / 2))
+            newton.increments[:] = np.moveaxis(moved[NODE:].reshape(-1, NODE, STAGES), 1, 2)
 
 
-def _at_stages(excitation: cs.Function) -> cs.Function:
-    """(t, h) -> the excitations at the stages of a step, (16, 3)."""
-    t, h = cs.MX.sym("t"), cs.MX.sym("h")
+def _trial(prediction: cs.Function, excitation: cs.Function) -> cs.Function:
+    """(t, h, ratio, nodes) -> the excitations at the stages of a step, (16, 3), and its predicted increments."""
+    t, h, ratio = (cs.MX.sym(name) for name in ("t", "h", "ratio"))
+    nodes = cs.MX.sym("nodes", *prediction.size_in(0))
     columns = cs.horzcat(*(excitation(t + c * h) for c in RADAU.nodes.tolist()))
-    return cs.Function("stage_excitations", [t, h], [columns])
+    return cs.Function("trial", [t, h, ratio, nodes], [columns, prediction(nodes, ratio, columns)])
 
 
 def _failure(problem: str, now: float, step: float) -> str:

@@ -1,4 +1,4 @@
-"""Corrections and residuals that rotate with the beam, and the prediction of a step."""
+"""Corrections and residuals that turn with the beam, and the prediction of a step."""
 
 import casadi as cs
 import numpy as np
@@ -6,7 +6,10 @@ import pytest
 
 from ancf_casadi import Beam, Model
 from ancf_casadi.dynamics.equations import as_it_is
-from ancf_casadi.dynamics.radau.corotation import Corotation
+from ancf_casadi.dynamics.radau.elimination import BLOCK
+from ancf_casadi.dynamics.radau.link import VALUES
+from ancf_casadi.dynamics.radau.links import Links
+from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.nodes import NODE
 
 BEAM = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9, "elements": 6}
@@ -29,14 +32,24 @@ def bent(model, curvature, turn=0.0):
 
 
 def transfer(model, reference, other):
-    """Return X, (N, N), and the matrix that turns residuals back."""
-    first, e = cs.MX.sym("first", model.size), cs.MX.sym("e", model.size)
-    vector = cs.MX.sym("vector", model.freedoms)
-    corotation = Corotation(model, 1, as_it_is)
-    turns = corotation.turns(first, e)
-    outputs = [corotation.forth(vector, turns), corotation.back(model.moved(vector), turns)]
+    """Return X, (N, N), and the matrix that turns residuals back, both at the middle stage."""
+    links, free = Links(model, as_it_is), model.freedoms
+    first, e, vector = (cs.MX.sym(name, size) for name, size in zip("rex", (model.size, model.size, free), strict=True))
+    none, base = cs.MX.zeros(VALUES, links.count), cs.vertcat(cs.repmat(e[:NODE], 1, STAGES), cs.MX.zeros(8, STAGES))
+    state = none, model.of_free(e), cs.MX.zeros(free), cs.MX(1.0), base, cs.reshape(first, NODE, -1)
+    _, turns, *_ = links.advanced(none, none, *state)
+
+    corrections = links.placed(vector) @ cs.DM(np.linalg.inv(RADAU.transform).sum(axis=1)).T  # alike at all stages
+    turned_forth = -links.stage_by_stage(links.advanced(links.node_by_node(corrections), turns, *state)[0])
+    residuals = links.node_by_node(cs.repmat(model.moved(vector), 1, STAGES))[:, 1:]
+    nothing = cs.MX.zeros(2 * VALUES, links.count), cs.MX.zeros(3 * BLOCK, links.count)  # no forces, no elimination
+    turned_back = (
+        links.stage_by_stage(links.reduced(nothing[0], residuals, turns, nothing[1])) @ cs.DM(RADAU.transform).T
+    )
+    places = (model.first_moved - NODE).tolist()
+    outputs = [links.free(cs.reshape(turned_forth[:, 1], NODE, -1)), turned_back[places, 1]]
     both = cs.Function("both", [first, e, vector], outputs)
-    columns = [both(reference, other, unit) for unit in np.eye(model.freedoms)]
+    columns = [both(reference, other, unit) for unit in np.eye(free)]
     return tuple(np.hstack([column[k].full() for column in columns]) for k in range(2))
 
 
@@ -76,9 +89,11 @@ def test_continuing_a_steady_bending(model):
         for node in times[1:]
     ]
     expected = np.column_stack([bent(model, 1.0 + t, 0.2 * t) for t in ahead])
-    clamped = expected[:NODE]
-    found = cs.evalf(
-        Corotation(model, 3, as_it_is).continued(cs.MX(cs.DM(polynomials)), cs.MX(cs.DM(motion)), cs.MX(cs.DM(clamped)))
-    ).full()
+    base = np.vstack([expected[:NODE], np.zeros((2 * NODE, STAGES))])
+    by_node = motion.T.reshape(times.size, -1, NODE).transpose(1, 0, 2).reshape(-1, times.size * NODE).T
+    links = Links(model, as_it_is)
+    arguments = (cs.MX(cs.DM(np.asarray(values))) for values in (by_node, polynomials, base))
+    increments = links.stage_by_stage(links.continued(*arguments))
+    found = cs.evalf(increments).full() + motion[NODE:, [-1]]
     still = np.abs(motion[NODE:, [-1]] - expected[NODE:]).max()
-    assert np.abs(found - model.of_free(expected)).max() < 1e-4 * still
+    assert np.abs(model.of_free(np.vstack([expected[:NODE], found]) - expected)).max() < 1e-4 * still

@@ -1,0 +1,257 @@
+"""One link of a beam: the Functions that a pass evaluates link by link, in coordinates that turn with the beam.
+
+A link joins a node to the next one: an element of the beam, or what joins a base of its own to the first node of the
+beam.  Its Functions take what the last link has passed on, columns of numbers of the link, and numbers that all links
+share; they return what the next link needs, and the results for the second node.  Positions are taken in units of the
+length l, so that machine code serves all meshes.
+
+Turns.  The axial stiffness of a thin beam is thousands of times its bending stiffness, and its direction turns with the
+beam: matrices evaluated in one configuration are of little use in the next.  The axial strains, however, depend only on
+the lengths of the slopes r' at the two Gauss points g = 1/2 -+ sqrt(3)/6 of each element, and these slopes determine
+the nodes: r' is quadratic in an element of length l, so that
+
+    r_k+1 = r_k + l/2 (r'_1 + r'_2),    tau_k+1 = tau_k + (r'_2 - r'_1)/(g_2 - g_1).
+
+Let G map the free coordinates to these slopes, and let R turn each slope by the angle between two configurations.
+X = G^-1 R G then takes corrections from one configuration to the other: the axial stiffness X^T K X is the same in
+both, inertia and bending are nearly so.  Residuals go the other way, by X^T.  The link to a base of its own turns the
+position and slope of the first node of the beam with this slope.
+
+Prediction.  A motion is extrapolated in the logarithms of the slopes, log length and angle, so that errors of the
+angles do not stretch the beam.
+
+A beam that supports hold beyond its beginning turns little.  Corrections that turn with it would not end at these
+supports; there X is 1, and the coordinates themselves are extrapolated.
+
+Supports.  The rows of N and G of a node, e = N q + G b, are a column of 32 numbers: the free coordinates of the node
+have places among its four, so that its part of N is a 4x4 matrix.  Elements whose nodes are all free do without them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.dynamics.radau import elimination
+from ancf_casadi.dynamics.radau.elimination import BLOCK, LINK
+from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
+from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.mechanics.strain import gauss, hermite_slope
+
+Kind = Literal["element", "base", "held"]  # an element that turns; a base of its own; an element of a beam that is held
+VALUES = NODE * STAGES  # numbers of a node at all stages
+
+
+@lru_cache
+def link_function(name: str, kind: Kind) -> cs.Function:
+    """Derive a Function of one link: (carried, columns, shared) -> carried, results."""
+    if name == "eliminate":
+        return elimination.eliminate()
+    if name == "substituted":
+        carried, f, inner = _columns(VALUES, VALUES, 6 * BLOCK)
+        x = cs.vec(elimination.substituted(_of_stages(f), inner, _of_stages(carried)))
+        return _function(name, "element", [carried, f, inner], [x, x])
+    return {"advanced": _advanced, "reduced": _reduced, "continued": _continued}[name](kind)
+
+
+def _advanced(kind: Kind) -> cs.Function:
+    """Derive the Function of ``Links.advanced``.
+
+    Carried are, of the first node, its corrections before and after turning, its motion at the stages, and its place in
+    the reference.
+    """
+    carried, h, base = cs.SX.sym("carried", 5 * VALUES + NODE), cs.SX.sym("h"), cs.SX.sym("base", 3 * VALUES)
+    w, turns, z, q, v, reference, l, supports = _columns(VALUES, VALUES, VALUES, NODE, NODE, NODE, 1, 2 * BLOCK)
+    before, turned_before = (_of_stages(x) for x in cs.vertsplit(carried[: 2 * VALUES], VALUES))
+    motion_before = cs.vertsplit(cs.reshape(carried[2 * VALUES : -NODE], VALUES, STAGES), NODE)
+    N, G = _matrices_of(supports)
+    link = _Link.of(kind, l)
+
+    corrections = _of_stages(w) @ cs.DM(RADAU.transform).T
+    if kind != "element":
+        corrections = N @ corrections
+    turned = corrections
+    if link:
+        turned = turned_before + link.forth(cs.vertcat(before, corrections), turns)
+        if kind == "base":
+            turned = N @ (N.T @ turned)
+    increments = _of_stages(z) - turned
+    inverse = cs.DM(RADAU.inverse).T
+    velocities = increments @ inverse / h
+    accelerations = (velocities - cs.repmat(v, 1, STAGES)) @ inverse / h
+    motion = [cs.repmat(q, 1, STAGES) + increments, velocities, accelerations]
+    if kind != "element":
+        of_base = cs.vertsplit(cs.reshape(base, 3 * NODE, STAGES), NODE)
+        motion = [x + G @ b for x, b in zip(motion, of_base, strict=True)]
+    both = [cs.vertcat(first, second) for first, second in zip(motion_before, motion, strict=True)]
+    angles = turns
+    if link:
+        start = link.directions(cs.vertcat(carried[-NODE:], reference))
+        angles = cs.vertcat(*(_angles(start, stage) for stage in cs.horzsplit(link.directions(both[0]))))
+    passed = cs.vertcat(*map(cs.vec, (corrections, turned, cs.vertcat(*motion))), reference)
+    inputs = [carried, w, turns, z, q, v, reference, l, *([] if kind == "element" else [supports]), h, base]
+    return _function("advanced", kind, inputs, [passed, cs.vec(increments), angles, *map(cs.vec, both)])
+
+
+def _reduced(kind: Kind) -> cs.Function:
+    """Derive the Function of ``Links.reduced``.
+
+    Carried are, of the second node, the forces of the next link on it, the sum of all forces beyond it, its turned
+    residual from the next link, and the eliminated residuals of the next node.
+    """
+    carried = cs.SX.sym("carried", 4 * VALUES)
+    forces, further, turns, outer, l, supports = _columns(2 * VALUES, VALUES, VALUES, 3 * BLOCK, 1, 2 * BLOCK)
+    beyond, total, turned, eliminated = (_of_stages(x) for x in cs.vertsplit(carried, VALUES))
+    N, _ = _matrices_of(supports)
+    link = _Link.of(kind, l)
+
+    on_link, before = cs.reshape(forces, LINK, STAGES), cs.SX.zeros(NODE, STAGES)
+    residuals = on_link[NODE:, :] + _of_stages(further) + beyond
+    if link:
+        total += residuals
+        before, residuals = cs.vertsplit(link.back(total, turns), NODE)
+        residuals += turned
+    if kind != "element":
+        residuals = N.T @ residuals
+    solved = elimination.reduced(residuals @ cs.DM(np.linalg.inv(RADAU.transform)).T, outer, eliminated)
+    passed = cs.vertcat(*map(cs.vec, (on_link[:NODE, :], total, before, solved)))
+    inputs = [carried, forces, further, turns, outer, l, *([] if kind == "element" else [supports])]
+    return _function("reduced", kind, inputs, [passed, cs.vec(solved)])
+
+
+def _continued(kind: Kind) -> cs.Function:
+    """Derive the Function of ``Links.continued``; carried is the motion of the first node, and its continuation."""
+    carried, instants = cs.SX.sym("carried", NODE * (STAGES + 1) + VALUES), STAGES + 1
+    motion, l, supports = _columns(NODE * instants, 1, 2 * BLOCK)
+    weights, base = cs.SX.sym("weights", STAGES, STAGES), cs.SX.sym("base", 3 * VALUES)
+    first, second = (cs.reshape(x, NODE, instants) for x in (carried[:-VALUES], motion))
+    N, G = _matrices_of(supports)
+    link = _Link.of(kind, l)
+
+    changes = second[:, 1:] - cs.repmat(second[:, 0], 1, STAGES)
+    continued = cs.repmat(second[:, 0], 1, STAGES) + changes @ weights
+    if link:
+        slopes = _continued_pairs(link.directions(cs.vertcat(first, second)), weights)
+        if kind == "element":
+            continued = _of_stages(carried[-VALUES:]) + link.step(slopes)
+        else:  # of the first node, the slope alone has a direction
+            continued = cs.vertcat(continued[:2, :], slopes[2:, :])
+    increments = continued - cs.repmat(second[:, -1], 1, STAGES)
+    if kind != "element":
+        increments = N @ (N.T @ increments)
+        continued = N @ (N.T @ continued) + G @ cs.reshape(base, 3 * NODE, STAGES)[:NODE, :]
+    passed = cs.vertcat(motion, cs.vec(continued))
+    inputs = [carried, motion, l, *([] if kind == "element" else [supports]), cs.vec(weights), base]
+    return _function("continued", kind, inputs, [passed, cs.vec(increments)])
+
+
+@dataclass(frozen=True)
+class _Link:
+    """How a link of length l turns: a pair of vectors, and the step between its nodes that follows from them.
+
+    From the coordinates of both nodes, ``pair`` (4, 8) gives the vectors that are turned, and ``angles`` those whose
+    angles turn them.  Positions enter and leave in units of l.
+    """
+
+    l: cs.SX
+    pair: cs.DM
+    angles: cs.DM
+    of_pair: cs.DM
+
+    @staticmethod
+    def of(kind: Kind, l: cs.SX) -> _Link | None:
+        """Return the link of a kind; None if it does not turn."""
+        if kind == "held":
+            return None
+        if kind == "base":
+            second = np.hstack([np.zeros((NODE, NODE)), np.eye(NODE)])
+            slope = np.kron(np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]]), np.eye(2))
+            matrices = second, slope, np.eye(NODE)
+        else:
+            points = gauss(2)[0].tolist()
+            values, span = np.array([hermite_slope(xi, 1.0) for xi in points]), points[1] - points[0]
+            step = np.array([[0.5, 0.5], [-1 / span, 1 / span]])
+            matrices = np.kron(values, np.eye(2)), np.kron(values, np.eye(2)), np.kron(step, np.eye(2))
+        return _Link(l, *(cs.sparsify(cs.DM(matrix)) for matrix in matrices))
+
+    def directions(self, coordinates: cs.SX) -> cs.SX:
+        """Return the vectors (4, k) whose angles turn the link, from coordinates of both nodes (8, k)."""
+        return self.angles @ self._scaled(coordinates, 1 / self.l)
+
+    def forth(self, corrections: cs.SX, turns: cs.SX) -> cs.SX:
+        """Return the turned steps (4, 3) between the nodes from the corrections of both (8, 3)."""
+        return self.step(_turned(self.pair @ self._scaled(corrections, 1 / self.l), turns, 1.0))
+
+    def back(self, total: cs.SX, turns: cs.SX) -> cs.SX:
+        """Return the residuals (8, 3) of both nodes from the sums of those beyond the link (4, 3), turned back."""
+        pairs = _turned(self.of_pair.T @ self._scaled(total, self.l), turns, -1.0)
+        return self._scaled(self.pair.T @ pairs, 1 / self.l)
+
+    def step(self, pairs: cs.SX) -> cs.SX:
+        """Return the steps (4, 3) between the nodes."""
+        return self._scaled(self.of_pair @ pairs, self.l)
+
+    @staticmethod
+    def _scaled(vectors: cs.SX, factor: cs.SX) -> cs.SX:
+        """Multiply positions by a factor."""
+        position = np.tile([1.0, 1.0, 0.0, 0.0], vectors.shape[0] // NODE)
+        return cs.repmat(cs.DM(position) * factor + cs.DM(1.0 - position), 1, vectors.shape[1]) * vectors
+
+
+def _turned(pairs: cs.SX, turns: cs.SX, sign: float) -> cs.SX:
+    """Turn the two vectors (x, y, x, y) of each stage, (4, 3), by their angles, or back."""
+    rows = []
+    for k in (0, 2):
+        x, y = pairs[k, :], pairs[k + 1, :]
+        cosine, sine = (cs.reshape(turns, NODE, STAGES)[row, :] for row in (k, k + 1))
+        rows += [cosine * x - sign * sine * y, sign * sine * x + cosine * y]
+    return cs.vertcat(*rows)
+
+
+def _angles(first: cs.SX, second: cs.SX) -> cs.SX:
+    """Return cosines and sines of the angles from two vectors to two others."""
+    parts = []
+    for k in (0, 2):
+        x, y, u, v = first[k], first[k + 1], second[k], second[k + 1]
+        cosine, sine = x * u + y * v, x * v - y * u
+        size = cs.sqrt(cosine**2 + sine**2)
+        parts += [cosine / size, sine / size]
+    return cs.vertcat(*parts)
+
+
+def _continued_pairs(pairs: cs.SX, weights: cs.SX) -> cs.SX:
+    """Return two vectors at the stages (4, 3) from those at four instants (4, 4)."""
+    rows = []
+    for k in (0, 2):
+        x, y = pairs[k, 0], pairs[k + 1, 0]
+        square = x**2 + y**2
+        u, v = pairs[k, 1:], pairs[k + 1, 1:]
+        cosine, sine = (x * u + y * v) / square, (x * v - y * u) / square
+        size, angle = cs.exp(cs.log(cosine**2 + sine**2) / 2 @ weights), cs.atan2(sine, cosine) @ weights
+        c, s = size * cs.cos(angle), size * cs.sin(angle)
+        rows += [c * x - s * y, s * x + c * y]
+    return cs.vertcat(*rows)
+
+
+def _of_stages(column: cs.SX) -> cs.SX:
+    """Return the numbers of a node (12,) with a column per stage, (4, 3)."""
+    return cs.reshape(column, NODE, STAGES)
+
+
+def _columns(*sizes: int) -> list[cs.SX]:
+    return [cs.SX.sym("x", size) for size in sizes]
+
+
+def _matrices_of(supports: cs.SX) -> tuple[cs.SX, cs.SX]:
+    """Return the parts of N and G that belong to the second node of a link, from a column of ``Links._supports``."""
+    N, G = (cs.reshape(part, NODE, NODE) for part in cs.vertsplit(supports, BLOCK))
+    return N, G
+
+
+def _function(name: str, kind: Kind, inputs: list[cs.SX], outputs: list[cs.SX]) -> cs.Function:
+    dense = [cs.densify(output) for output in outputs]
+    return cs.Function(name if kind == "element" else f"{name}_{kind}", inputs, dense, {"cse": True})

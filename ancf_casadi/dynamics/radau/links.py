@@ -1,0 +1,269 @@
+"""The links of a beam, and the passes of the integrator along them.
+
+A pass takes the links (``link``) one after the other, from the base to the tip or back, and carries a few numbers from
+each to the next.  It is compiled for ``ELEMENTS_PER_CALL`` links per call; its Functions depend neither on the mesh nor
+on the numbers of the beam, so one library serves all.  An iteration of Newton's method takes three passes:
+
+    advanced      to the tip: turns the last corrections forth; increments, motion and turns of the stages,
+    reduced       to the base: sums up the forces, turns the residuals back, and eliminates node after node,
+    substituted   to the tip: the next corrections.
+
+Vectors have a column per link, with the numbers of its second node: four coordinates, stage by stage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.dynamics.equations import ELEMENTS_PER_CALL
+from ancf_casadi.dynamics.radau.elimination import BLOCK, LINK
+from ancf_casadi.dynamics.radau.link import VALUES, Kind, link_function
+from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.support.arrays import Index
+
+TO_BASE = ("eliminate", "reduced")  # passes from the tip to the base
+ALIKE = ("eliminate", "substituted")  # passes that are the same along links of all kinds
+
+
+@dataclass(frozen=True, eq=False)
+class Links:
+    """The links of a beam, and the passes along them."""
+
+    model: Model
+    make: Callable[[cs.Function], cs.Function]  # compiles a Function, or leaves it to the virtual machine
+
+    @property
+    def count(self) -> int:
+        """Number of links."""
+        return self.model.size // NODE - 1
+
+    @cached_property
+    def kind(self) -> Kind:
+        """The kind of the elements of the beam."""
+        beyond = slice(NODE * (self.model.root + 1), None)
+        return "held" if (self.model.weights[beyond] != 1.0).any() else "element"
+
+    @cached_property
+    def _lengths(self) -> cs.DM:
+        """Length of each link, (1, links), m."""
+        lengths = self.model.beam.element_lengths
+        return cs.DM(np.concatenate([lengths[: self.model.root], lengths])).T
+
+    @cached_property
+    def _supports(self) -> cs.DM:
+        """The parts of N and G for the second node of each link, (32, links)."""
+        model, rows = self.model, np.zeros((self.model.size, NODE))
+        moved = np.flatnonzero(model.weights)
+        rows[moved, model.first_moved[model.free_of[moved]] % NODE] = model.weights[moved]
+        blocks = [matrix.reshape(-1, NODE, NODE)[1:] for matrix in (rows, model.whole_of_base)]
+        return cs.DM(np.hstack([block.transpose(0, 2, 1).reshape(self.count, -1) for block in blocks])).T
+
+    def places(self, free: cs.MX) -> cs.MX:
+        """Return N q for q (N,), as columns of the second nodes of the links, (4, links)."""
+        return cs.reshape(free if self.model.held_at_base_alone else self.model.moved(free)[NODE:, :], NODE, -1)
+
+    def free(self, places: cs.MX) -> cs.MX:
+        """Return q (N,) from N q as columns of the links."""
+        return self.model.of_free(cs.vertcat(cs.MX(NODE, 1), cs.vec(places)))
+
+    def advanced(self, corrections: cs.MX, turns: cs.MX, increments: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX,
+                 base: cs.MX, reference: cs.MX) -> list[cs.MX]:  # fmt: skip
+        """Return increments, turns, and coordinates, velocities and accelerations of both nodes at each stage.
+
+        The last three are (24, links).  ``base`` (12, 3) is the motion of the base at the stages, and ``reference``
+        (4, nodes) the configuration of the matrices.
+        """
+        columns = [corrections, turns, increments, self.places(q), self.places(v), reference[:, 1:]]
+        first = cs.vertcat(cs.MX.zeros(2 * VALUES), cs.vec(base), reference[:, 0])
+        return self._pass("advanced", first, columns, [h, cs.vec(base)])
+
+    def reduced(self, forces: cs.MX, further: cs.MX, turns: cs.MX, outer: cs.MX) -> cs.MX:
+        """Return the eliminated residuals (12, links), real, then complex numbers of each node.
+
+        ``forces`` (24, links) act on both nodes of a link, ``further`` (12, links) on the second, at all stages.
+        """
+        columns = forces, further, turns, outer
+        return self._pass("reduced", cs.MX.zeros(4 * VALUES), columns)[0]
+
+    def substituted(self, eliminated: cs.MX, inner: cs.MX) -> cs.MX:
+        """Return the solution (12, links) of the real and the complex system."""
+        return self._pass("substituted", cs.MX.zeros(VALUES), [eliminated, inner])[0]
+
+    def solutions(self, right: cs.MX, outer: cs.MX, inner: cs.MX) -> cs.MX:
+        """Return the solutions (4 links, 3) of both systems for right-hand sides at all nodes, without any turn."""
+        further = self.node_by_node(right @ cs.DM(RADAU.transform).T)[:, 1:]
+        ahead = cs.DM(np.tile([[1.0], [0.0]], (VALUES // 2, self.count)))
+        forces = cs.MX.zeros(2 * VALUES, self.count)
+        return self.stage_by_stage(self.substituted(self.reduced(forces, further, cs.MX(ahead), outer), inner))
+
+    def factors(self, k: cs.MX, d: cs.MX, m: cs.MX, rates: cs.MX) -> tuple[cs.MX, cs.MX]:
+        """Return the factors of s^2 M + s D + K, from the matrices of each link as columns (64, links)."""
+        outer, inner = self._pass("eliminate", cs.MX.zeros(12 * BLOCK), [k, d, m], [rates])
+        return outer, inner
+
+    def continued(self, motion: cs.MX, weights: cs.MX, base: cs.MX) -> cs.MX:
+        """Extrapolate a motion in the logarithms of the slopes, and return the increments (12, links) since its end.
+
+        ``motion`` (16, nodes) are coordinates at four instants.  Column i of ``weights`` (3, 3) holds the weights, at
+        stage i, of the logarithms from the first instant to each other one; ``base`` (12, 3) is the motion of the base.
+        """
+        first = cs.vertcat(motion[:, 0], cs.vec(base[:NODE, :]))
+        return self._pass("continued", first, [motion[:, 1:]], [cs.vec(weights), cs.vec(base)])[0]
+
+    def matrices(self, entries: cs.MX, unit: float = 0.0) -> cs.MX:
+        """Return the matrices of the links as columns (64, links), which add up to N^T A N at four places per node.
+
+        ``entries`` are those of all elements, as in ``Model.entries``.  Coordinates that are held have ``unit`` on the
+        diagonal.
+        """
+        model = self.model
+        if model.held_at_base_alone and not model.root and len(model.groups) == 1:
+            return cs.reshape(entries, LINK**2, -1)
+        kept, rows, columns, products = model.free_entries
+        rows, columns = model.first_moved[rows], model.first_moved[columns]
+        link = np.maximum(rows, columns) // NODE - 1
+        row, column = rows - NODE * link, columns - NODE * link
+        target = LINK**2 * link + LINK * column + row
+        diagonal = np.zeros(LINK**2 * self.count)
+        held = np.setdiff1d(np.arange(NODE, model.size), model.first_moved)
+        diagonal[LINK**2 * (held // NODE - 1) + (LINK + 1) * (NODE + held % NODE)] = unit
+        incidence = cs.DM.triplet(target.tolist(), kept.tolist(), cs.DM(products), diagonal.size, entries.numel())
+        return cs.reshape(incidence @ entries + cs.DM(diagonal), LINK**2, -1)
+
+    def whole(self, base: cs.MX, both: cs.MX) -> cs.MX:
+        """Return values at all nodes, (4 n + 4, 3), from those of the base, (4, 3), and of both nodes of each link."""
+        places = np.arange(LINK * STAGES * self.count).reshape(self.count, STAGES, 2, NODE)[:, :, 1]
+        return cs.vertcat(base, _picked(both, places.transpose(1, 0, 2), NODE * self.count))
+
+    def nodes(self, first: cs.MX, base: cs.MX, both: cs.MX) -> cs.MX:
+        """Return coordinates at the start and the stages (16, nodes); ``base`` and ``both`` are those at the stages."""
+        known = cs.vertcat(cs.vec(first), cs.vec(base), cs.vec(both))
+        starts = np.arange(NODE * (self.count + 1)).reshape(-1, 1, NODE)
+        at_base = starts.size + np.arange(VALUES).reshape(1, STAGES, NODE)
+        beyond = starts.size + VALUES + np.arange(LINK * STAGES * self.count).reshape(-1, STAGES, 2, NODE)[:, :, 1]
+        places = np.concatenate([starts, np.concatenate([at_base, beyond])], axis=1)
+        return _picked(known, places, NODE * (STAGES + 1))
+
+    def both(self, values: cs.MX) -> cs.MX:
+        """Return values at both nodes of each link (8, links), 0 at the base, from those at the second ones."""
+        places = NODE * np.arange(self.count)[:, None] + np.arange(LINK)
+        return _picked(cs.horzcat(cs.MX.zeros(NODE, 1), values), places, LINK)
+
+    def last_turns(self, turns: cs.MX) -> cs.MX:
+        """Return the turns to the last stage, in place of those to all stages."""
+        places = VALUES * np.arange(self.count)[:, None] + VALUES - NODE + np.tile(np.arange(NODE), STAGES)
+        return _picked(turns, places, VALUES)
+
+    def summed(self, both: cs.MX) -> cs.MX:
+        """Return the sums at all nodes (4 n + 4, 3) of values at both nodes of the links (24, links)."""
+        places = np.arange(LINK * STAGES * self.count).reshape(self.count, STAGES, 2, NODE).transpose(2, 1, 0, 3)
+        first, second = (_picked(both, half, NODE * self.count) for half in places)
+        none = cs.MX(NODE, STAGES)
+        return cs.vertcat(first, none) + cs.vertcat(none, second)
+
+    def stage_by_stage(self, columns: cs.MX) -> cs.MX:
+        """Return values at the second nodes of the links, (4 links, 3), from columns (12, links)."""
+        return _picked(columns, _stage_order(self.count), NODE * self.count)
+
+    def node_by_node(self, values: cs.MX) -> cs.MX:
+        """Return columns (12, nodes) from values at some nodes, (4 nodes, 3)."""
+        return _picked(values, np.argsort(_stage_order(values.size1() // NODE)), VALUES)
+
+    def placed(self, free: cs.MX) -> cs.MX:
+        """Return values of the free coordinates (N, c) at four places per node, (4 links, c), 0 at those held."""
+        model = self.model
+        if model.held_at_base_alone:
+            return free
+        places = model.first_moved - NODE
+        selection = cs.DM.triplet(places.tolist(), [*range(places.size)], cs.DM.ones(places.size),
+                                  NODE * self.count, places.size)  # fmt: skip
+        return selection @ free
+
+    def _pass(self, name: str, carried: cs.MX, columns: Sequence[cs.MX], shared: Sequence[cs.MX] = ()) -> list[cs.MX]:
+        """Evaluate a Function of all links, one after the other, and return its results side by side."""
+        back, root = name in TO_BASE, 0 if self.kind == "held" or name in ALIKE else self.model.root
+        segments: list[tuple[Kind, slice]] = [("base", slice(root)), (self.kind, slice(root, None))][not root :]
+        results = []
+        for kind, links in segments[::-1] if back else segments:
+            along = [x[:, links] if root else x for x in columns]
+            mesh = [] if name in ALIKE else [self._lengths, *([] if kind == "element" else [self._supports])]
+            fixed = [cs.MX(x[:, links]) for x in mesh]
+            if kind == "base":
+                carried, *found = link_function(name, kind)(carried, *along, *fixed, *shared)
+            else:
+                carried, *found = self._along(name, carried, along, fixed, shared)
+            results.append(found)
+        ordered = results[::-1] if back else results
+        return [cs.horzcat(*parts) for parts in zip(*ordered, strict=True)]
+
+    def _along(
+        self, name: str, carried: cs.MX, columns: Sequence[cs.MX], fixed: Sequence[cs.MX], shared: Sequence[cs.MX]
+    ) -> list[cs.MX]:
+        """Evaluate a compiled Function for all links of a segment, and return what it carries, and its results.
+
+        Further links fill the last call: behind the tip, and in ``reduced`` nothing acts on them, because the pass
+        goes on with the base; but ``eliminate`` needs matrices to invert, and has them at its end, before the base.
+        """
+        function, back, before = self._compiled(name, len(shared)), name in TO_BASE, name == "eliminate"
+        count = columns[0].size2()
+        if more := -count % ELEMENTS_PER_CALL:
+            copied = slice(1) if before else slice(count - 1, count)
+            filling = [cs.repmat(x[:, copied], 1, more) for x in (*columns, *fixed)]
+            if name == "reduced":
+                filling[: len(columns)] = [cs.MX.zeros(x.shape) for x in filling[: len(columns)]]
+            pairs = zip((*columns, *fixed), filling, strict=True)
+            padded = [cs.horzcat(*((other, x) if before else (x, other))) for x, other in pairs]
+        else:
+            padded = [*columns, *fixed]
+        calls = list(zip(*(cs.horzsplit(x, ELEMENTS_PER_CALL) for x in padded), strict=True))
+        results = []
+        for arguments in calls[:: -1 if back else 1]:
+            carried, *found = function(carried, *arguments, *shared)
+            results.append(found)
+        joined = [cs.horzcat(*parts) for parts in zip(*results[:: -1 if back else 1], strict=True)]
+        kept = slice(more, None) if before else slice(count)
+        return [carried, *(x[:, kept] if more else x for x in joined)]
+
+    def _compiled(self, name: str, shared: int) -> cs.Function:
+        """Return the Function of ``ELEMENTS_PER_CALL`` links, whose last inputs they share."""
+        if name not in self._functions:
+            one = link_function(name, "element" if name in ALIKE else self.kind)
+            self._functions[name] = self.make(_chained(one, shared, back=name in TO_BASE))
+        return self._functions[name]
+
+    @cached_property
+    def _functions(self) -> dict[str, cs.Function]:
+        """The compiled Functions by name, as far as used."""
+        return {}
+
+
+def _chained(one: cs.Function, shared: int, *, back: bool) -> cs.Function:
+    """Return the Function of ``ELEMENTS_PER_CALL`` links that passes the first input from link to link."""
+    sizes = [one.size1_in(k) for k in range(one.n_in())]
+    own = len(sizes) - shared
+    carried = cs.MX.sym("carried", sizes[0])
+    columns = [cs.MX.sym(f"x{k}", sizes[k], ELEMENTS_PER_CALL) for k in range(1, own)]
+    same = [cs.MX.sym(f"x{k}", sizes[k]) for k in range(own, len(sizes))]
+    passed, results = carried, []
+    for link in range(ELEMENTS_PER_CALL)[:: -1 if back else 1]:
+        passed, *found = one(passed, *(x[:, link] for x in columns), *same)
+        results.append(found)
+    outputs = [cs.horzcat(*parts) for parts in zip(*results[:: -1 if back else 1], strict=True)]
+    return cs.Function(one.name(), [carried, *columns, *same], [passed, *outputs], {"is_diff_in": [False] * len(sizes)})
+
+
+def _stage_order(nodes: int) -> Index:
+    """Return the places, in columns (12, nodes), of the values of all nodes stage by stage."""
+    return np.arange(VALUES * nodes).reshape(nodes, STAGES, NODE).transpose(1, 0, 2).ravel()
+
+
+def _picked(x: cs.MX, places: Index, rows: int) -> cs.MX:
+    """Return entries of x as a matrix with ``rows`` rows; places count down the columns, in x and in the result."""
+    return cs.reshape(cs.vec(cs.densify(x)).nz[places.ravel().tolist()], rows, -1)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,10 +39,10 @@ class Layout:
         """Return the layout of parts given in order: ``Layout.of(q=8, v=8)``."""
         return Layout(tuple(sizes.items()))
 
-    @property
+    @cached_property
     def offsets(self) -> list[int]:
         """The first index of each part, and the size of the vector."""
-        return [0, *np.cumsum([size for _, size in self.sizes]).tolist()]
+        return [0, *accumulate(size for _, size in self.sizes)]
 
     @property
     def size(self) -> int:
@@ -49,9 +51,11 @@ class Layout:
 
     def __getitem__(self, name: str) -> slice:
         """Return the indices of a part."""
-        offsets = self.offsets
-        place = [part for part, _ in self.sizes].index(name)
-        return slice(offsets[place], offsets[place + 1])
+        return self._slices[name]
+
+    @cached_property
+    def _slices(self) -> dict[str, slice]:
+        return {name: slice(*ends) for (name, _), ends in zip(self.sizes, pairwise(self.offsets), strict=True)}
 
     def split(self, vector: Array) -> list[Array]:
         """Return the parts of a vector, or the blocks of rows of an array, as views."""

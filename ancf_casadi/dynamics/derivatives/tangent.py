@@ -37,13 +37,12 @@ import casadi as cs
 import numpy as np
 import scipy.sparse
 
-from ancf_casadi.dynamics.equations import Balance, Equations, as_it_is
+from ancf_casadi.dynamics.equations import Equations, as_it_is
 from ancf_casadi.dynamics.excitation import EXCITATION, SAME_TIME, Excitation
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.stepper import RadauStep
 from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, STAGES, powers
 from ancf_casadi.exceptions import SimulationError
-from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.support.banded import BandedFactors, lapack_place, lapack_storage
@@ -98,17 +97,13 @@ def stop_if_interrupted() -> None:
         raise SimulationError("the motion was interrupted")
 
 
-def stage_motion(
-    model: Model, z: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX, excitations: cs.MX
-) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
-    """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (4, 3), at the stages, from Z and the data of the step."""
+def stage_motion(z: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX, excitations: cs.MX) -> tuple[list[tuple[cs.MX, cs.MX]], cs.MX]:
+    """Return q, v and a at the stages, (N, 3), each with that of the base, (4, 3), and the load (4, 3)."""
     inverse = cs.DM(RADAU.inverse).T
     velocities = z @ inverse / h
     accelerations = (velocities - cs.repmat(v, 1, STAGES)) @ inverse / h
     *nodes, load = cs.vertsplit(excitations, NODE)
-    moved = cs.repmat(q, 1, STAGES) + z, velocities, accelerations
-    e, e_t, e_tt = (model.whole(free, node) for node, free in zip(nodes, moved, strict=True))
-    return e, e_t, e_tt, load
+    return list(zip((cs.repmat(q, 1, STAGES) + z, velocities, accelerations), nodes, strict=True)), load
 
 
 def sample_weights(passages: Sequence[Passage], times: Array, orders: int) -> Array:
@@ -242,13 +237,26 @@ class Tangent:
     def _linearised(self, d: int) -> cs.Function:
         """(Z, h, u, du) -> entries of K, D/h and M/h^2 of all elements at the stages, and R_u du for d directions."""
         z, h, u = self._symbols
-        all_e, all_e_t, all_e_tt, load = self._motion(z, h, u)
-        balance, du = self._balance(u), cs.MX.sym("du", u.numel(), d)
-        k, damping, m = balance.tangents(all_e, all_e_t, load)
+        du = cs.MX.sym("du", u.numel(), d)
+        motion, load = self._motion(z, h, u)
+        e, e_t, _ = (self.form.equations.model.whole(*pair) for pair in motion)
+        balance = self.form.equations.balance(u[self.layout["parameters"]])
+        k, damping, m = balance.tangents(e, e_t, load)
         entries = cs.vertcat(cs.vec(k), cs.vec(damping) / h, cs.vec(m) / h**2)
-        forces = cs.vec(self.form.equations.model.of_free(balance.forces(all_e, all_e_t, all_e_tt, load)[0]))
+        forces = self._residual(z, h, u)
         product = cs.densify(cs.jtimes(forces, u, du)) if d else cs.MX(0, 1)
         return cs.Function("linearised", [z, h, u, du], [cs.densify(entries), product], {"is_diff_in": [False] * 4})
+
+    def _residual(self, z: cs.MX, h: cs.MX, u: cs.MX) -> cs.MX:
+        """Return R (3 N,), stage by stage."""
+        form, model, parameters = self.form, self.form.equations.model, u[self.layout["parameters"]]
+        excitations = cs.reshape(u[self.layout["excitations"]], EXCITATION, STAGES)
+        motion = self._motion(z, h, u)[0]
+        of_links = [form.links.ends(node, free) for free, node in motion]
+        whole = [model.whole(*pair) for pair in motion]
+        columns = form.columns_of(parameters)
+        on_links, further, _ = form.forces(of_links, whole, excitations, parameters, columns)
+        return cs.vec(model.of_free(further + form.links.summed(on_links)))
 
     def factors(self, entries: Array, step: RadauStep, modal_coefficients: Array) -> BandedFactors:
         """Return the factors of G for the entries that ``_linearised`` returns."""
@@ -289,9 +297,8 @@ class Tangent:
     def _reverse(self) -> BoundStep:
         """(Z, h, u, w) -> R_u^T w."""
         z, h, u = self._symbols
-        forces, _ = self._balance(u).forces(*self._motion(z, h, u))
         w = cs.MX.sym("w", len(self.order))
-        product = cs.densify(cs.jtimes(cs.vec(self.form.equations.model.of_free(forces)), u, w, True))
+        product = cs.densify(cs.jtimes(self._residual(z, h, u), u, w, True))
         return BoundStep(cs.Function("tangent_product", [z, h, u, w], [product], {"is_diff_in": [False] * 4}))
 
     def _band(self, weights: Array) -> scipy.sparse.csc_array:
@@ -322,13 +329,10 @@ class Tangent:
     def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
         return cs.MX.sym("Z", self._free, STAGES), cs.MX.sym("h"), cs.MX.sym("u", self.layout.size)
 
-    def _motion(self, z: cs.MX, h: cs.MX, u: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
-        """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (4, 3), at the stages."""
+    def _motion(self, z: cs.MX, h: cs.MX, u: cs.MX) -> tuple[list[tuple[cs.MX, cs.MX]], cs.MX]:
+        """Return the outputs of ``stage_motion``."""
         q, v, excitations, _ = cs.vertsplit(u, self.layout.offsets)
-        return stage_motion(self.form.equations.model, z, q, v, h, cs.reshape(excitations, EXCITATION, STAGES))
-
-    def _balance(self, u: cs.MX) -> Balance:
-        return self.form.equations.balance(u[self.layout["parameters"]])
+        return stage_motion(z, q, v, h, cs.reshape(excitations, EXCITATION, STAGES))
 
 
 @lru_cache(8)

@@ -86,12 +86,16 @@ class Collocation:
     @cached_property
     def columns(self) -> cs.Function:
         """(parameters) -> properties and constants of the elements of the beam, one column per element and stage."""
-        parameters, model = self._symbols.parameters, self.equations.model
-        balance, group = self.equations.balance(parameters), model.groups[0]
+        parameters = self._symbols.parameters
+        return _function("columns", [parameters], [*self.columns_of(parameters)])
+
+    def columns_of(self, parameters: cs.MX) -> tuple[cs.MX, cs.MX]:
+        """Return the outputs of ``columns``."""
+        balance, group = self.equations.balance(parameters), self.equations.model.groups[0]
         properties = group.properties(balance.properties, balance.lumped)
         thrice = np.repeat(np.arange(group.count), STAGES).tolist()
         constants = cs.repmat(cs.vertcat(balance.gravity, balance.coefficients), 1, STAGES * group.count)
-        return _function("columns", [parameters], [properties[:, thrice], constants])
+        return properties[:, thrice], constants
 
     @cached_property
     def stages(self) -> cs.Function:
@@ -238,16 +242,30 @@ class Collocation:
         return [self.links.whole(node, both) for node, both in zip(base, motion, strict=True)]
 
     def _forces(self, motion: Sequence[cs.MX]) -> tuple[cs.MX, cs.MX, cs.MX]:
-        """Return the forces on both nodes of each link (24, links), those on all nodes besides (12, nodes), and powers.
+        """Return the outputs of ``forces`` for the symbols of a step, those on all nodes as columns (12, nodes)."""
+        s = self._symbols
+        columns = s.properties, s.constants
+        on_links, further, powers = self.forces(motion, self._whole(motion), s.excitations, s.parameters, columns)
+        return on_links, self.links.node_by_node(further), powers
 
-        ``motion`` are e, e_t and e_tt of the links (24, links) at the stages; the powers (3, 3) are those of
-        ``Balance.forces``.
+    def forces(
+        self,
+        motion: Sequence[cs.MX],
+        whole: Sequence[cs.MX],
+        excitations: cs.MX,
+        parameters: cs.MX,
+        columns: tuple[cs.MX, cs.MX],
+    ) -> tuple[cs.MX, cs.MX, cs.MX]:
+        """Return the forces on both nodes of each link (24, links), others on all nodes (4 n + 4, 3), and powers.
+
+        ``motion`` are e, e_t and e_tt of the links (24, links) at the stages, and ``whole`` those of all nodes; the
+        powers (3, 3) are those of ``Balance.forces``.
         """
-        s, equations, links = self._symbols, self.equations, self.links
-        model, root, balance = equations.model, equations.model.root, equations.balance(s.parameters)
-        load, whole = s.excitations[3 * NODE :, :], self._whole(motion)
+        equations, links = self.equations, self.links
+        model, root, balance = equations.model, equations.model.root, equations.balance(parameters)
+        load = excitations[3 * NODE :, :]
         coordinates = [cs.reshape(x[:, root:] if root else x, LINK, -1) for x in motion]
-        forces, lost_in_elements = mapped(equations.element("balance", 0), *coordinates, s.properties, s.constants)
+        forces, lost_in_elements = mapped(equations.element("balance", 0), *coordinates, *columns)
         forces, further = cs.reshape(forces, LINK * STAGES, -1), cs.MX(model.size, STAGES)
         lost = cs.sum2(cs.reshape(lost_in_elements, STAGES, -1)).T
         if place := equations.place:
@@ -270,8 +288,8 @@ class Collocation:
         on_base = cs.reshape(on_links[:, 0], LINK, STAGES)[:NODE, :] + further[:NODE, :]
         if not model.held_at_base_alone:
             on_base = model.of_base(further + links.summed(on_links))
-        by_base = cs.sum1(s.excitations[NODE : 2 * NODE, :] * on_base)
-        return on_links, links.node_by_node(further), cs.vertcat(lost, by_base, supplied)
+        by_base = cs.sum1(excitations[NODE : 2 * NODE, :] * on_base)
+        return on_links, further, cs.vertcat(lost, by_base, supplied)
 
     def _solved(self, on_links: cs.MX, further: cs.MX, turns: cs.MX) -> cs.MX:
         """Return the solution dW for forces on the links and further ones on their second nodes."""

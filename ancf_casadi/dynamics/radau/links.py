@@ -163,10 +163,21 @@ class Links:
 
     def summed(self, both: cs.MX) -> cs.MX:
         """Return the sums at all nodes (4 n + 4, 3) of values at both nodes of the links (24, links)."""
-        places = np.arange(LINK * STAGES * self.count).reshape(self.count, STAGES, 2, NODE).transpose(2, 1, 0, 3)
-        first, second = (_picked(both, half, NODE * self.count) for half in places)
-        none = cs.MX(NODE, STAGES)
-        return cs.vertcat(first, none) + cs.vertcat(none, second)
+        link, stage, row = np.indices((self.count, STAGES, LINK)).reshape(3, -1)
+        target, size = row + NODE * link + self.model.size * stage, self.model.size * STAGES
+        ones = cs.DM.ones(target.size)
+        places = cs.DM.triplet(target.tolist(), [*range(target.size)], ones, size, target.size)
+        return cs.reshape(places @ cs.vec(both), self.model.size, STAGES)
+
+    def ends(self, base: cs.MX, free: cs.MX) -> cs.MX:
+        """Return values at both nodes of each link (24, links) from those of the base (4, 3) and the free (N, 3)."""
+        link, stage, row = np.indices((self.count, STAGES, LINK))
+        model, node = self.model, NODE * link + row
+        if not model.held_at_base_alone:
+            return _picked(model.whole(free, base), node + model.size * stage, LINK * STAGES)
+        behind = NODE * STAGES + node - NODE + model.freedoms * stage
+        places = np.where(node < NODE, node + NODE * stage, behind)
+        return _picked(cs.vertcat(cs.vec(base), cs.vec(free)), places, LINK * STAGES)
 
     def stage_by_stage(self, columns: cs.MX) -> cs.MX:
         """Return values at the second nodes of the links, (4 links, 3), from columns (12, links)."""

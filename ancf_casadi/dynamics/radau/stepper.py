@@ -129,10 +129,11 @@ class Stepper:
     @property
     def last_step(self) -> RadauStep:
         """The last step."""
-        newton, h = self.newton, self._control.length
+        newton, model, h = self.newton, self._form.equations.model, self._control.length
         q, v, a = newton.start.copy()
-        stages = self._form.equations.model.of_free(np.moveaxis(newton.nodes[:, 1:], 1, 2).reshape(-1, STAGES)).T
-        return RadauStep(self.now - h, h, q, v, a, stages - q, newton.excitations.copy())
+        stages = newton.nodes[:, 1:].transpose(1, 0, 2).reshape(STAGES, -1)
+        free = stages[:, NODE:] if model.held_at_base_alone else model.of_free(stages.T).T
+        return RadauStep(self.now - h, h, q, v, a, free - q, newton.excitations.copy())
 
     @property
     def end(self) -> tuple[float, Array, Array, Array, Array, Array]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Any, Literal
 
@@ -25,7 +25,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.records.recording import read_recording
+from ancf_casadi.records.recording import with_times
 from ancf_casadi.records.sensor import Quantity, Sensor
 from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
 from ancf_casadi.response.curve import ResponseCurve
@@ -33,38 +33,64 @@ from ancf_casadi.response.tracing import CURVE_POINTS, MOST_CURVE_POINTS, freque
 from ancf_casadi.support.inputs import located, physical, shown, unit_vector, whole
 from ancf_casadi.support.specs import Pair, Positive, Spec, convert
 from ancf_casadi.vibration.statics import static_equilibrium
-from problems.spec.beam import read_damped
-from problems.spec.file import StudyFile, convert_groups
+from problems.spec.beam import DampedBeam, read_damped
+from problems.spec.file import RecordFiles, StudyFile, convert_groups
 from problems.spec.help import Kinds, kinds_help, table_help
 
 ColumnName = str | int  # name of a column, or its number from 1
 
 
-class LayoutSpec(Spec, frozen=True):
-    """Rows and columns of a file that its reader cannot tell by itself."""
+class RecordFile(Spec, frozen=True, kw_only=True):
+    """A file of measurements, with the rows and columns that its reader cannot tell by itself."""
 
+    file: str
     names_row: Annotated[int | None, Meta(description="line with the names")] = None
     skip_rows: Annotated[tuple[int, ...], Meta(description="lines to leave out")] = ()
     leave_out: Annotated[tuple[ColumnName, ...], Meta(description="columns to leave out")] = ()
 
-    def layout(self) -> TableLayout:
-        """Return the layout."""
-        return TableLayout.of(self.given())
+    def contents(self, file: StudyFile, where: str) -> Recording:
+        """Return the columns of the file, beside that of a study; it is opened once."""
+        with located(where):
+            return file.record_files.recording(*self.key(file))
+
+    def key(self, file: StudyFile) -> tuple[str, TableLayout]:
+        """Return the path of the file and the layout by which it is read."""
+        return str(file.beside(self.file)), TableLayout.of(self.given())
 
 
-class FileSpec(LayoutSpec, frozen=True, kw_only=True):
+class FileSpec(RecordFile, frozen=True, kw_only=True):
     """A file of measurements, and its times."""
 
-    file: str
     time: Annotated[ColumnName | None, Meta(description="column of the times")] = None
     time_unit: str | None = None
     sample_rate: Annotated[float | None, Meta(description="1/s, without times")] = None
 
     def recording(self, file: StudyFile, where: str) -> Recording:
-        """Read the file."""
-        times: dict[str, Any] = {"time": self.time, "time_unit": self.time_unit, "sample_rate": self.sample_rate}
+        """Return the columns of the file with their times."""
+        contents = self.contents(file, where)
         with located(where):
-            return read_recording(file.beside(self.file), progress=True, layout=self.layout(), **times)
+            return with_times(contents, time=self.time, time_unit=self.time_unit, sample_rate=self.sample_rate)
+
+
+Source = tuple[RecordFile, str]  # a file of measurements, and the place of its table
+
+
+@dataclass(frozen=True)
+class StepTables:
+    """The tables of a step, converted and checked, before any file of measurements is opened."""
+
+    file: StudyFile
+    beam: DampedBeam
+
+    @property
+    def sources(self) -> list[Source]:
+        """The files of measurements that the tables name."""
+        raise NotImplementedError
+
+    def with_records(self) -> StudyFile:
+        """Open the files of measurements, and return the file with their contents, which its step reads."""
+        contents = {source.key(self.file): source.contents(self.file, where) for source, where in self.sources}
+        return replace(self.file, record_files=RecordFiles(tuple((*key, each) for key, each in contents.items())))
 
 
 class BaseColumns(Spec, frozen=True):
@@ -134,49 +160,101 @@ MARKERS_KEYS = table_help("[markers]", "NAME = arc length from the clamp (m): po
 SIMULATION_KEYS = table_help("[simulation]", "{}", SimulationSpec) + MARKERS_KEYS
 
 
-def read_motion(file: StudyFile, given: Mapping[str, Any], model: Model, where: str) -> dict[str, Any]:
-    """Return the arguments ``base``, ``load`` and ``start`` of a motion, as far as there are tables.
+@dataclass(frozen=True)
+class SampledColumns:
+    """An excitation by its values over time, in columns of a file."""
 
-    They come from the tables within ``given``, whose place is ``where``, or else from those of the file.  A given start
-    holds instead of a release.
-    """
-    arguments: dict[str, Any] = {"start": given["start"]} if "start" in given else {}
-    readers = {"base": read_base, "load": read_load}
-    for name, reader in readers.items():
-        table, place = _table(file, given, name, where)
-        if table is not None:
-            arguments[name] = reader(file, table, place)
-    table, place = _table(file, given, "release", where)
-    if table is not None and "start" not in given:
-        release = convert(table, ReleaseSpec, place)
-        with located(place):
-            arguments["start"] = static_equilibrium(model, **release.given())
-    return arguments
+    kind: type[SampledBase] | type[SampledLoad]
+    source: FileSpec
+    columns: Mapping[str, ColumnName]  # by name
+    unit: str | None  # of the first quantity
+    quantities: Mapping[str, Quantity]  # by the names of all columns
+    where: str
+
+    def read(self, file: StudyFile) -> Any:
+        """Return the excitation in SI units; one without a column is zero."""
+        recording = self.source.recording(file, self.where)
+        first = next(iter(self.quantities.values()))
+        records = {}
+        for name, column in self.columns.items():
+            unit = self.unit if self.quantities[name] == first else None
+            with located(f"{self.where}: {name}"):
+                sensor = Sensor(self.quantities[name])
+                records[name] = Measurement.from_recording(recording, column, unit=unit, sensor=sensor)
+        reference, *others = records
+        time = records[reference].time
+        for name in others:
+            if not np.array_equal(records[name].time, time):
+                raise InputError(
+                    f"has other times or gaps than {reference}; give all columns at the same times",
+                    f"{self.where}: {name}",
+                )
+        x, y, turning = (records[name].values if name in records else np.zeros(len(time)) for name in self.quantities)
+        with located(self.where):
+            return self.kind(time, np.column_stack([x, y]), turning)
 
 
-def _table(file: StudyFile, given: Mapping[str, Any], name: str, where: str) -> tuple[Any, str]:
-    """Return a table within another one, or else that of the file, and its place."""
-    return (given[name], f"{where}: {name}") if name in given else (file.tables.get(name), file.where(name))
+@dataclass(frozen=True)
+class MotionTables:
+    """Excitation and start of a motion: the tables within another table, or else those of the file."""
+
+    excitations: Mapping[str, BaseMotion | TipLoad | SampledColumns]  # ``base`` and ``load``
+    start: Start | ReleaseSpec | None
+    where: str  # place of the release
+
+    @classmethod
+    def of(cls, file: StudyFile, given: Mapping[str, Any], where: str) -> MotionTables:
+        """Convert the tables; ``given`` has those within the table at ``where``, and its start replaces a release."""
+        names = ("base", "load", "release")
+        places = {name: f"{where}: {name}" if name in given else file.where(name) for name in names}
+        tables = {name: given.get(name, file.tables.get(name)) for name in names}
+        converters = {"base": convert_base, "load": convert_load}
+        excitations = {
+            name: converter(tables[name], places[name])
+            for name, converter in converters.items()
+            if tables[name] is not None
+        }
+        start = given.get("start")
+        if start is None and tables["release"] is not None:
+            start = convert(tables["release"], ReleaseSpec, places["release"])
+        return cls(excitations, start, places["release"])
+
+    @property
+    def sources(self) -> list[Source]:
+        """The files of measurements that the tables name."""
+        sampled = [value for value in self.excitations.values() if isinstance(value, SampledColumns)]
+        return [(value.source, value.where) for value in sampled]
+
+    def arguments(self, file: StudyFile, model: Model) -> dict[str, Any]:
+        """Return the arguments ``base``, ``load`` and ``start`` of a motion, as far as there are tables."""
+        arguments: dict[str, Any] = {
+            name: value.read(file) if isinstance(value, SampledColumns) else value
+            for name, value in self.excitations.items()
+        }
+        if isinstance(self.start, ReleaseSpec):
+            with located(self.where):
+                arguments["start"] = static_equilibrium(model, **self.start.given())
+        elif self.start is not None:
+            arguments["start"] = self.start
+        return arguments
 
 
-def read_base(file: StudyFile, table: Any, where: str) -> BaseMotion:
+def convert_base(table: Any, where: str) -> BaseMotion | SampledColumns:
     """Return a base motion, of one of four kinds that the keys of its table tell apart."""
     keys = set(table) if isinstance(table, dict) else set()
     if "file" in keys:
-        sampled: BaseMotion = _sampled(file, table, SampledBase, BaseColumns, ("position", "position", "slope"), where)
-        return sampled
+        return _sampled(table, SampledBase, BaseColumns, ("position", "position", "slope"), where)
     fixed = keys and keys <= {"displacement", "rotation"}
     kind: Any = SweepBase if "frequencies" in keys else FixedBase if fixed else HarmonicBase
     base: BaseMotion = convert(table, kind, where)
     return base
 
 
-def read_load(file: StudyFile, table: Any, where: str) -> TipLoad:
+def convert_load(table: Any, where: str) -> TipLoad | SampledColumns:
     """Return a load at the tip, of one of four kinds that the keys of its table tell apart."""
     keys = set(table) if isinstance(table, dict) else set()
     if "file" in keys:
-        sampled: TipLoad = _sampled(file, table, SampledLoad, LoadColumns, ("force", "force", "moment"), where)
-        return sampled
+        return _sampled(table, SampledLoad, LoadColumns, ("force", "force", "moment"), where)
     if "time" in keys:
         values = convert(table, LoadValues, where)
         with located(where):
@@ -186,43 +264,47 @@ def read_load(file: StudyFile, table: Any, where: str) -> TipLoad:
 
 
 def _sampled(
-    file: StudyFile, table: Any, kind: Any, columns: type[Spec], quantities: tuple[Quantity, ...], where: str
-) -> Any:
-    """Return an excitation with the times and columns of a file, in SI units; one without a column is zero."""
+    table: Any, kind: Any, columns: type[Spec], quantities: tuple[Quantity, ...], where: str
+) -> SampledColumns:
+    """Return an excitation in columns of a file; at least one of them must be named."""
     source, chosen = convert_groups(table, where, FileSpec, columns)
     names = columns.__struct_fields__[:-1]  # the unit holds for those of the first quantity
     named = {name: column for name in names if (column := getattr(chosen, name)) is not None}
     if not named:
         raise InputError(f"name at least one of the columns {', '.join(names)}", where)
-    recording = source.recording(file, where)
-    records = {}
-    for name, quantity in zip(names, quantities, strict=True):
-        if name in named:
-            unit = chosen.unit if quantity == quantities[0] else None
-            with located(f"{where}: {name}"):
-                records[name] = Measurement.from_recording(recording, named[name], unit=unit, sensor=Sensor(quantity))
-    first, *others = records
-    for name in others:
-        if not np.array_equal(records[name].time, records[first].time):
-            raise InputError(
-                f"has other times or gaps than {first}; give all columns at the same times", f"{where}: {name}"
-            )
-    time = records[first].time
-    x, y, turning = (records[name].values if name in records else np.zeros(len(time)) for name in names)
-    with located(where):
-        return kind(time, np.column_stack([x, y]), turning)
+    return SampledColumns(kind, source, named, chosen.unit, dict(zip(names, quantities, strict=True)), where)
 
 
-def read_simulation(given: str | StudyFile) -> tuple[dict[str, Any], dict[str, float]]:
+@dataclass(frozen=True)
+class SimulationTables(StepTables):
+    """The tables of a simulated motion."""
+
+    settings: Mapping[str, Any]  # arguments of ``simulate``
+    motion: MotionTables
+    markers: Mapping[str, float]  # arc length of each point to output, m
+
+    @classmethod
+    def of(cls, given: str | StudyFile) -> SimulationTables:
+        """Convert the tables of a file."""
+        file = StudyFile.of(given)
+        beam, where = DampedBeam.of(file), file.where("simulation")
+        settings = convert(file.needed("simulation"), SimulationSpec, where).given()
+        _check_size(settings, beam.model, where)
+        if "start" in settings and "release" in file.tables:
+            raise InputError("is given by the table [release]; leave it out", f"{where}: start")
+        return cls(file, beam, settings, MotionTables.of(file, settings, where), read_markers(file, beam.model))
+
+    @property
+    def sources(self) -> list[Source]:
+        """The files of measurements that the tables name."""
+        return self.motion.sources
+
+
+def read_simulation(given: str | StudyFile) -> tuple[dict[str, Any], Mapping[str, float]]:
     """Read the arguments of ``simulate``, and the points to output: arc length by name, m."""
-    file = StudyFile.of(given)
-    source, where = read_damped(file), file.where("simulation")
-    settings = convert(file.needed("simulation"), SimulationSpec, where).given()
-    _check_size(settings, source.model, where)
-    if "start" in settings and "release" in file.tables:
-        raise InputError("is given by the table [release]; leave it out", f"{where}: start")
-    motion = settings | read_motion(file, settings, source.model, where)
-    return {"model": source.model, "damping": source.damping, **motion}, read_markers(file, source.model)
+    tables = SimulationTables.of(given)
+    motion = {**tables.settings, **tables.motion.arguments(tables.file, tables.beam.model)}
+    return {"model": tables.beam.model, "damping": tables.beam.damping, **motion}, tables.markers
 
 
 def _check_size(settings: Mapping[str, Any], model: Model, where: str) -> None:
@@ -332,7 +414,12 @@ class ResponseTask:
 def read_response(given: str | StudyFile) -> ResponseTask:
     """Read a beam, its damping, and its harmonic excitation over a range of frequencies."""
     file = StudyFile.of(given)
-    source, where = read_damped(file), file.where("response")
+    return replace(convert_response(file), damping=read_damped(file).damping)
+
+
+def convert_response(file: StudyFile) -> ResponseTask:
+    """Return what ``read_response`` does without the damping law, which may need the natural modes of the beam."""
+    model, where = DampedBeam.of(file).model, file.where("response")
     table = convert(file.needed("response"), ResponseSpec, where)
     first, last = table.frequencies
     if first == last:
@@ -340,8 +427,7 @@ def read_response(given: str | StudyFile) -> ResponseTask:
     unit_vector(table.direction, f"{where}: direction")
     if bool(table.base_amplitudes) == bool(table.tip_forces):
         raise InputError("give either base_amplitudes (m) or tip_forces (N)", f"{where}: base_amplitudes")
-    modes, markers = _modes(table, source.model, f"{where}: modes"), read_markers(file, source.model)
-    return ResponseTask(source.model, source.damping, table, modes, markers)
+    return ResponseTask(model, None, table, _modes(table, model, f"{where}: modes"), read_markers(file, model))
 
 
 def _modes(table: ResponseSpec, model: Model, where: str) -> int:

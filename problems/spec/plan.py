@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -10,35 +10,32 @@ from msgspec import UNSET, Meta, UnsetType
 from msgspec.structs import replace
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.dynamics.start import Start
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import ConfigurationSpec
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import located, shown
 from ancf_casadi.support.specs import Pair, Positive, Spec, convert
-from problems.beam.curves.record import Control
 from problems.planning.comparison import PlannedComparison, plan_comparison
 from problems.planning.experiments import plan
 from problems.planning.record import PlannedRecord
 from problems.planning.result import Plan
-from problems.spec.beam import read_damped
+from problems.spec.beam import DampedBeam
 from problems.spec.file import StudyFile, convert_groups
 from problems.spec.help import table_help
-from problems.spec.motion import read_motion
+from problems.spec.motion import MotionTables, Source, StepTables
 from problems.spec.records import (
-    BaseLevelSpec,
+    CurveTestSpec,
     FitSpec,
-    LoadLevelSpec,
-    LoadSpec,
+    MotionTestSpec,
     SensorSpec,
-    Table,
+    StaticTestSpec,
     Values,
     channel_groups,
     excitation,
+    law_terms,
     load_cases,
-    other_model,
-    read_laws,
+    sums_of_laws,
 )
 
 
@@ -70,29 +67,13 @@ class PlannedChannelSpec(Spec, frozen=True):
         return [one.make("displacement", where) for one in at_points]
 
 
-class PlannedMotionSpec(Spec, frozen=True):
+class PlannedMotionSpec(MotionTestSpec, frozen=True, kw_only=True):
     """A motion."""
 
     duration: Annotated[Positive, Meta(description="s")]
     sample_rate: Annotated[Positive, Meta(description="1/s")]
-    channels: Annotated[tuple[Table, ...], Meta(min_length=1, description="[{KEYS OF A CHANNEL}, ...]")] = ()
-    release_time: Annotated[float | Pair, Meta(description="s, or its bounds")] = 0.0
     offset: Annotated[Pair | None, Meta(description="bounds, s")] = None
     zero: Annotated[Pair | None, Meta(description="bounds")] = None
-    base: Table | UnsetType = UNSET
-    load: Table | UnsetType = UNSET
-    release: Table | UnsetType = UNSET
-    start: Annotated[Start | UnsetType, Meta(description="these four if they differ from the tables")] = UNSET
-
-
-class PlannedStaticSpec(Spec, frozen=True):
-    """A static test."""
-
-    loads: Annotated[
-        tuple[LoadSpec | tuple[LoadSpec, ...], ...], Meta(description="[{mass (kg) or force (N), point}, ...]")
-    ]
-    channels: Annotated[tuple[Table, ...], Meta(min_length=1, description="[{KEYS OF A CHANNEL}, ...]")] = ()
-    tared: bool = False
 
 
 class PlannedFrequenciesSpec(Spec, frozen=True):
@@ -102,25 +83,19 @@ class PlannedFrequenciesSpec(Spec, frozen=True):
     std: Annotated[Values, Meta(description="Hz")]
 
 
-class PlannedCurveSpec(Spec, frozen=True):
+class PlannedCurveSpec(CurveTestSpec, frozen=True, kw_only=True):
     """A response curve."""
 
     frequencies: Annotated[tuple[float, ...], Meta(description="Hz")]
-    base: Annotated[BaseLevelSpec | UnsetType, Meta(description="{amplitude (m), direction}")] = UNSET
-    load: Annotated[LoadLevelSpec | UnsetType, Meta(description="{force (N), moment (N m)}")] = UNSET
     phases: bool = True
     levels: tuple[float, ...] | UnsetType = UNSET
-    control: Control | UnsetType = UNSET
-    amplitude_std: Values | UnsetType = UNSET
-    phase_std: Values | UnsetType = UNSET
-    level_std: Values | UnsetType = UNSET
 
 
 PLAN_KEYS = table_help("[plan]", "{}", PlanSpec) + table_help(
     "[[candidates]]",
     "an experiment that could be done: {}, {}, and a motion: {}; or a static test: {}; keys of a channel of both: {}, "
     "{}; or natural frequencies: {}; or a response curve: {}",
-    CandidateSpec, ConfigurationSpec, PlannedMotionSpec, PlannedStaticSpec, PlannedChannelSpec, SensorSpec,
+    CandidateSpec, ConfigurationSpec, PlannedMotionSpec, StaticTestSpec, PlannedChannelSpec, SensorSpec,
     PlannedFrequenciesSpec, PlannedCurveSpec,
 )  # fmt: skip
 PLAN_TABLES = {"beam", "damping", "base", "load", "release", "candidates", "fit", "plan"}
@@ -158,75 +133,116 @@ class PlanTask:
         return {"goal": table.goal, "budget": table.budget, "best": best, **errors}
 
 
+@dataclass(frozen=True)
+class CandidateTable:
+    """The table of an experiment, converted and checked, before its files are opened."""
+
+    record: Callable[[], PlannedRecord]
+    sources: Sequence[Source] = ()
+
+
+@dataclass(frozen=True)
+class PlanTables(StepTables):
+    """The tables of a plan."""
+
+    candidates: Mapping[str, CandidateTable]
+    law_terms: tuple[tuple[int, ...], ...]  # of each law to tell apart, as indices of the tables [[damping]]
+    settings: Mapping[str, Any]  # other arguments of ``plan``
+    table: PlanSpec
+
+    @classmethod
+    def of(cls, given: str | StudyFile) -> PlanTables:
+        """Convert the tables of a file."""
+        file = StudyFile.of(given)
+        beam, where = DampedBeam.of(file), file.where("candidates")
+        file.needed("candidates", "each names an experiment that could be done")
+        candidates: dict[str, CandidateTable] = {}
+        for k, table in enumerate(file.several("candidates"), start=1):
+            name = table.get("name", f"candidate {k}") if isinstance(table, dict) else ""
+            if not isinstance(name, str) or name in candidates:
+                raise InputError(f"must be a text that no other candidate has, got {shown(name)}", f"{where}: name")
+            candidates[name] = _candidate(file, table, beam.model, f"{where}: {name}")
+        fit = convert(file.tables.get("fit", {}), FitSpec, file.where("fit"))
+        settings = {key: value for key, value in fit.given().items() if key in ("unknowns", "fixed", "priors")}
+        table = convert(file.tables.get("plan", {}), PlanSpec, file.where("plan"))
+        return cls(file, beam, candidates, law_terms(file, fit, beam), settings, table)
+
+    @property
+    def sources(self) -> list[Source]:
+        """The files of measurements that the tables name."""
+        return [source for candidate in self.candidates.values() for source in candidate.sources]
+
+
 def read_plan(given: str | StudyFile) -> PlanTask:
     """Read a beam with guesses, its damping, and the experiments that could be done."""
-    file = StudyFile.of(given)
-    source, where = read_damped(file), file.where("candidates")
-    file.needed("candidates", "each names an experiment that could be done")
-    candidates: dict[str, PlannedRecord] = {}
-    for k, table in enumerate(file.several("candidates"), start=1):
-        name = table.get("name", f"candidate {k}") if isinstance(table, dict) else ""
-        if not isinstance(name, str) or name in candidates:
-            raise InputError(f"must be a text that no other candidate has, got {shown(name)}", f"{where}: name")
-        candidates[name] = _candidate(file, table, source.model, f"{where}: {name}")
-    fit = convert(file.tables.get("fit", {}), FitSpec, file.where("fit"))
-    settings = {key: value for key, value in fit.given().items() if key in ("unknowns", "fixed", "priors")}
-    table = convert(file.tables.get("plan", {}), PlanSpec, file.where("plan"))
-    return PlanTask(source.model, source.damping, read_laws(file, fit, source), candidates, settings, table, file)
+    tables = PlanTables.of(given)
+    candidates = {name: candidate.record() for name, candidate in tables.candidates.items()}
+    beam = tables.beam
+    laws = sums_of_laws(beam, tables.law_terms)
+    return PlanTask(beam.model, beam.damping, laws, candidates, tables.settings, tables.table, tables.file)
 
 
-def _candidate(file: StudyFile, table: Any, model: Model, where: str) -> PlannedRecord:
+def _candidate(file: StudyFile, table: Any, model: Model, where: str) -> CandidateTable:
     """Return the experiment of a table, of a kind that its keys tell."""
     keys = set(table) if isinstance(table, dict) else set()
     kinds = {"duration": _motion, "loads": _static, "modes": _frequencies, "frequencies": _curve}
-    for key, reader in kinds.items():
+    for key, converter in kinds.items():
         if key in keys:
-            return reader(file, table, model, where)
+            return converter(file, table, model, where)
     raise InputError(
         "needs duration (a motion), loads (a static test), modes, or frequencies (a response curve)", where
     )
 
 
-def _motion(file: StudyFile, table: Any, model: Model, where: str) -> PlannedRecord:
+def _motion(file: StudyFile, table: Any, model: Model, where: str) -> CandidateTable:
     (candidate, configuration, motion), channels = channel_groups(
         table, where, (CandidateSpec, ConfigurationSpec, PlannedMotionSpec), (PlannedChannelSpec, SensorSpec)
     )
-    own_model = other_model(model, configuration, where)
+    other_model = configuration.other_model(model, where)
     sensors, std = _sensors(channels)
-    arguments = read_motion(file, motion.given(), own_model or model, where)
-    for name in ("duration", "sample_rate", "release_time", "offset", "zero"):
-        arguments[name] = getattr(motion, name)
-    with located(where):
-        return PlannedRecord.motion(sensors, std=std, model=own_model, cost=candidate.cost, **arguments)
+    tables = MotionTables.of(file, motion.given(), where)
+
+    def record() -> PlannedRecord:
+        arguments = tables.arguments(file, other_model or model)
+        for name in ("duration", "sample_rate", "release_time", "offset", "zero"):
+            arguments[name] = getattr(motion, name)
+        with located(where):
+            return PlannedRecord.motion(sensors, std=std, model=other_model, cost=candidate.cost, **arguments)
+
+    return CandidateTable(record, tables.sources)
 
 
-def _static(file: StudyFile, table: Any, model: Model, where: str) -> PlannedRecord:
+def _static(file: StudyFile, table: Any, model: Model, where: str) -> CandidateTable:
     (candidate, configuration, static), channels = channel_groups(
-        table, where, (CandidateSpec, ConfigurationSpec, PlannedStaticSpec), (PlannedChannelSpec, SensorSpec)
+        table, where, (CandidateSpec, ConfigurationSpec, StaticTestSpec), (PlannedChannelSpec, SensorSpec)
     )
     sensors, std = _sensors(channels)
-    beam = other_model(model, configuration, where) or model
+    beam = configuration.other_model(model, where) or model
     with located(where):
         loads = load_cases(static.loads)
-        return PlannedRecord.static(beam, loads, sensors, std=std, tared=static.tared, cost=candidate.cost)
+        record = PlannedRecord.static(beam, loads, sensors, std=std, tared=static.tared, cost=candidate.cost)
+    return CandidateTable(lambda: record)
 
 
-def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> PlannedRecord:
+def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> CandidateTable:
     candidate, configuration, planned = convert_groups(
         table, where, CandidateSpec, ConfigurationSpec, PlannedFrequenciesSpec
     )
-    beam = other_model(model, configuration, where) or model
+    beam = configuration.other_model(model, where) or model
     with located(where):
-        return PlannedRecord.natural_frequencies(beam, planned.modes, std=planned.std, cost=candidate.cost)
+        record = PlannedRecord.natural_frequencies(beam, planned.modes, std=planned.std, cost=candidate.cost)
+    return CandidateTable(lambda: record)
 
 
-def _curve(file: StudyFile, table: Any, model: Model, where: str) -> PlannedRecord:
+def _curve(file: StudyFile, table: Any, model: Model, where: str) -> CandidateTable:
     candidate, configuration, curve, sensor = convert_groups(
         table, where, CandidateSpec, ConfigurationSpec, PlannedCurveSpec, SensorSpec
     )
-    arguments = curve.given() | excitation(file, curve, where) | {"model": other_model(model, configuration, where)}
+    arguments = curve.given() | excitation(file, curve, where)
+    arguments |= {"model": configuration.other_model(model, where), "sensor": sensor.make("displacement", where)}
     with located(where):
-        return PlannedRecord.response(sensor=sensor.make("displacement", ""), cost=candidate.cost, **arguments)
+        record = PlannedRecord.response(cost=candidate.cost, **arguments)
+    return CandidateTable(lambda: record)
 
 
 def _sensors(channels: Any) -> tuple[list[Sensor], list[float]]:

@@ -42,7 +42,7 @@ SEVERAL: Alternatives = {  # tables of which the file may have several
     "frequencies": [(records.FrequenciesSpec, ConfigurationSpec)],
     "candidates": [
         (*CANDIDATE, plan.PlannedMotionSpec, *PLANNED),
-        (*CANDIDATE, plan.PlannedStaticSpec, *PLANNED),
+        (*CANDIDATE, records.StaticTestSpec, *PLANNED),
         (*CANDIDATE, plan.PlannedFrequenciesSpec),
         (*CANDIDATE, plan.PlannedCurveSpec, records.SensorSpec),
     ],

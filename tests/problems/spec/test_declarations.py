@@ -33,7 +33,7 @@ SAME: list[tuple[Any, Any, set[str]]] = [  # a declaration, what its keys are ar
     (records.FrequenciesSpec, FrequencyRecord, set()),
     (records.FitSpec, fit_beam, {"laws"}),
     (plan.PlannedMotionSpec, PlannedRecord.motion, {"channels", "base", "load", "release", "start", "release_time"}),
-    (plan.PlannedStaticSpec, PlannedRecord.static, {"channels"}),
+    (records.StaticTestSpec, PlannedRecord.static, {"channels"}),
     (plan.PlannedFrequenciesSpec, PlannedRecord.natural_frequencies, set()),
 ]  # fmt: skip
 

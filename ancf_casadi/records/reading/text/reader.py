@@ -98,9 +98,7 @@ def _plain_ends(block: bytes) -> bytes:
     return block.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in block else block
 
 
-def read_text(
-    file: BinaryIO, path: Path, layout: TableLayout = NO_LAYOUT, *, progress: bool = False
-) -> Recording:
+def read_text(file: BinaryIO, path: Path, layout: TableLayout = NO_LAYOUT, *, progress: bool = False) -> Recording:
     """Read a table in plain text; refuse a row with too few or too many cells by its line."""
     blocks = _without_rows(text_blocks(file, path, progress=progress), layout.skip_rows)
     first = next(blocks, b"")

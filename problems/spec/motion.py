@@ -7,7 +7,7 @@ Those of a simulation also have [simulation] with its settings, and [markers] wi
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Any, Literal
@@ -16,10 +16,10 @@ import numpy as np
 from msgspec import UNSET, Meta, UnsetType
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
+from ancf_casadi.dynamics.base_motion import FixedBase, HarmonicBase, SampledBase, SweepBase
 from ancf_casadi.dynamics.simulation import Method
 from ancf_casadi.dynamics.start import Start
-from ancf_casadi.dynamics.tip_load import HarmonicLoad, MovingForce, SampledLoad, TipLoad
+from ancf_casadi.dynamics.tip_load import HarmonicLoad, MovingForce, SampledLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.channel import Recording
@@ -32,6 +32,7 @@ from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.tracing import CURVE_POINTS, MOST_CURVE_POINTS, frequency_response
 from ancf_casadi.support.inputs import located, physical, shown, unit_vector, whole
 from ancf_casadi.support.specs import Pair, Positive, Spec, convert
+from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.statics import static_equilibrium
 from problems.spec.beam import DampedBeam, read_damped
 from problems.spec.file import RecordFiles, StudyFile, convert_groups
@@ -76,16 +77,30 @@ Source = tuple[RecordFile, str]  # a file of measurements, and the place of its 
 
 
 @dataclass(frozen=True)
+class Deferred:
+    """An object of a table, before its files of measurements are opened and anything is solved."""
+
+    make: Callable[..., Any]
+    sources: Sequence[Source] = ()
+
+
+@dataclass(frozen=True)
 class StepTables:
-    """The tables of a step, converted and checked, before any file of measurements is opened."""
+    """The tables of a step, converted and checked, before its files of measurements are opened."""
 
     file: StudyFile
     beam: DampedBeam
+    sources: Sequence[Source]
 
     @property
-    def sources(self) -> list[Source]:
-        """The files of measurements that the tables name."""
-        raise NotImplementedError
+    def model(self) -> Model:
+        """The beam."""
+        return self.beam.model
+
+    @property
+    def damping(self) -> DampingLaw | None:
+        """The damping law."""
+        return self.beam.damping
 
     def with_records(self) -> StudyFile:
         """Open the files of measurements, and return the file with their contents, which its step reads."""
@@ -160,119 +175,86 @@ MARKERS_KEYS = table_help("[markers]", "NAME = arc length from the clamp (m): po
 SIMULATION_KEYS = table_help("[simulation]", "{}", SimulationSpec) + MARKERS_KEYS
 
 
-@dataclass(frozen=True)
-class SampledColumns:
-    """An excitation by its values over time, in columns of a file."""
+def convert_motion(file: StudyFile, given: Mapping[str, Any], where: str) -> Deferred:
+    """Convert the tables of a motion; on a beam they make the arguments ``base``, ``load`` and ``start`` of the motion.
 
-    kind: type[SampledBase] | type[SampledLoad]
-    source: FileSpec
-    columns: Mapping[str, ColumnName]  # by name
-    unit: str | None  # of the first quantity
-    quantities: Mapping[str, Quantity]  # by the names of all columns
-    where: str
+    They stand within the table ``given`` at a place, or else in the file.  A given start holds instead of a release.
+    """
+    tables: dict[str, Deferred] = {}
+    for name, converter in {"base": _base, "load": _load, "release": _release}.items():
+        table, place = (given[name], f"{where}: {name}") if name in given else (file.tables.get(name), file.where(name))
+        if table is not None and not (name == "release" and "start" in given):
+            tables[name] = converter(file, table, place)
 
-    def read(self, file: StudyFile) -> Any:
-        """Return the excitation in SI units; one without a column is zero."""
-        recording = self.source.recording(file, self.where)
-        first = next(iter(self.quantities.values()))
-        records = {}
-        for name, column in self.columns.items():
-            unit = self.unit if self.quantities[name] == first else None
-            with located(f"{self.where}: {name}"):
-                sensor = Sensor(self.quantities[name])
-                records[name] = Measurement.from_recording(recording, column, unit=unit, sensor=sensor)
-        reference, *others = records
-        time = records[reference].time
-        for name in others:
-            if not np.array_equal(records[name].time, time):
-                raise InputError(
-                    f"has other times or gaps than {reference}; give all columns at the same times",
-                    f"{self.where}: {name}",
-                )
-        x, y, turning = (records[name].values if name in records else np.zeros(len(time)) for name in self.quantities)
-        with located(self.where):
-            return self.kind(time, np.column_stack([x, y]), turning)
+    def arguments(model: Model) -> dict[str, Any]:
+        start = {"start": given["start"]} if "start" in given else {}
+        return start | {{"release": "start"}.get(name, name): table.make(model) for name, table in tables.items()}
+
+    return Deferred(arguments, [source for table in tables.values() for source in table.sources])
 
 
-@dataclass(frozen=True)
-class MotionTables:
-    """Excitation and start of a motion: the tables within another table, or else those of the file."""
-
-    excitations: Mapping[str, BaseMotion | TipLoad | SampledColumns]  # ``base`` and ``load``
-    start: Start | ReleaseSpec | None
-    where: str  # place of the release
-
-    @classmethod
-    def of(cls, file: StudyFile, given: Mapping[str, Any], where: str) -> MotionTables:
-        """Convert the tables; ``given`` has those within the table at ``where``, and its start replaces a release."""
-        names = ("base", "load", "release")
-        places = {name: f"{where}: {name}" if name in given else file.where(name) for name in names}
-        tables = {name: given.get(name, file.tables.get(name)) for name in names}
-        converters = {"base": convert_base, "load": convert_load}
-        excitations = {
-            name: converter(tables[name], places[name])
-            for name, converter in converters.items()
-            if tables[name] is not None
-        }
-        start = given.get("start")
-        if start is None and tables["release"] is not None:
-            start = convert(tables["release"], ReleaseSpec, places["release"])
-        return cls(excitations, start, places["release"])
-
-    @property
-    def sources(self) -> list[Source]:
-        """The files of measurements that the tables name."""
-        sampled = [value for value in self.excitations.values() if isinstance(value, SampledColumns)]
-        return [(value.source, value.where) for value in sampled]
-
-    def arguments(self, file: StudyFile, model: Model) -> dict[str, Any]:
-        """Return the arguments ``base``, ``load`` and ``start`` of a motion, as far as there are tables."""
-        arguments: dict[str, Any] = {
-            name: value.read(file) if isinstance(value, SampledColumns) else value
-            for name, value in self.excitations.items()
-        }
-        if isinstance(self.start, ReleaseSpec):
-            with located(self.where):
-                arguments["start"] = static_equilibrium(model, **self.start.given())
-        elif self.start is not None:
-            arguments["start"] = self.start
-        return arguments
-
-
-def convert_base(table: Any, where: str) -> BaseMotion | SampledColumns:
-    """Return a base motion, of one of four kinds that the keys of its table tell apart."""
+def _base(file: StudyFile, table: Any, where: str) -> Deferred:
+    """Convert a base motion, of one of four kinds that the keys of its table tell apart."""
     keys = set(table) if isinstance(table, dict) else set()
     if "file" in keys:
-        return _sampled(table, SampledBase, BaseColumns, ("position", "position", "slope"), where)
+        return _sampled(file, table, SampledBase, BaseColumns, ("position", "position", "slope"), where)
     fixed = keys and keys <= {"displacement", "rotation"}
-    kind: Any = SweepBase if "frequencies" in keys else FixedBase if fixed else HarmonicBase
-    base: BaseMotion = convert(table, kind, where)
-    return base
+    base = convert(table, SweepBase if "frequencies" in keys else FixedBase if fixed else HarmonicBase, where)
+    return Deferred(lambda model: base)
 
 
-def convert_load(table: Any, where: str) -> TipLoad | SampledColumns:
-    """Return a load at the tip, of one of four kinds that the keys of its table tell apart."""
+def _load(file: StudyFile, table: Any, where: str) -> Deferred:
+    """Convert a load at the tip, of one of four kinds that the keys of its table tell apart."""
     keys = set(table) if isinstance(table, dict) else set()
     if "file" in keys:
-        return _sampled(table, SampledLoad, LoadColumns, ("force", "force", "moment"), where)
-    if "time" in keys:
-        values = convert(table, LoadValues, where)
+        return _sampled(file, table, SampledLoad, LoadColumns, ("force", "force", "moment"), where)
+    load = convert(table, LoadValues if "time" in keys else MovingForce if "speed" in keys else HarmonicLoad, where)
+    if isinstance(load, LoadValues):
         with located(where):
-            return SampledLoad(**values.given())
-    load: TipLoad = convert(table, MovingForce if "speed" in keys else HarmonicLoad, where)
-    return load
+            load = SampledLoad(**load.given())
+    return Deferred(lambda model: load)
+
+
+def _release(file: StudyFile, table: Any, where: str) -> Deferred:
+    """Convert the load before time 0; the motion starts from the equilibrium under it."""
+    release = convert(table, ReleaseSpec, where)
+
+    def start(model: Model) -> Equilibrium:
+        with located(where):
+            return static_equilibrium(model, **release.given())
+
+    return Deferred(start)
 
 
 def _sampled(
-    table: Any, kind: Any, columns: type[Spec], quantities: tuple[Quantity, ...], where: str
-) -> SampledColumns:
-    """Return an excitation in columns of a file; at least one of them must be named."""
+    file: StudyFile, table: Any, kind: Any, columns: type[Spec], quantities: tuple[Quantity, ...], where: str
+) -> Deferred:
+    """Convert an excitation with the times and columns of a file, in SI units; one without a column is zero."""
     source, chosen = convert_groups(table, where, FileSpec, columns)
     names = columns.__struct_fields__[:-1]  # the unit holds for those of the first quantity
     named = {name: column for name in names if (column := getattr(chosen, name)) is not None}
     if not named:
         raise InputError(f"name at least one of the columns {', '.join(names)}", where)
-    return SampledColumns(kind, source, named, chosen.unit, dict(zip(names, quantities, strict=True)), where)
+
+    def excitation(model: Model) -> Any:
+        recording = source.recording(file, where)
+        records = {}
+        for name, quantity in zip(names, quantities, strict=True):
+            if name in named:
+                unit, sensor = chosen.unit if quantity == quantities[0] else None, Sensor(quantity)
+                with located(f"{where}: {name}"):
+                    records[name] = Measurement.from_recording(recording, named[name], unit=unit, sensor=sensor)
+        first, *others = records
+        for name in others:
+            if not np.array_equal(records[name].time, records[first].time):
+                message = f"has other times or gaps than {first}; give all columns at the same times"
+                raise InputError(message, f"{where}: {name}")
+        time = records[first].time
+        x, y, turning = (records[name].values if name in records else np.zeros(len(time)) for name in names)
+        with located(where):
+            return kind(time, np.column_stack([x, y]), turning)
+
+    return Deferred(excitation, [(source, where)])
 
 
 @dataclass(frozen=True)
@@ -280,7 +262,7 @@ class SimulationTables(StepTables):
     """The tables of a simulated motion."""
 
     settings: Mapping[str, Any]  # arguments of ``simulate``
-    motion: MotionTables
+    motion: Deferred
     markers: Mapping[str, float]  # arc length of each point to output, m
 
     @classmethod
@@ -292,19 +274,15 @@ class SimulationTables(StepTables):
         _check_size(settings, beam.model, where)
         if "start" in settings and "release" in file.tables:
             raise InputError("is given by the table [release]; leave it out", f"{where}: start")
-        return cls(file, beam, settings, MotionTables.of(file, settings, where), read_markers(file, beam.model))
-
-    @property
-    def sources(self) -> list[Source]:
-        """The files of measurements that the tables name."""
-        return self.motion.sources
+        motion = convert_motion(file, settings, where)
+        return cls(file, beam, motion.sources, settings, motion, read_markers(file, beam.model))
 
 
 def read_simulation(given: str | StudyFile) -> tuple[dict[str, Any], Mapping[str, float]]:
     """Read the arguments of ``simulate``, and the points to output: arc length by name, m."""
     tables = SimulationTables.of(given)
-    motion = {**tables.settings, **tables.motion.arguments(tables.file, tables.beam.model)}
-    return {"model": tables.beam.model, "damping": tables.beam.damping, **motion}, tables.markers
+    motion = {**tables.settings, **tables.motion.make(tables.model)}
+    return {"model": tables.model, "damping": tables.damping, **motion}, tables.markers
 
 
 def _check_size(settings: Mapping[str, Any], model: Model, where: str) -> None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any
 
 from msgspec import UNSET, Meta, UnsetType
 from msgspec.structs import replace
 
-from ancf_casadi.damping import DampingLaw
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import ConfigurationSpec
@@ -23,7 +23,7 @@ from problems.planning.result import Plan
 from problems.spec.beam import DampedBeam
 from problems.spec.file import StudyFile, convert_groups
 from problems.spec.help import table_help
-from problems.spec.motion import MotionTables, Source, StepTables
+from problems.spec.motion import Deferred, StepTables, convert_motion
 from problems.spec.records import (
     CurveTestSpec,
     FitSpec,
@@ -102,26 +102,48 @@ PLAN_TABLES = {"beam", "damping", "base", "load", "release", "candidates", "fit"
 
 
 @dataclass(frozen=True)
-class PlanTask:
+class PlanTask(StepTables):
     """The arguments of ``plan`` from a file, and what its result is asked for."""
 
-    model: Model
-    damping: DampingLaw | None
-    laws: tuple[DampingLaw, ...]  # to tell apart
-    candidates: Mapping[str, PlannedRecord]
+    law_terms: Sequence[Sequence[int]]  # of each law to tell apart, as indices of the tables [[damping]]
+    tables: Mapping[str, Deferred]  # of the candidates
     settings: Mapping[str, Any]  # other arguments of ``plan``
     table: PlanSpec
-    file: StudyFile
+
+    @classmethod
+    def of(cls, given: str | StudyFile) -> PlanTask:
+        """Convert the tables of a file."""
+        file = StudyFile.of(given)
+        beam, where = DampedBeam.of(file), file.where("candidates")
+        file.needed("candidates", "each names an experiment that could be done")
+        tables: dict[str, Deferred] = {}
+        for k, candidate in enumerate(file.several("candidates"), start=1):
+            name = candidate.get("name", f"candidate {k}") if isinstance(candidate, dict) else ""
+            if not isinstance(name, str) or name in tables:
+                raise InputError(f"must be a text that no other candidate has, got {shown(name)}", f"{where}: name")
+            tables[name] = _candidate(file, candidate, beam.model, f"{where}: {name}")
+        sources = [source for deferred in tables.values() for source in deferred.sources]
+        fit = convert(file.tables.get("fit", {}), FitSpec, file.where("fit"))
+        settings = {key: value for key, value in fit.given().items() if key in ("unknowns", "fixed", "priors")}
+        table = convert(file.tables.get("plan", {}), PlanSpec, file.where("plan"))
+        return cls(file, beam, sources, law_terms(file, fit, beam), tables, settings, table)
+
+    @cached_property
+    def candidates(self) -> dict[str, PlannedRecord]:
+        """The experiments that could be done."""
+        return {name: deferred.make() for name, deferred in self.tables.items()}
 
     def planned(self) -> Plan:
         """Return the plan."""
+        candidates = self.candidates
         with located(self.file.where("fit")):
-            return plan(self.model, self.candidates, self.damping, **self.settings)
+            return plan(self.model, candidates, self.damping, **self.settings)
 
     def compared(self) -> PlannedComparison:
         """Return the probabilities that the candidates tell the laws apart."""
+        candidates, laws = self.candidates, sums_of_laws(self.beam, self.law_terms)
         with located(self.file.where("fit")):
-            return plan_comparison(self.model, self.candidates, self.laws, **self.settings)
+            return plan_comparison(self.model, candidates, laws, **self.settings)
 
     def chosen(self, found: Plan) -> dict[str, Any]:
         """Return goal and budget, the best list with its standard errors, and the best shares, for JSON."""
@@ -133,56 +155,7 @@ class PlanTask:
         return {"goal": table.goal, "budget": table.budget, "best": best, **errors}
 
 
-@dataclass(frozen=True)
-class CandidateTable:
-    """The table of an experiment, converted and checked, before its files are opened."""
-
-    record: Callable[[], PlannedRecord]
-    sources: Sequence[Source] = ()
-
-
-@dataclass(frozen=True)
-class PlanTables(StepTables):
-    """The tables of a plan."""
-
-    candidates: Mapping[str, CandidateTable]
-    law_terms: tuple[tuple[int, ...], ...]  # of each law to tell apart, as indices of the tables [[damping]]
-    settings: Mapping[str, Any]  # other arguments of ``plan``
-    table: PlanSpec
-
-    @classmethod
-    def of(cls, given: str | StudyFile) -> PlanTables:
-        """Convert the tables of a file."""
-        file = StudyFile.of(given)
-        beam, where = DampedBeam.of(file), file.where("candidates")
-        file.needed("candidates", "each names an experiment that could be done")
-        candidates: dict[str, CandidateTable] = {}
-        for k, table in enumerate(file.several("candidates"), start=1):
-            name = table.get("name", f"candidate {k}") if isinstance(table, dict) else ""
-            if not isinstance(name, str) or name in candidates:
-                raise InputError(f"must be a text that no other candidate has, got {shown(name)}", f"{where}: name")
-            candidates[name] = _candidate(file, table, beam.model, f"{where}: {name}")
-        fit = convert(file.tables.get("fit", {}), FitSpec, file.where("fit"))
-        settings = {key: value for key, value in fit.given().items() if key in ("unknowns", "fixed", "priors")}
-        table = convert(file.tables.get("plan", {}), PlanSpec, file.where("plan"))
-        return cls(file, beam, candidates, law_terms(file, fit, beam), settings, table)
-
-    @property
-    def sources(self) -> list[Source]:
-        """The files of measurements that the tables name."""
-        return [source for candidate in self.candidates.values() for source in candidate.sources]
-
-
-def read_plan(given: str | StudyFile) -> PlanTask:
-    """Read a beam with guesses, its damping, and the experiments that could be done."""
-    tables = PlanTables.of(given)
-    candidates = {name: candidate.record() for name, candidate in tables.candidates.items()}
-    beam = tables.beam
-    laws = sums_of_laws(beam, tables.law_terms)
-    return PlanTask(beam.model, beam.damping, laws, candidates, tables.settings, tables.table, tables.file)
-
-
-def _candidate(file: StudyFile, table: Any, model: Model, where: str) -> CandidateTable:
+def _candidate(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     """Return the experiment of a table, of a kind that its keys tell."""
     keys = set(table) if isinstance(table, dict) else set()
     kinds = {"duration": _motion, "loads": _static, "modes": _frequencies, "frequencies": _curve}
@@ -194,25 +167,25 @@ def _candidate(file: StudyFile, table: Any, model: Model, where: str) -> Candida
     )
 
 
-def _motion(file: StudyFile, table: Any, model: Model, where: str) -> CandidateTable:
+def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     (candidate, configuration, motion), channels = channel_groups(
         table, where, (CandidateSpec, ConfigurationSpec, PlannedMotionSpec), (PlannedChannelSpec, SensorSpec)
     )
     other_model = configuration.other_model(model, where)
     sensors, std = _sensors(channels)
-    tables = MotionTables.of(file, motion.given(), where)
+    excited = convert_motion(file, motion.given(), where)
 
     def record() -> PlannedRecord:
-        arguments = tables.arguments(file, other_model or model)
+        arguments = excited.make(other_model or model)
         for name in ("duration", "sample_rate", "release_time", "offset", "zero"):
             arguments[name] = getattr(motion, name)
         with located(where):
             return PlannedRecord.motion(sensors, std=std, model=other_model, cost=candidate.cost, **arguments)
 
-    return CandidateTable(record, tables.sources)
+    return Deferred(record, excited.sources)
 
 
-def _static(file: StudyFile, table: Any, model: Model, where: str) -> CandidateTable:
+def _static(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     (candidate, configuration, static), channels = channel_groups(
         table, where, (CandidateSpec, ConfigurationSpec, StaticTestSpec), (PlannedChannelSpec, SensorSpec)
     )
@@ -221,20 +194,20 @@ def _static(file: StudyFile, table: Any, model: Model, where: str) -> CandidateT
     with located(where):
         loads = load_cases(static.loads)
         record = PlannedRecord.static(beam, loads, sensors, std=std, tared=static.tared, cost=candidate.cost)
-    return CandidateTable(lambda: record)
+    return Deferred(lambda: record)
 
 
-def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> CandidateTable:
+def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     candidate, configuration, planned = convert_groups(
         table, where, CandidateSpec, ConfigurationSpec, PlannedFrequenciesSpec
     )
     beam = configuration.other_model(model, where) or model
     with located(where):
         record = PlannedRecord.natural_frequencies(beam, planned.modes, std=planned.std, cost=candidate.cost)
-    return CandidateTable(lambda: record)
+    return Deferred(lambda: record)
 
 
-def _curve(file: StudyFile, table: Any, model: Model, where: str) -> CandidateTable:
+def _curve(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     candidate, configuration, curve, sensor = convert_groups(
         table, where, CandidateSpec, ConfigurationSpec, PlannedCurveSpec, SensorSpec
     )
@@ -242,7 +215,7 @@ def _curve(file: StudyFile, table: Any, model: Model, where: str) -> CandidateTa
     arguments |= {"model": configuration.other_model(model, where), "sensor": sensor.make("displacement", where)}
     with located(where):
         record = PlannedRecord.response(cost=candidate.cost, **arguments)
-    return CandidateTable(lambda: record)
+    return Deferred(lambda: record)
 
 
 def _sensors(channels: Any) -> tuple[list[Sensor], list[float]]:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
@@ -37,7 +38,7 @@ from problems.beam.values.records import FrequencyRecord, StaticRecord
 from problems.spec.beam import DampedBeam
 from problems.spec.file import StudyFile, convert_groups
 from problems.spec.help import table_help
-from problems.spec.motion import ColumnName, FileSpec, MotionTables, RecordFile, Source, StepTables
+from problems.spec.motion import ColumnName, Deferred, FileSpec, RecordFile, StepTables, convert_motion
 
 Values = float | tuple[float, ...]  # one number, or one per value
 Table = dict[str, Any]
@@ -249,36 +250,16 @@ Record = MotionRecord | FrequencyRecord | StaticRecord | ResponseRecord
 
 
 @dataclass(frozen=True)
-class Measurements:
-    """Measurements of a beam, and what to estimate from them."""
+class Measurements(StepTables):
+    """Measurements of a beam, with guesses of its properties and its damping, and what to estimate from them."""
 
-    model: Model  # with guesses of its properties
-    damping: DampingLaw | None  # with guesses of its parameters
-    laws: tuple[DampingLaw, ...]  # to compare
-    records: tuple[Record, ...]
-    predictions: tuple[Record, ...]  # to predict, not to fit
-    settings: Mapping[str, Any]  # other arguments of ``fit_beam``
-
-
-@dataclass(frozen=True)
-class RecordTable:
-    """The table of a measurement, converted and checked, before its files are opened."""
-
-    record: Callable[[], Record]
-    sources: Sequence[Source] = ()
-
-
-@dataclass(frozen=True)
-class MeasurementTables(StepTables):
-    """The tables of a fit of a beam: its measurements, and the unknowns."""
-
-    law_terms: tuple[tuple[int, ...], ...]  # of each law to compare, as indices of the tables [[damping]]
-    records: tuple[RecordTable, ...]
-    predictions: tuple[RecordTable, ...]
+    law_terms: Sequence[Sequence[int]]  # of each law to compare, as indices of the tables [[damping]]
+    fitted: Sequence[Deferred]  # tables of measurements
+    predicted: Sequence[Deferred]  # tables of measurements to predict, not to fit
     settings: Mapping[str, Any]  # other arguments of ``fit_beam``
 
     @classmethod
-    def of(cls, given: str | StudyFile) -> MeasurementTables:
+    def of(cls, given: str | StudyFile) -> Measurements:
         """Convert the tables of a file."""
         file = StudyFile.of(given)
         beam = DampedBeam.of(file)
@@ -287,43 +268,53 @@ class MeasurementTables(StepTables):
             raise InputError("the table is missing; its parameters are the unknowns", file.where("damping"))
         if not any(file.several(name) for name in NUMBERS):
             file.needed("records", f"it names the file to fit; or add {', '.join(f'[[{name}]]' for name in NUMBERS)}")
-        converters = {"records": _motion, "frequencies": _frequencies, "statics": _static, "curves": _curve}
-        records, predictions = (
-            tuple(
-                converters.get(name, _motion)(file, table, beam.model, file.where(name))
-                for name in names
-                for table in file.several(name)
-            )
-            for names in (converters, ("predictions",))
-        )
+        converters = {
+            "records": _motion, "frequencies": _frequencies, "statics": _static, "curves": _curve,
+            "predictions": _motion,
+        }  # fmt: skip
+        tables = {
+            name: [converter(file, table, beam.model, file.where(name)) for table in file.several(name)]
+            for name, converter in converters.items()
+        }
+        predicted = tables.pop("predictions")
+        fitted = [table for several in tables.values() for table in several]
+        sources = [source for table in (*fitted, *predicted) for source in table.sources]
         settings = {key: value for key, value in fit.given().items() if key != "laws"}
-        return cls(file, beam, law_terms(file, fit, beam), records, predictions, settings)
+        return cls(file, beam, sources, law_terms(file, fit, beam), fitted, predicted, settings)
 
-    @property
-    def sources(self) -> list[Source]:
-        """The files of measurements that the tables name."""
-        return [source for table in (*self.records, *self.predictions) for source in table.sources]
+    @cached_property
+    def laws(self) -> tuple[DampingLaw, ...]:
+        """The laws to compare."""
+        return sums_of_laws(self.beam, self.law_terms)
+
+    @cached_property
+    def records(self) -> tuple[Record, ...]:
+        """The measurements."""
+        return tuple(table.make() for table in self.fitted)
+
+    @cached_property
+    def predictions(self) -> tuple[Record, ...]:
+        """Measurements to predict, not to fit."""
+        return tuple(table.make() for table in self.predicted)
 
 
 def read_measurements(given: str | StudyFile) -> Measurements:
     """Read a beam, its damping, measurements, and the unknowns of a fit to them."""
-    tables = MeasurementTables.of(given)
-    records, predictions = (
-        tuple(table.record() for table in several) for several in (tables.records, tables.predictions)
-    )
-    laws = sums_of_laws(tables.beam, tables.law_terms)
-    return Measurements(tables.beam.model, tables.beam.damping, laws, records, predictions, tables.settings)
+    measurements = Measurements.of(given)
+    for name in ("laws", "records", "predictions"):
+        getattr(measurements, name)  # so that a message has the place of its table
+    return measurements
 
 
-def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> RecordTable:
+def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     spec, configuration = convert_groups(table, where, FrequenciesSpec, ConfigurationSpec)
     beam = configuration.other_model(model, where) or model
     with located(where):
         record = FrequencyRecord(beam, **spec.given())
-    return RecordTable(lambda: record)
+    return Deferred(lambda: record)
 
 
-def _static(file: StudyFile, table: Any, model: Model, where: str) -> RecordTable:
+def _static(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     (spec, configuration), channels = channel_groups(
         table, where, (StaticSpec, ConfigurationSpec), (StaticValuesSpec, SensorSpec)
     )
@@ -341,7 +332,7 @@ def _static(file: StudyFile, table: Any, model: Model, where: str) -> RecordTabl
         record = StaticRecord(
             beam, loads, values, sensors, None if np.isnan(std).all() else std, tared=spec.tared, name=spec.name
         )
-    return RecordTable(lambda: record)
+    return Deferred(lambda: record)
 
 
 def load_cases(loads: Sequence[LoadSpec | Sequence[LoadSpec]]) -> list[list[PointLoad]]:
@@ -353,13 +344,13 @@ def load_cases(loads: Sequence[LoadSpec | Sequence[LoadSpec]]) -> list[list[Poin
     return cases
 
 
-def read_curves(name: str) -> list[Any]:
+def read_curves(name: str) -> list[ResponseRecord]:
     """Read the response curves of a file, which needs no beam."""
     file = StudyFile.of(name, required={"curves"})
-    return [_curve(file, table, None, file.where("curves")).record() for table in file.several("curves")]
+    return [_curve(file, table, None, file.where("curves")).make() for table in file.several("curves")]
 
 
-def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> RecordTable:
+def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> Deferred:
     in_file = isinstance(table, dict) and "file" in table
     kinds = (CurveFileSpec if in_file else CurveValuesSpec, CurveSpec, SensorSpec)
     source, curve, sensor, *others = convert_groups(table, where, *kinds, *[ConfigurationSpec] * (model is not None))
@@ -372,7 +363,7 @@ def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> Reco
     if not in_file:
         with located(where):
             record = ResponseRecord(**source.given(), **arguments)
-        return RecordTable(lambda: record)
+        return Deferred(lambda: record)
     if model is None:
         arguments.setdefault("excitation_unit", "")
     columns = {key: value for key, value in source.given().items() if key not in (*LAYOUT_KEYS, "file")}
@@ -382,7 +373,7 @@ def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> Reco
         with located(where):
             return ResponseRecord.from_file(contents, layout=layout, **columns, **arguments)
 
-    return RecordTable(read, [(source, where)])
+    return Deferred(read, [(source, where)])
 
 
 def excitation(file: StudyFile, curve: CurveTestSpec, where: str) -> dict[str, HarmonicBase | HarmonicLoad]:
@@ -433,7 +424,7 @@ def channel_groups(
     return objects, channels
 
 
-def _motion(file: StudyFile, table: Any, model: Model, where: str) -> RecordTable:
+def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     (motion, configuration), channels = channel_groups(
         table, where, (MotionSpec, ConfigurationSpec), (FileSpec, ChannelSpec, SensorSpec)
     )
@@ -443,7 +434,7 @@ def _motion(file: StudyFile, table: Any, model: Model, where: str) -> RecordTabl
     if motion.release is not UNSET and motion.start is not UNSET:
         raise InputError("is given by the release; leave it out", f"{where}: start")
     other_model = configuration.other_model(model, where)
-    tables = MotionTables.of(file, motion.given(), where)
+    excited = convert_motion(file, motion.given(), where)
     camera = None if motion.camera is UNSET else convert(motion.camera, Camera, f"{where}: camera")
 
     def read() -> MotionRecord:
@@ -451,7 +442,7 @@ def _motion(file: StudyFile, table: Any, model: Model, where: str) -> RecordTabl
             channel.make(source.recording(file, place), sensor, place)
             for ((source, channel, _), place), sensor in zip(channels, sensors, strict=True)
         ]
-        arguments = tables.arguments(file, other_model or model)
+        arguments = excited.make(other_model or model)
         with located(where):
             return MotionRecord(
                 measured,
@@ -462,7 +453,7 @@ def _motion(file: StudyFile, table: Any, model: Model, where: str) -> RecordTabl
                 **arguments,
             )
 
-    return RecordTable(read, [*((source, place) for (source, _, _), place in channels), *tables.sources])
+    return Deferred(read, [*((source, place) for (source, _, _), place in channels), *excited.sources])
 
 
 def _check_made(file: StudyFile, name: str) -> None:

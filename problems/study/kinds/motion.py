@@ -32,8 +32,8 @@ from problems.beam.result import BeamFit
 from problems.beam.values.records import FrequencyRecord
 from problems.spec.file import StudyFile
 from problems.spec.motion import SimulationTables, read_simulation
-from problems.spec.plan import PLAN_TABLES, PlanTables, read_plan
-from problems.spec.records import NUMBERS, MeasurementTables, read_measurements
+from problems.spec.plan import PLAN_TABLES, PlanTask
+from problems.spec.records import NUMBERS, Measurements, read_measurements
 from problems.study.drawing import drawn
 from problems.study.formatting import digits_of
 from problems.study.part import Finding, Found, Part, Study, Task
@@ -129,12 +129,12 @@ class MotionFit(Part):
 
     def checked(self, study: Study, where: str) -> Self:
         """Return the part with the tables of its measurements."""
-        MeasurementTables.of(study.file)
+        Measurements.of(study.file)
         return super().checked(study, where)
 
     def tasks(self, found: Found) -> tuple[Task, ...]:
         """Return the fit."""
-        return (Task(fitted, (MeasurementTables.of(self.given).with_records(),), 60.0),)
+        return (Task(fitted, (Measurements.of(self.given).with_records(),), 60.0),)
 
 
 def fitted(file: StudyFile) -> Finding:
@@ -223,7 +223,7 @@ class Comparison(Part):
 
     def checked(self, study: Study, where: str) -> Self:
         """Return the part with the tables of its records and laws, of which there must be several."""
-        motions = MeasurementTables.of(study.file)
+        motions = Measurements.of(study.file)
         if len(motions.law_terms) < 2:
             raise InputError("there is only one law; add tables [[damping]]", where)
         if "fixed" in motions.settings:
@@ -232,7 +232,7 @@ class Comparison(Part):
 
     def tasks(self, found: Found) -> tuple[Task, ...]:
         """Return the comparison."""
-        return (Task(compared, (MeasurementTables.of(self.given).with_records(),), 120.0),)
+        return (Task(compared, (Measurements.of(self.given).with_records(),), 120.0),)
 
 
 def compared(file: StudyFile) -> Finding:
@@ -261,17 +261,17 @@ class PlanPart(Part):
 
     def checked(self, study: Study, where: str) -> Self:
         """Return the part with the tables of its candidates."""
-        PlanTables.of(study.file)
+        PlanTask.of(study.file)
         return super().checked(study, where)
 
     def tasks(self, found: Found) -> tuple[Task, ...]:
         """Return the plan."""
-        return (Task(planned, (PlanTables.of(self.given).with_records(),), 20.0),)
+        return (Task(planned, (PlanTask.of(self.given).with_records(),), 20.0),)
 
 
 def planned(file: StudyFile) -> Finding:
     """Plan the candidates of a study file: the errors of each and of all, and the best list."""
-    task = read_plan(file)
+    task = PlanTask.of(file)
     if task.table.laws:
         compared = task.compared()
         table = compared.table()

@@ -11,7 +11,7 @@ from ancf_casadi import Beam, Model, RayleighDamping, simulate, static_equilibri
 from problems.cli import main
 from problems.paper.reproduce import ALL_KINDS, PAPER_FILE
 from problems.spec.motion import SimulationTables, read_simulation
-from problems.spec.records import MeasurementTables, read_measurements
+from problems.spec.records import Measurements, read_measurements
 from problems.study.reading import read_study
 from problems.study.runner import encoded
 from problems.study.study import KINDS
@@ -95,7 +95,7 @@ def test_parsing_opens_no_record_and_solves_nothing(study, monkeypatch):
         monkeypatch.setattr(f"ancf_casadi.vibration.{function}", refuse)
     assert len(read_study(path, KINDS).parts) == 3
     assert [times_opened(name) for name in ("swing.csv", "sweep.csv")] == [0, 0]
-    assert {source.file for source, _ in MeasurementTables.of(path).sources} == {"swing.csv", "sweep.csv"}
+    assert {source.file for source, _ in Measurements.of(path).sources} == {"swing.csv", "sweep.csv"}
     assert [where for _, where in SimulationTables.of(path).sources] == ["study.toml: [base]"]
     read_study(PAPER_FILE, ALL_KINDS)
     for read in (read_simulation, read_measurements):
@@ -106,14 +106,14 @@ def test_parsing_opens_no_record_and_solves_nothing(study, monkeypatch):
 def test_a_task_has_the_contents_of_the_files_with_it(study):
     """Its key follows from them, and it opens no file, in whatever process it runs."""
     path = study(RAYLEIGH, CURVE)
-    file = MeasurementTables.of(path).with_records()
+    file = Measurements.of(path).with_records()
     assert [times_opened(name) for name in ("swing.csv", "sweep.csv")] == [1, 1]
     motion, curve = read_measurements(pickle.loads(pickle.dumps(file))).records
     assert [times_opened(name) for name in ("swing.csv", "sweep.csv")] == [1, 1]
     assert len(motion.channels) == 2 and len(curve.frequencies) == 2
-    assert encoded(file) == encoded(MeasurementTables.of(path).with_records())
+    assert encoded(file) == encoded(Measurements.of(path).with_records())
     write_record(0.3)
-    assert encoded(file) != encoded(MeasurementTables.of(path).with_records())
+    assert encoded(file) != encoded(Measurements.of(path).with_records())
 
 
 @pytest.mark.slow

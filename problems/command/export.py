@@ -33,7 +33,7 @@ from ancf_casadi.export import (
 from ancf_casadi.export.fmu import FmuKind
 from ancf_casadi.support.files import check_folder, read_json
 from ancf_casadi.support.inputs import located
-from problems.command.output import Output, comma_numbers, finite, new_files, positive_count
+from problems.command.output import Output, add_options, comma_numbers, finite, new_files, positive_count
 from problems.spec.beam import read_damped
 
 FORMATS = {
@@ -64,40 +64,19 @@ def add_export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="BEAM.toml", help="tables [beam] and [damping], or a JSON document")
     parser.add_argument("--format", choices=tuple(FORMATS), required=True, help="; ".join(FORMATS.values()))
     parser.add_argument("--out", type=Path, required=True, metavar="PATH", help="file to write; for c, a folder")
-    parser.add_argument(
-        "--markers",
-        type=comma_numbers,
-        default=(),
-        metavar="S,S,...",
-        help="arc lengths (m) of points whose positions are outputs",
+    parser.set_defaults(markers=())
+    add_options(
+        parser,
+        markers=(comma_numbers, "S,S,...", "arc lengths (m) of points whose positions are outputs"),
+        reduced=(positive_count, "N", "write the reduced model with N modes"),
+        segments=(positive_count, "N", "of a beam for a simulator; else the fewest"),
+        tolerance=(finite, "X", "relative error of its first three frequencies, 0.01 if not given"),
+        amplitude=(finite, "M", "tip amplitude (m) at which laws that depend on it are represented"),
     )
-    parser.add_argument("--reduced", type=positive_count, metavar="N", help="write the reduced model with N modes")
-    parser.add_argument(
-        "--segments", type=positive_count, metavar="N", help="of a beam for a simulator; else the fewest"
-    )
-    parser.add_argument(
-        "--tolerance", type=finite, metavar="X", help="relative error of its first three frequencies, 0.01 if not given"
-    )
-    parser.add_argument(
-        "--amplitude",
-        type=finite,
-        metavar="M",
-        help="tip amplitude (m) at which laws that depend on it are represented",
-    )
-    parser.add_argument(
-        "--identification",
-        action="append",
-        default=[],
-        metavar="RESULT.json",
-        help="output of fit-decay --json or match --json to include in json or an FMU; may be repeated",
-    )
-    parser.add_argument(
-        "--data",
-        action="append",
-        default=[],
-        metavar="FILE.csv",
-        help="record behind each identification, in the same order",
-    )
+    about = "output of fit-decay --json or run --json to include in json or an FMU; may be repeated"
+    parser.add_argument("--identification", action="append", default=[], metavar="RESULT.json", help=about)
+    about = "record behind each identification, in the same order"
+    parser.add_argument("--data", action="append", default=[], metavar="FILE.csv", help=about)
 
 
 def run_export(options: argparse.Namespace) -> Output:

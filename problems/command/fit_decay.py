@@ -21,6 +21,7 @@ from ancf_casadi.support.files import check_file
 from ancf_casadi.support.inputs import located
 from problems.command.output import (
     Output,
+    add_options,
     add_plot,
     comma_numbers,
     figure_writers,
@@ -40,39 +41,20 @@ from problems.decay.result import DecayFit
 
 def add_fit_decay(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument(
-        "files", nargs="+", metavar="FILE", help="record of a free decay; several files are takes of the same mode"
-    )
+    about = "record of a free decay; several files are takes of the same mode"
+    parser.add_argument("files", nargs="+", metavar="FILE", help=about)
     add_law_options(parser, auto=True)
-    parser.add_argument(
-        "--release",
-        choices=("last", "all"),
-        default="last",
-        help="of several releases in one record, fit the last, or all as takes of the same mode (default: last)",
+    about = "of several releases in one record, fit the last, or all as takes of the same mode (default: last)"
+    parser.add_argument("--release", choices=("last", "all"), default="last", help=about)
+    about = f"fit the strongest N modes at once, or as many as the record supports, up to {MOST_DECAY_MODES}; give it "
+    parser.add_argument("--modes", nargs="?", type=positive_count, const=0, metavar="N", help=f"{about}after the files")
+    band = (
+        "fit the strongest mode between these frequencies (Hz); stronger modes outside are fitted and subtracted, "
+        "without a filter, which would colour the noise"
     )
-    parser.add_argument(
-        "--modes",
-        nargs="?",
-        type=positive_count,
-        const=0,
-        metavar="N",
-        help="fit the strongest N modes at once, or as many as the record supports, up to "
-        f"{MOST_DECAY_MODES}; give it after the files",
-    )
-    parser.add_argument(
-        "--band",
-        type=comma_numbers,
-        metavar="LOW,HIGH",
-        help="fit the strongest mode between these frequencies (Hz); stronger modes outside are fitted and subtracted, "
-        "without a filter, which would colour the noise",
-    )
+    curve = "write damping ratio and frequency against amplitude: windows without a law, and the law with its band"
+    add_options(parser, band=(comma_numbers, "LOW,HIGH", band), curve=(Path, "FILE.csv", curve))
     add_plot(parser, "draw the record and the fit")
-    parser.add_argument(
-        "--curve",
-        type=Path,
-        metavar="FILE.csv",
-        help="write damping ratio and frequency against amplitude: windows without a law, and the law with its band",
-    )
     add_record_options(parser)
 
 

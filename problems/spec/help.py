@@ -43,11 +43,16 @@ def described_keys(kind: type, base: type | None = None) -> list[str]:
     return [key for field in listed_fields(kind) if (key := _described(field)) not in known]
 
 
+def description(field: types.Field) -> str:
+    """Return the description of a key; empty if it has none."""
+    declared = field.type
+    return (declared.extra_json_schema or {}).get("description", "") if isinstance(declared, types.Metadata) else ""
+
+
 def _described(field: types.Field) -> str:
     """Return a key with its description, or the names that it may have."""
-    declared = field.type
-    note = (declared.extra_json_schema or {}).get("description", "") if isinstance(declared, types.Metadata) else ""
-    for kind in alternatives(declared):
+    note = description(field)
+    for kind in alternatives(field.type):
         if isinstance(kind, types.LiteralType):
             note = note or " or ".join(f'"{value}"' for value in kind.values if value)
         elif isinstance(kind, types.BoolType):

@@ -22,10 +22,7 @@ from ancf_casadi.dynamics.start import Start
 from ancf_casadi.dynamics.tip_load import HarmonicLoad, MovingForce, SampledLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.records.channel import Recording
-from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.records.recording import with_times
 from ancf_casadi.records.sensor import Quantity, Sensor
 from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
 from ancf_casadi.response.curve import ResponseCurve
@@ -37,43 +34,7 @@ from ancf_casadi.vibration.statics import static_equilibrium
 from problems.spec.beam import DampedBeam, read_damped
 from problems.spec.file import RecordFiles, StudyFile, convert_groups
 from problems.spec.help import Kinds, kinds_help, table_help
-
-ColumnName = str | int  # name of a column, or its number from 1
-
-
-class RecordFile(Spec, frozen=True, kw_only=True):
-    """A file of measurements, with the rows and columns that its reader cannot tell by itself."""
-
-    file: str
-    names_row: Annotated[int | None, Meta(description="line with the names")] = None
-    skip_rows: Annotated[tuple[int, ...], Meta(description="lines to leave out")] = ()
-    leave_out: Annotated[tuple[ColumnName, ...], Meta(description="columns to leave out")] = ()
-
-    def contents(self, file: StudyFile, where: str) -> Recording:
-        """Return the columns of the file, beside that of a study; it is opened once."""
-        with located(where):
-            return file.record_files.recording(*self.key(file))
-
-    def key(self, file: StudyFile) -> tuple[str, TableLayout]:
-        """Return the path of the file and the layout by which it is read."""
-        return str(file.beside(self.file)), TableLayout.of(self.given())
-
-
-class FileSpec(RecordFile, frozen=True, kw_only=True):
-    """A file of measurements, and its times."""
-
-    time: Annotated[ColumnName | None, Meta(description="column of the times")] = None
-    time_unit: str | None = None
-    sample_rate: Annotated[float | None, Meta(description="1/s, without times")] = None
-
-    def recording(self, file: StudyFile, where: str) -> Recording:
-        """Return the columns of the file with their times."""
-        contents = self.contents(file, where)
-        with located(where):
-            return with_times(contents, time=self.time, time_unit=self.time_unit, sample_rate=self.sample_rate)
-
-
-Source = tuple[RecordFile, str]  # a file of measurements, and the place of its table
+from problems.spec.record_files import ColumnName, FileSpec, Source
 
 
 @dataclass(frozen=True)

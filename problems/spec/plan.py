@@ -24,11 +24,11 @@ from problems.spec.beam import DampedBeam
 from problems.spec.file import StudyFile, convert_groups
 from problems.spec.help import table_help
 from problems.spec.motion import Deferred, StepTables, convert_motion
+from problems.spec.record_files import SensorSpec
 from problems.spec.records import (
     CurveTestSpec,
     FitSpec,
     MotionTestSpec,
-    SensorSpec,
     StaticTestSpec,
     Values,
     channel_groups,

@@ -25,10 +25,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import ConfigurationSpec
-from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.layout import LAYOUT_KEYS, TableLayout
-from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.records.sensor import Frame, Quantity, Sensor
 from ancf_casadi.support.inputs import located, whole
 from ancf_casadi.support.specs import Pair, Positive, Spec, convert, keys_of
 from problems.beam.curves.reading import ExcitationUnit
@@ -38,45 +35,11 @@ from problems.beam.values.records import FrequencyRecord, StaticRecord
 from problems.spec.beam import DampedBeam
 from problems.spec.file import StudyFile, convert_groups
 from problems.spec.help import table_help
-from problems.spec.motion import ColumnName, Deferred, FileSpec, RecordFile, StepTables, convert_motion
+from problems.spec.motion import Deferred, StepTables, convert_motion
+from problems.spec.record_files import ChannelSpec, CurveFileSpec, SensorSpec
 
 Values = float | tuple[float, ...]  # one number, or one per value
 Table = dict[str, Any]
-
-
-class SensorSpec(Spec, frozen=True):
-    """The quantity that a sensor measures, its point and its direction."""
-
-    sensor: Quantity | UnsetType = UNSET
-    point: Annotated[float | None, Meta(description="m, the tip if not given")] = None
-    direction: Pair = (1.0, 0.0)
-    frame: Frame = "inertial"
-    gravity: Annotated[bool, Meta(description="whether an accelerometer feels it")] = False
-    distance: Annotated[float | None, Meta(description="m, of a strain gauge from the neutral axis")] = None
-
-    def make(self, quantity: Quantity, where: str) -> Sensor:
-        """Return the sensor; ``quantity`` is what it measures if the table does not say."""
-        arguments = self.given()
-        with located(where):
-            return Sensor(arguments.pop("sensor", quantity), **arguments)
-
-
-class ChannelSpec(Spec, frozen=True):
-    """A channel of a motion, and what is not known of it."""
-
-    column: Annotated[ColumnName | None, Meta(description="name or number")] = None
-    unit: str | None = None
-    begin: Annotated[float | None, Meta(description="s")] = None
-    end: Annotated[float | None, Meta(description="s")] = None
-    std: Annotated[Positive | None, Meta(description="standard deviation")] = None
-    offset: Annotated[Pair | None, Meta(description="bounds of an unknown time offset, s")] = None
-    zero: Annotated[Pair | None, Meta(description="bounds of an unknown reading at rest")] = None
-
-    def make(self, recording: Recording, sensor: Sensor, where: str) -> Channel:
-        """Return the channel of a recording."""
-        with located(where):
-            record = Measurement.from_recording(recording, self.column, unit=self.unit, sensor=sensor)
-            return Channel(record.cut(self.begin, self.end), self.std, self.offset, self.zero)
 
 
 class MotionTestSpec(Spec, frozen=True, kw_only=True):
@@ -131,19 +94,6 @@ class CurveSpec(CurveTestSpec, frozen=True):
     excitation_unit: Annotated[ExcitationUnit | UnsetType, Meta(description="of the levels")] = UNSET
     relative: Annotated[bool, Meta(description="whether the sensor moves with the base")] = False
     sweep: Sweep | None = None
-
-
-class CurveFileSpec(RecordFile, frozen=True, kw_only=True):
-    """A file with a curve, and its columns, if their names do not tell them."""
-
-    frequency: ColumnName | None = None
-    column: Annotated[ColumnName | None, Meta(description="of amplitudes")] = None
-    phase: ColumnName | None = None
-    level: ColumnName | None = None
-    imaginary: Annotated[ColumnName | None, Meta(description="of imaginary parts")] = None
-    unit: str | None = None
-    phase_unit: str | None = None
-    level_unit: str | None = None
 
 
 class CurveValuesSpec(Spec, frozen=True):
@@ -235,8 +185,7 @@ CURVE_KEYS = table_help("[[curves]]", "steady vibration: {}; or {}; and {}; {}; 
                         CurveFileSpec, CurveValuesSpec, CurveSpec, SensorSpec)  # fmt: skip
 FIT_KEYS = table_help("[fit]", "{}", FitSpec)
 RECORD_KEYS = (
-    table_help("[[records]]", "a measured motion: {}; keys of a channel: {}, {}, {}", MotionSpec, FileSpec, ChannelSpec,
-               SensorSpec)
+    table_help("[[records]]", "a measured motion: {}; keys of a channel: {}, {}", MotionSpec, ChannelSpec, SensorSpec)
     + table_help("[[predictions]]", "records to predict with the estimates; the same keys")
     + CURVE_KEYS
     + table_help("[[statics]]", "beam at rest under loads: {}; keys of a channel: {}, {}", StaticSpec, StaticValuesSpec,
@@ -426,11 +375,11 @@ def channel_groups(
 
 def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     (motion, configuration), channels = channel_groups(
-        table, where, (MotionSpec, ConfigurationSpec), (FileSpec, ChannelSpec, SensorSpec)
+        table, where, (MotionSpec, ConfigurationSpec), (ChannelSpec, SensorSpec)
     )
-    sensors = [sensor.make("position", place) for (_, _, sensor), place in channels]
-    for (source, _, _), _ in channels:
-        _check_made(file, source.file)
+    sensors = [sensor.make("position", place) for (_, sensor), place in channels]
+    for (channel, _), _ in channels:
+        _check_made(file, channel.file)
     if motion.release is not UNSET and motion.start is not UNSET:
         raise InputError("is given by the release; leave it out", f"{where}: start")
     other_model = configuration.other_model(model, where)
@@ -438,10 +387,11 @@ def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     camera = None if motion.camera is UNSET else convert(motion.camera, Camera, f"{where}: camera")
 
     def read() -> MotionRecord:
-        measured = [
-            channel.make(source.recording(file, place), sensor, place)
-            for ((source, channel, _), place), sensor in zip(channels, sensors, strict=True)
-        ]
+        measured = []
+        for ((channel, _), place), sensor in zip(channels, sensors, strict=True):
+            record = channel.measurement(file, place, sensor)
+            with located(place):
+                measured.append(Channel(record, channel.std, channel.offset, channel.zero))
         arguments = excited.make(other_model or model)
         with located(where):
             return MotionRecord(
@@ -453,7 +403,7 @@ def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
                 **arguments,
             )
 
-    return Deferred(read, [*((source, place) for (source, _, _), place in channels), *excited.sources])
+    return Deferred(read, [*((channel, place) for (channel, _), place in channels), *excited.sources])
 
 
 def _check_made(file: StudyFile, name: str) -> None:

@@ -29,7 +29,7 @@ from problems.decay.fitting import fit_decay
 from problems.decay.laws import Law
 from problems.decay.result import DecayFit
 from problems.spec.file import StudyFile
-from problems.spec.motion import ColumnName, FileSpec
+from problems.spec.record_files import ColumnSpec
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
 from problems.study.part import Finding, Found, Part, Printed, Study, Task, printed_numbers
 
@@ -38,21 +38,14 @@ SYNTHETIC_STD = 0.2e-3  # m, of synthetic decays
 MOST_DECAY_SAMPLES = 10_000_000  # of a synthetic decay
 
 
-class DecayRecord(FileSpec, frozen=True):
+class DecayRecord(ColumnSpec, frozen=True, kw_only=True):
     """A measured free decay."""
 
-    column: Annotated[ColumnName | None, Meta(description="name or number")] = None
-    unit: str | None = None
-    begin: Annotated[float | None, Meta(description="s")] = None
-    end: Annotated[float | None, Meta(description="s")] = None
     release_time: Annotated[float, Meta(description="s")] = math.nan
 
     def decay(self, file: StudyFile, where: str) -> Decay:
         """Read the decay from the file of measurements beside that of the study."""
-        recording = self.recording(file, where)
-        with located(where):
-            record = Measurement.from_recording(recording, self.column, unit=self.unit)
-            return Decay(record.cut(self.begin, self.end), "", self.release_time)
+        return Decay(self.measurement(file, where), "", self.release_time)
 
 
 class SyntheticDecay(Spec, frozen=True):

@@ -117,12 +117,12 @@ def _item(value: Any, step: str | int) -> Any:
 def _refused_key(source: Any, kind: Any, steps: Sequence[str | int], table: Mapping[str, Any]) -> str:
     """Return the first key of a table at steps into plain data whose value cannot be converted."""
     for key, item in table.items():
-        reduced = source if steps else {key: item}
-        if steps:
-            reduced = place = copy.deepcopy(source)
-            for step in steps[:-1]:
-                place = place[step]
-            place[steps[-1]] = {key: item}
+        reduced = copy.deepcopy(source)
+        place = reduced
+        for step in steps:
+            place = _item(place, step)
+        place.clear()
+        place[key] = item
         try:
             msgspec.convert(reduced, kind)
         except msgspec.ValidationError:

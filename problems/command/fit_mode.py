@@ -34,10 +34,10 @@ def add_fit_mode(parser: argparse.ArgumentParser) -> None:
 
 def run_fit_mode(options: argparse.Namespace) -> Output:
     """Fit the mode."""
-    given = [*options.files, *options.curve]
-    if not given:
+    named = [*options.files, *options.curve]
+    if not named:
         raise InputError("give the file of a decay, or response curves", "FILE")
-    new_files(given, options.plot)
+    new_files(named, options.plot)
     tables = [path for path in options.files if Path(path).suffix.lower() == ".toml"]
     files = [path for path in options.files if path not in tables]
     if not files:
@@ -51,7 +51,7 @@ def run_fit_mode(options: argparse.Namespace) -> Output:
     ]
     decays = [read_record(path, options) for path in files]
     times = releases(options, len(files)) if files else []
-    with located(", ".join(given)):
+    with located(", ".join(named)):
         fit = fit_mode(
             [*decays, *curves],
             release_times=[time for time in times if time is not None] or None,

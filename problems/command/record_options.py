@@ -39,7 +39,7 @@ def _argument(kinds: tuple[types.Type, ...], text: str) -> dict[str, Any]:
     kind: Callable[[str], Any]
     present: dict[type, Any] = {type(kind): kind for kind in kinds}
     if literal := present.get(types.LiteralType):
-        return {"choices": literal.values, "metavar": "NAME", "help": text or ", ".join(literal.values)}
+        return {"choices": literal.values, "metavar": "NAME", "help": text or f"one of {', '.join(literal.values)}"}
     if items := present.get(types.VarTupleType):
         named = types.StrType in map(type, alternatives(items.item_type))
         kind, metavar = (columns, "NAME|N,...") if named else (line_numbers, "N,N-M,...")
@@ -59,7 +59,7 @@ def add_record_options(parser: argparse.ArgumentParser, *, part: bool = True) ->
         return
     group = parser.add_argument_group("choosing the part to fit")
     add_keys(group, ChannelSpec, "begin", "end")
-    text = "keep every N-th sample from the release on, after a filter against aliasing, which takes 13 at either end"
+    text = "keep every N-th sample from the release on, after a filter against aliasing that takes 13 of those at either end"
     group.add_argument("--decimate", type=positive_count, metavar="N", help=text)
     text = "start of the free decay, s, if not to be detected; with several files S,S,... gives one each"
     group.add_argument("--release-time", type=comma_numbers, metavar="S", help=text)

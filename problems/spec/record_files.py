@@ -39,9 +39,9 @@ class RecordFile(Spec, frozen=True, kw_only=True):
 class FileSpec(RecordFile, frozen=True, kw_only=True):
     """A file of measurements, and its times."""
 
-    time: Annotated[ColumnName | None, Meta(description="column of the times, its name or number")] = None
-    time_unit: Annotated[str | None, Meta(description="of the times, if the file does not say it")] = None
-    sample_rate: Annotated[float | None, Meta(description="1/s, of a file without times")] = None
+    time: Annotated[ColumnName | None, Meta(description="column of the times")] = None
+    time_unit: Annotated[str | None, Meta(description="unit of the times, if the file does not say it")] = None
+    sample_rate: Annotated[float | None, Meta(description="1/s, for a file without times")] = None
 
     def recording(self, file: StudyFile, where: str) -> Recording:
         """Return the columns of the file with their times."""
@@ -53,10 +53,10 @@ class FileSpec(RecordFile, frozen=True, kw_only=True):
 class ColumnSpec(FileSpec, frozen=True, kw_only=True):
     """A column of a file of measurements."""
 
-    column: Annotated[ColumnName | None, Meta(description="of the values, its name or number from 1")] = None
-    unit: Annotated[str | None, Meta(description="of the values, if the file does not say it")] = None
-    begin: Annotated[float | None, Meta(description="s; what is before is left out")] = None
-    end: Annotated[float | None, Meta(description="s; what is after is left out")] = None
+    column: Annotated[ColumnName | None, Meta(description="column of the values, by name or number from 1")] = None
+    unit: Annotated[str | None, Meta(description="unit of the values, if the file does not say it")] = None
+    begin: Annotated[float | None, Meta(description="leave out what is before, s")] = None
+    end: Annotated[float | None, Meta(description="leave out what is after, s")] = None
 
     def measurement(self, file: StudyFile, where: str, sensor: Sensor | None = None) -> Measurement:
         """Return the values over time."""
@@ -78,11 +78,11 @@ class CurveFileSpec(RecordFile, frozen=True, kw_only=True):
     """A file with a curve, and its columns, if their names do not tell them."""
 
     frequency: Annotated[ColumnName | None, Meta(description="column of frequencies")] = None
-    column: Annotated[ColumnName | None, Meta(description="of amplitudes or real parts")] = None
+    column: Annotated[ColumnName | None, Meta(description="column of amplitudes or real parts")] = None
     phase: Annotated[ColumnName | None, Meta(description="column of phases")] = None
     level: ColumnName | None = None
     imaginary: Annotated[ColumnName | None, Meta(description="column of imaginary parts")] = None
-    unit: Annotated[str | None, Meta(description="of the values, such as mm, g or mm/N")] = None
+    unit: Annotated[str | None, Meta(description="unit of the values, such as mm, g or mm/N")] = None
     phase_unit: Annotated[str | None, Meta(description="deg or rad")] = None
     level_unit: str | None = None
 

@@ -59,7 +59,7 @@ def add_record_options(parser: argparse.ArgumentParser, *, part: bool = True) ->
         return
     group = parser.add_argument_group("choosing the part to fit")
     add_keys(group, ChannelSpec, "begin", "end")
-    text = "keep every N-th sample from the release on, after a filter against aliasing, which takes 13 of them at the ends"
+    text = "keep every N-th sample from the release on; the filter against aliasing takes 13 of those at either end"
     group.add_argument("--decimate", type=positive_count, metavar="N", help=text)
     text = "start of the free decay, s, if not to be detected; with several files S,S,... gives one each"
     group.add_argument("--release-time", type=comma_numbers, metavar="S", help=text)

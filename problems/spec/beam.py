@@ -79,9 +79,9 @@ class DampedBeam:
         return sum_laws(self.laws) or self.source.damping
 
 
-def read_beam(given: str | StudyFile) -> Document:
+def read_beam(source: str | StudyFile) -> Document:
     """Read the beam of a TOML file, or the JSON document that holds it with its damping."""
-    file = StudyFile.of(given)
+    file = StudyFile.of(source)
     table, where = file.needed("beam"), file.where("beam")
     if isinstance(table, dict) and "document" in table:
         name = convert(table, DocumentName, where).document
@@ -92,15 +92,15 @@ def read_beam(given: str | StudyFile) -> Document:
         return Document(Model(spec.beam()))
 
 
-def read_damped(given: str | StudyFile) -> Document:
+def read_damped(source: str | StudyFile) -> Document:
     """Read a beam and its damping; the damping of a document holds unless the file has its own."""
-    beam = DampedBeam.of(StudyFile.of(given))
+    beam = DampedBeam.of(StudyFile.of(source))
     return replace(beam.source, damping=beam.damping)
 
 
-def damping_on(given: str | StudyFile, model: Model) -> DampingLaw | None:
+def damping_on(source: str | StudyFile, model: Model) -> DampingLaw | None:
     """Return the damping of a file on another beam than that of the file; modal laws take the modes of that beam."""
-    file = StudyFile.of(given)
+    file = StudyFile.of(source)
     if "damping" in file.tables:
         return law_of(file.several("damping"), model, file.where("damping"))
     law = read_beam(file).damping

@@ -60,16 +60,16 @@ class StudyFile:
     record_files: RecordFiles = field(default_factory=RecordFiles)
 
     @classmethod
-    def of(cls, given: str | StudyFile, required: Set[str] = frozenset({"beam"})) -> StudyFile:
+    def of(cls, source: str | StudyFile, required: Set[str] = frozenset({"beam"})) -> StudyFile:
         """Read a TOML file by its name, with the tables that must be there; a file that was read stays as it is.
 
         The name of a JSON document stands for a file with that document as its only table.
         """
-        if isinstance(given, StudyFile):
-            return given
-        tables = {"beam": {"document": Path(given).name}} if is_document(given) else read_toml(given)
-        check_keys(tables, set(required), FILE_TABLES, given)
-        return cls(given, tables)
+        if isinstance(source, StudyFile):
+            return source
+        tables = {"beam": {"document": Path(source).name}} if is_document(source) else read_toml(source)
+        check_keys(tables, set(required), FILE_TABLES, source)
+        return cls(source, tables)
 
     def where(self, name: str) -> str:
         """Return the place of a table, for messages."""
@@ -83,12 +83,12 @@ class StudyFile:
 
     def several(self, name: str) -> list[Any]:
         """Return the tables of one name, [name] or several [[name]]; none if there is no such table."""
-        given = self.tables.get(name, [])
-        if isinstance(given, dict):
-            return [given]
-        if not isinstance(given, list):
+        tables = self.tables.get(name, [])
+        if isinstance(tables, dict):
+            return [tables]
+        if not isinstance(tables, list):
             raise InputError(f"must be a table [{name}], or several [[{name}]]", self.path)
-        return given
+        return tables
 
     def beside(self, name: str) -> Path:
         """Return the path of a file that a table names, relative to the folder of this file."""

@@ -39,8 +39,8 @@ def _folded(text: str, width: int, indent: str = "") -> str:
 
 def described_keys(kind: type, base: type | None = None) -> list[str]:
     """Return the keys that a class declares beyond its base, each with its description."""
-    known = described_keys(base) if base else []
-    return [key for field in listed_fields(kind) if (key := _described(field)) not in known]
+    base_keys = described_keys(base) if base else []
+    return [key for field in listed_fields(kind) if (key := _described(field)) not in base_keys]
 
 
 def description(field: types.Field) -> str:

@@ -66,7 +66,9 @@ class StepTables:
     def with_records(self) -> StudyFile:
         """Open the files of measurements, and return the file with their contents, which its step reads."""
         contents = {source.key(self.file): source.contents(self.file, where) for source, where in self.sources}
-        return replace(self.file, record_files=RecordFiles(tuple((*key, each) for key, each in contents.items())))
+        return replace(
+            self.file, record_files=RecordFiles(tuple((*key, recording) for key, recording in contents.items()))
+        )
 
 
 class BaseColumns(Spec, frozen=True):
@@ -136,19 +138,21 @@ MARKERS_KEYS = table_help("[markers]", "NAME = arc length from the clamp (m): po
 SIMULATION_KEYS = table_help("[simulation]", "{}", SimulationSpec) + MARKERS_KEYS
 
 
-def convert_motion(file: StudyFile, given: Mapping[str, Any], where: str) -> Deferred:
+def convert_motion(file: StudyFile, nested: Mapping[str, Any], where: str) -> Deferred:
     """Convert the tables of a motion; on a beam they make the arguments ``base``, ``load`` and ``start`` of the motion.
 
-    They stand within the table ``given`` at a place, or else in the file.  A given start holds instead of a release.
+    They are ``nested`` in the table at a place, or else those of the file.  A nested start holds instead of a release.
     """
     tables: dict[str, Deferred] = {}
     for name, converter in {"base": _base, "load": _load, "release": _release}.items():
-        table, place = (given[name], f"{where}: {name}") if name in given else (file.tables.get(name), file.where(name))
-        if table is not None and not (name == "release" and "start" in given):
+        table, place = (
+            (nested[name], f"{where}: {name}") if name in nested else (file.tables.get(name), file.where(name))
+        )
+        if table is not None and not (name == "release" and "start" in nested):
             tables[name] = converter(file, table, place)
 
     def arguments(model: Model) -> dict[str, Any]:
-        start = {"start": given["start"]} if "start" in given else {}
+        start = {"start": nested["start"]} if "start" in nested else {}
         return start | {{"release": "start"}.get(name, name): table.make(model) for name, table in tables.items()}
 
     return Deferred(arguments, [source for table in tables.values() for source in table.sources])
@@ -205,8 +209,8 @@ def _sampled(
                 unit, sensor = chosen.unit if quantity == quantities[0] else None, Sensor(quantity)
                 with located(f"{where}: {name}"):
                     records[name] = Measurement.from_recording(recording, named[name], unit=unit, sensor=sensor)
-        first, *others = records
-        for name in others:
+        first, *following = records
+        for name in following:
             if not np.array_equal(records[name].time, records[first].time):
                 message = f"has other times or gaps than {first}; give all columns at the same times"
                 raise InputError(message, f"{where}: {name}")
@@ -227,9 +231,9 @@ class SimulationTables(StepTables):
     markers: Mapping[str, float]  # arc length of each point to output, m
 
     @classmethod
-    def of(cls, given: str | StudyFile) -> SimulationTables:
+    def of(cls, source: str | StudyFile) -> SimulationTables:
         """Convert the tables of a file."""
-        file = StudyFile.of(given)
+        file = StudyFile.of(source)
         beam, where = DampedBeam.of(file), file.where("simulation")
         settings = convert(file.needed("simulation"), SimulationSpec, where).given()
         _check_size(settings, beam.model, where)
@@ -239,9 +243,9 @@ class SimulationTables(StepTables):
         return cls(file, beam, motion.sources, settings, motion, read_markers(file, beam.model))
 
 
-def read_simulation(given: str | StudyFile) -> tuple[dict[str, Any], Mapping[str, float]]:
+def read_simulation(source: str | StudyFile) -> tuple[dict[str, Any], Mapping[str, float]]:
     """Read the arguments of ``simulate``, and the points to output: arc length by name, m."""
-    tables = SimulationTables.of(given)
+    tables = SimulationTables.of(source)
     motion = {**tables.settings, **tables.motion.make(tables.model)}
     return {"model": tables.model, "damping": tables.damping, **motion}, tables.markers
 
@@ -350,9 +354,9 @@ class ResponseTask:
         )
 
 
-def read_response(given: str | StudyFile) -> ResponseTask:
+def read_response(source: str | StudyFile) -> ResponseTask:
     """Read a beam, its damping, and its harmonic excitation over a range of frequencies."""
-    file = StudyFile.of(given)
+    file = StudyFile.of(source)
     return replace(convert_response(file), damping=read_damped(file).damping)
 
 
@@ -371,9 +375,8 @@ def convert_response(file: StudyFile) -> ResponseTask:
 
 def _modes(table: ResponseSpec, model: Model, where: str) -> int:
     """Return the number of modes of the reduced model; 0 for the full beam."""
-    most = model.freedoms
     if table.model == "full":
         if table.modes:
             raise InputError("belongs to the reduced model; leave it out", where)
         return 0
-    return whole(table.modes, where, 1, most) if table.modes else min(RESPONSE_MODES, most // 2)
+    return whole(table.modes, where, 1, model.freedoms) if table.modes else min(RESPONSE_MODES, model.freedoms // 2)

@@ -64,7 +64,7 @@ class PlannedChannelSpec(Spec, frozen=True):
     def sensors(self, sensor: SensorSpec, where: str) -> list[Sensor]:
         """Return the sensor at each of the points."""
         at_points = [replace(sensor, point=point) for point in self.points] or [sensor]
-        return [one.make("displacement", where) for one in at_points]
+        return [placed.make("displacement", where) for placed in at_points]
 
 
 class PlannedMotionSpec(MotionTestSpec, frozen=True, kw_only=True):
@@ -111,9 +111,9 @@ class PlanTask(StepTables):
     table: PlanSpec
 
     @classmethod
-    def of(cls, given: str | StudyFile) -> PlanTask:
+    def of(cls, source: str | StudyFile) -> PlanTask:
         """Convert the tables of a file."""
-        file = StudyFile.of(given)
+        file = StudyFile.of(source)
         beam, where = DampedBeam.of(file), file.where("candidates")
         file.needed("candidates", "each names an experiment that could be done")
         tables: dict[str, Deferred] = {}
@@ -145,13 +145,13 @@ class PlanTask(StepTables):
         with located(self.file.where("fit")):
             return plan_comparison(self.model, candidates, laws, **self.settings)
 
-    def chosen(self, found: Plan) -> dict[str, Any]:
+    def chosen(self, planned: Plan) -> dict[str, Any]:
         """Return goal and budget, the best list with its standard errors, and the best shares, for JSON."""
         table = self.table
         with located(self.file.where("plan")):
-            best = found.best(table.budget, table.goal, table.most_each)
-            shares = found.shares(table.budget, table.goal)
-        errors = {"standard_errors": found.errors_of(best), "shares": shares}
+            best = planned.best(table.budget, table.goal, table.most_each)
+            shares = planned.shares(table.budget, table.goal)
+        errors = {"standard_errors": planned.errors_of(best), "shares": shares}
         return {"goal": table.goal, "budget": table.budget, "best": best, **errors}
 
 

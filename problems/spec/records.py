@@ -208,9 +208,9 @@ class Measurements(StepTables):
     settings: Mapping[str, Any]  # other arguments of ``fit_beam``
 
     @classmethod
-    def of(cls, given: str | StudyFile) -> Measurements:
+    def of(cls, source: str | StudyFile) -> Measurements:
         """Convert the tables of a file."""
-        file = StudyFile.of(given)
+        file = StudyFile.of(source)
         beam = DampedBeam.of(file)
         fit = convert(file.tables.get("fit", {}), FitSpec, file.where("fit"))
         if beam.undamped and (file.several("records") or file.several("curves")):
@@ -247,9 +247,9 @@ class Measurements(StepTables):
         return tuple(table.make() for table in self.predicted)
 
 
-def read_measurements(given: str | StudyFile) -> Measurements:
+def read_measurements(source: str | StudyFile) -> Measurements:
     """Read a beam, its damping, measurements, and the unknowns of a fit to them."""
-    measurements = Measurements.of(given)
+    measurements = Measurements.of(source)
     for name in ("laws", "records", "predictions"):
         getattr(measurements, name)  # so that a message has the place of its table
     return measurements
@@ -302,11 +302,13 @@ def read_curves(name: str) -> list[ResponseRecord]:
 def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> Deferred:
     in_file = isinstance(table, dict) and "file" in table
     kinds = (CurveFileSpec if in_file else CurveValuesSpec, CurveSpec, SensorSpec)
-    source, curve, sensor, *others = convert_groups(table, where, *kinds, *[ConfigurationSpec] * (model is not None))
+    source, curve, sensor, *configurations = convert_groups(
+        table, where, *kinds, *[ConfigurationSpec] * (model is not None)
+    )
     arguments = curve.given()
     if model is not None:
         arguments |= excitation(file, curve, where)
-        arguments["model"] = others[0].other_model(model, where)
+        arguments["model"] = configurations[0].other_model(model, where)
     if not in_file or keys_of(SensorSpec) & table.keys():
         arguments["sensor"] = sensor.make("displacement", where)
     if not in_file:

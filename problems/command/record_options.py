@@ -44,7 +44,7 @@ def _argument(kinds: tuple[types.Type, ...], text: str) -> dict[str, Any]:
         named = types.StrType in map(type, alternatives(items.item_type))
         kind, metavar = (columns, "NAME|N,...") if named else (line_numbers, "N,N-M,...")
     elif types.StrType in present:
-        kind, metavar = (column, "NAME|N") if types.IntType in present else (str, "UNIT")
+        kind, metavar = str, "NAME|N" if types.IntType in present else "UNIT"
     else:
         kind, metavar = (positive_count, "N") if types.IntType in present else (finite, "NUMBER")
     return {"type": kind, "metavar": metavar, "help": text}
@@ -82,14 +82,9 @@ def read_record(path: str, options: argparse.Namespace) -> Measurement:
         return released.decimated(options.decimate)
 
 
-def column(text: str) -> str | int:
-    """Return the name of a column, or its number from 1."""
-    return int(text) if text.isdecimal() else text
-
-
-def columns(text: str) -> tuple[str | int, ...]:
+def columns(text: str) -> tuple[str, ...]:
     """Return names or numbers of columns, separated by commas."""
-    return tuple(column(name) for name in text.split(","))
+    return tuple(text.split(","))
 
 
 def line_numbers(text: str) -> tuple[int, ...]:

@@ -102,6 +102,10 @@ class DampingSpec(Spec, frozen=True, tag_field="law"):
         with located(where):
             return self.made(**self.given())
 
+    def check(self, model: Model, where: str) -> None:
+        """Refuse values that make no law on a beam, without solving for its modes."""
+        self.law(model, where)
+
 
 class RayleighSpec(DampingSpec, frozen=True, tag="rayleigh"):
     """Rayleigh (proportional) damping, alpha M + beta K."""
@@ -172,6 +176,12 @@ class ModalSpec(DampingSpec, frozen=True, tag="modal"):
         with located(where):
             return ModalDamping(modes, self.ratios, frequencies=self.frequencies or None)
 
+    def check(self, model: Model, where: str) -> None:
+        """Refuse more damping ratios than the beam has modes."""
+        if len(self.ratios) > model.freedoms:
+            message = f"has {len(self.ratios)} values for {model.freedoms} modes"
+            raise InputError(message, place_of(where, ["ratios"]))
+
 
 class SumSpec(DampingSpec, frozen=True, tag="sum"):
     """Laws that act together."""
@@ -184,6 +194,11 @@ class SumSpec(DampingSpec, frozen=True, tag="sum"):
         """Return the sum of the laws on a beam."""
         places = [place_of(where, ["laws", k]) for k in range(len(self.laws))]
         return SumOfLaws(tuple(spec.law(model, place) for spec, place in zip(self.laws, places, strict=True)))
+
+    def check(self, model: Model, where: str) -> None:
+        """Check each of the laws."""
+        for k, spec in enumerate(self.laws):
+            spec.check(model, place_of(where, ["laws", k]))
 
 
 LawSpec = RayleighSpec | QuadraticSpec | FrictionSpec | ModalSpec | SumSpec

@@ -136,9 +136,11 @@ class ConfigurationSpec(Spec, frozen=True):
     supports: tuple[SupportSpec, ...] | UnsetType = UNSET
     attachments: tuple[AttachmentSpec, ...] | UnsetType = UNSET
 
-    def changes(self) -> dict[str, Any]:
-        """Return the arguments of ``Beam.with_``."""
-        return _with_objects(self.given())
+    def other_model(self, model: Model, where: str) -> Model | None:
+        """Return a model in this configuration; None if it is the same."""
+        with located(where):
+            changes = _with_objects(self.given())
+            return Model(model.beam.with_(**changes), model.measures) if changes else None
 
 
 class BeamSpec(Spec, frozen=True):

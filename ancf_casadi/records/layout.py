@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from types import NoneType
 from typing import Any
 
@@ -11,10 +11,6 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, find_channel
 from ancf_casadi.support.inputs import check_instance, is_sequence, shown, whole
 from ancf_casadi.support.tables import Displayed
-
-
-def _declared(default: Any, metavar: str, about: str) -> Any:
-    return field(default=default, metadata={"metavar": metavar, "help": about})
 
 
 @dataclass(frozen=True)
@@ -54,10 +50,10 @@ class TableLayout(Displayed):
     array([1.5, 1.4])
     """
 
-    names_row: int | None = _declared(None, "N", "line of a text file with the names of the columns, from 1")
-    skip_rows: Sequence[int] = _declared((), "N,N-M,...", "lines of a text file to leave out, such as 1-5,17")
-    leave_out: Sequence[str | int] = _declared((), "NAME|N,...", "columns to leave out, by name or number from 1")
-    imaginary: str | int | None = _declared(None, "NAME|N", "column of the imaginary parts, by name or number from 1")
+    names_row: int | None = None
+    skip_rows: Sequence[int] = ()
+    leave_out: Sequence[str | int] = ()
+    imaginary: str | int | None = None
 
     def __post_init__(self) -> None:
         """Validate, and keep tuples."""

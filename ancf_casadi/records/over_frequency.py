@@ -86,11 +86,15 @@ class SpectralContents:
 
 
 def read_spectral(
-    path: str | Path, frequency: str | int | None, *, layout: TableLayout = NO_LAYOUT, progress: bool = False
+    source: str | Path | Recording,
+    frequency: str | int | None,
+    *,
+    layout: TableLayout = NO_LAYOUT,
+    progress: bool = False,
 ) -> SpectralContents:
-    """Read a file with a column of frequencies, which ``frequency`` may name, and tell the parts of its columns."""
+    """Return the columns of a file over its frequencies, whose column may be named, and the part that each is."""
     check_instance(layout, "layout", TableLayout)
-    contents = read_contents(path, layout=layout, progress=progress)
+    contents = source if isinstance(source, Recording) else read_contents(source, layout=layout, progress=progress)
     axis = _axis(contents, frequency)
     columns: list[tuple[str, RecordedChannel]] = []
     notes = list(contents.notes)

@@ -12,6 +12,7 @@ where a place that begins with ``$`` is a path in a JSON document.
 
 from __future__ import annotations
 
+import copy
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -60,10 +61,12 @@ def convert(source: Any, kind: Any, where: str = "") -> Any:
             return msgspec.convert(source, kind, from_attributes=True)
     except msgspec.ValidationError as error:
         reason, _, path = str(error).partition(" - at ")
-        steps = [name or int(number) for name, number in re.findall(r"\.([^.\[\]`]+)|\[(\d+)\]", path)]
+        steps: list[str | int] = []
         value = source
         declared: types.Type | None = _tagged(types.type_info(kind), source)
-        for step in steps:
+        for name, number, any_key in re.findall(r"\.([^.\[\]`]+)|\[(\d+)\]|\[(\.\.\.)\]", path):
+            step = _refused_key(source, kind, steps, value) if any_key else name or int(number)
+            steps.append(step)
             value = _item(value, step)
             declared = _declaration(declared, step, value)
         message = "has a key that is no text" if path.startswith("`key`") else _plain_reason(reason, value, declared)
@@ -111,6 +114,22 @@ def _item(value: Any, step: str | int) -> Any:
     return value[step] if isinstance(value, Sequence) and step < len(value) else None
 
 
+def _refused_key(source: Any, kind: Any, steps: Sequence[str | int], table: Mapping[str, Any]) -> str:
+    """Return the first key of a table at steps into plain data whose value cannot be converted."""
+    for key, item in table.items():
+        reduced = copy.deepcopy(source)
+        place = reduced
+        for step in steps:
+            place = _item(place, step)
+        place.clear()
+        place[key] = item
+        try:
+            msgspec.convert(reduced, kind)
+        except msgspec.ValidationError:
+            return key
+    raise AssertionError("one of the values was refused")
+
+
 def _declaration(declared: types.Type | None, step: str | int, value: Any) -> types.Type | None:
     """Return the declared type at a step into a type, or None if it does not tell."""
     for kind in alternatives(declared) if declared else ():
@@ -123,6 +142,8 @@ def _declaration(declared: types.Type | None, step: str | int, value: Any) -> ty
                 return declared
             if found := [field.type for field in kind.fields if field.encode_name == step]:
                 return _tagged(found[0], value)
+        if isinstance(kind, types.DictType) and isinstance(step, str):
+            return _tagged(kind.value_type, value)
     return None
 
 
@@ -145,7 +166,7 @@ def _plain_reason(reason: str, value: Any, declared: types.Type | None) -> str:
         keys = sorted(field.encode_name for field in structs[0].fields) if structs else []
         return f"unknown key {shown(match[1])}; known are {', '.join(keys)}"
     if reason.startswith("Invalid"):
-        names = [str(kind.tag) for kind in structs]
+        names = [str(kind.tag) for kind in structs if kind.tag]
         names += [str(name) for kind in kinds if isinstance(kind, types.LiteralType) for name in kind.values]
         return f"must be one of {', '.join(names)}, got {shown(value)}"
     if isinstance(value, float) and not math.isfinite(value):

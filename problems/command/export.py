@@ -33,7 +33,7 @@ from ancf_casadi.export import (
 from ancf_casadi.export.fmu import FmuKind
 from ancf_casadi.support.files import check_folder, read_json
 from ancf_casadi.support.inputs import located
-from problems.command.output import Output, comma_numbers, finite, new_files, positive_count
+from problems.command.output import Output, add_options, comma_numbers, finite, new_files, positive_count
 from problems.spec.beam import read_damped
 
 FORMATS = {
@@ -64,40 +64,19 @@ def add_export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="BEAM.toml", help="tables [beam] and [damping], or a JSON document")
     parser.add_argument("--format", choices=tuple(FORMATS), required=True, help="; ".join(FORMATS.values()))
     parser.add_argument("--out", type=Path, required=True, metavar="PATH", help="file to write; for c, a folder")
-    parser.add_argument(
-        "--markers",
-        type=comma_numbers,
-        default=(),
-        metavar="S,S,...",
-        help="arc lengths (m) of points whose positions are outputs",
+    parser.set_defaults(markers=())
+    add_options(
+        parser,
+        markers=(comma_numbers, "S,S,...", "arc lengths (m) of points whose positions are outputs"),
+        reduced=(positive_count, "N", "write the reduced model with N modes"),
+        segments=(positive_count, "N", "of a beam for a simulator; else the fewest"),
+        tolerance=(finite, "X", "relative error of its first three frequencies, 0.01 if not given"),
+        amplitude=(finite, "M", "tip amplitude (m) at which laws that depend on it are represented"),
     )
-    parser.add_argument("--reduced", type=positive_count, metavar="N", help="write the reduced model with N modes")
-    parser.add_argument(
-        "--segments", type=positive_count, metavar="N", help="of a beam for a simulator; else the fewest"
-    )
-    parser.add_argument(
-        "--tolerance", type=finite, metavar="X", help="relative error of its first three frequencies, 0.01 if not given"
-    )
-    parser.add_argument(
-        "--amplitude",
-        type=finite,
-        metavar="M",
-        help="tip amplitude (m) at which laws that depend on it are represented",
-    )
-    parser.add_argument(
-        "--identification",
-        action="append",
-        default=[],
-        metavar="RESULT.json",
-        help="output of fit-decay --json or match --json to include in json or an FMU; may be repeated",
-    )
-    parser.add_argument(
-        "--data",
-        action="append",
-        default=[],
-        metavar="FILE.csv",
-        help="record behind each identification, in the same order",
-    )
+    about = "output of fit-decay --json or run --json to include in json or an FMU; may be repeated"
+    parser.add_argument("--identification", action="append", default=[], metavar="RESULT.json", help=about)
+    about = "record behind each identification, in the same order"
+    parser.add_argument("--data", action="append", default=[], metavar="FILE.csv", help=about)
 
 
 def run_export(options: argparse.Namespace) -> Output:
@@ -118,9 +97,8 @@ def run_export(options: argparse.Namespace) -> Output:
     advice = DAMP_DOCUMENT.format(file=options.file) if options.file.endswith(".json") else DAMP_TABLES
     notes = [] if source.damping else [UNDAMPED.format(file=options.file, advice=advice)]
     data = {"format": options.format, "files": files, "seconds": time.perf_counter() - began, "warnings": notes}
-    text = "\n".join(
-        [*(f"{file['path']}  {file['bytes']} bytes" for file in files), *(f"note: {note}" for note in notes)]
-    )
+    lines = [f"{file['path']}  {file['bytes']} bytes" for file in files]
+    text = "\n".join([*lines, *(f"note: {note}" for note in notes)])
     if beam is None:
         return Output(lambda: data, lambda: text)
     return Output(lambda: data | {"beam": beam.to_dict()}, lambda: f"{text}\n\n{beam.report()}")
@@ -128,18 +106,18 @@ def run_export(options: argparse.Namespace) -> Output:
 
 def _simulator(source: Document, options: argparse.Namespace) -> ExportedBeam | None:
     """Write a beam for a simulator, and return its account; None for another format, which has no such options."""
-    given = {name: getattr(options, name) for name in ("segments", "tolerance", "amplitude")}
-    given = {name: value for name, value in given.items() if value is not None}
+    settings = {name: getattr(options, name) for name in ("segments", "tolerance", "amplitude")}
+    settings = {name: value for name, value in settings.items() if value is not None}
     if options.format not in SIMULATORS:
-        for name in given:
+        for name in settings:
             raise InputError(f"does not apply to {options.format}; choose {', '.join(SIMULATORS)}", f"--{name}")
         return None
-    if "segments" in given and options.format == "exudyn":
+    if "segments" in settings and options.format == "exudyn":
         raise InputError("does not apply to exudyn, which has the elements of the beam", "--segments")
-    others = ("markers", "reduced", "identification", "data")
-    if strange := next((name for name in others if getattr(options, name)), None):
-        raise InputError(f"cannot be kept for {options.format}; choose another format", f"--{strange}")
-    return SIMULATORS[options.format](source.model, options.out, damping=source.damping, **given)
+    for name in ("markers", "reduced", "identification", "data"):
+        if getattr(options, name):
+            raise InputError(f"cannot be kept for {options.format}; choose another format", f"--{name}")
+    return SIMULATORS[options.format](source.model, options.out, damping=source.damping, **settings)
 
 
 def _export(source: Document, options: argparse.Namespace) -> Sequence[Path]:
@@ -181,9 +159,9 @@ def _identifications(results: Sequence[str], records: Sequence[str]) -> list[Ide
     if records and len(records) != len(results):
         raise InputError(f"there are {len(records)} for {len(results)} --identification; give one for each", "--data")
     pairs = zip(results, [[record] for record in records] or [[] for _ in results], strict=True)
-    found = []
+    identifications = []
     for path, data in pairs:
         result = read_json(path)
         with located(path):
-            found.append(Identification.of(result, data=data))
-    return found
+            identifications.append(Identification.of(result, data=data))
+    return identifications

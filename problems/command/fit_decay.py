@@ -21,6 +21,7 @@ from ancf_casadi.support.files import check_file
 from ancf_casadi.support.inputs import located
 from problems.command.output import (
     Output,
+    add_options,
     add_plot,
     comma_numbers,
     figure_writers,
@@ -40,68 +41,48 @@ from problems.decay.result import DecayFit
 
 def add_fit_decay(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument(
-        "files", nargs="+", metavar="FILE", help="record of a free decay; several files are takes of the same mode"
-    )
+    about = "record of a free decay; several files are takes of the same mode"
+    parser.add_argument("files", nargs="+", metavar="FILE", help=about)
     add_law_options(parser, auto=True)
-    parser.add_argument(
-        "--release",
-        choices=("last", "all"),
-        default="last",
-        help="of several releases in one record, fit the last, or all as takes of the same mode (default: last)",
+    about = "of several releases in one record, fit the last, or all as takes of the same mode (default: last)"
+    parser.add_argument("--release", choices=("last", "all"), default="last", help=about)
+    about = f"fit the strongest N modes at once, or as many as the record supports, up to {MOST_DECAY_MODES}; give it "
+    parser.add_argument("--modes", nargs="?", type=positive_count, const=0, metavar="N", help=f"{about}after the files")
+    band = (
+        "fit the strongest mode between these frequencies (Hz); stronger modes outside are fitted and subtracted, "
+        "without a filter, which would colour the noise"
     )
-    parser.add_argument(
-        "--modes",
-        nargs="?",
-        type=positive_count,
-        const=0,
-        metavar="N",
-        help="fit the strongest N modes at once, or as many as the record supports, up to "
-        f"{MOST_DECAY_MODES}; give it after the files",
-    )
-    parser.add_argument(
-        "--band",
-        type=comma_numbers,
-        metavar="LOW,HIGH",
-        help="fit the strongest mode between these frequencies (Hz); stronger modes outside are fitted and subtracted, "
-        "without a filter, which would colour the noise",
-    )
+    curve = "write damping ratio and frequency against amplitude: windows without a law, and the law with its band"
+    add_options(parser, band=(comma_numbers, "LOW,HIGH", band), curve=(Path, "FILE.csv", curve))
     add_plot(parser, "draw the record and the fit")
-    parser.add_argument(
-        "--curve",
-        type=Path,
-        metavar="FILE.csv",
-        help="write damping ratio and frequency against amplitude: windows without a law, and the law with its band",
-    )
     add_record_options(parser)
 
 
 def add_law_options(parser: argparse.ArgumentParser, *, auto: bool) -> None:
     """Add the options that choose the laws of a mode, or ``auto`` to compare all, and the loss."""
-    for name, kind, usual, what in (
+    for name, laws, default, about in (
         ("law", Law, "linear", "damping law"),
         ("frequency-law", FrequencyLaw, "constant", "change of the frequency with the amplitude"),
         ("rest", Rest, "constant", "motion of the rest position"),
     ):
-        choices, follows = get_args(kind), auto and name != "law"
-        if auto:
-            choices, what = (*choices, "auto"), f"{what}, or auto to compare all"
-        text = f"{what} (default: {usual}{'; with --law auto: auto' if follows else ''})"
-        parser.add_argument(f"--{name}", choices=choices, default=None if follows else usual, help=text)
+        follows = auto and name != "law"
+        choices = (*get_args(laws), *(["auto"] if auto else []))
+        text = f"{about}{', or auto to compare all' if auto else ''} (default: {default}"
+        text += "; with --law auto: auto)" if follows else ")"
+        parser.add_argument(f"--{name}", choices=choices, default=None if follows else default, help=text)
     parser.add_argument("--robust", action="store_true", help="limit the influence of outliers")
 
 
 def run_fit_decay(options: argparse.Namespace) -> Output:
     """Fit the decays."""
     _check(options)
-    count = len(options.files)
-    new_files(options.files, *_numbered(options.plot, count), *_numbered(options.curve, count))
-    times = releases(options, count)
+    _check_outputs(options, len(options.files))
+    times = releases(options, len(options.files))
     records = [read_record(path, options) for path in options.files]
     if options.release == "all":
         records = [take for record in records for take in separate_takes(record)]
-        count, times = len(records), [None] * len(records)
-        new_files(options.files, *_numbered(options.plot, count), *_numbered(options.curve, count))
+        times = [None] * len(records)
+        _check_outputs(options, len(records))
     if options.modes is not None:
         return _modes(options, options.files[0], records[0], times[0])
     isolated: list[IsolatedMode] = []
@@ -109,8 +90,13 @@ def run_fit_decay(options: argparse.Namespace) -> Output:
         for path, record, time in zip(options.files, records, times, strict=True):
             with located(path):
                 isolated.append(isolate_mode(record, options.band, release_time=time))
-        records, times = [one.record for one in isolated], [one.mode.release_time for one in isolated]
+        records, times = [mode.record for mode in isolated], [mode.mode.release_time for mode in isolated]
     return _fitted(options, records, times, isolated)
+
+
+def _check_outputs(options: argparse.Namespace, count: int) -> None:
+    """Refuse names of files to write that are taken."""
+    new_files(options.files, *_numbered(options.plot, count), *_numbered(options.curve, count))
 
 
 def _modes(options: argparse.Namespace, file: str, record: Measurement, release: float | None) -> Output:
@@ -124,9 +110,9 @@ def _check(options: argparse.Namespace) -> None:
     """Refuse options that do not go together."""
     several = len(options.files) > 1
     if options.release == "all":
-        others = {"--release-time": options.release_time, "--modes": options.modes, "--band": options.band,
+        excluded = {"--release-time": options.release_time, "--modes": options.modes, "--band": options.band,
                   _automatic(options): _automatic(options) or None}  # fmt: skip
-        for name, value in others.items():
+        for name, value in excluded.items():
             if value is not None:
                 raise InputError(
                     f"fits one mode by one law to all releases; it does not go with {name}", "--release all"
@@ -139,7 +125,7 @@ def _check(options: argparse.Namespace) -> None:
     if options.band is not None and len(options.band) != 2:
         raise InputError("must be two frequencies LOW,HIGH", "--band")
     if options.modes is not None:
-        others = {
+        excluded = {
             "several files": several,
             f"--law {options.law}": options.law != "linear",
             "--frequency-law": options.frequency_law is not None,
@@ -148,15 +134,15 @@ def _check(options: argparse.Namespace) -> None:
             "--band": options.band is not None,
             "--curve": options.curve is not None,
         }
-        for name, given in others.items():
-            if given:
+        for name, present in excluded.items():
+            if present:
                 raise InputError(f"fits modes with linear damping to one record; it does not go with {name}", "--modes")
 
 
 def _automatic(options: argparse.Namespace) -> str:
     """Return the first option that asks to compare laws, with its value; empty if there is none."""
-    given = {"law": options.law, "frequency-law": options.frequency_law, "rest": options.rest}
-    return next((f"--{name} auto" for name, law in given.items() if law == "auto"), "")
+    laws = {"law": options.law, "frequency-law": options.frequency_law, "rest": options.rest}
+    return next((f"--{name} auto" for name, law in laws.items() if law == "auto"), "")
 
 
 def _fitted(
@@ -178,17 +164,17 @@ def _fitted(
                 fits = [fit_decay(records[0], release_time=times[0], robust=options.robust, **laws)]
                 text = fits[0].report()
             else:
-                known = [time for time in times if time is not None]
-                takes = fit_decays(records, release_times=known or None, robust=options.robust, **laws)
+                release_times = [time for time in times if time is not None]
+                takes = fit_decays(records, release_times=release_times or None, robust=options.robust, **laws)
                 fits, text, extra = list(takes), takes.report(), takes.to_dict()
     lines = [
-        f"  subtracted from {path}: {', '.join(f'{other.frequency:.4g}' for other in one.others)} Hz"
-        for path, one in zip(options.files, isolated, strict=bool(isolated))
-        if one.others
+        f"  subtracted from {path}: {', '.join(f'{subtracted.frequency:.4g}' for subtracted in mode.others)} Hz"
+        for path, mode in zip(options.files, isolated, strict=bool(isolated))
+        if mode.others
     ]
-    lines += [f"  note: {text}" for one in isolated for text in one.warnings]
+    lines += [f"  note: {text}" for mode in isolated for text in mode.warnings]
     if isolated:
-        extra["subtracted_hz"] = [[other.frequency for other in one.others] for one in isolated]
+        extra["subtracted_hz"] = [[subtracted.frequency for subtracted in mode.others] for mode in isolated]
     files: list[Callable[[], object]] = []
     for path, fit in zip(_numbered(options.plot, len(fits)), fits, strict=True):
         files += figure_writers(path, fit.figure)

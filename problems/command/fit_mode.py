@@ -9,7 +9,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located
 from problems.beam.curves.record import ResponseRecord
 from problems.command.fit_decay import add_law_options
-from problems.command.output import Output, add_plot, finite, new_files, result_output
+from problems.command.output import Output, add_options, add_plot, finite, new_files, result_output
 from problems.command.record_options import add_record_options, check_no_record_options, read_record, releases
 from problems.mode.fitting import fit_mode
 from problems.spec.records import read_curves
@@ -18,28 +18,15 @@ from problems.spec.records import read_curves
 def add_fit_mode(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.epilog = "ancf-casadi run --keys lists the keys of [[curves]]"
-    parser.add_argument(
-        "files",
-        nargs="*",
-        metavar="FILE",
-        help="record of a free decay, or a file CURVES.toml with response curves in tables [[curves]]",
-    )
-    parser.add_argument(
-        "--curve",
-        nargs="+",
-        default=[],
-        metavar="CURVE",
-        help="files with response curves: frequency, amplitude, level with its unit, and if measured phase",
-    )
-    parser.add_argument(
-        "--frequency", metavar="NAME", help="column of the frequencies in the files of --curve; name or number from 1"
-    )
+    about = "record of a free decay, or a file CURVES.toml with response curves in tables [[curves]]"
+    parser.add_argument("files", nargs="*", metavar="FILE", help=about)
+    about = "files with response curves: frequency, amplitude, level with its unit, and if measured phase"
+    parser.add_argument("--curve", nargs="+", default=[], metavar="CURVE", help=about)
     add_law_options(parser, auto=False)
-    parser.add_argument(
-        "--modal-constant",
-        type=finite,
-        metavar="K",
-        help="force per mass and unit level, 1/mass for a force at the sensor, if it is known",
+    add_options(
+        parser,
+        frequency=(str, "NAME", "column of the frequencies in the files of --curve; name or number from 1"),
+        modal_constant=(finite, "K", "force per mass and unit level, 1/mass for a force at the sensor, if it is known"),
     )
     add_plot(parser, "draw curves, decays, and frequency and damping ratio against amplitude")
     add_record_options(parser)
@@ -47,10 +34,10 @@ def add_fit_mode(parser: argparse.ArgumentParser) -> None:
 
 def run_fit_mode(options: argparse.Namespace) -> Output:
     """Fit the mode."""
-    given = [*options.files, *options.curve]
-    if not given:
+    named = [*options.files, *options.curve]
+    if not named:
         raise InputError("give the file of a decay, or response curves", "FILE")
-    new_files(given, options.plot)
+    new_files(named, options.plot)
     tables = [path for path in options.files if Path(path).suffix.lower() == ".toml"]
     files = [path for path in options.files if path not in tables]
     if not files:
@@ -64,14 +51,10 @@ def run_fit_mode(options: argparse.Namespace) -> Output:
     ]
     decays = [read_record(path, options) for path in files]
     times = releases(options, len(files)) if files else []
-    with located(", ".join(given)):
+    with located(", ".join(named)):
         fit = fit_mode(
             [*decays, *curves],
-            law=options.law,
-            frequency_law=options.frequency_law,
-            modal_constant=options.modal_constant,
-            rest=options.rest,
             release_times=[time for time in times if time is not None] or None,
-            robust=options.robust,
+            **{name: getattr(options, name) for name in ("law", "frequency_law", "modal_constant", "rest", "robust")},
         )
     return result_output(fit, options.plot)

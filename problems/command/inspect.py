@@ -15,7 +15,7 @@ from ancf_casadi.decay.release import find_release
 from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording, is_counter, is_time
-from ancf_casadi.records.layout import LAYOUT_KEYS, TableLayout
+from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import quality_warnings, sampling
 from ancf_casadi.records.reading.formats import read_contents
@@ -26,7 +26,7 @@ from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import physical
 from ancf_casadi.support.tables import Table, known
 from problems.command.output import Output, add_plot, figure_writers, new_files
-from problems.command.record_options import add_record_options
+from problems.command.record_options import FILE_KEYS, add_record_options
 
 MOST_CHANNELS_SHOWN = 40  # channels in the table
 EPILOG = """\
@@ -101,14 +101,14 @@ def _summary(channel: RecordedChannel) -> dict[str, Any]:
 
 def _faults(recording: Recording) -> list[str]:
     """Return the faults of the records of the channels."""
-    found = []
+    faults = []
     for channel in recording.channels:
         present = np.isfinite(channel.values)
         if channel.time is None or channel.fault or is_time(channel) or is_counter(channel) or not present.any():
             continue
         texts = quality_warnings(channel.time[present], channel.values[present])
-        found += [f"column {channel.label}: {text}" for text in texts]
-    return found
+        faults += [f"column {channel.label}: {text}" for text in texts]
+    return faults
 
 
 def _peak(time: Array, values: Array) -> float:
@@ -152,9 +152,9 @@ def _plan(recording: Recording, options: argparse.Namespace, problem: str) -> di
         return plan | {"problem": str(error)}
     release, reason, periods = float(record.time[0]), "the first sample", math.nan
     if even := _even(channel):
-        found = find_release(*even)
-        time, values = even[0][found.index :], even[1][found.index :]
-        release, reason = float(time[0]), found.reason
+        detected = find_release(*even)
+        time, values = even[0][detected.index :], even[1][detected.index :]
+        release, reason = float(time[0]), detected.reason
         periods = _peak(time, values) * float(time[-1] - release)
     samples = int((record.time >= release).sum())
     column, quantity = f"{channel.number} '{channel.name}'", record.sensor.quantity
@@ -181,17 +181,20 @@ def _ranges(numbers: Sequence[int]) -> str:
 def _text(options: argparse.Namespace, recording: Recording, data: Mapping[str, Any]) -> str:
     times, summaries = data["times"], data["channels"]
     lines = []
-    for found in times:
-        columns = f" of columns {found['columns']}" if len(times) > 1 else ""
-        lines.append(f"times{columns}: {_sampled(found)}")
+    for axis in times:
+        columns = f" of columns {axis['columns']}" if len(times) > 1 else ""
+        lines.append(f"times{columns}: {_sampled(axis)}")
+    shown = summaries[:MOST_CHANNELS_SHOWN]
     rows = [
         (
-            one["number"], one["name"], one["unit"] if one["quantity"] or not one["unit"] else f"{one['unit']} (?)",
-            one["samples"], one["gaps"] or None, *(known(one[key]) for key in ("lowest", "highest", "frequency")),
+            channel["number"], channel["name"],
+            channel["unit"] if channel["quantity"] or not channel["unit"] else f"{channel['unit']} (?)",
+            channel["samples"], channel["gaps"] or None,
+            *(known(channel[key]) for key in ("lowest", "highest", "frequency")),
         )
-        for one in summaries[:MOST_CHANNELS_SHOWN]
+        for channel in shown
     ]  # fmt: skip
-    notes = [f"column {one['number']}: {one['fault']}" for one in summaries[:MOST_CHANNELS_SHOWN] if one["fault"]]
+    notes = [f"column {channel['number']}: {channel['fault']}" for channel in shown if channel["fault"]]
     if len(summaries) > MOST_CHANNELS_SHOWN:
         notes.append(f"{len(summaries) - MOST_CHANNELS_SHOWN} more columns are not shown; --json lists them all")
     heads = ("column", "name", "unit", "samples", "gaps", "lowest", "highest", "strongest frequency, Hz")
@@ -199,17 +202,16 @@ def _text(options: argparse.Namespace, recording: Recording, data: Mapping[str, 
     return "\n".join([table.text(), *([""] if lines else []), *lines, "", *_advice(options, recording, data["fit"])])
 
 
-def _sampled(found: Mapping[str, Any]) -> str:
-    text = f"{found['samples']} from {found['begin']:g} to {found['end']:g} s"
-    if not math.isfinite(found["rate"]):
+def _sampled(times: Mapping[str, Any]) -> str:
+    text = "{samples} from {begin:g} to {end:g} s".format(**times)
+    if not math.isfinite(times["rate"]):
         return text
-    text += f", {found['rate']:.6g} per second"
-    text += f", steps vary by {100 * found['jitter']:.2g} %" if found["jitter"] > 1e-4 else ", evenly spaced"
-    if found["gaps"]:
+    text += f", {times['rate']:.6g} per second"
+    text += f", steps vary by {100 * times['jitter']:.2g} %" if times["jitter"] > 1e-4 else ", evenly spaced"
+    if times["gaps"]:
         text += (
-            f", {found['gaps']} gaps with {found['missing']} samples missing, the longest {found['longest_gap']:g} s "
-            f"after {found['longest_gap_at']:g} s"
-        )
+            ", {gaps} gaps with {missing} samples missing, the longest {longest_gap:g} s after {longest_gap_at:g} s"
+        ).format(**times)
     return text
 
 
@@ -234,16 +236,12 @@ def _advice(options: argparse.Namespace, recording: Recording, plan: Mapping[str
 
 def _command(name: str, options: argparse.Namespace, column: str | int | None) -> str:
     words = ["ancf-casadi", name, options.file]
-    given = {"--time": options.time, "--time-unit": options.time_unit, "--sample-rate": options.sample_rate}
-    for option, value in {**given, "--column": column, "--unit": options.unit, "--sensor": options.sensor}.items():
+    values = {key: getattr(options, key) for key in (*FILE_KEYS, "sensor")} | {"column": column}
+    for key, value in values.items():
         if value is not None:
-            words += [option, f"{value:g}" if isinstance(value, float) else str(value)]
-    for key in LAYOUT_KEYS:
-        if (value := getattr(options, key, None)) is not None:
-            words += [
-                f"--{key.replace('_', '-')}",
-                ",".join(map(str, value)) if isinstance(value, tuple) else str(value),
-            ]
+            several = value if isinstance(value, tuple) else (value,)
+            text = ",".join(f"{item:g}" if isinstance(item, float) else str(item) for item in several)
+            words += [f"--{key.replace('_', '-')}", text]
     return shlex.join(words)
 
 

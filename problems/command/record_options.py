@@ -1,101 +1,76 @@
-"""Options of the commands that read records: the columns and units of a file, and the part of it to use.
-
-Records over time and over frequency have options of their own.
-"""
+"""Options of the commands that read records: keys of the tables of a record, and the part of it to use."""
 
 from __future__ import annotations
 
 import argparse
 import re
 from collections.abc import Callable
-from dataclasses import fields
-from typing import Any, get_args
+from typing import Any
+
+from msgspec import inspect as types
 
 from ancf_casadi.decay.release import find_release
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.layout import LAYOUT_KEYS, TableLayout
+from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.records.sensor import Quantity, Sensor
+from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import located
+from ancf_casadi.support.specs import alternatives, listed_fields
 from problems.command.output import comma_numbers, finite, positive_count
+from problems.spec.help import description
+from problems.spec.record_files import ChannelSpec, SensorSpec
 
 MOST_LINES = 100_000  # lines that an option may leave out
+FILE_KEYS = ("column", "time", "unit", "time_unit", "sample_rate", "names_row", "skip_rows", "leave_out")
+RECORD_KEYS = (*FILE_KEYS, "sensor", "begin", "end", "decimate", "release_time")
+
+
+def add_keys(parser: Any, table: type, *names: str) -> None:
+    """Add keys of a declared table as options."""
+    declared = {field.encode_name: field for field in listed_fields(table)}
+    for name in names:
+        text = description(declared[name])
+        arguments = _argument(alternatives(declared[name].type), text)
+        parser.add_argument(f"--{name.replace('_', '-')}", **arguments)
+
+
+def _argument(kinds: tuple[types.Type, ...], text: str) -> dict[str, Any]:
+    """Return the type of an option as the arguments of ``add_argument``."""
+    kind: Callable[[str], Any]
+    present: dict[type, Any] = {type(kind): kind for kind in kinds}
+    if literal := present.get(types.LiteralType):
+        return {"choices": literal.values, "metavar": "NAME", "help": text or f"one of {', '.join(literal.values)}"}
+    if items := present.get(types.VarTupleType):
+        named = types.StrType in map(type, alternatives(items.item_type))
+        kind, metavar = (columns, "NAME|N,...") if named else (line_numbers, "N,N-M,...")
+    elif types.StrType in present:
+        kind, metavar = str, "NAME|N" if types.IntType in present else "UNIT"
+    else:
+        kind, metavar = (positive_count, "N") if types.IntType in present else (finite, "NUMBER")
+    return {"type": kind, "metavar": metavar, "help": text}
 
 
 def add_record_options(parser: argparse.ArgumentParser, *, part: bool = True) -> None:
     """Add the options that say how to read a file, and those that choose a ``part`` of the record."""
     group = parser.add_argument_group("reading the file")
-    group.add_argument(
-        "--column", type=column, metavar="NAME|N", help="column of the values, by its name or its number from 1"
-    )
-    group.add_argument("--time", type=column, metavar="NAME|N", help="column of the times, likewise")
-    group.add_argument("--unit", help="unit of the values, such as mm, g or m/s^2, if the file does not say it")
-    group.add_argument("--time-unit", metavar="UNIT", help="unit of the times, such as ms, if the file does not say it")
-    group.add_argument("--sample-rate", type=finite, metavar="HZ", help="samples per second of a file without times")
-    add_layout_options(group, without="imaginary")
-    group.add_argument(
-        "--sensor",
-        choices=get_args(Quantity),
-        metavar="QUANTITY",
-        help=f"what was measured: {', '.join(get_args(Quantity))} (default: as the unit tells)",
-    )
+    add_keys(group, ChannelSpec, *FILE_KEYS)
+    add_keys(group, SensorSpec, "sensor")
     if not part:
         return
     group = parser.add_argument_group("choosing the part to fit")
-    group.add_argument("--begin", type=finite, metavar="S", help="leave out what is before this time (s)")
-    group.add_argument("--end", type=finite, metavar="S", help="leave out what is after this time (s)")
-    group.add_argument(
-        "--decimate",
-        type=positive_count,
-        metavar="N",
-        help="keep every N-th sample from the release on, after a filter against aliasing, which takes 13 of those at "
-        "either end",
-    )
-    group.add_argument(
-        "--release-time",
-        type=comma_numbers,
-        metavar="S",
-        help="time at which the free decay starts (s; default: detected); with several files S,S,... gives one each",
-    )
-
-
-def add_spectral_options(parser: argparse.ArgumentParser, *, level: bool) -> None:
-    """Add the options that say how to read a file with values over frequency, with the ``level`` of an excitation."""
-    group = parser.add_argument_group("reading the file")
-    columns = {"column": "amplitudes or real parts", "frequency": "frequencies", "phase": "phases"}
-    for name, values in (columns | ({"level": "levels of the excitation"} if level else {})).items():
-        text = f"column of the {values}, by its name or its number from 1, if its name does not tell it"
-        group.add_argument(f"--{name}", type=column, metavar="NAME|N", help=text)
-    group.add_argument("--unit", help="unit of the values, such as mm, g or mm/N, if the file does not say it")
-    group.add_argument("--phase-unit", choices=("deg", "rad"), help="unit of the phases, if the file does not say it")
-    add_layout_options(group)
-    if level:
-        group.add_argument("--level-unit", metavar="UNIT", help="unit of the levels, such as N or g, likewise")
-
-
-def add_layout_options(group: argparse._ArgumentGroup, without: str = "") -> None:
-    """Add the options that are the fields of ``TableLayout``, except ``without``."""
-    kinds: dict[str, Callable[[str], Any]] = {
-        "names_row": positive_count, "skip_rows": line_numbers, "leave_out": columns, "imaginary": column,
-    }  # fmt: skip
-    for declared in fields(TableLayout):
-        if declared.name != without:
-            group.add_argument(f"--{declared.name.replace('_', '-')}", type=kinds[declared.name], **declared.metadata)
+    add_keys(group, ChannelSpec, "begin", "end")
+    text = "keep every N-th sample from the release on; the filter against aliasing takes 13 of those at either end"
+    group.add_argument("--decimate", type=positive_count, metavar="N", help=text)
+    text = "start of the free decay, s, if not to be detected; with several files S,S,... gives one each"
+    group.add_argument("--release-time", type=comma_numbers, metavar="S", help=text)
 
 
 def read_record(path: str, options: argparse.Namespace) -> Measurement:
     """Read a file with the options of the command, and cut out the part to use."""
-    record = Measurement.from_file(
-        path,
-        options.column,
-        time=options.time,
-        unit=options.unit,
-        time_unit=options.time_unit,
-        sample_rate=options.sample_rate,
-        sensor=None if options.sensor is None else Sensor(options.sensor),
-        layout=TableLayout.of(vars(options)),
-        progress=True,
-    )
+    sensor = None if options.sensor is None else Sensor(options.sensor)
+    reading = {name: getattr(options, name) for name in FILE_KEYS[:5]}
+    layout = TableLayout.of(vars(options))
+    record = Measurement.from_file(path, sensor=sensor, layout=layout, progress=True, **reading)
     with located(f"{path}: --begin, --end"):
         record = record.cut(options.begin, options.end)
     if options.decimate is None:
@@ -107,14 +82,9 @@ def read_record(path: str, options: argparse.Namespace) -> Measurement:
         return released.decimated(options.decimate)
 
 
-def column(text: str) -> str | int:
-    """Return the name of a column, or its number from 1."""
-    return int(text) if text.isdecimal() else text
-
-
-def columns(text: str) -> tuple[str | int, ...]:
+def columns(text: str) -> tuple[str, ...]:
     """Return names or numbers of columns, separated by commas."""
-    return tuple(column(name) for name in text.split(","))
+    return tuple(text.split(","))
 
 
 def line_numbers(text: str) -> tuple[int, ...]:
@@ -129,19 +99,16 @@ def line_numbers(text: str) -> tuple[int, ...]:
 
 def releases(options: argparse.Namespace, count: int) -> list[float | None]:
     """Return the release time of each of ``count`` files, None where it is to be detected."""
-    given: tuple[float, ...] | None = options.release_time
-    if given is None:
+    times: tuple[float, ...] | None = options.release_time
+    if times is None:
         return [None] * count
-    if len(given) not in (1, count):
-        raise InputError(f"has {len(given)} times for {count} files; give one, or one for each", "--release-time")
-    return list(given * (count if len(given) == 1 else 1))
+    if len(times) not in (1, count):
+        raise InputError(f"has {len(times)} times for {count} files; give one, or one for each", "--release-time")
+    return list(times * (count if len(times) == 1 else 1))
 
 
 def check_no_record_options(options: argparse.Namespace, instead: str) -> None:
     """Refuse the options of a record where there is none, and say what to do ``instead``."""
-    for name in [
-        *"column time unit time_unit sample_rate sensor begin end decimate release_time".split(),
-        *LAYOUT_KEYS,
-    ]:
-        if getattr(options, name, None) is not None:
+    for name in RECORD_KEYS:
+        if getattr(options, name) is not None:
             raise InputError(f"belongs to the file of a record; {instead}", f"--{name.replace('_', '-')}")

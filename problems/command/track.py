@@ -13,7 +13,7 @@ from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.video.recorded import track_video
 from ancf_casadi.support.arrays import root_mean_square
 from ancf_casadi.support.tables import Table
-from problems.command.output import Output, comma_numbers, file_writers, finite, new_files, positive_count
+from problems.command.output import Output, add_options, comma_numbers, file_writers, finite, new_files, positive_count
 
 ADVICE = """\
 places in the picture are columns and rows in pixels, from the first pixel at 0,0;
@@ -21,16 +21,18 @@ look at --preview first, and at 'inspect FILE.csv' then
 """
 
 
-PLACES = {  # options that take numbers separated by commas
-    "region": ("X1,Y1,X2,Y2", "left, top, right and bottom of where markers are sought"),
-    "ruler": ("X1,Y1,X2,Y2,LENGTH", "two points at a known distance (m); without it, positions are in pixels"),
-    "clamp": ("X,Y", "place of the origin (default: the first pixel)"),
-    "vertical": ("X1,Y1,X2,Y2", "two points on a vertical line (default: a column)"),
-    "lens": ("FX,FY,CX,CY,K1,K2,P1,P2", "camera matrix and distortion, as in OpenCV"),
-}
-ONE_NUMBER = {  # options that take one number
+OPTIONS = {  # of ``track_video``
+    "region": (comma_numbers, "X1,Y1,X2,Y2", "left, top, right and bottom of where markers are sought"),
+    "ruler": (
+        comma_numbers,
+        "X1,Y1,X2,Y2,LENGTH",
+        "two points at a known distance (m); without it, positions are in pixels",
+    ),
+    "clamp": (comma_numbers, "X,Y", "place of the origin (default: the first pixel)"),
+    "vertical": (comma_numbers, "X1,Y1,X2,Y2", "two points on a vertical line (default: a column)"),
+    "lens": (comma_numbers, "FX,FY,CX,CY,K1,K2,P1,P2", "camera matrix and distortion, as in OpenCV"),
     "radius": (positive_count, "PX", "radius of what belongs to a marker (default: of its dot, or 10)"),
-    "sample-rate": (finite, "HZ", "frames per second of the recording, if the video plays in slow motion"),
+    "sample_rate": (finite, "HZ", "frames per second of the recording, if the video plays in slow motion"),
     "begin": (finite, "S", "leave out what is before this time (s)"),
     "end": (finite, "S", "leave out what is after this time (s)"),
 }
@@ -45,21 +47,17 @@ def add_track(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--preview", type=Path, metavar="FILE.png", help="draw the first frame with numbered markers")
     about = "place of a marker in the first frame; may be repeated (default: all dots, or else some corners)"
     parser.add_argument("--marker", type=comma_numbers, action="append", metavar="X,Y", help=about)
-    for name, (metavar, text) in PLACES.items():
-        parser.add_argument(f"--{name}", type=comma_numbers, metavar=metavar, help=text)
-    for name, (kind, metavar, text) in ONE_NUMBER.items():
-        parser.add_argument(f"--{name}", type=kind, metavar=metavar, help=text)
+    add_options(parser, **OPTIONS)
 
 
 def run_track(options: argparse.Namespace) -> Output:
     """Track the markers."""
     new_files([options.file], options.out, options.preview)
-    names = [name.replace("-", "_") for name in (*PLACES, *ONE_NUMBER)]
     recording = track_video(
         options.file,
         markers=options.marker,
         preview=options.preview,
-        **{name: getattr(options, name) for name in names},
+        **{name: getattr(options, name) for name in OPTIONS},
     )
     columns = {channel.name: channel.values for channel in recording.channels}
     data = {"file": options.file, "time_s": recording.time, **columns, "notes": recording.notes}

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Annotated, Any
 
 from msgspec import Meta
@@ -38,58 +39,82 @@ DAMPING_KEYS = tagged_help("[[damping]]", RayleighSpec | QuadraticSpec | Frictio
 BEAM_KEYS = PROPERTY_KEYS + PART_KEYS + DAMPING_KEYS
 
 
-def read_beam(given: str | StudyFile) -> Document:
-    """Read the beam of a TOML file, or a JSON document (a name that ends in ``.json``) with a beam and its damping."""
-    if isinstance(given, str) and is_document(given):
-        return read_document(given)
-    file = StudyFile.of(given)
+@dataclass(frozen=True)
+class DampedBeam:
+    """A beam and the tables of its damping law, of which a modal law needs the natural modes."""
+
+    source: Document  # the beam, with the damping law of a document unless the file has its own
+    terms: tuple[LawSpec, ...]  # tables [[damping]]
+    where: str  # place of the tables
+
+    @classmethod
+    def of(cls, file: StudyFile) -> DampedBeam:
+        """Convert the tables of a file, and check them without solving for modes."""
+        source, where = read_beam(file), file.where("damping")
+        if "damping" in file.tables:
+            source = replace(source, damping=None)
+        terms = tuple(convert(table, LawSpec, where) for table in file.several("damping"))
+        for term in terms:
+            term.check(source.model, where)
+        return cls(source, terms, where)
+
+    @property
+    def model(self) -> Model:
+        """The beam."""
+        return self.source.model
+
+    @property
+    def undamped(self) -> bool:
+        """Whether there is no damping law."""
+        return not self.terms and self.source.damping is None
+
+    @cached_property
+    def laws(self) -> tuple[DampingLaw, ...]:
+        """The laws of the tables."""
+        return tuple(term.law(self.model, self.where) for term in self.terms)
+
+    @property
+    def damping(self) -> DampingLaw | None:
+        """The sum of the laws of the tables, or the law of the document."""
+        return sum_laws(self.laws) or self.source.damping
+
+
+def read_beam(source: str | StudyFile) -> Document:
+    """Read the beam of a TOML file, or the JSON document that holds it with its damping."""
+    file = StudyFile.of(source)
     table, where = file.needed("beam"), file.where("beam")
     if isinstance(table, dict) and "document" in table:
         name = convert(table, DocumentName, where).document
-        with located(f"{where}: document"):
+        with located("" if is_document(file.path) else f"{where}: document"):
             return read_document(file.beside(name))
     spec = convert(table, BeamSpec, where)
     with located(where):
         return Document(Model(spec.beam()))
 
 
-def read_damped(given: str | StudyFile) -> Document:
+def read_damped(source: str | StudyFile) -> Document:
     """Read a beam and its damping; the damping of a document holds unless the file has its own."""
-    if isinstance(given, str) and is_document(given):
-        return read_document(given)
-    file = StudyFile.of(given)
-    source = read_beam(file)
-    if "damping" not in file.tables:
-        return source
-    return replace(source, damping=law_of(file.several("damping"), source.model, file.where("damping")))
+    beam = DampedBeam.of(StudyFile.of(source))
+    return replace(beam.source, damping=beam.damping)
 
 
-def damping_on(given: str | StudyFile, model: Model) -> DampingLaw | None:
+def damping_on(source: str | StudyFile, model: Model) -> DampingLaw | None:
     """Return the damping of a file on another beam than that of the file; modal laws take the modes of that beam."""
-    file = StudyFile.of(given)
+    file = StudyFile.of(source)
     if "damping" in file.tables:
         return law_of(file.several("damping"), model, file.where("damping"))
+    law = read_beam(file).damping
     return sum_laws(
         [
             ModalDamping(natural_modes(model, count=len(term.ratios)), term.ratios)
             if isinstance(term, ModalDamping)
             else term
-            for term in terms_of(read_beam(file).damping)
+            for term in (law.laws if isinstance(law, SumOfLaws) else () if law is None else (law,))
         ]
     )
 
 
-def terms_of(law: DampingLaw | None) -> tuple[DampingLaw, ...]:
-    """Return the terms of a law that ``law_of`` has summed."""
-    return law.laws if isinstance(law, SumOfLaws) else () if law is None else (law,)
-
-
 def law_of(terms: Sequence[Any], model: Model, where: str) -> DampingLaw | None:
     """Return the sum of terms given as tables [[damping]]; None if there are none."""
-    return sum_laws([term_of(table, model, where) for table in terms])
-
-
-def term_of(table: Any, model: Model, where: str) -> DampingLaw:
-    """Return the law of one table [[damping]]."""
-    spec: LawSpec = convert(table, LawSpec, where)
-    return spec.law(model, where)
+    specs: list[LawSpec] = [convert(table, LawSpec, where) for table in terms]
+    return sum_laws([spec.law(model, where) for spec in specs])

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Set
-from dataclasses import dataclass
+from collections.abc import Mapping, Set
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from msgspec import Struct
+
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.files import opened, read_toml
+from ancf_casadi.records.channel import Recording
+from ancf_casadi.records.layout import TableLayout
+from ancf_casadi.records.reading.formats import read_contents
+from ancf_casadi.support.files import read_bytes, read_toml
 from ancf_casadi.support.inputs import check_keys
 from ancf_casadi.support.specs import convert, keys_of
 
@@ -17,7 +23,6 @@ FILE_TABLES = set(
     "beam match damping base load release simulation response markers records frequencies predictions fit study parts"
     " laws decays statics curves plan candidates".split()
 )  # fmt: skip
-NAMING = ("file", "document")  # keys whose value is the name of a file
 
 
 def convert_groups(table: Any, where: str, *kinds: Any, shared: Set[str] = frozenset()) -> Any:
@@ -26,22 +31,45 @@ def convert_groups(table: Any, where: str, *kinds: Any, shared: Set[str] = froze
     return tuple(convert({key: table[key] for key in keys_of(kind) & table.keys()}, kind, where) for kind in kinds)
 
 
+class RecordFiles(Struct, frozen=True, dict=True):
+    """Files of measurements, each of which is opened when a step needs it, and once.
+
+    A copy in another process, and the key of a kept computation, hold the contents that a step has read, and no others.
+    """
+
+    contents: tuple[tuple[str, TableLayout, Recording], ...] = ()
+
+    @cached_property
+    def _recordings(self) -> dict[tuple[str, TableLayout], Recording]:
+        return {(path, layout): recording for path, layout, recording in self.contents}
+
+    def recording(self, path: str, layout: TableLayout) -> Recording:
+        """Return the columns of a file."""
+        if (path, layout) not in self._recordings:
+            self._recordings[path, layout] = read_contents(path, layout=layout, progress=True)
+        return self._recordings[path, layout]
+
+
 @dataclass(frozen=True)
 class StudyFile:
-    """The tables of a TOML file."""
+    """The tables of a TOML file, and the files of measurements that they name."""
 
     path: str
     tables: Mapping[str, Any]
-    digests: tuple[tuple[str, str], ...] = ()  # of ``only`` some tables: name and hash of each file that they name
+    document_hash: str = ""  # of the JSON document that ``only`` some tables name
+    record_files: RecordFiles = field(default_factory=RecordFiles)
 
     @classmethod
-    def of(cls, given: str | StudyFile, required: Set[str] = frozenset({"beam"})) -> StudyFile:
-        """Read a TOML file by its name, with the tables that must be there; a file that was read stays as it is."""
-        if isinstance(given, StudyFile):
-            return given
-        tables = {"beam": {"document": Path(given).name}} if is_document(given) else read_toml(given)
-        check_keys(tables, set(required), FILE_TABLES, given)
-        return cls(given, tables)
+    def of(cls, source: str | StudyFile, required: Set[str] = frozenset({"beam"})) -> StudyFile:
+        """Read a TOML file by its name, with the tables that must be there; a file that was read stays as it is.
+
+        The name of a JSON document stands for a file with that document as its only table.
+        """
+        if isinstance(source, StudyFile):
+            return source
+        tables = {"beam": {"document": Path(source).name}} if is_document(source) else read_toml(source)
+        check_keys(tables, set(required), FILE_TABLES, source)
+        return cls(source, tables)
 
     def where(self, name: str) -> str:
         """Return the place of a table, for messages."""
@@ -55,45 +83,32 @@ class StudyFile:
 
     def several(self, name: str) -> list[Any]:
         """Return the tables of one name, [name] or several [[name]]; none if there is no such table."""
-        given = self.tables.get(name, [])
-        if isinstance(given, dict):
-            return [given]
-        if not isinstance(given, list):
+        tables = self.tables.get(name, [])
+        if isinstance(tables, dict):
+            return [tables]
+        if not isinstance(tables, list):
             raise InputError(f"must be a table [{name}], or several [[{name}]]", self.path)
-        return given
+        return tables
 
     def beside(self, name: str) -> Path:
         """Return the path of a file that a table names, relative to the folder of this file."""
         return Path(self.path).parent / name
 
-    def only(self, names: Set[str]) -> StudyFile:
-        """Return the file with the tables of the given names alone, as far as they are there, and with their hashes."""
-        tables = {name: table for name, table in self.tables.items() if name in names}
-        return StudyFile(self.path, tables, tuple((name, self._digest(name)) for name in sorted(set(_named(tables)))))
+    @property
+    def document(self) -> Path | None:
+        """Path of the JSON document that holds the beam; None if the table [beam] does."""
+        beam = self.tables.get("beam")
+        name = beam.get("document") if isinstance(beam, dict) else None
+        return self.beside(name) if isinstance(name, str) else None
 
-    def _digest(self, name: str) -> str:
-        """Return the hash of a file, or an empty one if it cannot be read, which the reader of the table reports."""
-        try:
-            with opened(self.beside(name)) as content:
-                return hashlib.file_digest(content, "sha256").hexdigest()
-        except InputError:
-            return ""
+    def only(self, names: Set[str]) -> StudyFile:
+        """Return the file with the tables of the given names alone, as far as they are there."""
+        file = replace(self, tables={name: table for name, table in self.tables.items() if name in names})
+        content = b"" if file.document is None else read_bytes(file.document)
+        return replace(file, document_hash=hashlib.sha256(content).hexdigest() if content else "")
 
 
 NO_FILE = StudyFile("", {})
-
-
-def _named(tables: Any) -> Iterator[str]:
-    """Yield the names of files in tables."""
-    if isinstance(tables, dict):
-        for key, value in tables.items():
-            if key in NAMING and isinstance(value, str):
-                yield value
-            else:
-                yield from _named(value)
-    elif isinstance(tables, list):
-        for value in tables:
-            yield from _named(value)
 
 
 def is_document(path: str) -> bool:

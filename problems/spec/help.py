@@ -39,15 +39,20 @@ def _folded(text: str, width: int, indent: str = "") -> str:
 
 def described_keys(kind: type, base: type | None = None) -> list[str]:
     """Return the keys that a class declares beyond its base, each with its description."""
-    known = described_keys(base) if base else []
-    return [key for field in listed_fields(kind) if (key := _described(field)) not in known]
+    base_keys = described_keys(base) if base else []
+    return [key for field in listed_fields(kind) if (key := _described(field)) not in base_keys]
+
+
+def description(field: types.Field) -> str:
+    """Return the description of a key; empty if it has none."""
+    declared = field.type
+    return (declared.extra_json_schema or {}).get("description", "") if isinstance(declared, types.Metadata) else ""
 
 
 def _described(field: types.Field) -> str:
     """Return a key with its description, or the names that it may have."""
-    declared = field.type
-    note = (declared.extra_json_schema or {}).get("description", "") if isinstance(declared, types.Metadata) else ""
-    for kind in alternatives(declared):
+    note = description(field)
+    for kind in alternatives(field.type):
         if isinstance(kind, types.LiteralType):
             note = note or " or ".join(f'"{value}"' for value in kind.values if value)
         elif isinstance(kind, types.BoolType):

@@ -3,81 +3,86 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-from msgspec import Meta
+from msgspec import Meta, field
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import numbers, shown
+from ancf_casadi.support.specs import NotNegative, Positive, Spec
 from problems.matching.measured_modes import MeasuredModes
+from problems.matching.response import Objective
 from problems.matching.unknowns import Global, PerElement, PropertyUnknown, Smooth
 from problems.spec.help import table_help
+
+RelativeBounds = Annotated[float, Meta(gt=0.0, le=1.0)]
+Deviations = float | tuple[float | tuple[float, ...], ...]
+MOST_ELEMENTS = 1000  # a match with more takes minutes, and Ctrl-C does not end it at once
+MODE_KEYS = ("frequency_std", "points", "shapes", "shape_std")  # keys that belong to MeasuredModes
+
+
+class UnknownSpec(Spec, frozen=True):
+    """A property that may change: by one factor, in each element, or as a smooth function with so many terms."""
+
+    all_elements: Literal[True] | None = field(default=None, name="global")
+    element: Literal[True] | None = None
+    smooth: Annotated[int, Meta(ge=1)] | None = None
+    relative_bounds: RelativeBounds | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse several kinds, or none."""
+        if [self.all_elements, self.element, self.smooth].count(None) != 2:
+            raise ValueError('must be "global", "element", {smooth = 3} or {element = true, relative_bounds = 0.05}')
+
+    def unknown(self, name: str) -> PropertyUnknown:
+        """Return the unknown with the name of the property."""
+        if self.smooth is not None:
+            return Smooth(name, terms=self.smooth, relative_bounds=self.relative_bounds)
+        return (Global if self.all_elements else PerElement)(name, self.relative_bounds)
+
+
+KINDS = {"global": UnknownSpec(all_elements=True), "element": UnknownSpec(element=True)}
 
 
 @dataclass(frozen=True, kw_only=True)
 class MatchTable:
-    """Keys of the table [match], which ``match_frequencies`` and ``MeasuredModes`` check; None for those not given."""
+    """Targets and unknowns of a frequency matching; None for keys that are not given."""
 
-    targets: Annotated[Any, Meta(description="Hz")] = None
-    frequency_std: Annotated[Any, Meta(description="Hz")] = None
-    points: Annotated[Any, Meta(description="m, of measured shapes")] = None
-    shapes: Any = None
-    shape_std: Any = None
-    bounds: Any = None
-    objective: Annotated[Any, Meta(description='"least-squares" or "worst-error"')] = None
-    priors: Annotated[Any, Meta(description='{density = [7850.0, 50.0]}, or [MEDIAN, RELATIVE STD, "log-normal"]')] = (
-        None
-    )
-    starts: Any = None
-    seed: Any = None
+    targets: Annotated[tuple[Positive, ...] | None, Meta(description="Hz")] = None
+    frequency_std: Annotated[Positive | tuple[Positive, ...] | None, Meta(description="Hz")] = None
+    points: Annotated[tuple[NotNegative, ...] | None, Meta(description="m, of measured shapes")] = None
+    shapes: tuple[tuple[float, ...], ...] | None = None
+    shape_std: Deviations | None = None
+    bounds: Annotated[RelativeBounds | None, Meta(description="largest relative change")] = None
+    objective: Objective | None = None
+    priors: Annotated[
+        dict[str, Any] | None,
+        Meta(description='{density = [7850.0, 50.0]}, or [MEDIAN, RELATIVE STD, "log-normal"]'),
+    ] = None
+    starts: Annotated[int, Meta(ge=1)] | None = None
+    seed: Annotated[int, Meta(ge=0)] | None = None
     unknowns: Annotated[
-        Any,
+        dict[str, Literal["global", "element"] | UnknownSpec] | None,
         Meta(description='{width = "element", density = "global", thickness = {smooth = 3, relative_bounds = 0.05}}'),
     ] = None
 
     @property
     def request(self) -> dict[str, Any]:
         """The keys that are given."""
-        given = {field.name: getattr(self, field.name) for field in fields(MatchTable)}
-        return {key: value for key, value in given.items() if value is not None}
+        keys = {declared.name: getattr(self, declared.name) for declared in fields(MatchTable)}
+        return {key: value for key, value in keys.items() if value is not None}
 
 
 MATCH_KEYS = table_help("[match]", "{}", MatchTable)
-MOST_ELEMENTS = 1000  # a match with more takes minutes, and Ctrl-C does not end it at once
-MODE_KEYS = ("frequency_std", "points", "shapes", "shape_std")  # keys that belong to MeasuredModes
 
 
 def request_of(table: MatchTable) -> dict[str, Any]:
     """Return the arguments of ``match_frequencies`` after the beam from the keys of a table [match]."""
     request = table.request
-    if "targets" not in request:
+    if table.targets is None:
         raise InputError("the key 'targets' is missing")
     measured = {key: request.pop(key) for key in MODE_KEYS if key in request}
-    targets = list(numbers(request["targets"], "targets"))
-    request["targets"] = MeasuredModes(frequencies=tuple(targets), **measured) if measured else targets
-    if "unknowns" in request:
-        request["unknowns"] = _unknowns(request["unknowns"])
+    request["targets"] = MeasuredModes(frequencies=table.targets, **measured) if measured else list(table.targets)
+    if table.unknowns is not None:
+        kinds = {name: KINDS[kind] if isinstance(kind, str) else kind for name, kind in table.unknowns.items()}
+        request["unknowns"] = tuple(kind.unknown(name) for name, kind in kinds.items())
     return request
-
-
-def _unknowns(table: Any) -> tuple[PropertyUnknown, ...]:
-    if not isinstance(table, dict):
-        raise InputError(f"must be a table of properties, got {shown(table)}", "unknowns")
-    return tuple(_unknown(name, given) for name, given in table.items())
-
-
-def _unknown(name: str, given: Any) -> PropertyUnknown:
-    """Make an unknown from "global", "element", {smooth = 3}, or {element = true, relative_bounds = 0.05}."""
-    table = {given: True} if given in ("global", "element") else given
-    kinds = sorted({"global", "element", "smooth"} & set(table)) if isinstance(table, dict) else []
-    usable = len(kinds) == 1 and set(table) <= {kinds[0], "relative_bounds"}
-    if not usable or (kinds[0] != "smooth" and table[kinds[0]] is not True):
-        raise InputError(
-            'must be "global", "element", {smooth = 3} or {element = true, relative_bounds = 0.05}, '
-            f"got {shown(given)}",
-            f"unknowns: {name}",
-        )
-    bounds = table.get("relative_bounds")
-    if kinds[0] == "smooth":
-        return Smooth(name, terms=table["smooth"], relative_bounds=bounds)
-    return Global(name, bounds) if kinds[0] == "global" else PerElement(name, bounds)

@@ -7,8 +7,8 @@ Those of a simulation also have [simulation] with its settings, and [markers] wi
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Any, Literal
 
@@ -16,55 +16,59 @@ import numpy as np
 from msgspec import UNSET, Meta, UnsetType
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
+from ancf_casadi.dynamics.base_motion import FixedBase, HarmonicBase, SampledBase, SweepBase
 from ancf_casadi.dynamics.simulation import Method
 from ancf_casadi.dynamics.start import Start
-from ancf_casadi.dynamics.tip_load import HarmonicLoad, MovingForce, SampledLoad, TipLoad
+from ancf_casadi.dynamics.tip_load import HarmonicLoad, MovingForce, SampledLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.records.channel import Recording
-from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.records.recording import read_recording
 from ancf_casadi.records.sensor import Quantity, Sensor
 from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
 from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.tracing import CURVE_POINTS, MOST_CURVE_POINTS, frequency_response
 from ancf_casadi.support.inputs import located, physical, shown, unit_vector, whole
 from ancf_casadi.support.specs import Pair, Positive, Spec, convert
+from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.statics import static_equilibrium
-from problems.spec.beam import read_damped
-from problems.spec.file import StudyFile, convert_groups
+from problems.spec.beam import DampedBeam, read_damped
+from problems.spec.file import RecordFiles, StudyFile, convert_groups
 from problems.spec.help import Kinds, kinds_help, table_help
-
-ColumnName = str | int  # name of a column, or its number from 1
-
-
-class LayoutSpec(Spec, frozen=True):
-    """Rows and columns of a file that its reader cannot tell by itself."""
-
-    names_row: Annotated[int | None, Meta(description="line with the names")] = None
-    skip_rows: Annotated[tuple[int, ...], Meta(description="lines to leave out")] = ()
-    leave_out: Annotated[tuple[ColumnName, ...], Meta(description="columns to leave out")] = ()
-
-    def layout(self) -> TableLayout:
-        """Return the layout."""
-        return TableLayout.of(self.given())
+from problems.spec.record_files import ColumnName, FileSpec, Source
 
 
-class FileSpec(LayoutSpec, frozen=True, kw_only=True):
-    """A file of measurements, and its times."""
+@dataclass(frozen=True)
+class Deferred:
+    """An object of a table, before its files of measurements are opened and anything is solved."""
 
-    file: str
-    time: Annotated[ColumnName | None, Meta(description="column of the times")] = None
-    time_unit: str | None = None
-    sample_rate: Annotated[float | None, Meta(description="1/s, without times")] = None
+    make: Callable[..., Any]
+    sources: Sequence[Source] = ()
 
-    def recording(self, file: StudyFile, where: str) -> Recording:
-        """Read the file."""
-        times: dict[str, Any] = {"time": self.time, "time_unit": self.time_unit, "sample_rate": self.sample_rate}
-        with located(where):
-            return read_recording(file.beside(self.file), progress=True, layout=self.layout(), **times)
+
+@dataclass(frozen=True)
+class StepTables:
+    """The tables of a step, converted and checked, before its files of measurements are opened."""
+
+    file: StudyFile
+    beam: DampedBeam
+    sources: Sequence[Source]
+
+    @property
+    def model(self) -> Model:
+        """The beam."""
+        return self.beam.model
+
+    @property
+    def damping(self) -> DampingLaw | None:
+        """The damping law."""
+        return self.beam.damping
+
+    def with_records(self) -> StudyFile:
+        """Open the files of measurements, and return the file with their contents, which its step reads."""
+        contents = {source.key(self.file): source.contents(self.file, where) for source, where in self.sources}
+        return replace(
+            self.file, record_files=RecordFiles(tuple((*key, recording) for key, recording in contents.items()))
+        )
 
 
 class BaseColumns(Spec, frozen=True):
@@ -134,95 +138,116 @@ MARKERS_KEYS = table_help("[markers]", "NAME = arc length from the clamp (m): po
 SIMULATION_KEYS = table_help("[simulation]", "{}", SimulationSpec) + MARKERS_KEYS
 
 
-def read_motion(file: StudyFile, given: Mapping[str, Any], model: Model, where: str) -> dict[str, Any]:
-    """Return the arguments ``base``, ``load`` and ``start`` of a motion, as far as there are tables.
+def convert_motion(file: StudyFile, nested: Mapping[str, Any], where: str) -> Deferred:
+    """Convert the tables of a motion; on a beam they make the arguments ``base``, ``load`` and ``start`` of the motion.
 
-    They come from the tables within ``given``, whose place is ``where``, or else from those of the file.  A given start
-    holds instead of a release.
+    They are ``nested`` in the table at a place, or else those of the file.  A nested start holds instead of a release.
     """
-    arguments: dict[str, Any] = {"start": given["start"]} if "start" in given else {}
-    readers = {"base": read_base, "load": read_load}
-    for name, reader in readers.items():
-        table, place = _table(file, given, name, where)
-        if table is not None:
-            arguments[name] = reader(file, table, place)
-    table, place = _table(file, given, "release", where)
-    if table is not None and "start" not in given:
-        release = convert(table, ReleaseSpec, place)
-        with located(place):
-            arguments["start"] = static_equilibrium(model, **release.given())
-    return arguments
+    tables: dict[str, Deferred] = {}
+    for name, converter in {"base": _base, "load": _load, "release": _release}.items():
+        table, place = (
+            (nested[name], f"{where}: {name}") if name in nested else (file.tables.get(name), file.where(name))
+        )
+        if table is not None and not (name == "release" and "start" in nested):
+            tables[name] = converter(file, table, place)
+
+    def arguments(model: Model) -> dict[str, Any]:
+        start = {"start": nested["start"]} if "start" in nested else {}
+        return start | {{"release": "start"}.get(name, name): table.make(model) for name, table in tables.items()}
+
+    return Deferred(arguments, [source for table in tables.values() for source in table.sources])
 
 
-def _table(file: StudyFile, given: Mapping[str, Any], name: str, where: str) -> tuple[Any, str]:
-    """Return a table within another one, or else that of the file, and its place."""
-    return (given[name], f"{where}: {name}") if name in given else (file.tables.get(name), file.where(name))
-
-
-def read_base(file: StudyFile, table: Any, where: str) -> BaseMotion:
-    """Return a base motion, of one of four kinds that the keys of its table tell apart."""
+def _base(file: StudyFile, table: Any, where: str) -> Deferred:
+    """Convert a base motion, of one of four kinds that the keys of its table tell apart."""
     keys = set(table) if isinstance(table, dict) else set()
     if "file" in keys:
-        sampled: BaseMotion = _sampled(file, table, SampledBase, BaseColumns, ("position", "position", "slope"), where)
-        return sampled
+        return _sampled(file, table, SampledBase, BaseColumns, ("position", "position", "slope"), where)
     fixed = keys and keys <= {"displacement", "rotation"}
-    kind: Any = SweepBase if "frequencies" in keys else FixedBase if fixed else HarmonicBase
-    base: BaseMotion = convert(table, kind, where)
-    return base
+    base = convert(table, SweepBase if "frequencies" in keys else FixedBase if fixed else HarmonicBase, where)
+    return Deferred(lambda model: base)
 
 
-def read_load(file: StudyFile, table: Any, where: str) -> TipLoad:
-    """Return a load at the tip, of one of four kinds that the keys of its table tell apart."""
+def _load(file: StudyFile, table: Any, where: str) -> Deferred:
+    """Convert a load at the tip, of one of four kinds that the keys of its table tell apart."""
     keys = set(table) if isinstance(table, dict) else set()
     if "file" in keys:
-        sampled: TipLoad = _sampled(file, table, SampledLoad, LoadColumns, ("force", "force", "moment"), where)
-        return sampled
-    if "time" in keys:
-        values = convert(table, LoadValues, where)
+        return _sampled(file, table, SampledLoad, LoadColumns, ("force", "force", "moment"), where)
+    load = convert(table, LoadValues if "time" in keys else MovingForce if "speed" in keys else HarmonicLoad, where)
+    if isinstance(load, LoadValues):
         with located(where):
-            return SampledLoad(**values.given())
-    load: TipLoad = convert(table, MovingForce if "speed" in keys else HarmonicLoad, where)
-    return load
+            load = SampledLoad(**load.given())
+    return Deferred(lambda model: load)
+
+
+def _release(file: StudyFile, table: Any, where: str) -> Deferred:
+    """Convert the load before time 0; the motion starts from the equilibrium under it."""
+    release = convert(table, ReleaseSpec, where)
+
+    def start(model: Model) -> Equilibrium:
+        with located(where):
+            return static_equilibrium(model, **release.given())
+
+    return Deferred(start)
 
 
 def _sampled(
     file: StudyFile, table: Any, kind: Any, columns: type[Spec], quantities: tuple[Quantity, ...], where: str
-) -> Any:
-    """Return an excitation with the times and columns of a file, in SI units; one without a column is zero."""
+) -> Deferred:
+    """Convert an excitation with the times and columns of a file, in SI units; one without a column is zero."""
     source, chosen = convert_groups(table, where, FileSpec, columns)
     names = columns.__struct_fields__[:-1]  # the unit holds for those of the first quantity
     named = {name: column for name in names if (column := getattr(chosen, name)) is not None}
     if not named:
         raise InputError(f"name at least one of the columns {', '.join(names)}", where)
-    recording = source.recording(file, where)
-    records = {}
-    for name, quantity in zip(names, quantities, strict=True):
-        if name in named:
-            unit = chosen.unit if quantity == quantities[0] else None
-            with located(f"{where}: {name}"):
-                records[name] = Measurement.from_recording(recording, named[name], unit=unit, sensor=Sensor(quantity))
-    first, *others = records
-    for name in others:
-        if not np.array_equal(records[name].time, records[first].time):
-            raise InputError(
-                f"has other times or gaps than {first}; give all columns at the same times", f"{where}: {name}"
-            )
-    time = records[first].time
-    x, y, turning = (records[name].values if name in records else np.zeros(len(time)) for name in names)
-    with located(where):
-        return kind(time, np.column_stack([x, y]), turning)
+
+    def excitation(model: Model) -> Any:
+        recording = source.recording(file, where)
+        records = {}
+        for name, quantity in zip(names, quantities, strict=True):
+            if name in named:
+                unit, sensor = chosen.unit if quantity == quantities[0] else None, Sensor(quantity)
+                with located(f"{where}: {name}"):
+                    records[name] = Measurement.from_recording(recording, named[name], unit=unit, sensor=sensor)
+        first, *following = records
+        for name in following:
+            if not np.array_equal(records[name].time, records[first].time):
+                message = f"has other times or gaps than {first}; give all columns at the same times"
+                raise InputError(message, f"{where}: {name}")
+        time = records[first].time
+        x, y, turning = (records[name].values if name in records else np.zeros(len(time)) for name in names)
+        with located(where):
+            return kind(time, np.column_stack([x, y]), turning)
+
+    return Deferred(excitation, [(source, where)])
 
 
-def read_simulation(given: str | StudyFile) -> tuple[dict[str, Any], dict[str, float]]:
+@dataclass(frozen=True)
+class SimulationTables(StepTables):
+    """The tables of a simulated motion."""
+
+    settings: Mapping[str, Any]  # arguments of ``simulate``
+    motion: Deferred
+    markers: Mapping[str, float]  # arc length of each point to output, m
+
+    @classmethod
+    def of(cls, source: str | StudyFile) -> SimulationTables:
+        """Convert the tables of a file."""
+        file = StudyFile.of(source)
+        beam, where = DampedBeam.of(file), file.where("simulation")
+        settings = convert(file.needed("simulation"), SimulationSpec, where).given()
+        _check_size(settings, beam.model, where)
+        if "start" in settings and "release" in file.tables:
+            raise InputError("is given by the table [release]; leave it out", f"{where}: start")
+        motion = convert_motion(file, settings, where)
+        return cls(file, beam, motion.sources, settings, motion, read_markers(file, beam.model))
+
+
+def read_simulation(source: str | StudyFile) -> tuple[dict[str, Any], Mapping[str, float]]:
     """Read the arguments of ``simulate``, and the points to output: arc length by name, m."""
-    file = StudyFile.of(given)
-    source, where = read_damped(file), file.where("simulation")
-    settings = convert(file.needed("simulation"), SimulationSpec, where).given()
-    _check_size(settings, source.model, where)
-    if "start" in settings and "release" in file.tables:
-        raise InputError("is given by the table [release]; leave it out", f"{where}: start")
-    motion = settings | read_motion(file, settings, source.model, where)
-    return {"model": source.model, "damping": source.damping, **motion}, read_markers(file, source.model)
+    tables = SimulationTables.of(source)
+    motion = {**tables.settings, **tables.motion.make(tables.model)}
+    return {"model": tables.model, "damping": tables.damping, **motion}, tables.markers
 
 
 def _check_size(settings: Mapping[str, Any], model: Model, where: str) -> None:
@@ -329,10 +354,15 @@ class ResponseTask:
         )
 
 
-def read_response(given: str | StudyFile) -> ResponseTask:
+def read_response(source: str | StudyFile) -> ResponseTask:
     """Read a beam, its damping, and its harmonic excitation over a range of frequencies."""
-    file = StudyFile.of(given)
-    source, where = read_damped(file), file.where("response")
+    file = StudyFile.of(source)
+    return replace(convert_response(file), damping=read_damped(file).damping)
+
+
+def convert_response(file: StudyFile) -> ResponseTask:
+    """Return what ``read_response`` does without the damping law, which may need the natural modes of the beam."""
+    model, where = DampedBeam.of(file).model, file.where("response")
     table = convert(file.needed("response"), ResponseSpec, where)
     first, last = table.frequencies
     if first == last:
@@ -340,15 +370,13 @@ def read_response(given: str | StudyFile) -> ResponseTask:
     unit_vector(table.direction, f"{where}: direction")
     if bool(table.base_amplitudes) == bool(table.tip_forces):
         raise InputError("give either base_amplitudes (m) or tip_forces (N)", f"{where}: base_amplitudes")
-    modes, markers = _modes(table, source.model, f"{where}: modes"), read_markers(file, source.model)
-    return ResponseTask(source.model, source.damping, table, modes, markers)
+    return ResponseTask(model, None, table, _modes(table, model, f"{where}: modes"), read_markers(file, model))
 
 
 def _modes(table: ResponseSpec, model: Model, where: str) -> int:
     """Return the number of modes of the reduced model; 0 for the full beam."""
-    most = model.freedoms
     if table.model == "full":
         if table.modes:
             raise InputError("belongs to the reduced model; leave it out", where)
         return 0
-    return whole(table.modes, where, 1, most) if table.modes else min(RESPONSE_MODES, most // 2)
+    return whole(table.modes, where, 1, model.freedoms) if table.modes else min(RESPONSE_MODES, model.freedoms // 2)

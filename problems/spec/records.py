@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
@@ -22,77 +22,44 @@ from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.dynamics.start import Start
 from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.model_document import Document
 from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import ConfigurationSpec
-from ancf_casadi.records.channel import Recording
-from ancf_casadi.records.layout import LAYOUT_KEYS
-from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.records.sensor import Frame, Quantity, Sensor
+from ancf_casadi.records.layout import LAYOUT_KEYS, TableLayout
 from ancf_casadi.support.inputs import located, whole
 from ancf_casadi.support.specs import Pair, Positive, Spec, convert, keys_of
 from problems.beam.curves.reading import ExcitationUnit
 from problems.beam.curves.record import Control, ResponseRecord, Sweep
 from problems.beam.motions.record import Camera, Channel, MotionRecord
 from problems.beam.values.records import FrequencyRecord, StaticRecord
-from problems.spec.beam import read_damped, terms_of
+from problems.spec.beam import DampedBeam
 from problems.spec.file import StudyFile, convert_groups
 from problems.spec.help import table_help
-from problems.spec.motion import ColumnName, FileSpec, LayoutSpec, read_motion
+from problems.spec.motion import Deferred, StepTables, convert_motion
+from problems.spec.record_files import ChannelSpec, CurveFileSpec, SensorSpec
 
 Values = float | tuple[float, ...]  # one number, or one per value
 Table = dict[str, Any]
 
 
-class SensorSpec(Spec, frozen=True):
-    """The quantity that a sensor measures, its point and its direction."""
+class MotionTestSpec(Spec, frozen=True, kw_only=True):
+    """A motion; a key of its channels beside them holds for all."""
 
-    sensor: Quantity | UnsetType = UNSET
-    point: Annotated[float | None, Meta(description="m, the tip if not given")] = None
-    direction: Pair = (1.0, 0.0)
-    frame: Frame = "inertial"
-    gravity: Annotated[bool, Meta(description="whether an accelerometer feels it")] = False
-    distance: Annotated[float | None, Meta(description="m, of a strain gauge from the neutral axis")] = None
-
-    def make(self, quantity: Quantity, where: str) -> Sensor:
-        """Return the sensor; ``quantity`` is what it measures if the table does not say."""
-        arguments = self.given()
-        with located(where):
-            return Sensor(arguments.pop("sensor", quantity), **arguments)
-
-
-class ChannelSpec(Spec, frozen=True):
-    """A channel of a motion, and what is not known of it."""
-
-    column: Annotated[ColumnName | None, Meta(description="name or number")] = None
-    unit: str | None = None
-    begin: Annotated[float | None, Meta(description="s")] = None
-    end: Annotated[float | None, Meta(description="s")] = None
-    std: Annotated[float | None, Meta(description="standard deviation")] = None
-    offset: Annotated[Pair | None, Meta(description="bounds of an unknown time offset, s")] = None
-    zero: Annotated[Pair | None, Meta(description="bounds of an unknown reading at rest")] = None
-
-    def make(self, recording: Recording, sensor: Sensor, where: str) -> Channel:
-        """Return the channel of a recording."""
-        with located(where):
-            record = Measurement.from_recording(recording, self.column, unit=self.unit, sensor=sensor)
-            return Channel(record.cut(self.begin, self.end), self.std, self.offset, self.zero)
-
-
-class MotionSpec(Spec, frozen=True):
-    """A measured motion; a key of its channels beside them holds for all."""
-
-    name: str = ""
     channels: Annotated[tuple[Table, ...], Meta(min_length=1, description="[{KEYS OF A CHANNEL}, ...]")] = ()
-    release_time: Annotated[float | Pair, Meta(description="start in the times of the file, s, or its bounds")] = 0.0
-    camera: Annotated[Table | UnsetType, Meta(description="{scale, rotation, origin}: bounds of an unknown view")] = (
-        UNSET
-    )
+    release_time: Annotated[float | Pair, Meta(description="start in the times of the record, s, or its bounds")] = 0.0
     base: Table | UnsetType = UNSET
     load: Table | UnsetType = UNSET
     release: Table | UnsetType = UNSET
     start: Annotated[Start | UnsetType, Meta(description="these four if they differ from the tables")] = UNSET
+
+
+class MotionSpec(MotionTestSpec, frozen=True, kw_only=True):
+    """A measured motion; a key of its channels beside them holds for all."""
+
+    name: str = ""
+    camera: Annotated[Table | UnsetType, Meta(description="{scale, rotation, origin}: bounds of an unknown view")] = (
+        UNSET
+    )
 
 
 class BaseLevelSpec(Spec, frozen=True):
@@ -109,33 +76,24 @@ class LoadLevelSpec(Spec, frozen=True):
     moment: Annotated[float, Meta(description="N m")] = 0.0
 
 
-class CurveSpec(Spec, frozen=True):
-    """A curve of steady vibration."""
+class CurveTestSpec(Spec, frozen=True):
+    """The excitation of a curve of steady vibration, and standard deviations."""
 
-    name: str | UnsetType = UNSET
     base: Annotated[BaseLevelSpec | UnsetType, Meta(description="{amplitude (m), direction} at level 1")] = UNSET
     load: Annotated[LoadLevelSpec | UnsetType, Meta(description="{force (N), moment (N m)} at level 1")] = UNSET
-    excitation_unit: Annotated[ExcitationUnit | UnsetType, Meta(description="of the levels")] = UNSET
-    relative: Annotated[bool, Meta(description="whether the sensor moves with the base")] = False
-    sweep: Sweep | None = None
     control: Annotated[Control, Meta(description="quantity that was held")] = "excitation"
     amplitude_std: Values | None = None
     phase_std: Values | None = None
     level_std: Values | None = None
 
 
-class CurveFileSpec(LayoutSpec, frozen=True, kw_only=True):
-    """A file with a curve, and its columns, if their names do not tell them."""
+class CurveSpec(CurveTestSpec, frozen=True):
+    """A curve of steady vibration."""
 
-    file: str
-    frequency: ColumnName | None = None
-    column: Annotated[ColumnName | None, Meta(description="of amplitudes")] = None
-    phase: ColumnName | None = None
-    level: ColumnName | None = None
-    imaginary: Annotated[ColumnName | None, Meta(description="of imaginary parts")] = None
-    unit: str | None = None
-    phase_unit: str | None = None
-    level_unit: str | None = None
+    name: str | UnsetType = UNSET
+    excitation_unit: Annotated[ExcitationUnit | UnsetType, Meta(description="of the levels")] = UNSET
+    relative: Annotated[bool, Meta(description="whether the sensor moves with the base")] = False
+    sweep: Sweep | None = None
 
 
 class CurveValuesSpec(Spec, frozen=True):
@@ -165,16 +123,21 @@ class LoadSpec(Spec, frozen=True):
         return PointLoad.hung(self.mass, self.point)
 
 
-class StaticSpec(Spec, frozen=True):
+class StaticTestSpec(Spec, frozen=True):
     """A static test; a key of its channels beside them holds for all."""
 
     loads: Annotated[
         tuple[LoadSpec | tuple[LoadSpec, ...], ...],
         Meta(description="[{mass (kg), or force (N) and moment (N m), point (m)}, ...] by case, or lists of these"),
     ]
-    name: str = "static test"
     channels: Annotated[tuple[Table, ...], Meta(min_length=1, description="[{KEYS OF A CHANNEL}, ...]")] = ()
     tared: Annotated[bool, Meta(description="whether all sensors read 0 without loads")] = False
+
+
+class StaticSpec(StaticTestSpec, frozen=True):
+    """A measured static test."""
+
+    name: str = "static test"
 
 
 class StaticValuesSpec(Spec, frozen=True):
@@ -222,8 +185,7 @@ CURVE_KEYS = table_help("[[curves]]", "steady vibration: {}; or {}; and {}; {}; 
                         CurveFileSpec, CurveValuesSpec, CurveSpec, SensorSpec)  # fmt: skip
 FIT_KEYS = table_help("[fit]", "{}", FitSpec)
 RECORD_KEYS = (
-    table_help("[[records]]", "a measured motion: {}; keys of a channel: {}, {}, {}", MotionSpec, FileSpec, ChannelSpec,
-               SensorSpec)
+    table_help("[[records]]", "a measured motion: {}; keys of a channel: {}, {}", MotionSpec, ChannelSpec, SensorSpec)
     + table_help("[[predictions]]", "records to predict with the estimates; the same keys")
     + CURVE_KEYS
     + table_help("[[statics]]", "beam at rest under loads: {}; keys of a channel: {}, {}", StaticSpec, StaticValuesSpec,
@@ -233,85 +195,93 @@ RECORD_KEYS = (
     + FIT_KEYS
 )  # fmt: skip
 NUMBERS = ("frequencies", "statics", "curves")  # tables of values, each made on its own
+Record = MotionRecord | FrequencyRecord | StaticRecord | ResponseRecord
 
 
 @dataclass(frozen=True)
-class Measurements:
-    """Measurements of a beam, and what to estimate from them."""
+class Measurements(StepTables):
+    """Measurements of a beam, with guesses of its properties and its damping, and what to estimate from them."""
 
-    model: Model  # with guesses of its properties
-    damping: DampingLaw | None  # with guesses of its parameters
-    laws: tuple[DampingLaw, ...]  # to compare
-    records: tuple[MotionRecord | FrequencyRecord | StaticRecord | ResponseRecord, ...]
-    predictions: tuple[MotionRecord, ...]  # to predict, not to fit
+    law_terms: Sequence[Sequence[int]]  # of each law to compare, as indices of the tables [[damping]]
+    fitted: Sequence[Deferred]  # tables of measurements
+    predicted: Sequence[Deferred]  # tables of measurements to predict, not to fit
     settings: Mapping[str, Any]  # other arguments of ``fit_beam``
 
+    @classmethod
+    def of(cls, source: str | StudyFile) -> Measurements:
+        """Convert the tables of a file."""
+        file = StudyFile.of(source)
+        beam = DampedBeam.of(file)
+        fit = convert(file.tables.get("fit", {}), FitSpec, file.where("fit"))
+        if beam.undamped and (file.several("records") or file.several("curves")):
+            raise InputError("the table is missing; its parameters are the unknowns", file.where("damping"))
+        if not any(file.several(name) for name in NUMBERS):
+            file.needed("records", f"it names the file to fit; or add {', '.join(f'[[{name}]]' for name in NUMBERS)}")
+        converters = {
+            "records": _motion, "frequencies": _frequencies, "statics": _static, "curves": _curve,
+            "predictions": _motion,
+        }  # fmt: skip
+        tables = {
+            name: [converter(file, table, beam.model, file.where(name)) for table in file.several(name)]
+            for name, converter in converters.items()
+        }
+        predicted = tables.pop("predictions")
+        fitted = [table for several in tables.values() for table in several]
+        sources = [source for table in (*fitted, *predicted) for source in table.sources]
+        settings = {key: value for key, value in fit.given().items() if key != "laws"}
+        return cls(file, beam, sources, law_terms(file, fit, beam), fitted, predicted, settings)
 
-def read_measurements(given: str | StudyFile) -> Measurements:
+    @cached_property
+    def laws(self) -> tuple[DampingLaw, ...]:
+        """The laws to compare."""
+        return sums_of_laws(self.beam, self.law_terms)
+
+    @cached_property
+    def records(self) -> tuple[Record, ...]:
+        """The measurements."""
+        return tuple(table.make() for table in self.fitted)
+
+    @cached_property
+    def predictions(self) -> tuple[Record, ...]:
+        """Measurements to predict, not to fit."""
+        return tuple(table.make() for table in self.predicted)
+
+
+def read_measurements(source: str | StudyFile) -> Measurements:
     """Read a beam, its damping, measurements, and the unknowns of a fit to them."""
-    file = StudyFile.of(given)
-    source = read_damped(file)
-    fit = convert(file.tables.get("fit", {}), FitSpec, file.where("fit"))
-    law = source.damping
-    if law is None and (file.several("records") or file.several("curves")):
-        raise InputError("the table is missing; its parameters are the unknowns", file.where("damping"))
-    if not any(file.several(name) for name in NUMBERS):
-        file.needed("records", f"it names the file to fit; or add {', '.join(f'[[{name}]]' for name in NUMBERS)}")
-    laws = read_laws(file, fit, source)
-    records, predictions = (
-        [_record(file, table, source.model, file.where(name)) for table in file.several(name)]
-        for name in ("records", "predictions")
-    )
-    readers: tuple[Callable[[Any, Model, str], Any], ...] = (_frequencies, _static, partial(_curve, file))
-    others = [
-        reader(table, source.model, file.where(name))
-        for name, reader in zip(NUMBERS, readers, strict=True)
-        for table in file.several(name)
-    ]
-    settings = fit.given()
-    settings.pop("laws", None)
-    return Measurements(source.model, law, laws, (*records, *others), tuple(predictions), settings)
+    measurements = Measurements.of(source)
+    for name in ("laws", "records", "predictions"):
+        getattr(measurements, name)  # so that a message has the place of its table
+    return measurements
 
 
-def other_model(model: Model, configuration: ConfigurationSpec, where: str) -> Model | None:
-    """Return the beam in another configuration; None if nothing changes."""
-    with located(where):
-        changes = configuration.changes()
-        return Model(model.beam.with_(**changes), model.measures) if changes else None
-
-
-def _frequencies(table: Any, model: Model, where: str) -> FrequencyRecord:
+def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     spec, configuration = convert_groups(table, where, FrequenciesSpec, ConfigurationSpec)
-    beam = other_model(model, configuration, where) or model
+    beam = configuration.other_model(model, where) or model
     with located(where):
-        return FrequencyRecord(beam, **spec.given())
+        record = FrequencyRecord(beam, **spec.given())
+    return Deferred(lambda: record)
 
 
-def _static(table: Any, model: Model, where: str) -> StaticRecord:
+def _static(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     (spec, configuration), channels = channel_groups(
         table, where, (StaticSpec, ConfigurationSpec), (StaticValuesSpec, SensorSpec)
     )
     cases = len(spec.loads)
-    sensors, columns, deviations = [], [], []
-    for (readings, sensor), place in channels:
-        sensors.append(sensor.make("displacement", place))
+    for (readings, _), place in channels:
         for name, numbers in (("values", readings.values), ("std", readings.std)):
             if isinstance(numbers, tuple) and len(numbers) != cases:
                 raise InputError(f"has {len(numbers)} values for {cases} load cases", f"{place}: {name}")
-        columns.append(readings.values)
-        deviations.append(np.broadcast_to(readings.std, cases))
-    std = np.column_stack(deviations)
-    beam = other_model(model, configuration, where) or model
+    sensors = [sensor.make("displacement", place) for (_, sensor), place in channels]
+    values = np.column_stack([readings.values for (readings, _), _ in channels])
+    std = np.column_stack([np.broadcast_to(readings.std, cases) for (readings, _), _ in channels])
+    beam = configuration.other_model(model, where) or model
     with located(where):
-        return StaticRecord(
-            beam,
-            load_cases(spec.loads),
-            np.column_stack(columns),
-            sensors,
-            None if np.isnan(std).all() else std,
-            tared=spec.tared,
-            name=spec.name,
+        loads = load_cases(spec.loads)
+        record = StaticRecord(
+            beam, loads, values, sensors, None if np.isnan(std).all() else std, tared=spec.tared, name=spec.name
         )
+    return Deferred(lambda: record)
 
 
 def load_cases(loads: Sequence[LoadSpec | Sequence[LoadSpec]]) -> list[list[PointLoad]]:
@@ -326,32 +296,38 @@ def load_cases(loads: Sequence[LoadSpec | Sequence[LoadSpec]]) -> list[list[Poin
 def read_curves(name: str) -> list[ResponseRecord]:
     """Read the response curves of a file, which needs no beam."""
     file = StudyFile.of(name, required={"curves"})
-    return [_curve(file, table, None, file.where("curves")) for table in file.several("curves")]
+    return [_curve(file, table, None, file.where("curves")).make() for table in file.several("curves")]
 
 
-def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> ResponseRecord:
+def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> Deferred:
     in_file = isinstance(table, dict) and "file" in table
     kinds = (CurveFileSpec if in_file else CurveValuesSpec, CurveSpec, SensorSpec)
-    source, curve, sensor, *others = convert_groups(table, where, *kinds, *[ConfigurationSpec] * (model is not None))
+    source, curve, sensor, *configurations = convert_groups(
+        table, where, *kinds, *[ConfigurationSpec] * (model is not None)
+    )
     arguments = curve.given()
     if model is not None:
         arguments |= excitation(file, curve, where)
-        arguments["model"] = other_model(model, others[0], where)
+        arguments["model"] = configurations[0].other_model(model, where)
     if not in_file or keys_of(SensorSpec) & table.keys():
         arguments["sensor"] = sensor.make("displacement", where)
     if not in_file:
         with located(where):
-            return ResponseRecord(**source.given(), **arguments)
+            record = ResponseRecord(**source.given(), **arguments)
+        return Deferred(lambda: record)
     if model is None:
         arguments.setdefault("excitation_unit", "")
     columns = {key: value for key, value in source.given().items() if key not in (*LAYOUT_KEYS, "file")}
-    with located(where):
-        return ResponseRecord.from_file(
-            file.beside(source.file), layout=source.layout(), progress=True, **columns, **arguments
-        )
+
+    def read() -> ResponseRecord:
+        contents, layout = source.contents(file, where), TableLayout.of(source.given())
+        with located(where):
+            return ResponseRecord.from_file(contents, layout=layout, **columns, **arguments)
+
+    return Deferred(read, [(source, where)])
 
 
-def excitation(file: StudyFile, curve: Any, where: str) -> dict[str, HarmonicBase | HarmonicLoad]:
+def excitation(file: StudyFile, curve: CurveTestSpec, where: str) -> dict[str, HarmonicBase | HarmonicLoad]:
     """Return base or load of a curve, at level 1: those of its table, or else of the file."""
     in_file = curve.base is UNSET and curve.load is UNSET
     excitations: dict[str, HarmonicBase | HarmonicLoad] = {}
@@ -368,15 +344,18 @@ def excitation(file: StudyFile, curve: Any, where: str) -> dict[str, HarmonicBas
     return excitations
 
 
-def read_laws(file: StudyFile, fit: FitSpec, source: Document) -> tuple[DampingLaw, ...]:
-    """Return the laws to compare: the sums of terms that [fit] numbers from 1, or each term, and the law with all."""
-    terms = terms_of(source.damping) if "damping" in file.tables else ()  # the law of a document is one
+def law_terms(file: StudyFile, fit: FitSpec, beam: DampedBeam) -> tuple[tuple[int, ...], ...]:
+    """Return the terms of each law to compare, which [fit] numbers from 1; else each term, and all together."""
+    count = len(beam.terms)
     if fit.laws is UNSET:
-        laws: list[DampingLaw | None] = [*terms, source.damping] if len(terms) > 1 else [source.damping]
-    else:
-        with located(file.where("fit")):
-            chosen = [[whole(number, "laws", 1, len(terms)) - 1 for number in numbers] for numbers in fit.laws]
-        laws = [sum_laws([terms[k] for k in numbers]) for numbers in chosen]
+        return (*((k,) for k in range(count) if count > 1), tuple(range(count)))
+    with located(file.where("fit")):
+        return tuple(tuple(whole(number, "laws", 1, count) - 1 for number in numbers) for numbers in fit.laws)
+
+
+def sums_of_laws(beam: DampedBeam, terms: Sequence[Sequence[int]]) -> tuple[DampingLaw, ...]:
+    """Return the laws with the given terms; the law of a document has all."""
+    laws = [sum_laws([beam.laws[k] for k in numbers]) or beam.damping for numbers in terms]
     return tuple(law for law in laws if law is not None)
 
 
@@ -396,31 +375,37 @@ def channel_groups(
     return objects, channels
 
 
-def _record(file: StudyFile, table: Any, model: Model, where: str) -> MotionRecord:
-    (motion, configuration), tables = channel_groups(
-        table, where, (MotionSpec, ConfigurationSpec), (FileSpec, ChannelSpec, SensorSpec)
+def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
+    (motion, configuration), channels = channel_groups(
+        table, where, (MotionSpec, ConfigurationSpec), (ChannelSpec, SensorSpec)
     )
-    channels = []
-    recordings: dict[FileSpec, Recording] = {}  # channels of one file are read at once
-    for (source, channel, sensor), place in tables:
-        if source not in recordings:
-            _check_made(file, source.file)
-            recordings[source] = source.recording(file, place)
-        channels.append(channel.make(recordings[source], sensor.make("position", place), place))
+    sensors = [sensor.make("position", place) for (_, sensor), place in channels]
+    for (channel, _), _ in channels:
+        _check_made(file, channel.file)
     if motion.release is not UNSET and motion.start is not UNSET:
         raise InputError("is given by the release; leave it out", f"{where}: start")
-    own_model = other_model(model, configuration, where)
-    excitation = read_motion(file, motion.given(), own_model or model, where)
+    other_model = configuration.other_model(model, where)
+    excited = convert_motion(file, motion.given(), where)
     camera = None if motion.camera is UNSET else convert(motion.camera, Camera, f"{where}: camera")
-    with located(where):
-        return MotionRecord(
-            channels,
-            model=own_model,
-            name=motion.name,
-            release_time=motion.release_time,
-            camera=camera,
-            **excitation,
-        )
+
+    def read() -> MotionRecord:
+        measured = []
+        for ((channel, _), place), sensor in zip(channels, sensors, strict=True):
+            record = channel.measurement(file, place, sensor)
+            with located(place):
+                measured.append(Channel(record, channel.std, channel.offset, channel.zero))
+        arguments = excited.make(other_model or model)
+        with located(where):
+            return MotionRecord(
+                measured,
+                model=other_model,
+                name=motion.name,
+                release_time=motion.release_time,
+                camera=camera,
+                **arguments,
+            )
+
+    return Deferred(read, [*((channel, place) for (channel, _), place in channels), *excited.sources])
 
 
 def _check_made(file: StudyFile, name: str) -> None:

@@ -14,7 +14,7 @@ import msgspec
 from ancf_casadi.damping.spec import LawSpec
 from ancf_casadi.mechanics.spec import BeamSpec, ConfigurationSpec
 from ancf_casadi.support.specs import listed_fields
-from problems.spec import motion, plan, records
+from problems.spec import motion, plan, record_files, records
 from problems.spec.beam import DocumentName
 from problems.spec.match import MatchTable
 
@@ -32,19 +32,19 @@ ONE: Alternatives = {  # tables of the file, by the alternatives of their keys, 
     "fit": [(records.FitSpec,)],
     "plan": [(plan.PlanSpec,)],
 }  # fmt: skip
-CURVE = (records.CurveSpec, records.SensorSpec, ConfigurationSpec)
+CURVE = (records.CurveSpec, record_files.SensorSpec, ConfigurationSpec)
 CANDIDATE = (plan.CandidateSpec, ConfigurationSpec)
-PLANNED = (plan.PlannedChannelSpec, records.SensorSpec)
+PLANNED = (plan.PlannedChannelSpec, record_files.SensorSpec)
 SEVERAL: Alternatives = {  # tables of which the file may have several
-    "records": [(records.MotionSpec, ConfigurationSpec, motion.FileSpec, records.ChannelSpec, records.SensorSpec)],
-    "curves": [(records.CurveFileSpec, *CURVE), (records.CurveValuesSpec, *CURVE)],
-    "statics": [(records.StaticSpec, records.StaticValuesSpec, records.SensorSpec, ConfigurationSpec)],
+    "records": [(records.MotionSpec, ConfigurationSpec, record_files.ChannelSpec, record_files.SensorSpec)],
+    "curves": [(record_files.CurveFileSpec, *CURVE), (records.CurveValuesSpec, *CURVE)],
+    "statics": [(records.StaticSpec, records.StaticValuesSpec, record_files.SensorSpec, ConfigurationSpec)],
     "frequencies": [(records.FrequenciesSpec, ConfigurationSpec)],
     "candidates": [
         (*CANDIDATE, plan.PlannedMotionSpec, *PLANNED),
-        (*CANDIDATE, plan.PlannedStaticSpec, *PLANNED),
+        (*CANDIDATE, records.StaticTestSpec, *PLANNED),
         (*CANDIDATE, plan.PlannedFrequenciesSpec),
-        (*CANDIDATE, plan.PlannedCurveSpec, records.SensorSpec),
+        (*CANDIDATE, plan.PlannedCurveSpec, record_files.SensorSpec),
     ],
 }
 

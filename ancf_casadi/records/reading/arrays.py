@@ -112,19 +112,19 @@ def read_hdf5(path: Path) -> Recording:
     return Recording(str(path), tuple(timed), notes)
 
 
-def read_npz(path: Path) -> Recording:
+def read_npz(file: BinaryIO, path: Path) -> Recording:
     """Read the arrays of an ``.npz`` file."""
     arrays: list[tuple[str, NDArray[Any]]] = []
     notes: list[str] = []
-    with readable(str(path), "NPZ"), zipfile.ZipFile(path) as archive:
+    with readable(str(path), "NPZ"), zipfile.ZipFile(file) as archive:
         members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
         if not members:
             raise InputError("is a ZIP archive without NumPy arrays; export the data as CSV", str(path))
         check_unpacked(sum(member.file_size for member in members), path.stat().st_size)
         for member in members:
             name = member.filename.removesuffix(".npy")
-            with archive.open(member) as file:
-                array = _array(cast(BinaryIO, file), member.file_size, f"{path}: {name}")
+            with archive.open(member) as content:
+                array = _array(cast(BinaryIO, content), member.file_size, f"{path}: {name}")
             if array is None:
                 notes.append(f"{name!r} holds Python objects, and is left out")
             else:
@@ -132,21 +132,21 @@ def read_npz(path: Path) -> Recording:
     return recording_of(path, arrays, notes)
 
 
-def read_npy(path: Path) -> Recording:
+def read_npy(file: BinaryIO, path: Path) -> Recording:
     """Read the array of an ``.npy`` file."""
-    with readable(str(path), "NPY"), open(path, "rb") as file:
+    with readable(str(path), "NPY"):
         array = _array(file, path.stat().st_size, str(path))
         if array is None:
             raise InputError("holds Python objects, which are not read; save arrays of numbers", str(path))
     return recording_of(path, [("values", array)])
 
 
-def read_wav(path: Path) -> Recording:
+def read_wav(file: BinaryIO, path: Path) -> Recording:
     """Read the channels of a sound, as fractions of full scale, with its sampling rate."""
     from scipy.io import wavfile  # slow to import
 
     with readable(str(path), "WAV"):
-        rate, samples = wavfile.read(io.BytesIO(path.read_bytes()))
+        rate, samples = wavfile.read(io.BytesIO(file.read()))
     values = np.asarray(samples, dtype=float).reshape(len(samples), -1)
     if samples.dtype.kind == "u":
         values = values / 128.0 - 1.0  # 8 bits

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -34,7 +35,9 @@ OTHER_FORMATS = {
 def read_contents(path: str | Path, *, layout: TableLayout = NO_LAYOUT, progress: bool = False) -> Recording:
     """Read all columns of a file of at most 1 GiB; refuse one in no known format."""
     with opened(path, 2**30) as file:
-        found = _read(Path(path), file.read(BYTES_LOOKED_AT), layout, progress)
+        start = file.read(BYTES_LOOKED_AT)
+        file.seek(0)
+        found = _read(Path(path), file, start, layout, progress)
     if not found.channels:
         raise InputError("has no channels of numbers", str(path))
     channels = chosen_channels(found.channels, layout, str(path))
@@ -48,29 +51,30 @@ def _within_range(channel: RecordedChannel) -> RecordedChannel:
     return replace(channel, fault=channel.fault or beyond)
 
 
-def _read(file: Path, start: bytes, layout: TableLayout, progress: bool) -> Recording:
-    suffix = file.suffix.lower()
+def _read(path: Path, file: BinaryIO, start: bytes, layout: TableLayout, progress: bool) -> Recording:
+    """Read an open file; the readers in a process of their own, and that of universal files, open it again."""
+    suffix = path.suffix.lower()
     for signature, message in OTHER_FORMATS.items():
         if start.startswith(signature):
-            raise InputError(message, str(file))
+            raise InputError(message, str(path))
     if start.startswith(HDF5) or start[512:].startswith(HDF5):
-        return read_hdf5(file)
+        return read_hdf5(path)
     if start.startswith(b"MATLAB 5.0 MAT-file") or suffix == ".mat":
-        return read_matlab(file)
+        return read_matlab(path)
     if start.startswith(b"PK\x03\x04"):
         if suffix in (".xlsx", ".xlsm", ".ods"):
-            raise InputError("is a workbook; save the sheet as CSV", str(file))
-        return read_npz(file)
+            raise InputError("is a workbook; save the sheet as CSV", str(path))
+        return read_npz(file, path)
     if start.startswith(b"\x93NUMPY"):
-        return read_npy(file)
+        return read_npy(file, path)
     if start.startswith(b"TDSm"):
-        return read_tdms(file)
+        return read_tdms(file, path)
     if suffix == ".c3d" or (len(start) == BYTES_LOOKED_AT and start[1] == 0x50 and start[0] < 10 and b"\0" in start):
-        return read_c3d(file)
+        return read_c3d(path)
     if start[:4] in (b"RIFF", b"RIFX", b"RF64") and start[8:12] == b"WAVE":
-        return read_wav(file)
+        return read_wav(file, path)
     if start.startswith(b"LabVIEW Measurement"):
-        return read_lvm(file)
+        return read_lvm(file, path)
     if UNIVERSAL.match(start):
-        return read_uff(file)
-    return read_text(file, layout, progress=progress)
+        return read_uff(path)
+    return read_text(file, path, layout, progress=progress)

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -27,14 +27,14 @@ from ancf_casadi.support.optional import library
 END_OF_HEADER = "***End_of_Header***"  # of the file, and of each segment
 
 
-def read_lvm(path: Path) -> Recording:
+def read_lvm(file: BinaryIO, path: Path) -> Recording:
     """Read the channels of an LVM file; refuse one with several segments."""
     lvm_read = library("lvm_read", "LVM files need it")
     header: list[str] = []
     blocks: list[Array] = []
     segments = 0
     with readable(str(path), "LVM"):
-        for block in text_blocks(path):
+        for block in text_blocks(file, path):
             lines = [f"{line}\n" for line in decoded(block).removesuffix("\n").split("\n")]
             segments += sum(line.startswith(END_OF_HEADER) for line in lines) - (not header)
             end = next((k for k, line in enumerate(lines, start=1) if line.startswith("X_Value")), len(lines))
@@ -98,13 +98,13 @@ def _even(start: Any, step: Any, count: int) -> Array | None:
     return (float(start) if known else 0.0) + float(step) * np.arange(count, dtype=float)
 
 
-def read_tdms(path: Path) -> Recording:
+def read_tdms(stream: BinaryIO, path: Path) -> Recording:
     """Read the channels of a TDMS file; those with a waveform increment have their own times."""
     nptdms = library("nptdms", "TDMS files need it")
     notes: list[str] = []
     channels: list[RecordedChannel] = []
     starts: list[Any] = []
-    with readable(str(path), "TDMS"), open(path, "rb") as stream, nptdms.TdmsFile.open(stream) as file:
+    with readable(str(path), "TDMS"), nptdms.TdmsFile.open(stream) as file:
         found = [channel for group in file.groups() for channel in group.channels()]
         size = path.stat().st_size
         if len(found) > MOST_CHANNELS:

@@ -39,7 +39,7 @@ from ancf_casadi.dynamics.placed_load import TIP
 from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.records.channel import unit_notes
+from ancf_casadi.records.channel import Recording, unit_notes
 from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
 from ancf_casadi.records.over_frequency import functions_of, read_spectral, sine_amplitudes
 from ancf_casadi.records.sensor import Sensor
@@ -160,7 +160,7 @@ class ResponseRecord(Displayed):
     @np.errstate(all="ignore")  # a file may hold any numbers; those that are not finite are left out
     def from_file(
         cls,
-        path: str | Path,
+        path: str | Path | Recording,
         column: str | int | None = None,
         *,
         frequency: str | int | None = None,
@@ -181,9 +181,9 @@ class ResponseRecord(Displayed):
 
         Parameters
         ----------
-        path : str or Path
+        path : str, Path or Recording
             Text table, MATLAB, HDF5 or NPZ file: frequency, amplitude, and as far as there are such columns, phase and
-            level.
+            level; or the columns of such a file, as they were read.
         column, frequency, level, phase : str or int, optional
             Names or numbers (from 1) of the columns of amplitudes (or real parts), frequencies, levels and phases;
             needed only if the names in the file do not tell them.
@@ -234,7 +234,7 @@ class ResponseRecord(Displayed):
         if told is not None:
             found = found.only("--level", ["level"], told.number)
         function = only_function(functions_of(found, phase_unit), found.path)
-        with located(f"{path}: column {function.channel.label}"):
+        with located(f"{found.path}: column {function.channel.label}"):
             factor, read_by = reading_of(function.channel, own_unit, sensor, for_beam=excitation_unit is None)
         values = factor * function.values
         notes = [*found.notes, *(() if own_unit else unit_notes([function.channel]))]
@@ -250,7 +250,7 @@ class ResponseRecord(Displayed):
         if not present.all():
             notes.append(f"{int((~present).sum())} rows with a gap are left out")
         frequencies = found.frequencies[present]
-        with located(str(path)):
+        with located(found.path):
             if excitation_unit is None:
                 base, load, levels = excitation_at_one(frequencies, levels, quantity, base, load)
             else:
@@ -262,11 +262,11 @@ class ResponseRecord(Displayed):
             "base": base,
             "load": load,
             "levels": levels,
-            "name": Path(path).name,
+            "name": Path(found.path).name,
             "excitation_unit": excitation_unit or "",
-            "notes": tuple(f"{Path(path).name}: {note}" for note in notes),
+            "notes": tuple(f"{Path(found.path).name}: {note}" for note in notes),
         }
-        with located(str(path)):
+        with located(found.path):
             return cls(**(given | settings))
 
     def _check_excitation(self) -> None:

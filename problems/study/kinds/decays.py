@@ -28,7 +28,8 @@ from ancf_casadi.support.tables import Cell, Table, known
 from problems.decay.fitting import fit_decay
 from problems.decay.laws import Law
 from problems.decay.result import DecayFit
-from problems.spec.motion import ColumnName, FileSpec
+from problems.spec.file import StudyFile
+from problems.spec.record_files import ColumnSpec
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
 from problems.study.part import Finding, Found, Part, Printed, Study, Task, printed_numbers
 
@@ -37,14 +38,14 @@ SYNTHETIC_STD = 0.2e-3  # m, of synthetic decays
 MOST_DECAY_SAMPLES = 10_000_000  # of a synthetic decay
 
 
-class DecayRecord(FileSpec, frozen=True):
+class DecayRecord(ColumnSpec, frozen=True, kw_only=True):
     """A measured free decay."""
 
-    column: Annotated[ColumnName | None, Meta(description="name or number")] = None
-    unit: str | None = None
-    begin: Annotated[float | None, Meta(description="s")] = None
-    end: Annotated[float | None, Meta(description="s")] = None
     release_time: Annotated[float, Meta(description="s")] = math.nan
+
+    def decay(self, file: StudyFile, where: str) -> Decay:
+        """Read the decay from the file of measurements beside that of the study."""
+        return Decay(self.measurement(file, where), "", self.release_time)
 
 
 class SyntheticDecay(Spec, frozen=True):
@@ -156,29 +157,34 @@ class Decays(Part):
     printed: Annotated[Printed, Meta(description="{frequency (Hz), damping_ratio (%), eta1, eta2}")] = field(
         default_factory=dict
     )
-    decays: Annotated[tuple[Decay, ...], UNLISTED] = ()
+    sources: Annotated[tuple[Any, ...], UNLISTED] = ()  # synthetic decays, and measured ones that are not read yet
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the part with its records."""
+        """Return the part with its synthetic decays, and the tables of its measured ones."""
         tables = study.file.several("decays") if self.records is None else self.records
         if not tables:
             raise InputError("is missing; name the records, or add tables [[decays]]", f"{where}: records")
-        decays = []
+        sources: list[Decay | DecayRecord] = []
         for k, table in enumerate(tables, start=1):
             place = f"{where}: records: {k}"
             if isinstance(table, dict) and "synthetic" in table:
                 check_keys(table, {"synthetic"}, set(), place)
                 given = convert(table["synthetic"], SyntheticDecay, f"{place}: synthetic")
                 with located(place):
-                    decays.append(self._synthetic(given, study.seed, k))
-                continue
-            measured = convert(table, DecayRecord, place)
-            recording = measured.recording(study.file, place)
-            with located(place):
-                record = Measurement.from_recording(recording, measured.column, unit=measured.unit)
-                decays.append(Decay(record.cut(measured.begin, measured.end), "", measured.release_time))
-        printed = printed_numbers(self.printed, dict.fromkeys(PRINTED, len(decays)), where)
-        return replace(self, records=None, decays=tuple(decays), printed=printed)
+                    sources.append(self._synthetic(given, study.seed, k))
+            else:
+                sources.append(convert(table, DecayRecord, place))
+        printed = printed_numbers(self.printed, dict.fromkeys(PRINTED, len(sources)), where)
+        return replace(self, records=None, sources=tuple(sources), printed=printed, given=study.file.only(set()))
+
+    @property
+    def decays(self) -> tuple[Decay, ...]:
+        """The decays, of which the measured ones are read from their files."""
+        place = f"{self.given.where('parts')}: {self.name}: records"
+        return tuple(
+            source.decay(self.given, f"{place}: {k}") if isinstance(source, DecayRecord) else source
+            for k, source in enumerate(self.sources, start=1)
+        )
 
     def _synthetic(self, given: SyntheticDecay, seed: int, mode: int) -> Decay:
         """Return a decay by Eq. (9) or (27) with white noise, released at rest at time 0."""

@@ -31,9 +31,9 @@ from problems.beam.properties import kind_of, value_of
 from problems.beam.result import BeamFit
 from problems.beam.values.records import FrequencyRecord
 from problems.spec.file import StudyFile
-from problems.spec.motion import read_simulation
-from problems.spec.plan import PLAN_TABLES, read_plan
-from problems.spec.records import NUMBERS, read_measurements
+from problems.spec.motion import SimulationTables, read_simulation
+from problems.spec.plan import PLAN_TABLES, PlanTask
+from problems.spec.records import NUMBERS, Measurements, read_measurements
 from problems.study.drawing import drawn
 from problems.study.formatting import digits_of
 from problems.study.part import Finding, Found, Part, Study, Task
@@ -57,7 +57,7 @@ class SimulationPart(Part):
 
     def checked(self, study: Study, where: str) -> Self:
         """Return the part with the tables of its motion."""
-        read_simulation(study.file)
+        SimulationTables.of(study.file)
         if self.animation:
             from ancf_casadi.animation.motions import check_animation  # matplotlib is slow to import
 
@@ -69,7 +69,13 @@ class SimulationPart(Part):
 
     def tasks(self, found: Found) -> tuple[Task, ...]:
         """Return the simulation."""
-        return (Task(simulated, (self.given, self.animate, self.animation, self.slower), 10.0),)
+        return (
+            Task(
+                simulated,
+                (SimulationTables.of(self.given).with_records(), self.animate, self.animation, self.slower),
+                10.0,
+            ),
+        )
 
 
 def simulated(file: StudyFile, animate: bool, animation: str, slower: float | None) -> Finding:
@@ -123,12 +129,12 @@ class MotionFit(Part):
 
     def checked(self, study: Study, where: str) -> Self:
         """Return the part with the tables of its measurements."""
-        read_measurements(study.file)
+        Measurements.of(study.file)
         return super().checked(study, where)
 
     def tasks(self, found: Found) -> tuple[Task, ...]:
         """Return the fit."""
-        return (Task(fitted, (self.given,), 60.0),)
+        return (Task(fitted, (Measurements.of(self.given).with_records(),), 60.0),)
 
 
 def fitted(file: StudyFile) -> Finding:
@@ -217,8 +223,8 @@ class Comparison(Part):
 
     def checked(self, study: Study, where: str) -> Self:
         """Return the part with the tables of its records and laws, of which there must be several."""
-        motions = read_measurements(study.file)
-        if len(motions.laws) < 2:
+        motions = Measurements.of(study.file)
+        if len(motions.law_terms) < 2:
             raise InputError("there is only one law; add tables [[damping]]", where)
         if "fixed" in motions.settings:
             raise InputError("all parameters of the laws are compared; leave out fixed", study.file.where("fit"))
@@ -226,7 +232,7 @@ class Comparison(Part):
 
     def tasks(self, found: Found) -> tuple[Task, ...]:
         """Return the comparison."""
-        return (Task(compared, (self.given,), 120.0),)
+        return (Task(compared, (Measurements.of(self.given).with_records(),), 120.0),)
 
 
 def compared(file: StudyFile) -> Finding:
@@ -255,17 +261,17 @@ class PlanPart(Part):
 
     def checked(self, study: Study, where: str) -> Self:
         """Return the part with the tables of its candidates."""
-        read_plan(study.file)
+        PlanTask.of(study.file)
         return super().checked(study, where)
 
     def tasks(self, found: Found) -> tuple[Task, ...]:
         """Return the plan."""
-        return (Task(planned, (self.given,), 20.0),)
+        return (Task(planned, (PlanTask.of(self.given).with_records(),), 20.0),)
 
 
 def planned(file: StudyFile) -> Finding:
     """Plan the candidates of a study file: the errors of each and of all, and the best list."""
-    task = read_plan(file)
+    task = PlanTask.of(file)
     if task.table.laws:
         compared = task.compared()
         table = compared.table()

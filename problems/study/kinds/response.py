@@ -30,7 +30,7 @@ from ancf_casadi.support.specs import UNLISTED
 from ancf_casadi.support.tables import Cell, Table
 from ancf_casadi.vibration.modes import natural_modes
 from problems.spec.file import StudyFile
-from problems.spec.motion import ResponseTask, read_response
+from problems.spec.motion import ResponseTask, convert_response, read_response
 from problems.study.drawing import drawn, new_figure, series
 from problems.study.formatting import formatted_table
 from problems.study.part import Finding, Found, Part, Study, Task
@@ -114,7 +114,7 @@ class ResponsePart(Part):
 
     def checked(self, study: Study, where: str) -> Self:
         """Return the part with its levels and the tables that it reads."""
-        task = read_response(study.file)
+        task = convert_response(study.file)
         return replace(super().checked(study, where), levels=task.levels, unit=task.unit)
 
     def tasks(self, found: Found) -> tuple[Task, ...]:

@@ -15,7 +15,7 @@ from ancf_casadi.mechanics.spec import AttachmentSpec, BeamSpec, ConfigurationSp
 from ancf_casadi.response.tracing import frequency_response
 from problems import FrequencyRecord, MotionRecord, PlannedRecord, ResponseRecord, StaticRecord, fit_beam
 from problems.beam.motions.record import Channel
-from problems.spec import motion, plan, records
+from problems.spec import motion, plan, record_files, records
 
 OBJECTS = [*get_args(SupportSpec), *get_args(AttachmentSpec), RayleighSpec, QuadraticSpec, FrictionSpec, ModalSpec]
 SAME: list[tuple[Any, Any, set[str]]] = [  # a declaration, what its keys are arguments of, and keys that are none
@@ -23,17 +23,17 @@ SAME: list[tuple[Any, Any, set[str]]] = [  # a declaration, what its keys are ar
     (motion.SimulationSpec, simulate, set()),
     (motion.ReleaseSpec, static_equilibrium, set()),
     (motion.ResponseSpec, frequency_response, {"base_amplitudes", "tip_forces", "direction", "modes", "tolerance"}),
-    (records.SensorSpec, Sensor, {"sensor"}),
-    (records.ChannelSpec, Channel, {"column", "unit", "begin", "end"}),
+    (record_files.SensorSpec, Sensor, {"sensor"}),
+    (record_files.ChannelSpec, Channel, set(record_files.ColumnSpec.__struct_fields__)),
     (records.MotionSpec, MotionRecord, {"release"}),
     (records.CurveSpec, ResponseRecord, set()),
     (records.CurveValuesSpec, ResponseRecord, set()),
-    (records.CurveFileSpec, ResponseRecord.from_file, {"names_row", "skip_rows", "leave_out", "imaginary", "file"}),
+    (record_files.CurveFileSpec, ResponseRecord.from_file, {"imaginary", *record_files.RecordFile.__struct_fields__}),
     (records.StaticSpec, StaticRecord, {"channels"}),
     (records.FrequenciesSpec, FrequencyRecord, set()),
     (records.FitSpec, fit_beam, {"laws"}),
     (plan.PlannedMotionSpec, PlannedRecord.motion, {"channels", "base", "load", "release", "start", "release_time"}),
-    (plan.PlannedStaticSpec, PlannedRecord.static, {"channels"}),
+    (records.StaticTestSpec, PlannedRecord.static, {"channels"}),
     (plan.PlannedFrequenciesSpec, PlannedRecord.natural_frequencies, set()),
 ]  # fmt: skip
 
@@ -58,8 +58,8 @@ def test_keys_are_arguments_with_the_same_defaults(declared, function, others):
     [
         (records.LoadSpec, PointLoad, set()),
         (motion.LoadValues, SampledLoad, set()),
-        (records.SensorSpec, Sensor, {"quantity", "signal_unit"}),
-        (records.ChannelSpec, Channel, {"measurement"}),
+        (record_files.SensorSpec, Sensor, {"quantity", "signal_unit"}),
+        (record_files.ChannelSpec, Channel, {"measurement"}),
         *((spec, spec.made, {"modes"}) for spec in OBJECTS),
     ],
     ids=lambda value: getattr(value, "__name__", ""),

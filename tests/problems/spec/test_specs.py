@@ -72,3 +72,10 @@ def test_the_help_lists_keys_with_units_and_choices():
     assert text.splitlines()[0].startswith("  [record]      a record: rate (1/s), from, marks")
     assert 'side ("left" or "right"), quiet (true or false)' in " ".join(text.split())
     assert all(len(line) <= 80 for line in text.splitlines())
+
+
+def test_the_key_of_a_table_with_free_names_is_told():
+    kind = dict[str, tuple[Annotated[float, Meta(gt=0.0)], ...]]
+    for source, where in (({"a": [1.0], "b": [2.0, -1.0]}, "here: b: 2"), ({"c": {"a": 3}}, "here: c: a")):
+        with pytest.raises(InputError, match=f"^{where}: must be"):
+            convert(source, kind if "a" in source else dict[str, dict[str, str]], "here")

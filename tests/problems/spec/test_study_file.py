@@ -205,15 +205,24 @@ class TestMatch:
             ("", "the table is missing"),
             ("[match]\nbounds = 0.1\n", "the key 'targets' is missing"),
             ("[match]\ntargets = [1]\nstart = [1]\n", "unknown key 'start'; known are bounds, freq"),
-            ("[match]\ntargets = 1\n", "targets: must be a sequence of numbers, got 1"),
+            ("[match]\ntargets = 1\n", "targets: must be a list, got 1"),
             ("[match]\ntargets = [2, 1]\nfrequency_std = 0.1\n", "targets: must be ascending"),
-            ("[match]\ntargets = [1]\nunknowns = 3\n", "unknowns: must be a table of properties, got 3"),
-            ("[match]\ntargets = [1]\nunknowns.width = 'all'\n", 'unknowns: width: must be "global", "element"'),
-            ("[match]\ntargets = [1]\nunknowns.width = {smooth = 2, order = 1}\n", "unknowns: width: must be"),
-            ("[match]\ntargets = [1]\nunknowns.width = {element = false}\n", "unknowns: width: must be"),
-            ("[match]\ntargets = [1]\nunknowns.width = 'smooth'\n", 'unknowns: width: must be "global", "element"'),
+            ("[match]\ntargets = [1]\nunknowns = 3\n", "unknowns: must be a table, got 3"),
+            (
+                "[match]\ntargets = [1]\nunknowns.width = 'all'\n",
+                "unknowns: width: must be one of element, global, got",
+            ),
+            (
+                "[match]\ntargets = [1]\nunknowns.width = {smooth = 2, order = 1}\n",
+                "unknowns: width: unknown key 'order'",
+            ),
+            ("[match]\ntargets = [1]\nunknowns.width = {element = false}\n", "unknowns: width: element: must be"),
+            (
+                "[match]\ntargets = [1]\nunknowns.width = 'smooth'\n",
+                "unknowns: width: must be one of element, global, got",
+            ),
             ("[match]\ntargets = [1]\nunknowns.length = 'global'\n", "unknowns: must be one of width"),
-            ("[match]\ntargets = [1]\nunknowns.width = {smooth = 'x'}\n", "unknowns: width: terms: must be a whole"),
+            ("[match]\ntargets = [1]\nunknowns.width = {smooth = 'x'}\n", "unknowns: width: smooth: must be a whole"),
         ],
     )
     def test_unusable(self, file, text, message):

@@ -14,6 +14,7 @@ import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from tqdm import tqdm
@@ -47,15 +48,12 @@ DIGIT_BYTES = b"0123456789+-eE \t\n"
 NUMBER_BYTES = {".": DIGIT_BYTES + b".", ",": DIGIT_BYTES + b","}
 
 
-def text_blocks(path: Path, *, progress: bool = False) -> Iterator[bytes]:
+def text_blocks(file: BinaryIO, path: Path, *, progress: bool = False) -> Iterator[bytes]:
     """Yield blocks of complete lines; refuse what is no text, and lines of more than 1 MiB."""
-    with (
-        open(path, "rb") as file,
-        tqdm(
-            total=path.stat().st_size, disable=None if progress else True, delay=1.0, leave=False,
-            unit="B", unit_scale=True, desc=printable(path.name),
-        ) as bar,
-    ):  # fmt: skip
+    with tqdm(
+        total=path.stat().st_size, disable=None if progress else True, delay=1.0, leave=False,
+        unit="B", unit_scale=True, desc=printable(path.name),
+    ) as bar:  # fmt: skip
         encoding, mark = _encoding(file.read(4096))
         file.seek(mark)
         decoder = None if encoding == "utf-8" else codecs.getincrementaldecoder(encoding)(errors="replace")
@@ -100,9 +98,9 @@ def _plain_ends(block: bytes) -> bytes:
     return block.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in block else block
 
 
-def read_text(path: Path, layout: TableLayout = NO_LAYOUT, *, progress: bool = False) -> Recording:
+def read_text(file: BinaryIO, path: Path, layout: TableLayout = NO_LAYOUT, *, progress: bool = False) -> Recording:
     """Read a table in plain text; refuse a row with too few or too many cells by its line."""
-    blocks = _without_rows(text_blocks(path, progress=progress), layout.skip_rows)
+    blocks = _without_rows(text_blocks(file, path, progress=progress), layout.skip_rows)
     first = next(blocks, b"")
     lines, numbers = _head(first)
     table = find_table(below_names(lines, numbers, layout.names_row), numbers, str(path))

@@ -1,4 +1,4 @@
-"""Parts that one computation makes of the tables of the file.
+"""Steps that one computation makes of the tables of the file.
 
 One simulated motion; a fit to measured large motion with predictions of other records; a comparison of damping laws on
 measured motion; planned experiments.
@@ -34,9 +34,10 @@ from problems.spec.file import StudyFile
 from problems.spec.motion import read_simulation
 from problems.spec.plan import PLAN_TABLES, read_plan
 from problems.spec.records import NUMBERS, read_measurements
+from problems.study.compute import Compute
 from problems.study.drawing import drawn
 from problems.study.formatting import digits_of
-from problems.study.part import Finding, Found, Part, Study, Task
+from problems.study.step import Finding, Findings, Step, Study
 
 MODES = 12  # whose natural frequencies get standard errors
 MOTION_TABLES = {"beam", "damping", "base", "load", "release", "records", *NUMBERS, "predictions", "fit"}
@@ -44,7 +45,7 @@ MOTION_TABLES = {"beam", "damping", "base", "load", "release", "records", *NUMBE
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class SimulationPart(Part):
+class SimulationStep(Step):
     """One simulated motion."""
 
     kind, heading = "simulation", "Simulated motion"
@@ -56,7 +57,7 @@ class SimulationPart(Part):
     slower: Annotated[Positive | None, Meta(description="times that it is slower than the motion was")] = None
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the part with the tables of its motion."""
+        """Return the step with the tables of its motion."""
         read_simulation(study.file)
         if self.animation:
             from ancf_casadi.animation.motions import check_animation  # matplotlib is slow to import
@@ -67,9 +68,9 @@ class SimulationPart(Part):
                     raise InputError("must be a name without a folder")
         return super().checked(study, where)
 
-    def tasks(self, found: Found) -> tuple[Task, ...]:
+    def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the simulation."""
-        return (Task(simulated, (self.given, self.animate, self.animation, self.slower), 10.0),)
+        return compute(simulated, self.file, self.animate, self.animation, self.slower, cost=10.0)
 
 
 def simulated(file: StudyFile, animate: bool, animation: str, slower: float | None) -> Finding:
@@ -113,7 +114,7 @@ def _positions(run: Trajectory, markers: Mapping[str, float]) -> Table:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class MotionFit(Part):
+class MotionFit(Step):
     """A fit to measured large motion."""
 
     kind, heading = "motion", "Fit to measured motion"
@@ -122,13 +123,13 @@ class MotionFit(Part):
     reading = MOTION_TABLES
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the part with the tables of its measurements."""
+        """Return the step with the tables of its measurements."""
         read_measurements(study.file)
         return super().checked(study, where)
 
-    def tasks(self, found: Found) -> tuple[Task, ...]:
+    def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the fit."""
-        return (Task(fitted, (self.given,), 60.0),)
+        return compute(fitted, self.file, cost=60.0)
 
 
 def fitted(file: StudyFile) -> Finding:
@@ -207,7 +208,7 @@ def _errors(predictions: Sequence[Mapping[str, Any]]) -> Table:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Comparison(Part):
+class Comparison(Step):
     """A comparison of damping laws on measured large motion."""
 
     kind, heading = "comparison", "Damping laws compared on measured motion"
@@ -216,7 +217,7 @@ class Comparison(Part):
     reading = MOTION_TABLES
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the part with the tables of its records and laws, of which there must be several."""
+        """Return the step with the tables of its records and laws, of which there must be several."""
         motions = read_measurements(study.file)
         if len(motions.laws) < 2:
             raise InputError("there is only one law; add tables [[damping]]", where)
@@ -224,9 +225,9 @@ class Comparison(Part):
             raise InputError("all parameters of the laws are compared; leave out fixed", study.file.where("fit"))
         return super().checked(study, where)
 
-    def tasks(self, found: Found) -> tuple[Task, ...]:
+    def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the comparison."""
-        return (Task(compared, (self.given,), 120.0),)
+        return compute(compared, self.file, cost=120.0)
 
 
 def compared(file: StudyFile) -> Finding:
@@ -246,7 +247,7 @@ def compared(file: StudyFile) -> Finding:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class PlanPart(Part):
+class PlanStep(Step):
     """The standard errors that candidates will have, and the list that is worth measuring."""
 
     kind, heading = "plan", "Planned experiments"
@@ -254,13 +255,13 @@ class PlanPart(Part):
     reading = PLAN_TABLES
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the part with the tables of its candidates."""
+        """Return the step with the tables of its candidates."""
         read_plan(study.file)
         return super().checked(study, where)
 
-    def tasks(self, found: Found) -> tuple[Task, ...]:
+    def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the plan."""
-        return (Task(planned, (self.given,), 20.0),)
+        return compute(planned, self.file, cost=20.0)
 
 
 def planned(file: StudyFile) -> Finding:

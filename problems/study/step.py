@@ -206,7 +206,7 @@ class Study:
 
     def shortened(self) -> Study:
         """Return the study of a quick look, without the steps that it leaves out, and without those that need them."""
-        kept = {step.name: step for step in self.steps if step.quick}
-        while missing := [name for name, step in kept.items() if not set(step.needs) <= {"", *kept}]:
-            kept = {name: step for name, step in kept.items() if name not in missing}
-        return replace(self, steps=tuple(kept.values()))
+        steps = {step.name: step for step in self.steps if step.quick}
+        while missing := [name for name, step in steps.items() if not set(step.needs) <= {"", *steps}]:
+            steps = {name: step for name, step in steps.items() if name not in missing}
+        return replace(self, steps=tuple(steps.values()))

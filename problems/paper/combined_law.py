@@ -91,7 +91,7 @@ def combined_law(compute: Compute) -> Finding:
         (f"Damping ratio of each mode against its amplitude under each law.{synthetic}", _ratio_figure, curves),
     )
     tables = (_law_table(fit, total), _drag_table(fit, drag))
-    return Finding(data, tables, figures, fit.warnings, terms=fit.terms)
+    return Finding(data, tables, figures, fit.warnings)
 
 
 def measured_coefficients(compute: Compute) -> list[ModeCoefficients]:

@@ -70,7 +70,7 @@ def resonances(compute: Compute, beam: Beam, runs: Sequence[RequestedRun]) -> Fi
     inputs = [
         (beam, law.terms, numbers["base_amplitude_m"], range_of(numbers), numbers["mode"]) for law, numbers in rows
     ]
-    curves = compute.all(resonance, inputs, [CURVE_COST] * len(inputs))
+    curves = compute.all(resonance, inputs, CURVE_COST)
     heads = ("mode", "law", "base amplitude, mm", "reached before the stop, mm", *SUMMARY_HEADS)
     sizes = ("base_amplitude_m", "reached_amplitude_m")
     cells = [

@@ -22,7 +22,7 @@ import inspect
 import threading
 import time
 import typing
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, CancelledError, Executor, Future, wait
 from functools import cache, partial
 from importlib.metadata import version
@@ -31,6 +31,7 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import msgspec
 import numpy as np
+from tqdm import tqdm
 
 import ancf_casadi
 import problems
@@ -69,80 +70,55 @@ class Store:
     """The computations of a study: each runs once, and its result is kept in a folder, if there is one.
 
     Steps in several threads take turns, because CasADi builds the expressions of one thread at a time.  A step gives up
-    its turn while it waits for results.
+    its turn while it waits for results.  A thread of each computation waits for the executor, and writes the result.
     """
 
     def __init__(
-        self, folder: Path | None = None, executor: Callable[[], Executor] = ThisThread, bar: Any = None
+        self,
+        folder: Path | None = None,
+        executor: Callable[[], Executor] = ThisThread,
+        threads: Executor | None = None,
+        bar: Any = None,
     ) -> None:
-        self.folder = folder
         self.computations: dict[str, Future[Computation]] = {}  # by key
         self.turn = threading.Lock()
-        self._executor, self._bar = executor, bar
-        self._submitted: list[Future[bytes]] = []
-        self._stopped = False
-        self._lock = threading.Lock()
+        self._folder, self._executor, self._threads = folder, executor, threads or ThisThread()
+        self._bar: Any = tqdm(total=0, disable=True) if bar is None else bar
+        self._running: list[Future[bytes]] = []
+        self._stopped, self._lock = False, threading.Lock()
 
     def start(self, function: Callable[..., Any], inputs: Sequence[Any], cost: float, *, draw: bool) -> str:
-        """Start a computation, unless it has started or its result is kept, and return its key."""
+        """Start a computation, unless it has started, and return its key."""
         key = key_of(function, *inputs)
         if key not in self.computations:
-            path = self.folder and self.folder / f"{key}{SUFFIX}"
-            outcome: Future[Computation] = Future()
-            self.computations[key] = outcome
-            if path and (computation := kept(path, function)):
-                outcome.set_result(computation)
-                return key
-            if self._bar is not None:
-                self._bar.total += cost
-            try:
-                running = self._submit(function, inputs, draw=draw)
-            except BaseException as error:
-                outcome.set_exception(error)  # other steps may wait for it
-                raise
-            running.add_done_callback(partial(self._finish, outcome, function, path, cost))
+            path = self._folder and self._folder / f"{key}{SUFFIX}"
+            self.computations[key] = self._threads.submit(self._run, function, inputs, path, cost, draw=draw)
         return key
 
-    def _submit(self, function: Callable[..., Any], inputs: Sequence[Any], *, draw: bool) -> Future[bytes]:
-        executor = self._executor()
+    def _run(
+        self, function: Callable[..., Any], inputs: Sequence[Any], path: Path | None, cost: float, *, draw: bool
+    ) -> Computation:
+        if path and (computation := kept(path, function)):
+            return computation
         with self._lock:
             if self._stopped:
                 raise CancelledError
-            self._submitted.append(executor.submit(run_function, function, inputs, draw=draw))
-        return self._submitted[-1]
-
-    def _finish(
-        self,
-        outcome: Future[Computation],
-        function: Callable[..., Any],
-        path: Path | None,
-        cost: float,
-        running: Future[bytes],
-    ) -> None:
-        """Keep the result of a computation, or pass on its error."""
-        try:
-            content = running.result()
-            if path:
-                write_file(path, with_digest(content))
-            if self._bar is not None:
-                self._bar.update(cost)
-            outcome.set_result(unpacked(content, function))
-        except BaseException as error:
-            outcome.set_exception(error)
+            self._bar.total += cost
+            self._running.append(future := self._executor().submit(run_function, function, inputs, draw=draw))
+        content = future.result()
+        if path:
+            write_file(path, with_digest(content))
+        self._bar.update(cost)
+        return unpacked(content, function)
 
     def wait_for(self, keys: Iterable[str]) -> None:
         """Wait for the results of computations, and give up the turn meanwhile."""
         futures = [self.computations[key] for key in keys]
-        if not all(future.done() for future in futures):
-            with self._turn_of_others():
-                wait(futures, return_when=FIRST_EXCEPTION)
-        raise_first_error(futures)
-
-    @contextlib.contextmanager
-    def _turn_of_others(self) -> Iterator[None]:
+        if all(future.done() for future in futures):
+            return
         self.turn.release()
         try:
-            yield
+            wait_for(futures)
         finally:
             self.turn.acquire()
 
@@ -150,8 +126,8 @@ class Store:
         """Refuse further computations, and cancel those that have not begun if this is asked for."""
         with self._lock:
             self._stopped = True
-        for future in self._submitted if cancel else ():
-            future.cancel()
+            for future in self._running if cancel else ():
+                future.cancel()
 
 
 class Compute:
@@ -183,21 +159,17 @@ class Compute:
 
     def __call__(self, function: Callable[..., Result], *inputs: Any, cost: float = 1.0) -> Result:
         """Return the result of a function; the cost is its expected computing time, s."""
-        (result,) = self.all(function, [inputs], [cost])
+        (result,) = self.all(function, [inputs], cost)
         return result
 
     def all(
-        self,
-        function: Callable[..., Result],
-        inputs: Iterable[Sequence[Any]],
-        costs: Iterable[float] | None = None,
+        self, function: Callable[..., Result], inputs: Sequence[Sequence[Any]], costs: float | Sequence[float] = 1.0
     ) -> list[Result]:
         """Return the results of a function for several tuples of arguments; the most expensive one starts first."""
-        calls = list(inputs)
-        expected = [1.0] * len(calls) if costs is None else list(costs)
-        keys = [""] * len(calls)
-        for number in sorted(range(len(calls)), key=lambda number: -expected[number]):
-            keys[number] = self._store.start(function, calls[number], expected[number], draw=bool(self._formats))
+        keys, expected = [""] * len(inputs), np.broadcast_to(costs, len(inputs))
+        for number in np.argsort(-expected, kind="stable").tolist():
+            cost = float(expected[number])
+            keys[number] = self._store.start(function, inputs[number], cost, draw=bool(self._formats))
         self._store.wait_for(keys)
         computations = [self._store.computations[key].result() for key in keys]
         self.times |= {key: computation.seconds for key, computation in zip(keys, computations, strict=True)}
@@ -210,7 +182,7 @@ class Compute:
         if not self._formats:
             return tuple(Drawing(caption, "", b"") for caption, *_ in figures)
         inputs = [(self._formats, caption, function, arguments) for caption, function, *arguments in figures]
-        return tuple(self.all(_drawing, inputs, [DRAWING_COST] * len(inputs)))
+        return tuple(self.all(_drawing, inputs, DRAWING_COST))
 
 
 def _drawing(
@@ -220,11 +192,10 @@ def _drawing(
         return drawn(caption, partial(function, *arguments))
 
 
-def raise_first_error(futures: Iterable[Future[Any]]) -> None:
-    """Raise the error of the first of these futures that has failed."""
-    for future in futures:
-        if future.done():
-            future.result()
+def wait_for(futures: Iterable[Future[Any]]) -> None:
+    """Wait for all futures, or raise the first error."""
+    for future in wait(futures, return_when=FIRST_EXCEPTION).done:
+        future.result()
 
 
 def key_of(function: Callable[..., Any], *inputs: Any) -> str:

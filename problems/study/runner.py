@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from concurrent.futures import FIRST_EXCEPTION, Executor, Future, ThreadPoolExecutor, wait
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from graphlib import TopologicalSorter
@@ -21,11 +21,11 @@ from tqdm import tqdm
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.support.parallel import COUNT_BAR, processes, unbroken
-from problems.study.compute import SUFFIX, Compute, Store, ThisThread, decoded, encoded, raise_first_error
+from problems.study.compute import SUFFIX, Compute, Store, ThisThread, decoded, encoded, wait_for
 from problems.study.step import Finding, Step
 
 STEPS_FOLDER = "steps"  # folder with the kept results
-MOST_THREADS = 10_000  # which wait: one for each step
+MOST_THREADS = 10_000  # which wait: one for each step, and one for each computation
 
 
 def run_steps(
@@ -62,14 +62,14 @@ def run_steps(
         bar: Any = stack.enter_context(tqdm(total=0, disable=not progress, bar_format=COUNT_BAR, desc="study"))
         threads: Executor = ThisThread() if executor is None and jobs == 1 else ThreadPoolExecutor(MOST_THREADS)
         workers = cache(lambda: executor or (stack.enter_context(processes(jobs)) if jobs > 1 else threads))
-        store = Store(kept_folder, workers, bar)
+        store = Store(kept_folder, workers, threads, bar)
         stack.callback(threads.shutdown, wait=False)
         stack.callback(store.stop, cancel=executor is not None)  # processes of the study are ended instead
         findings[""] = ThisThread().submit(Finding, None, beam=None if beam is None else BeamSpec.of(beam))
         for name in TopologicalSorter({step.name: step.needs for step in steps}).static_order():
             if name:
                 findings[name] = threads.submit(run, by_name[name])
-        raise_first_error(wait(findings.values(), return_when=FIRST_EXCEPTION).done)
+        wait_for(findings.values())
     for path in [] if keep_others else kept_folder.glob(f"*{SUFFIX}"):
         if path.stem not in store.computations:  # of an earlier study
             with contextlib.suppress(OSError):

@@ -63,7 +63,7 @@ Findings = Mapping[str, Finding]  # by the name of their step
 
 @dataclass(frozen=True)
 class LawChoice:
-    """A damping law of a table [[laws]], whose terms may be those that an earlier step has found."""
+    """A damping law of a table [[laws]], whose terms may be those that an earlier part has found."""
 
     name: str
     terms: Annotated[Terms, Meta(description='tables [[damping]], or {part = "PART"}')]
@@ -168,7 +168,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Study:
-    """A study: the keys of the table [study], its file with what all steps share, and the steps in their order."""
+    """A study: the keys of the table [study], its file with what all parts share, and the parts in their order."""
 
     title: str = ""
     steps: Annotated[tuple[Step, ...], UNLISTED] = ()
@@ -206,7 +206,7 @@ class Study:
 
     def shortened(self) -> Study:
         """Return the study of a quick look, without the steps that it leaves out, and without those that need them."""
-        kept = {step.name: step for step in self.steps if step.quick}
-        while missing := [name for name, step in kept.items() if not set(step.needs) <= {"", *kept}]:
-            kept = {name: step for name, step in kept.items() if name not in missing}
-        return replace(self, steps=tuple(kept.values()))
+        steps = {step.name: step for step in self.steps if step.quick}
+        while missing := [name for name, step in steps.items() if not set(step.needs) <= {"", *steps}]:
+            steps = {name: step for name, step in steps.items() if name not in missing}
+        return replace(self, steps=tuple(steps.values()))

@@ -226,7 +226,7 @@ def synthetic_decay(
 
 def fit_all(compute: Compute, decays: Sequence[Decay], law: str, rest: Rest | None) -> list[FittedDecay]:
     """Fit decays by a law."""
-    return compute.all(fit_plain, [(decay, law, rest) for decay in decays], [0.2] * len(decays))
+    return compute.all(fit_plain, [(decay, law, rest) for decay in decays], 0.2)
 
 
 def decays_finding(

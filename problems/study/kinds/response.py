@@ -75,16 +75,6 @@ def _damping_ratio(body: Model | ReducedModel, motion: PeriodicMotion) -> float:
     return float(motion.dissipated_energy / (2 * math.pi * speed**2))
 
 
-def level_numbers(levels: Sequence[float], unit: str, curves: Sequence[Curve]) -> list[dict[str, Any]]:
-    """Return the curves at the levels of an excitation, base amplitudes (m) or tip forces (N), for JSON."""
-    return [{"level": level, "unit": unit, "curve": curve} for level, curve in zip(levels, curves, strict=True)]
-
-
-def level_titles(levels: Sequence[float], unit: str) -> tuple[str, ...]:
-    """Return the levels of an excitation as text, in mm or mN."""
-    return tuple(f"{1e3 * level:.4g} m{unit}" for level in levels)
-
-
 def summary_rows(curves: Sequence[Curve]) -> list[tuple[Cell, ...]]:
     """Return peak, damping and jumps of curves as rows of a table with ``SUMMARY_HEADS``."""
     rows: list[tuple[Cell, ...]] = []
@@ -120,9 +110,8 @@ class ResponseStep(Step):
 
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the curves with their peaks and jumps."""
-        inputs = [(self.file, level) for level in self.levels]
-        curves = compute.all(level_curve, inputs, [5.0] * len(inputs))
-        titles = level_titles(self.levels, self.unit)
+        curves = compute.all(level_curve, [(self.file, level) for level in self.levels], 5.0)
+        titles = [f"{1e3 * level:.4g} m{self.unit}" for level in self.levels]  # in mm or mN
         rows = [(title, *row) for title, row in zip(titles, summary_rows(curves), strict=True)]
         table = beside_printed("Peaks and jumps of the response", ("excitation", *SUMMARY_HEADS), rows)
         caption = (
@@ -130,7 +119,10 @@ class ResponseStep(Step):
             "excitation.  Dashed: unstable."
         )
         figures = compute.drawings((caption, _figure, titles, curves))
-        data = level_numbers(self.levels, self.unit, curves)
+        data = [
+            {"level": level, "unit": self.unit, "curve": curve}
+            for level, curve in zip(self.levels, curves, strict=True)
+        ]
         lines = [
             f"  {title}: {bifurcation['name']} at {bifurcation['frequency_hz']:.6g} Hz, "
             f"tip {1e3 * bifurcation['amplitude_m']:.4g} mm"

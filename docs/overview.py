@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from ancf_casadi import Beam, HarmonicBase, ModalDamping, Model, natural_modes, simulate
+from ancf_casadi import HarmonicBase, ModalDamping, Model, natural_modes, simulate
 from ancf_casadi.plot import rendered
 from ancf_casadi.support.figures import MEASURED, plain_log_ticks
-from problems.paper.reproduce import PAPER_FILE
+from problems.paper.inputs import STANDARD_BEAM
 from problems.study.drawing import series
 
 LAWS = {"generic": "modal (generic)", "proportional": "Rayleigh (proportional)", "quadratic": "quadratic"}
@@ -24,7 +24,7 @@ def overview(results: dict) -> Figure:
     """Return the figure."""
     figure = Figure(figsize=(9, 4), layout="constrained")
     shapes, ratios = figure.subplots(1, 2, width_ratios=(1, 1.3))
-    model = Model(Beam.from_toml(PAPER_FILE))
+    model = Model(STANDARD_BEAM)
     law = ModalDamping(natural_modes(model), (0.0100, 0.0028, 0.0028, 0.0023, 0.0030))
     run = simulate(model, damping=law, base=SWING, duration=10.5, sample_rate=200.0)
     arc = np.linspace(0.0, model.beam.length, 80)

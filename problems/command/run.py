@@ -5,8 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from problems.command.output import Output, positive_count
+
+if TYPE_CHECKING:
+    from problems.study.study import StudyReport
 
 
 def add_run(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +31,6 @@ def add_run(parser: argparse.ArgumentParser) -> None:
 
 def add_reproduce(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.set_defaults(file=None, steps=())
     _add_options(parser, out=Path("results"), files="folder of the results (default: results)")
 
 
@@ -45,23 +48,30 @@ def _add_options(parser: argparse.ArgumentParser, *, out: Path | None, files: st
 
 
 def run_run(options: argparse.Namespace) -> Output:
-    """Run a study, which may be an edited copy of that of the paper, or that of the paper itself."""
-    from problems.paper.reproduce import ALL_KINDS, PAPER_FILE  # slow to import, and only needed here
+    """Run a study."""
+    from problems.study.study import run_study  # slow to import, and only needed here
+
+    words = (options.file, *options.steps)
+    return _output(run_study(options.file, options.out, steps=options.steps, **_settings(options, *words)))
+
+
+def run_reproduce(options: argparse.Namespace) -> Output:
+    """Run the study of the paper."""
+    from problems.paper.reproduce import PAPER  # slow to import, and only needed here
     from problems.study.study import write_study
 
-    words = ("ancf-casadi", options.title, options.file, *options.steps, "--quick" if options.quick else None)
-    report = write_study(
-        PAPER_FILE if options.file is None else options.file,
-        ALL_KINDS,
-        options.out,
-        steps=options.steps,
-        quick=options.quick,
-        executor=None,
-        jobs=options.jobs,
-        progress=sys.stderr.isatty(),
-        command=" ".join(word for word in words if word is not None),
-    )
+    return _output(write_study(PAPER, options.out, executor=None, **_settings(options)))
+
+
+def _settings(options: argparse.Namespace, *words: str) -> dict[str, Any]:
+    command = ["ancf-casadi", options.title, *words, *["--quick"] * options.quick]
+    return {
+        "quick": options.quick,
+        "jobs": options.jobs,
+        "progress": sys.stderr.isatty(),
+        "command": " ".join(command),
+    }
+
+
+def _output(report: StudyReport) -> Output:
     return Output(report.to_dict, lambda: "\n\n".join([report.report(), *([str(report.page)] if report.page else [])]))
-
-
-run_reproduce = run_run

@@ -1,4 +1,4 @@
-"""Modal plus quadratic damping as one law for all modes at all amplitudes.
+"""Beyond the paper: modal plus quadratic damping as one law for all modes at all amplitudes.
 
 The quadratic law has one linear coefficient for all modes, so that it matches a single mode only; modal damping does
 not depend on the amplitude.  Their sum has a linear ratio zeta_n per mode and one drag coefficient eta2 for the beam.
@@ -15,8 +15,8 @@ unknowns x follow by generalised least squares,
 with the covariance (sum A_n' V_n^-1 A_n)^-1 of the unknowns that are not at a bound.  If one eta2 explains all modes, Q
 follows the chi-squared distribution with 2 N less the number of free unknowns as degrees of freedom.  If its
 probability is below ``REJECTED``, one eta2 does not explain them; the errors are then multiplied by
-(Q/degrees of freedom)^1/2, and a warning says so.  The pairs come from the part with decays under the quadratic law,
-separate records whose noise is independent.
+(Q/degrees of freedom)^1/2, and a warning says so.  The pairs come from the decays of Table 4, separate records whose
+noise is independent.
 
 References
 ----------
@@ -28,10 +28,9 @@ A. C. Aitken, On least squares and linear combination of observations, Proceedin
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy  # its packages are imported on first use
@@ -44,16 +43,72 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, Figure
 from ancf_casadi.support.tables import Cell, Table, known
 from ancf_casadi.vibration.modes import Modes, natural_modes
+from problems.paper import table_04
 from problems.paper.air import Air, implied_drag_coefficient, viscous_damping_ratios
+from problems.paper.inputs import AMPLITUDES, ETA2, STANDARD_BEAM, matched_beam, three_laws
+from problems.paper.step import paper_step
 from problems.spec.beam import law_of
-from problems.study.drawing import Drawing, drawn, line, new_figure
-from problems.study.part import Finding, Found
-
-if TYPE_CHECKING:
-    from problems.paper.reproduce import PaperPart
+from problems.study.compute import Compute
+from problems.study.drawing import line, new_figure
+from problems.study.step import Finding, LawChoice, Terms, beside_printed
 
 NAME = "modal + quadratic"
 REJECTED = 0.01  # probability of Q below which one eta2 does not explain all modes
+AIR = Air(density=1.2, viscosity=1.81e-5)
+
+
+@paper_step(
+    section="Beyond the paper",
+    title="Modal plus quadratic damping as one law for all modes",
+    text="""
+A linear ratio for each mode and one drag coefficient for the beam make one law for all modes at all amplitudes. The \
+decays of Table 4 are fitted by generalised least squares, and chi-squared tests whether one drag coefficient explains \
+all of them. The viscosity of the air explains a small part of the linear damping.""",
+    notes=(
+        "Where one drag coefficient does not explain all modes, the standard errors are enlarged by the root of "
+        "chi-squared per degree of freedom.",
+        "The viscous part of mode 1 is 0.09 of 1.00 % for a thin strip; with the flow around a circular cylinder as "
+        "wide as the strip it would be 0.10 %.",
+    ),
+)
+def combined_law(compute: Compute) -> Finding:
+    """Return the law, the drag coefficients, and the damping ratio against amplitude."""
+    modes = natural_modes(Model(matched_beam(compute)), count=len(table_04.DECAYS))
+    fit = fit_combined_law(measured_coefficients(compute), modes)
+    drag = drag_numbers(fit, modes, AIR)
+    beam = modes.model.beam
+    total = implied_drag_coefficient(fit.eta2, beam, AIR, eta2_error=float(np.nan_to_num(fit.errors[-1])))
+    data = {"law": _law_numbers(fit, total), "drag": drag}
+    laws = {law.title: law_of(law.terms, modes.model, law.name) for law in three_laws()} | {NAME: fit.law(modes)}
+    curves = []  # of each mode: amplitudes, and the ratios under each law, which are straight in the amplitude
+    for n, limit in enumerate(AMPLITUDES):
+        amplitudes = np.linspace(0.0, limit, 3)
+        ratios = {title: ratio_curves(law, modes, amplitudes)[:, n] for title, law in laws.items()}
+        curves.append((amplitudes, ratios))
+    synthetic = "  The decays are synthetic."
+    figures = compute.drawings(
+        (f"η2 of the beam by each mode alone, and one value for all.{synthetic}", _eta2_figure, fit),
+        (f"Damping ratio of each mode against its amplitude under each law.{synthetic}", _ratio_figure, curves),
+    )
+    tables = (_law_table(fit, total), _drag_table(fit, drag))
+    return Finding(data, tables, figures, fit.warnings)
+
+
+def measured_coefficients(compute: Compute) -> list[ModeCoefficients]:
+    """Return the coefficients of each mode that the decays of Table 4 give without bounds."""
+    measured = []
+    for decay in table_04.decay_fits(compute):
+        pair = decay.numbers["unbounded"]
+        frequency, covariance = decay.numbers["frequency_hz"], np.array(pair["covariance"])
+        measured.append(ModeCoefficients(frequency, pair["eta1"], pair["eta2_per_m"], covariance))
+    return measured
+
+
+def combined_law_choice(compute: Compute) -> LawChoice:
+    """Return the law for simulations."""
+    measured = measured_coefficients(compute)
+    fit = fit_combined_law(measured, natural_modes(Model(matched_beam(compute)), count=len(measured)))
+    return LawChoice("combined", fit.terms, NAME)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +130,6 @@ class ModeCoefficients:
 class CombinedLawFit:
     """Modal and quadratic damping fitted to the coefficients of several modes."""
 
-    modes: Modes
     measured: tuple[ModeCoefficients, ...]  # of each mode, starting with the first
     drag_constants: Array  # c_n, (N,)
     ratios: tuple[float, ...]  # linear damping ratio of each mode
@@ -84,11 +138,19 @@ class CombinedLawFit:
     chi_squared: float  # Q
     degrees_of_freedom: int
 
+    def law(self, modes: Modes) -> DampingLaw:
+        """Return the law, modal plus quadratic, on a beam with these modes."""
+        frequencies = [mode.frequency for mode in self.measured]
+        return ModalDamping(modes, self.ratios, frequencies=frequencies) + QuadraticDamping(eta2=self.eta2)
+
     @property
-    def law(self) -> DampingLaw:
-        """The law, modal plus quadratic."""
-        frequencies = [one.frequency for one in self.measured]
-        return ModalDamping(self.modes, self.ratios, frequencies=frequencies) + QuadraticDamping(eta2=self.eta2)
+    def terms(self) -> Terms:
+        """The law as tables [[damping]]."""
+        frequencies = [mode.frequency for mode in self.measured]
+        return (
+            {"law": "modal", "ratios": list(self.ratios), "frequencies": frequencies},
+            {"law": "quadratic", "eta2": self.eta2},
+        )
 
     @property
     def probability(self) -> float:
@@ -118,7 +180,7 @@ class CombinedLawFit:
             if math.isnan(error)
         ]
         if not self.explains_all_modes:
-            implied = ", ".join(f"{value:.3g} +- {error:.2g}" for value, error in zip(*self._implied(), strict=True))
+            implied = ", ".join(f"{value:.3g} +- {error:.2g}" for value, error in zip(*self.implied(), strict=True))
             notes.append(
                 f"one eta2 does not explain all modes (chi-squared {self.chi_squared:.3g} with "
                 f"{self.degrees_of_freedom} degrees of freedom): the modes alone give {implied} 1/m; "
@@ -126,41 +188,30 @@ class CombinedLawFit:
             )
         return tuple(notes)
 
-    def figure(self) -> Figure:
-        """Draw eta2 of each mode alone with 95 % intervals, and the common value with its interval as a band."""
-        (figure, (axes,)), (own, errors) = new_figure(3.2), self._implied()
-        numbers, half = np.arange(1, len(own) + 1), 1.96 * np.nan_to_num(self.errors[-1])
-        axes.axhspan(self.eta2 - half, self.eta2 + half, color=COMPUTED, alpha=0.25, lw=0)
-        axes.axhline(self.eta2, color=COMPUTED, lw=1.2, label="one value for all modes, 95 % band")
-        axes.errorbar(numbers, own, 1.96 * errors, fmt="o", ms=4, lw=1, color=MEASURED, label="each mode alone, 95 %")
-        axes.set(xlabel="mode", ylabel="η2 of the beam, 1/m", xticks=numbers)
-        axes.legend()
-        return figure
-
-    def _implied(self) -> tuple[Array, Array]:
+    def implied(self) -> tuple[Array, Array]:
         """Return eta2 of the beam by each mode alone and its standard error, (N,), 1/m."""
-        own = np.array([(one.eta2, one.errors[1]) for one in self.measured]).T / self.drag_constants
-        return own[0], own[1]
+        eta2, errors = np.array([(mode.eta2, mode.errors[1]) for mode in self.measured]).T / self.drag_constants
+        return eta2, errors
 
 
 def fit_combined_law(measured: Sequence[ModeCoefficients], modes: Modes) -> CombinedLawFit:
     """Fit modal plus quadratic damping to the coefficients of two or more modes, starting with the first."""
     count, constants = len(measured), drag_constants(modes)[: len(measured)]
     rows, values = np.zeros((2 * count, count + 1)), np.zeros(2 * count)
-    for n, one in enumerate(measured):
-        own, root = slice(2 * n, 2 * n + 2), np.linalg.cholesky(one.covariance)
+    for n, mode in enumerate(measured):
+        pair, root = slice(2 * n, 2 * n + 2), np.linalg.cholesky(mode.covariance)
         design = np.zeros((2, count + 1))
-        design[0, n], design[1, -1] = 4 * math.pi * one.frequency, constants[n]
-        rows[own] = solve_triangular(root, design, lower=True)
-        values[own] = solve_triangular(root, [one.eta1, one.eta2], lower=True)
+        design[0, n], design[1, -1] = 4 * math.pi * mode.frequency, constants[n]
+        rows[pair] = solve_triangular(root, design, lower=True)
+        values[pair] = solve_triangular(root, [mode.eta1, mode.eta2], lower=True)
     size = np.linalg.norm(rows, axis=0)
-    found, distance = scipy.optimize.nnls(rows / size, values)
-    free, errors = found > 0.0, np.full(count + 1, math.nan)
+    scaled, distance = scipy.optimize.nnls(rows / size, values)
+    free, errors = scaled > 0.0, np.full(count + 1, math.nan)
     surplus, Q = 2 * count - int(np.count_nonzero(free)), float(distance) ** 2
     enlarged = 1.0 if chdtrc(surplus, Q) >= REJECTED else math.sqrt(Q / surplus)
     errors[free] = enlarged * np.linalg.norm(np.linalg.pinv(rows[:, free] / size[free]), axis=1) / size[free]
-    *ratios, eta2 = (found / size).tolist()
-    return CombinedLawFit(modes, tuple(measured), constants, tuple(ratios), eta2, tuple(errors.tolist()), Q, surplus)
+    *ratios, eta2 = (scaled / size).tolist()
+    return CombinedLawFit(tuple(measured), constants, tuple(ratios), eta2, tuple(errors.tolist()), Q, surplus)
 
 
 def drag_constants(modes: Modes) -> Array:
@@ -175,130 +226,109 @@ def ratio_curves(law: DampingLaw | None, modes: Modes, amplitudes: Sequence[floa
     return np.array([law.damping_ratios(modes, np.full(modes.count, amplitude)) for amplitude in amplitudes])
 
 
-def finding(part: PaperPart, results: Sequence[Any], found: Found) -> Finding:
-    """Return the law, the drag coefficients, and the damping ratio against amplitude."""
-    measured = []
-    for row in found[part.decays].data:
-        own = row["unbounded"]
-        measured.append(
-            ModeCoefficients(row["frequency_hz"], own["eta1"], own["eta2_per_m"], np.array(own["covariance"]))
-        )
-    air = Air(**part.inputs["air"])
-    modes = natural_modes(Model(part.beam_in(found)), count=len(measured))
-    fit, beam = fit_combined_law(measured, modes), modes.model.beam
-    drag = [implied_drag_coefficient(one.eta2, beam, air, eta2_error=one.errors[1]) for one in measured]
-    viscous = viscous_damping_ratios(modes, air).tolist()
-    total = implied_drag_coefficient(fit.eta2, beam, air, eta2_error=float(np.nan_to_num(fit.errors[-1])))
-    *ratio_errors, eta2_error = (known(error) for error in fit.errors)
-    of_modes = zip(drag, fit.drag_constants.tolist(), viscous, strict=True)
-    data: dict[str, Any] = {
-        "law": {
-            "linear_damping_ratios": list(fit.ratios),
-            "linear_damping_ratio_stderr": ratio_errors,
-            "eta2_per_m": fit.eta2,
-            "eta2_stderr_per_m": eta2_error,
-            "drag_constants": fit.drag_constants.tolist(),
-            "chi_squared": fit.chi_squared,
-            "degrees_of_freedom": fit.degrees_of_freedom,
-            "probability": fit.probability,
-            "explains_all_modes": fit.explains_all_modes,
-            "warnings": list(fit.warnings),
-            "drag_coefficient": total[0],
-            "drag_coefficient_stderr": total[1],
-        },
-        "drag": [
+def drag_numbers(fit: CombinedLawFit, modes: Modes, air: Air) -> list[dict[str, Any]]:
+    """Return drag coefficient and viscous damping of each mode, for ``results.json``."""
+    numbers = []
+    viscous_ratios = viscous_damping_ratios(modes, air).tolist()
+    per_mode = zip(fit.measured, fit.drag_constants.tolist(), viscous_ratios, strict=True)
+    for n, (mode, constant, viscous_ratio) in enumerate(per_mode, start=1):
+        drag, error = implied_drag_coefficient(mode.eta2, modes.model.beam, air, eta2_error=mode.errors[1])
+        numbers.append(
             {
                 "mode": n,
-                "drag_coefficient": value / c,
-                "drag_coefficient_stderr": error / c,
-                "drag_coefficient_by_eq_25": value,
-                "viscous_damping_ratio": ratio,
+                "drag_coefficient": drag / constant,
+                "drag_coefficient_stderr": error / constant,
+                "drag_coefficient_by_eq_25": drag,
+                "viscous_damping_ratio": viscous_ratio,
             }
-            for n, ((value, error), c, ratio) in enumerate(of_modes, start=1)
-        ],
+        )
+    return numbers
+
+
+def _law_numbers(fit: CombinedLawFit, drag: tuple[float, float]) -> dict[str, Any]:
+    *ratio_errors, eta2_error = map(known, fit.errors)
+    return {
+        "linear_damping_ratios": list(fit.ratios),
+        "linear_damping_ratio_stderr": ratio_errors,
+        "eta2_per_m": fit.eta2,
+        "eta2_stderr_per_m": eta2_error,
+        "drag_constants": fit.drag_constants.tolist(),
+        "chi_squared": fit.chi_squared,
+        "degrees_of_freedom": fit.degrees_of_freedom,
+        "probability": fit.probability,
+        "explains_all_modes": fit.explains_all_modes,
+        "warnings": list(fit.warnings),
+        "drag_coefficient": drag[0],
+        "drag_coefficient_stderr": drag[1],
     }
-    terms = (
-        {"law": "modal", "ratios": list(fit.ratios), "frequencies": [one.frequency for one in measured]},
-        {"law": "quadratic", "eta2": fit.eta2},
-    )
+
+
+def _law_table(fit: CombinedLawFit, drag: tuple[float, float]) -> Table:
     rows = [(f"ζ of mode {n}, linear", "%", 100 * ratio) for n, ratio in enumerate(fit.ratios, start=1)]
-    rows += [("η2, all modes", "1/m", fit.eta2), ("drag coefficient", "1", total[0])]
-    errors = {"value": [*(100 * error for error in fit.errors[:-1]), fit.errors[-1], total[1]]}
+    rows += [("η2, all modes", "1/m", fit.eta2), ("drag coefficient", "1", drag[0])]
+    errors = {"value": [*(100 * error for error in fit.errors[:-1]), fit.errors[-1], drag[1]]}
     title = "Modal plus quadratic damping for all modes"
-    law = part.table(title, ("", "unit", "value"), rows, fit.verdict, errors=errors)
-    tables = (law, _drag(part, fit, air, data["drag"], drag, found))
-    return Finding(data, tables, _drawings(part, fit, modes, found), fit.warnings, terms=terms)
+    return beside_printed(title, ("", "unit", "value"), rows, fit.verdict, errors=errors)
 
 
-def _drag(
-    part: PaperPart,
-    fit: CombinedLawFit,
-    air: Air,
-    rows: Sequence[Mapping[str, Any]],
-    drag: Sequence[tuple[float, float]],
-    found: Found,
-) -> Table:
-    """Return the table of drag coefficients: ``rows`` as in ``results.json``, ``drag`` by Eq. (25) with its errors."""
-    standard = found[""].beam
-    assert standard is not None
-    unit = implied_drag_coefficient(1.0, standard.beam(), air)[0]
-    rates = [4 * math.pi * one.frequency for one in fit.measured]  # 1/s, of eta1 per damping ratio
+def _drag_table(fit: CombinedLawFit, rows: Sequence[Mapping[str, Any]]) -> Table:
+    unit = implied_drag_coefficient(1.0, STANDARD_BEAM, AIR)[0]
+    constants = fit.drag_constants.tolist()
+    rates = [4 * math.pi * mode.frequency for mode in fit.measured]  # 1/s, of eta1 per damping ratio
     columns: dict[str, Sequence[Cell]] = {
         "mode": [row["mode"] for row in rows],
-        "η2, 1/m": [one.eta2 for one in fit.measured],
-        "Cd by Eq. (25), 1": [value for value, _ in drag],
+        "η2, 1/m": [mode.eta2 for mode in fit.measured],
+        "Cd by Eq. (25), 1": [row["drag_coefficient_by_eq_25"] for row in rows],
         "Cd, true shape, 1": [row["drag_coefficient"] for row in rows],
-        "linear part of ζ, %": [100 * one.eta1 / rate for rate, one in zip(rates, fit.measured, strict=True)],
+        "linear part of ζ, %": [100 * mode.eta1 / rate for rate, mode in zip(rates, fit.measured, strict=True)],
         "of it viscous air, %": [100 * row["viscous_damping_ratio"] for row in rows],
-        f"Cd of η2 in the {part.printed_by}, 1": [unit * one for one in part.inputs["printed_eta2"]],
+        "Cd of η2 in the paper, 1": [unit * eta2 for eta2 in ETA2],
     }
+    by_shape = [row["drag_coefficient_stderr"] for row in rows]
     errors = {
-        "η2, 1/m": [one.errors[1] for one in fit.measured],
-        "Cd by Eq. (25), 1": [error for _, error in drag],
-        "Cd, true shape, 1": [row["drag_coefficient_stderr"] for row in rows],
-        "linear part of ζ, %": [100 * one.errors[0] / rate for rate, one in zip(rates, fit.measured, strict=True)],
+        "η2, 1/m": [mode.errors[1] for mode in fit.measured],
+        "Cd by Eq. (25), 1": [error * constant for error, constant in zip(by_shape, constants, strict=True)],
+        "Cd, true shape, 1": by_shape,
+        "linear part of ζ, %": [100 * mode.errors[0] / rate for rate, mode in zip(rates, fit.measured, strict=True)],
     }
     notes = (
         "Cd = 2 ρ h η2 (1183/876)/ρ_air, with the constant of the shape (21), and with that of each mode.",
-        f"Air: {air.density:g} kg/m³, {air.viscosity:.3g} Pa s.  Viscous damping: oscillating flow "
+        f"Air: {AIR.density:g} kg/m³, {AIR.viscosity:.3g} Pa s.  Viscous damping: oscillating flow "
         "around a thin strip at amplitudes below its width (Sader 1998).",
         "Printed η2: with the beam of the study before any change.",
     )
     cells = zip(*columns.values(), strict=True)
-    return part.table("Drag coefficient and viscous damping", [*columns], cells, *notes, errors=errors)
+    return beside_printed("Drag coefficient and viscous damping", [*columns], cells, *notes, errors=errors)
 
 
-def _drawings(part: PaperPart, fit: CombinedLawFit, modes: Modes, found: Found) -> tuple[Drawing, ...]:
-    laws = {choice.title: law_of(choice.of(found), modes.model, choice.name) for choice in part.laws}
-    all_laws = {title: law for title, law in laws.items() if law is not None} | {NAME: fit.law}
-    of_modes = "η2 of the beam by each mode alone, and one value for all."
-    ratios = "Damping ratio of each mode against its amplitude under each law."
-    draw_ratios = partial(_ratios, all_laws, modes, part.inputs["amplitudes"])
-    return tuple(
-        drawn(f"{caption}  The decays are synthetic.", partial(_marked, draw))
-        for caption, draw in ((of_modes, fit.figure), (ratios, draw_ratios))
-    )
-
-
-def _marked(draw: Callable[[], Figure]) -> Figure:
-    """Return a figure of synthetic data, marked as such."""
-    figure = draw()
+def _mark_synthetic(figure: Figure) -> None:
     figure.suptitle("SYNTHETIC DATA", fontsize=9, ha="right", x=0.98)
+
+
+def _eta2_figure(fit: CombinedLawFit) -> Figure:
+    """Draw eta2 of each mode alone with 95 % intervals, and the common value with its interval as a band."""
+    (figure, (axes,)), (eta2, errors) = new_figure(3.2), fit.implied()
+    numbers, half = np.arange(1, len(eta2) + 1), 1.96 * np.nan_to_num(fit.errors[-1])
+    axes.axhspan(fit.eta2 - half, fit.eta2 + half, color=COMPUTED, alpha=0.25, lw=0)
+    axes.axhline(fit.eta2, color=COMPUTED, lw=1.2, label="one value for all modes, 95 % band")
+    axes.errorbar(numbers, eta2, 1.96 * errors, fmt="o", ms=4, lw=1, color=MEASURED, label="each mode alone, 95 %")
+    axes.set(xlabel="mode", ylabel="η2 of the beam, 1/m", xticks=numbers)
+    axes.legend()
+    _mark_synthetic(figure)
     return figure
 
 
-def _ratios(laws: Mapping[str, DampingLaw], modes: Modes, limits: Sequence[float]) -> Figure:
-    """Draw the damping ratio of each mode against its amplitude, up to a limit (m) of its own."""
-    figure, panels = new_figure(1.0 + 1.3 * len(limits), len(limits))
-    for n, (axes, limit) in enumerate(zip(panels, limits, strict=True)):
-        amplitudes, top = np.linspace(0.0, limit, 3), 0.0  # of a drawn law, which is straight in the amplitude
-        for k, (title, law) in enumerate(laws.items()):
-            ratios = 100 * ratio_curves(law, modes, amplitudes)[:, n]
-            axes.plot(1e3 * amplitudes, ratios, **line(k), lw=1.6, label=title)
-            top = max(top, 1.1 * ratios.max())
-        axes.set(ylabel="ζ, %", xlim=(0.0, 1e3 * limit), ylim=(0.0, top))
-        axes.set_title(f"mode {n + 1}")
+def _ratio_figure(curves: Sequence[tuple[Array, Mapping[str, Array]]]) -> Figure:
+    """Draw the damping ratio of each mode under each law, by its title, against the amplitude (m)."""
+    figure, panels = new_figure(1.0 + 1.3 * len(curves), len(curves))
+    for n, (axes, (amplitudes, ratios)) in enumerate(zip(panels, curves, strict=True), start=1):
+        for k, (title, ratio) in enumerate(ratios.items()):
+            axes.plot(1e3 * amplitudes, 100 * ratio, **line(k), lw=1.6, label=title)
+        top = 1.1 * max((100 * ratio).max() for ratio in ratios.values())
+        axes.set(ylabel="ζ, %", xlim=(0.0, 1e3 * amplitudes[-1]), ylim=(0.0, top))
+        axes.set_title(f"mode {n}")
     panels[-1].set(xlabel="amplitude of the tip, mm")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     figure.align_ylabels()
+    _mark_synthetic(figure)
     return figure

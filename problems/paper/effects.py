@@ -30,7 +30,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as cs
 import numpy as np
@@ -47,15 +47,33 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array, maxima
+from ancf_casadi.support.tables import known
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from ancf_casadi.vibration.statics import static_equilibrium
+from problems.paper.inputs import STANDARD_BEAM
+from problems.study.compute import Compute
+from problems.study.kinds.experiment import QUICK_STEPS, QUICK_WINDOW
 
 EFFECTS_TOLERANCE, LEAST_STEPS = 1e-5, 24  # tolerance of the integrator, and its least number of steps per period
 HORIZON = 5.0  # s, after which the paper finds the vibration under eta1 to have disappeared
 EQUAL_RATES = 0.1  # relative difference of decay rates
 SETTLED_AMPLITUDE = 0.02  # of the amplitude at the start
 LEAST_AMPLITUDE = 1e-5  # m, least amplitude that the simulation resolves on a beam of half a metre
+
+
+class QuadraticLaw(NamedTuple):
+    """A quadratic law with its names in results and in figures."""
+
+    name: str
+    title: str
+    eta1: float  # 1/s
+    eta2: float  # 1/m
+
+    @property
+    def about(self) -> str:
+        """Title and coefficients, for a caption."""
+        return f"{self.title} (η1 = {self.eta1:.3g} 1/s, η2 = {self.eta2:.3g} 1/m)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +111,45 @@ class SimulatedDecay:
     formula: Envelope  # amplitude by the formula
     other_modes: float  # tip displacement of mode 2 at the start, relative to that of mode 1
     steps: int  # of the integrator
+
+
+def decay_duration(compute: Compute, duration: float) -> float:
+    """Return the duration of a decay, s, which is shorter in a quick look."""
+    return QUICK_WINDOW * duration if compute.quick else duration
+
+
+def simulate_decays(
+    compute: Compute, laws: Sequence[QuadraticLaw], frequencies: Sequence[float], amplitude: float, duration: float
+) -> list[list[SimulatedDecay]]:
+    """Simulate the decay of the standard beam under each law at each frequency; return the decays law by law."""
+    steps, duration = QUICK_STEPS if compute.quick else LEAST_STEPS, decay_duration(compute, duration)
+    inputs = [
+        (STANDARD_BEAM, QuadraticDamping(law.eta1, law.eta2), frequency, amplitude, duration, steps)
+        for law in laws
+        for frequency in frequencies
+    ]
+    # computing time of a decay, and of each of its periods
+    costs = [0.3 + 0.006 * frequency * duration for _ in laws for frequency in frequencies]
+    results = iter(compute.all(simulate_decay, inputs, costs))
+    return [[next(results) for _ in frequencies] for _ in laws]
+
+
+def decay_numbers(law: QuadraticLaw, decay: SimulatedDecay, times: Sequence[float]) -> dict[str, Any]:
+    """Return the numbers of a decay for ``results.json``: None for what the decay does not reach."""
+    return {
+        "law": law.name,
+        "frequency_hz": decay.frequency,
+        "eta1": law.eta1,
+        "eta2_per_m": law.eta2,
+        "start_amplitude_m": float(decay.tip[0]),
+        "mode_2_at_the_start": decay.other_modes,
+        "time_to_a_tenth_s": known(decay.envelope.time_to(0.1)),
+        "time_to_a_tenth_by_formula_s": known(decay.formula.time_to(0.1)),
+        "times_s": list(times),
+        "amplitude_m": [known(decay.envelope.at(time)) for time in times],
+        "amplitude_by_formula_m": [known(decay.formula.at(time)) for time in times],
+        "steps": decay.steps,
+    }
 
 
 def simulate_decay(
@@ -139,8 +196,8 @@ def simulate_decay(
 def tuned(beam: Beam, frequency: float) -> Beam:
     """Return the weightless beam with the elastic modulus that gives it a first natural frequency, Hz."""
     weightless = beam.with_(gravity=(0.0, 0.0))
-    found = float(natural_modes(Model(weightless), count=1).frequencies[0])
-    return weightless.with_(elastic_modulus=tuple(np.array(beam.elastic_modulus) * (frequency / found) ** 2))
+    natural = float(natural_modes(Model(weightless), count=1).frequencies[0])
+    return weightless.with_(elastic_modulus=tuple(np.array(beam.elastic_modulus) * (frequency / natural) ** 2))
 
 
 def displaced(modes: Modes, amplitude: float) -> Equilibrium:
@@ -157,13 +214,13 @@ def displaced(modes: Modes, amplitude: float) -> Equilibrium:
         ]
         return static_equilibrium(model, loads=loads)
 
-    found = scipy.optimize.root_scalar(
+    solution = scipy.optimize.root_scalar(
         lambda factor: float(bent(factor).tip @ _across(modes)) - amplitude,
         method="secant", x0=amplitude, x1=1.02 * amplitude, xtol=1e-7 * amplitude,
     )  # fmt: skip
-    if not found.converged:
+    if not solution.converged:
         raise EquilibriumError(f"no load was found that displaces the tip by {amplitude:g} m; start with less")
-    return bent(float(found.root))
+    return bent(float(solution.root))
 
 
 def peaks(time: Array, displacement: Array) -> Envelope:
@@ -179,7 +236,7 @@ def peaks(time: Array, displacement: Array) -> Envelope:
 def ratios_over_time(decay: SimulatedDecay) -> tuple[Array, Array, Array]:
     """Return times (s), and the damping ratio then: in windows of the simulated motion, and by the formula."""
     curve = damping_curve(Measurement(decay.time, decay.tip), release_time=float(decay.time[0]))
-    amplitude = np.array([decay.formula.at(one) for one in curve.time.tolist()])
+    amplitude = np.array([decay.formula.at(time) for time in curve.time.tolist()])
     η1, η2, ω = (cs.DM(value) for value in (decay.law.eta1, decay.law.eta2, 2 * math.pi * decay.frequency))
     formula = equivalent_damping_ratio(η1, η2, ω, cs.DM(amplitude)).full().ravel()
     return curve.time, curve.damping_ratio, formula
@@ -214,17 +271,20 @@ def characteristics(
     A row has the words, the mean decay rates (1/s), and the parts of the amplitude that are left, at each frequency.
     The gross motion is undecided if neither law is faster at every frequency.
     """
-    left = [tuple(one.at(horizon) / float(one.amplitude[0]) for one in decays) for decays in (first, second)]
-    rates = [tuple(-math.log(part) / horizon for part in parts) for parts in left]
+    left = [
+        tuple(envelope.at(horizon) / float(envelope.amplitude[0]) for envelope in envelopes)
+        for envelopes in (first, second)
+    ]
+    rates = [tuple(-math.log(ratio) / horizon for ratio in ratios) for ratios in left]
     faster = {a >= b for a, b in zip(*rates, strict=True)}  # first law, at each frequency
     motions = {(True,): ("rapid decay", "slow decay"), (False,): ("slow decay", "rapid decay")}
     return tuple(
         {
             "gross_motion": gross,
-            "frequency": "independent" if max(own) < (1 + EQUAL_RATES) * min(own) else "dependent",
-            "residual_motion": "controllable" if max(parts) < SETTLED_AMPLITUDE else "uncontrollable",
-            "decay_rates": list(own),
-            "left": list(parts),
+            "frequency": "independent" if max(of_law) < (1 + EQUAL_RATES) * min(of_law) else "dependent",
+            "residual_motion": "controllable" if max(ratios) < SETTLED_AMPLITUDE else "uncontrollable",
+            "decay_rates": list(of_law),
+            "left": list(ratios),
         }
-        for gross, own, parts in zip(motions.get(tuple(faster), ["undecided"] * 2), rates, left, strict=True)
+        for gross, of_law, ratios in zip(motions.get(tuple(faster), ["undecided"] * 2), rates, left, strict=True)
     )

@@ -1,11 +1,11 @@
 """The results of a study: labels of its tables and figures, ``results.json`` with its schema, and the HTML page.
 
-A part may give labels; all other tables and figures have running numbers.
+A step may give labels; all other tables and figures have running numbers.
 
     {"study": {"title", "source", "seed", "quick", "parts": [{"name", "kind", "title", "tables", "figures"}]},
      "versions": {...},
-     "<name of a part>": ...,       its numbers: SI units, ratios as fractions, lists in the order of modes or runs
-     "timing": {...}}               computing time of each part, s
+     "<name of a step>": ...,       its numbers: SI units, ratios as fractions, lists in the order of modes or runs
+     "timing": {...}}               computing time of each step, s
 
 Two runs of one study with one seed differ only in ``timing`` and in keys that end in ``_seconds``.
 """
@@ -27,7 +27,7 @@ from markupsafe import Markup
 
 from ancf_casadi.support.tables import Table
 from problems.study.formatting import formatted_table
-from problems.study.part import Finding, Part, Study
+from problems.study.step import Finding, Study
 
 JSON_TYPES = {dict: "object", list: "array", str: "string", bool: "boolean", int: "integer", float: "number",
               NoneType: "null"}  # fmt: skip
@@ -37,9 +37,9 @@ NUMBER_AND_UNIT = re.compile(r"(?<=\d) (?=(?:%|[km]?Hz|[kmµ]?m|m?s|1/s|1/m|k?g|
 LEADING_NUMBER = re.compile(r"^(?:< |[(])?[-+–]?\d")
 
 
-def labelled(parts: Sequence[Part], findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return the findings of parts with labels as names of all tables and figures, and with the notes of each part."""
-    labels = [label for part in parts for label in (*part.tables, *part.figures)]
+def labelled(study: Study, findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Return the findings of the steps with labels as names of tables and figures, and with the notes of each step."""
+    labels = [label for step in study.steps for label in (*step.tables, *step.figures)]
     taken = {file_name(label) for label in labels}
     numbers = {kind: _free(f"{kind} {'A' if labels else ''}", taken) for kind in ("Table", "Figure")}
 
@@ -49,10 +49,10 @@ def labelled(parts: Sequence[Part], findings: Sequence[Finding]) -> tuple[Findin
         )
 
     with_labels = []
-    for part, finding in zip(parts, findings, strict=True):
-        tables = named("Table", finding.tables, part.tables)
-        first = [replace(table, notes=(*table.notes, *part.notes)) for table in tables[:1]]
-        figures = named("Figure", finding.figures, part.figures)
+    for step, finding in zip(study.steps, findings, strict=True):
+        tables = [replace(table, source=study.printed_by) for table in named("Table", finding.tables, step.tables)]
+        first = [replace(table, notes=(*table.notes, *step.notes)) for table in tables[:1]]
+        figures = named("Figure", finding.figures, step.figures)
         with_labels.append(replace(finding, tables=(*first, *tables[1:]), figures=figures))
     return tuple(with_labels)
 
@@ -73,20 +73,20 @@ def _free(kind: str, taken: set[str]) -> Iterator[str]:
 
 def results(study: Study, findings: Sequence[Finding], versions: Mapping[str, str], *, quick: bool) -> dict[str, Any]:
     """Return the numbers of a study as plain data; ``versions`` are those of the programs."""
-    parts = [
+    steps = [
         {
-            "name": part.name,
-            "kind": part.kind,
-            "title": part.title,
+            "name": step.name,
+            "kind": step.kind,
+            "title": step.title,
             "tables": [table.name for table in finding.tables],
             "figures": [figure.name for figure in finding.figures],
             "warnings": list(finding.warnings),
         }
-        for part, finding in zip(study.parts, findings, strict=True)
+        for step, finding in zip(study.steps, findings, strict=True)
     ]
     source = study.source.strip()
     return {
-        "study": {"title": study.title, "source": source, "seed": study.seed, "quick": quick, "parts": parts},
+        "study": {"title": study.title, "source": source, "seed": study.seed, "quick": quick, "parts": steps},
         "versions": dict(versions),
         **{finding.name: finding.data for finding in findings},
         "timing": {finding.name: finding.seconds for finding in findings},
@@ -131,7 +131,7 @@ def page(study: Study, findings: Sequence[Finding], **about: Any) -> str:
     """Return the document as HTML.
 
     The circumstances are ``command``, ``versions`` of the programs, ``quick`` for shortened simulations, and
-    ``left_out``, the titles of the parts that a quick look leaves out.
+    ``left_out``, the titles of the steps that a quick look leaves out.
     """
     from jinja2 import Environment, StrictUndefined  # slow to import
 
@@ -141,15 +141,15 @@ def page(study: Study, findings: Sequence[Finding], **about: Any) -> str:
     environment.globals |= {"svg": inline_svg, "numeric": _numeric, "zip": zip,
                             "formatted": formatted_table}  # fmt: skip
     source = files("problems.study").joinpath("page.html.jinja").read_text(encoding="utf-8")
-    times = ChainMap(*(dict(finding.times) for finding in findings))  # a computation that parts share counts once
-    parts = list(zip(study.parts, findings, strict=True))
-    return environment.from_string(source).render(study=study, parts=parts, times=times, about=about)
+    times = ChainMap(*(dict(finding.times) for finding in findings))  # a computation that steps share counts once
+    steps = list(zip(study.steps, findings, strict=True))
+    return environment.from_string(source).render(study=study, steps=steps, times=times, about=about)
 
 
 def _paragraphs(text: str) -> Markup:
     """Return text with empty lines as paragraphs."""
-    parts = [part.strip() for part in text.strip().split("\n\n") if part.strip()]
-    return Markup("\n").join(Markup("<p>{}</p>").format(_with_units(part)) for part in parts)
+    paragraphs = [paragraph.strip() for paragraph in text.strip().split("\n\n") if paragraph.strip()]
+    return Markup("\n").join(Markup("<p>{}</p>").format(_with_units(paragraph)) for paragraph in paragraphs)
 
 
 def _unbroken(text: str) -> str:

@@ -36,23 +36,14 @@ from problems.spec.plan import PLAN_KEYS
 from problems.spec.records import RECORD_KEYS
 from problems.spec.schema import file_schema
 from problems.study.formatting import formatted_table, numeric_table
-from problems.study.kinds.beam import BeamProperties, Match, ModesOfBeam
-from problems.study.kinds.decays import DecayRecord, Decays
-from problems.study.kinds.motion import Comparison, MotionFit, PlanPart, SimulationPart
-from problems.study.kinds.rayleigh import Rayleigh
-from problems.study.kinds.response import ResponsePart
-from problems.study.kinds.transients import Transients
-from problems.study.part import Finding, LawChoice, Part, Study
-from problems.study.reading import read_study
+from problems.study.kinds.decays import DecayRecord
+from problems.study.reading import KINDS, read_study
 from problems.study.results import file_name, labelled, page, results, schema
-from problems.study.runner import run_parts
+from problems.study.runner import run_steps
+from problems.study.step import Finding, LawChoice, Step, Study
 
-KINDS: tuple[type[Part], ...] = (  # that users' files name, in the order of the help
-    BeamProperties, ModesOfBeam, Decays, Rayleigh, Match, SimulationPart, ResponsePart, MotionFit, Comparison,
-    Transients, PlanPart,
-)  # fmt: skip
 NUMBERED = re.compile(r"(table|figure)_a?\d+\.(csv|svg|png|gif)")  # names of files of tables and figures
-FEW_PARTS = 3  # that run in the process of the command
+FEW_STEPS = 3  # that run in the process of the command
 PAGE, NUMBERS_FILE, SCHEMA_FILE = "report.html", "results.json", "results.schema.json"
 
 
@@ -88,7 +79,7 @@ class StudyReport(Displayed):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the results, with the name of the part."""
-        return tuple(f"{part.name}: {warning}" for part in self.parts for warning in part.warnings)
+        return tuple(f"{finding.name}: {warning}" for finding in self.parts for warning in finding.warnings)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the results for JSON."""
@@ -97,12 +88,12 @@ class StudyReport(Displayed):
     def report(self) -> str:
         """Return the tables as text."""
         texts = []
-        for part in self.parts:
-            if part.text:
-                texts.append(part.text)
+        for finding in self.parts:
+            if finding.text:
+                texts.append(finding.text)
             else:
-                texts += [f"{table.name}. {formatted_table(table).text()}" for table in part.tables]
-                texts += [f"note: {warning}" for warning in part.warnings]
+                texts += [f"{table.name}. {formatted_table(table).text()}" for table in finding.tables]
+                texts += [f"note: {warning}" for warning in finding.warnings]
         return "\n\n".join(texts)
 
     def _summary(self) -> str:
@@ -124,8 +115,8 @@ def study_keys() -> str:
         table_help("[[decays]]", "measured free decays: {}", DecayRecord),
         table_help("[[laws]]", "damping laws: {}", LawChoice),
         table_help("[[parts]]", "the document in order; without it, the parts that the other tables suggest.  Each "
-                   "part has a kind, and may have {}", Part),
-        *(table_help(f'kind = "{kind.kind}"', kind.about, kind, indent=24, base=Part) for kind in KINDS),
+                   "part has a kind, and may have {}", Step),
+        *(table_help(f'kind = "{kind.kind}"', kind.about, kind, indent=24, base=Step) for kind in KINDS),
     ))  # fmt: skip
 
 
@@ -138,6 +129,7 @@ def study_schema() -> dict[str, Any]:
     return schema
 
 
+@lasting_interrupts()
 def run_study(
     path: str | Path,
     out: str | Path | None = "results",
@@ -145,7 +137,7 @@ def run_study(
     steps: Sequence[str] = (),
     quick: bool = False,
     executor: Executor | None = None,
-    jobs: int = 1,
+    jobs: int | None = 1,
     progress: bool = False,
     command: str = "run_study",
 ) -> StudyReport:
@@ -164,7 +156,7 @@ def run_study(
     quick : bool
         Whether to shorten the simulations, for a first look.
     executor, jobs, progress
-        As in ``run_all``.
+        As in ``run_all``; with None for ``jobs``, all cores for more than a few parts.
     command : str
         Command that the document names.
 
@@ -185,52 +177,54 @@ def run_study(
     >>> round(report.results["rayleigh"]["alpha"], 6), report.page.name
     (0.228181, 'report.html')
     """
+    check_path(path, "path")
+    study = read_study(path, instances(steps, "steps", str, least=0))
     return write_study(
-        path, KINDS, out, steps=steps, quick=quick, executor=executor, jobs=jobs, progress=progress, command=command
-    )
+        study, out, keep_others=bool(steps), quick=quick, executor=executor, jobs=jobs, progress=progress,
+        command=command,
+    )  # fmt: skip
 
 
 @lasting_interrupts()
 def write_study(
-    path: str | Path,
-    kinds: Sequence[type[Part]],
+    whole_study: Study,
     out: str | Path | None,
     *,
-    steps: Sequence[str] = (),
+    keep_others: bool = False,
     quick: bool,
     executor: Executor | None,
     jobs: int | None,
     progress: bool,
     command: str,
 ) -> StudyReport:
-    """Run a study whose parts are of these kinds, and write its document, as ``run_study`` does.
+    """Run a study and write its document, as ``run_study`` does; results of other steps may be kept in the folder.
 
-    Without a number of jobs, a few parts run in this process, which shows their progress, and more on all cores.
+    Without a number of jobs, a few steps run in this process, which shows their progress, and more on all cores.
     """
-    check_path(path, "path")
     check_instance(executor, "executor", Executor, NoneType)
     folder = None if out is None else check_folder(out)
-    whole_study = read_study(path, kinds, instances(steps, "steps", str, least=0))
     study = whole_study.shortened() if flag(quick, "quick") else whole_study
     if jobs is None:
-        jobs = 1 if len(study.parts) <= FEW_PARTS else os.cpu_count() or 1
+        jobs = 1 if len(study.steps) <= FEW_STEPS else os.cpu_count() or 1
     formats: tuple[str, ...] = () if folder is None else ("svg",) if quick else ("svg", "png")
     with contextlib.ExitStack() as stack:
-        findings = run_parts(
-            study,
+        findings = run_steps(
+            study.steps,
             folder or Path(stack.enter_context(TemporaryDirectory())),
-            keep_others=bool(steps),
+            beam=study.beam,
+            quick=quick,
+            keep_others=keep_others,
             formats=formats,
             executor=executor,
             jobs=whole(jobs, "jobs", 1),
             progress=flag(progress, "progress"),
         )
-    parts = labelled(study.parts, findings)
-    left_out = [part.title for part in whole_study.parts if part.name not in {part.name for part in study.parts}]
+    findings = labelled(study, findings)
+    left_out = [step.title for step in whole_study.steps if step.name not in {step.name for step in study.steps}]
     versions = {"ancf-casadi": __version__, **{name: version(name) for name in ("casadi", "numpy", "scipy")}}
-    report = StudyReport(folder and folder / PAGE, results(study, parts, versions, quick=quick), parts)
+    report = StudyReport(folder and folder / PAGE, results(study, findings, versions, quick=quick), findings)
     if folder is not None:
-        document = page(study, parts, command=command, versions=versions, quick=quick, left_out=left_out)
+        document = page(study, findings, command=command, versions=versions, quick=quick, left_out=left_out)
         _write(report, folder, to_json(schema(study, report.results)), document)
     return report
 
@@ -238,12 +232,12 @@ def write_study(
 def _write(report: StudyReport, folder: Path, layout: str, document: str) -> None:
     """Write all files of a study, all or none, and remove numbered ones that are left from another study."""
     contents: dict[Path, str | bytes] = {}
-    for part in report.parts:
-        for name, content in part.files.items():
-            contents[folder / (f"{part.name}_{name}" if folder / name in contents else name)] = content
-        for table in part.tables:
+    for finding in report.parts:
+        for name, content in finding.files.items():
+            contents[folder / (f"{finding.name}_{name}" if folder / name in contents else name)] = content
+        for table in finding.tables:
             contents[folder / "tables" / f"{file_name(table.name)}.csv"] = numeric_table(table).csv()
-        for figure in part.figures:
+        for figure in finding.figures:
             for suffix, picture in (("svg", figure.svg), ("png", figure.png), ("gif", figure.moving)):
                 if picture:
                     contents[folder / "figures" / f"{file_name(figure.name)}.{suffix}"] = picture

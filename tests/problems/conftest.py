@@ -1,18 +1,17 @@
 """Studies that run in a moment: texts of TOML files, and the study of the paper in small."""
 
 import json
-import tomllib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from ancf_casadi.support.tables import Table
-from problems.paper.reproduce import ALL_KINDS, PAPER_FILE
-from problems.study.part import Study
-from problems.study.reading import read_study
-from problems.study.study import StudyReport, write_study
+from problems.paper import inputs, table_11
+from problems.paper.reproduce import PAPER
+from problems.study.study import StudyReport, run_study, write_study
 
 STRIP = """
 [beam]
@@ -57,16 +56,10 @@ def study_file(tmp_path) -> Callable[..., Path]:
     return write
 
 
-def study_in(path: Path) -> Study:
-    """Return a study whose parts are of any kind."""
-    return read_study(path, ALL_KINDS)
-
-
 def run_in(folder: Path, text: str, *, quick: bool = False, name: str = "study.toml") -> StudyReport:
-    """Run a study whose parts are of any kind, in the folder ``results`` beside its file."""
+    """Run a study in the folder ``results`` beside its file."""
     (folder / name).write_text(text, encoding="utf-8")
-    options = {"executor": None, "jobs": 1, "progress": False, "command": "run_in"}
-    return write_study(folder / name, ALL_KINDS, folder / "results", quick=quick, **options)
+    return run_study(folder / name, folder / "results", quick=quick)
 
 
 def column(table: Table, head: str) -> list[Any]:
@@ -100,13 +93,38 @@ def without_times(results: dict[str, Any]) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="session")
+def small_study(tmp_path_factory) -> StudyReport:
+    """A user's study of every means: decays, their law, a matched beam, and a moment of an experiment on it."""
+    experiment = """
+[[laws]]
+name = "proportional"
+terms = [{part = "rayleigh"}]
+
+[[parts]]
+kind = "match"
+targets = [1.85, 10.19]
+
+[[parts]]
+kind = "transients"
+beam = "match"
+laws = ["proportional"]
+runs = [{mode = 1, amplitude = 0.02, stop = 1.0}]
+"""
+    return run_in(
+        tmp_path_factory.mktemp("study"), BEAM + DECAYS + RAYLEIGH + experiment, quick=True, name="small.toml"
+    )
+
+
+@pytest.fixture(scope="session")
 def small_paper(tmp_path_factory) -> StudyReport:
-    """The study of the paper in small: eight elements, the promised parts, a moment of the first experiment."""
-    tables = tomllib.loads(PAPER_FILE.read_text(encoding="utf-8"))
-    tables["beam"]["elements"] = 8
-    parts = {part["name"]: part for part in tables["parts"] if part["name"] in SMALL}
-    comparison = parts["damping_comparison"]
-    comparison["runs"] = [{**comparison["runs"][0], "amplitude": 0.02, "stop": 1.0}]
-    comparison["printed"] = {law: values[:1] for law, values in comparison["printed"].items()}
-    folder = tmp_path_factory.mktemp("paper")
-    return run_in(folder, toml({**tables, "parts": list(parts.values())}), quick=True, name="small.toml")
+    """The study of the paper in small: the promised parts, with a moment of the first experiment."""
+
+    def short(*laws: Any) -> list[Any]:
+        return [replace(run, amplitude=0.02, stop=1.0) for run in inputs.experiments(*laws, modes=(1,))]
+
+    study = replace(PAPER, steps=tuple(step for step in PAPER.steps if step.name in SMALL))
+    options = {"executor": None, "jobs": 1, "progress": False, "command": "reproduce"}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(table_11, "experiments", short)
+        patch.setattr(table_11, "PRINTED", {law: values[:1] for law, values in table_11.PRINTED.items()})
+        return write_study(study, tmp_path_factory.mktemp("paper") / "results", quick=True, **options)

@@ -1,4 +1,4 @@
-"""Parts with the beam: its properties, its modes, and a match to measured frequencies: Tables 1, 9, 10 of the paper."""
+"""Steps with the beam: its properties, its modes, and a match to measured frequencies: Tables 1, 9, 10 of the paper."""
 
 from __future__ import annotations
 
@@ -27,11 +27,12 @@ from ancf_casadi.vibration.modes import STATIONS, Modes, natural_modes
 from problems.matching.frequency_matching import match_frequencies
 from problems.matching.measured_modes import MeasuredModes
 from problems.spec.beam import damping_on
-from problems.spec.file import StudyFile
+from problems.spec.file import NO_FILE, StudyFile
 from problems.spec.match import MOST_ELEMENTS, MatchTable, request_of
-from problems.study.drawing import FIGURE_WIDTH, Drawing, drawn, new_figure, series
+from problems.study.compute import Compute
+from problems.study.drawing import FIGURE_WIDTH, new_figure, series
 from problems.study.formatting import shown
-from problems.study.part import Finding, Found, Part, Printed, Study, Task, printed_numbers
+from problems.study.step import Finding, Findings, Printed, Step, Study, beside_printed, printed_numbers
 
 BEAM_ROWS = (("length", "mm", 1e3), ("width", "mm", 1e3), ("thickness", "mm", 1e3), ("density", "kg/m³", 1.0),
         ("elastic_modulus", "GPa", 1e-9))  # fmt: skip
@@ -40,7 +41,7 @@ ELEMENT_ROWS = BEAM_ROWS[1:]  # of each element, which a match may change
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class BeamProperties(Part):
+class BeamProperties(Step):
     """The properties of a beam."""
 
     kind, about, heading = "beam", "the properties of [beam]; {}", "The beam"
@@ -55,49 +56,54 @@ class BeamProperties(Part):
     ] = field(default_factory=dict)
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the part with its printed numbers."""
+        """Return the step with its printed numbers."""
         return replace(self, printed=printed_numbers(self.printed, {"value": len(BEAM_ROWS)}, where))
 
-    def finding(self, results: Sequence[Any], found: Found) -> Finding:
+    def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the table of properties."""
-        beam, origin = self.beam_in(found), found[self.beam]
-        errors = origin.errors or {}
-        scaled = tuple(scale * errors.get(name, math.nan) for name, _, scale in BEAM_ROWS)
-        guess = None if origin.guess is None else origin.guess.beam()
-        columns: dict[str, Sequence[Cell]] = {
-            "property": [name.replace("_", " ") for name, *_ in BEAM_ROWS],
-            "unit": [unit for _, unit, _ in BEAM_ROWS],
-            **({"guess": _means(guess)} if guess else {}),
-            "value": _means(beam),
-        }
-        varying = [name for name, *_ in ELEMENT_ROWS if np.ptp(getattr(beam, name)) > 0.0]
-        notes = [f"{beam.elements} elements; axis {beam.axis}, gravity {beam.gravity} m/s²."]
-        if varying:
-            notes.append(f"Means over the elements: {', '.join(varying).replace('_', ' ')} vary along the beam.")
-        for name, value in beam.lumped.items():
-            scale, unit = (1e3, "g") if unit_of(name) == "kg" else (1.0, unit_of(name))
-            error = scale * errors.get(name, math.nan)
-            first = f"; guess {scale * guess.lumped.get(name, 0.0):.4g} {unit}" if guess and name in errors else ""
-            notes.append(f"{name.replace('_', ' ').capitalize()}: {shown(scale * value, error)} {unit}{first}.")
-        if beam.supports != (Clamp(),):
-            notes.append(f"Supports: {', '.join(map(repr, beam.supports)) or 'none'}.")
-        title = "Properties of the identified beam" if guess else "Properties of the beam"
-        cells = zip(*columns.values(), strict=True)
-        table = self.table(title, [*columns], cells, *notes, errors={"value": scaled} if errors else None,
-                           printed={"value": self.printed.get("value")})  # fmt: skip
-        data = {
-            **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in ELEMENT_ROWS},
-            "length": beam.length,
-            "elements": beam.elements,
-            "axis": list(beam.axis),
-            "gravity": list(beam.gravity),
-        }
-        return Finding(data, (table,), beam=BeamSpec.of(beam))
+        return properties_finding(self.beam_in(findings), self.printed, findings[self.beam])
+
+
+def properties_finding(beam: Beam, printed: Printed, origin: Finding | None = None) -> Finding:
+    """Return the table of properties of a beam; its origin, if it was identified, holds the guess and the errors."""
+    errors = (origin and origin.errors) or {}
+    scaled = tuple(scale * errors.get(name, math.nan) for name, _, scale in BEAM_ROWS)
+    guess = origin.guess.beam() if origin and origin.guess else None
+    columns: dict[str, Sequence[Cell]] = {
+        "property": [name.replace("_", " ") for name, *_ in BEAM_ROWS],
+        "unit": [unit for _, unit, _ in BEAM_ROWS],
+        **({"guess": _means(guess)} if guess else {}),
+        "value": _means(beam),
+    }
+    varying = [name for name, *_ in ELEMENT_ROWS if np.ptp(getattr(beam, name)) > 0.0]
+    notes = [f"{beam.elements} elements; axis {beam.axis}, gravity {beam.gravity} m/s²."]
+    if varying:
+        notes.append(f"Means over the elements: {', '.join(varying).replace('_', ' ')} vary along the beam.")
+    for name, value in beam.lumped.items():
+        scale, unit = (1e3, "g") if unit_of(name) == "kg" else (1.0, unit_of(name))
+        error = scale * errors.get(name, math.nan)
+        first = f"; guess {scale * guess.lumped.get(name, 0.0):.4g} {unit}" if guess and name in errors else ""
+        notes.append(f"{name.replace('_', ' ').capitalize()}: {shown(scale * value, error)} {unit}{first}.")
+    if beam.supports != (Clamp(),):
+        notes.append(f"Supports: {', '.join(map(repr, beam.supports)) or 'none'}.")
+    title = "Properties of the identified beam" if guess else "Properties of the beam"
+    table = beside_printed(
+        title, [*columns], zip(*columns.values(), strict=True), *notes, errors={"value": scaled} if errors else None,
+        printed={"value": printed.get("value")},
+    )  # fmt: skip
+    data = {
+        **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in ELEMENT_ROWS},
+        "length": beam.length,
+        "elements": beam.elements,
+        "axis": list(beam.axis),
+        "gravity": list(beam.gravity),
+    }
+    return Finding(data, (table,), beam=BeamSpec.of(beam))
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class ModesOfBeam(Part):
+class ModesOfBeam(Step):
     """The lowest modes of a beam."""
 
     kind, about, heading = "modes", "natural frequencies and shapes: {}", "Natural modes"
@@ -108,29 +114,33 @@ class ModesOfBeam(Part):
     printed: Annotated[Printed, Meta(description="{frequency (Hz)}")] = field(default_factory=dict)
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the part with its printed numbers."""
+        """Return the step with its printed numbers."""
         whole(self.modes, f"{where}: modes", 1, study.model.freedoms)
         return replace(self, printed=printed_numbers(self.printed, {"frequency": self.modes}, where))
 
-    def finding(self, results: Sequence[Any], found: Found) -> Finding:
+    def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the table of frequencies, and the shapes."""
-        beam = self.beam_in(found)
+        beam = self.beam_in(findings)
         modes = natural_modes(Model(beam), count=self.modes)
         frequencies = modes.frequencies.tolist()
-        errors = found[self.beam].frequency_errors
+        errors = findings[self.beam].frequency_errors
         head = "frequency, Hz"
-        table = self.table(
+        table = beside_printed(
             "Natural frequencies" + " of the identified beam" * bool(errors),
             ("mode", head),
             enumerate(frequencies, start=1),
             errors={head: (*errors, *[None] * modes.count)[: modes.count]} if errors else None,
             printed={head: self.printed.get("frequency")},
         )
-        figure = drawn("Mode shapes about the equilibrium.", modes.figure)
+        figures = compute.drawings(("Mode shapes about the equilibrium.", _mode_shapes, beam, self.modes))
         files = {"shapes.csv": _shapes(modes).csv().encode()}
         tip = modes.equilibrium.tip
         data = {"frequency_hz": frequencies, "equilibrium_tip_m": [float(tip[0]), float(tip[1])]}
-        return Finding(data, (table,), (figure,), text=modes.report(), files=files, beam=BeamSpec.of(beam))
+        return Finding(data, (table,), figures, text=modes.report(), files=files, beam=BeamSpec.of(beam))
+
+
+def _mode_shapes(beam: Beam, count: int) -> Figure:
+    return natural_modes(Model(beam), count=count).figure()
 
 
 def _shapes(modes: Modes) -> Table:
@@ -157,7 +167,7 @@ class MatchedBeam:
     document: str  # the beam with the damping of the file, as a JSON document
 
 
-def match_plain(beam: Beam, request: dict[str, Any], file: StudyFile) -> MatchedBeam:
+def match_plain(beam: Beam, request: dict[str, Any], file: StudyFile = NO_FILE) -> MatchedBeam:
     """Match a beam, whose damping is that of a file."""
     match = match_frequencies(beam, **request_of(MatchTable(**request)))
     if match.max_relative_error > 0.5:  # of a frequency; such a beam is not the one that was measured
@@ -175,7 +185,7 @@ def match_plain(beam: Beam, request: dict[str, Any], file: StudyFile) -> Matched
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Match(Part, MatchTable):
+class Match(Step, MatchTable):
     """A beam matched to measured frequencies."""
 
     kind, heading = "match", "Beam matched to measured frequencies"
@@ -192,91 +202,104 @@ class Match(Part, MatchTable):
     ] = field(default_factory=dict)
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the part with the keys of [match], if it has none of its own."""
-        own: MatchTable = self
+        """Return the step with the keys of [match], if it has none of its own."""
+        table: MatchTable = self
         place, elements = where, study.model.beam.elements
         if not self.request:
             place = study.file.where("match")
-            own = convert(study.file.needed("match", "run --keys lists its keys"), MatchTable, place)
+            table = convert(study.file.needed("match", "run --keys lists its keys"), MatchTable, place)
         if elements > MOST_ELEMENTS:
             raise InputError(
                 f"a match takes {MOST_ELEMENTS} at most, got {elements}; 20 to 100 are enough",
                 f"{study.file.where('beam')}: elements",
             )
         with located(place):
-            targets = request_of(own)["targets"]
+            targets = request_of(table)["targets"]
         modes = len(targets.frequencies if isinstance(targets, MeasuredModes) else targets)
         columns = {"standard": modes, "optimum": modes, "value": len(ELEMENT_ROWS)}
         damped = "damping" in study.file.tables or "document" in study.file.tables.get("beam", {})
-        given = study.file.only({"beam", "damping"}) if damped else self.given
-        return replace(self, **own.request, printed=printed_numbers(self.printed, columns, where), given=given)
+        file = study.file.only({"beam", "damping"}) if damped else self.file
+        return replace(self, **table.request, printed=printed_numbers(self.printed, columns, where), file=file)
 
-    def tasks(self, found: Found) -> tuple[Task, ...]:
-        """Return the match."""
-        return (Task(match_plain, (self.beam_in(found), self.request, self.given), 2.0),)
-
-    def finding(self, results: Sequence[Any], found: Found) -> Finding:
+    def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the properties, the frequencies, and both as figures."""
-        match: MatchedBeam = results[0]
-        beam, data = self.beam_in(found), match.data
-        figures = (
-            drawn("Properties of the matched beam along its length, relative to the given beam.  "
-                  "Shaded: changes of single elements that fit equally well.",
-                  lambda: _profiles(beam, match.beam, match.ranges)),
-            self._errors(data),
-        )  # fmt: skip
-        tables = (self._properties(beam, match.beam, data), self._frequencies(beam, data))
-        files = {"matched.json": match.document.encode()}
-        return Finding(data, tables, figures, tuple(data["warnings"]), text=match.report, files=files, beam=match.beam)
+        beam = self.beam_in(findings)
+        match = compute(match_plain, beam, self.request, self.file, cost=2.0)
+        return match_finding(compute, beam, match, self.printed, self.printed_by, weightless=self.weightless)
 
-    def _properties(self, beam: Beam, matched: BeamSpec, data: Mapping[str, Any]) -> Table:
-        rows = []
-        for name, unit, scale in ELEMENT_ROWS:
-            before, values = scale * float(np.mean(getattr(beam, name))), scale * np.array(getattr(matched, name))
-            row = (before, float(values.mean()), float(values.min()), float(values.max()))
-            rows.append((name.replace("_", " "), unit, *row))
-        heads = ("property", "unit", "before", "mean", "smallest", "largest")
-        bounds = ", ".join(data["at_bound"]) or "none"
-        notes = (
-            f"{data['iterations']} iterations of IPOPT; properties at a bound: {bounds}.",
-            "Mean, smallest and largest value along the beam.",
-            *data["identified"],
-        )
-        printed = {"mean": self.printed.get("value")}
-        return self.table("Properties of the matched beam", heads, rows, *notes, printed=printed)
 
-    def _frequencies(self, beam: Beam, data: Mapping[str, Any]) -> Table:
-        columns = {"mode": data["modes"], "measured, Hz": data["target_hz"], "before, Hz": data["standard_hz"]}
-        if self.weightless:
-            other = beam.with_(gravity=(0.0, 0.0), density=self.weightless)
-            frequencies = natural_modes(Model(other), count=max(data["modes"])).frequencies
-            shown = [float(frequencies[mode - 1]) for mode in data["modes"]]
-            columns[f"{self.weightless:g} kg/m³, no gravity, Hz"] = shown
-        printed = {[*columns][-1]: self.printed.get("standard"), "matched, Hz": self.printed.get("optimum")}
-        columns["matched, Hz"] = data["matched_hz"]
-        note = f"Largest relative error after matching: {data['max_relative_error']:.1e}."
-        title = "Natural frequencies before and after matching"
-        return self.table(title, [*columns], zip(*columns.values(), strict=True), note, printed=printed)
+def match_finding(
+    compute: Compute,
+    beam: Beam,
+    match: MatchedBeam,
+    printed: Printed | None = None,
+    printed_by: str = "printed",
+    *,
+    weightless: float = 0.0,
+) -> Finding:
+    """Return properties and frequencies of a matched beam, as tables and figures, beside those of the beam before.
 
-    def _errors(self, data: Mapping[str, Any]) -> Drawing:
-        """Draw the relative errors on a logarithmic scale, so that those after matching are visible."""
-        target = np.array(data["target_hz"])
-        columns = {"before": data["standard_hz"], "matched": data["matched_hz"]}
-        for key in ("standard", "optimum"):
-            if key in self.printed:
-                columns[f"{self.printed_by}, {key}"] = list(self.printed[key])
+    ``weightless`` is the density (kg/m^3) of a beam without gravity whose frequencies stand beside; none if 0.
+    """
+    data, printed = match.data, printed or {}
+    columns = {"before": data["standard_hz"], "matched": data["matched_hz"]}
+    columns |= {f"{printed_by}, {key}": printed[key] for key in ("standard", "optimum") if key in printed}
+    figures = compute.drawings(
+        ("Properties of the matched beam along its length, relative to the given beam.  "
+         "Shaded: changes of single elements that fit equally well.", _profiles, beam, match.beam, match.ranges),
+        ("Relative errors of the natural frequencies, without their signs, on a logarithmic scale.",
+         _frequency_errors, data["modes"], data["target_hz"], columns),
+    )  # fmt: skip
+    tables = (
+        _properties(beam, match.beam, data, printed.get("value")),
+        _frequencies(beam, data, printed, weightless),
+    )
+    files = {"matched.json": match.document.encode()}
+    return Finding(data, tables, figures, tuple(data["warnings"]), text=match.report, files=files, beam=match.beam)
 
-        def draw() -> Figure:
-            figure, (axes,) = new_figure(3.2)
-            for k, (label, frequencies) in enumerate(columns.items()):
-                errors = 100 * np.abs(np.array(frequencies, dtype=float) / target - 1)
-                axes.plot(data["modes"], np.maximum(errors, 1e-12), **series(k), ms=5, label=label)
-            axes.set(yscale="log", xlabel="mode", ylabel="frequency error, %", xticks=data["modes"])
-            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-            return figure
 
-        caption = "Relative errors of the natural frequencies, without their signs, on a logarithmic scale."
-        return drawn(caption, draw)
+def _properties(
+    beam: Beam, matched: BeamSpec, data: Mapping[str, Any], printed: Sequence[float | None] | None
+) -> Table:
+    rows = []
+    for name, unit, scale in ELEMENT_ROWS:
+        before, values = scale * float(np.mean(getattr(beam, name))), scale * np.array(getattr(matched, name))
+        row = (before, float(values.mean()), float(values.min()), float(values.max()))
+        rows.append((name.replace("_", " "), unit, *row))
+    heads = ("property", "unit", "before", "mean", "smallest", "largest")
+    bounds = ", ".join(data["at_bound"]) or "none"
+    notes = (
+        f"{data['iterations']} iterations of IPOPT; properties at a bound: {bounds}.",
+        "Mean, smallest and largest value along the beam.",
+        *data["identified"],
+    )
+    return beside_printed("Properties of the matched beam", heads, rows, *notes, printed={"mean": printed})
+
+
+def _frequencies(beam: Beam, data: Mapping[str, Any], printed: Printed, weightless: float) -> Table:
+    columns = {"mode": data["modes"], "measured, Hz": data["target_hz"], "before, Hz": data["standard_hz"]}
+    if weightless:
+        other = beam.with_(gravity=(0.0, 0.0), density=weightless)
+        frequencies = natural_modes(Model(other), count=max(data["modes"])).frequencies
+        columns[f"{weightless:g} kg/m³, no gravity, Hz"] = [float(frequencies[mode - 1]) for mode in data["modes"]]
+    beside = {[*columns][-1]: printed.get("standard"), "matched, Hz": printed.get("optimum")}
+    columns["matched, Hz"] = data["matched_hz"]
+    note = f"Largest relative error after matching: {data['max_relative_error']:.1e}."
+    title = "Natural frequencies before and after matching"
+    return beside_printed(title, [*columns], zip(*columns.values(), strict=True), note, printed=beside)
+
+
+def _frequency_errors(
+    modes: Sequence[int], target: Sequence[float], columns: Mapping[str, Sequence[float | None]]
+) -> Figure:
+    """Draw the relative errors on a logarithmic scale, so that those after matching are visible."""
+    figure, (axes,) = new_figure(3.2)
+    for k, (label, frequencies) in enumerate(columns.items()):
+        errors = 100 * np.abs(np.array(frequencies, dtype=float) / np.array(target) - 1)
+        axes.plot(modes, np.maximum(errors, 1e-12), **series(k), ms=5, label=label)
+    axes.set(yscale="log", xlabel="mode", ylabel="frequency error, %", xticks=modes)
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
 
 
 def _profiles(beam: Beam, matched: BeamSpec, ranges: Mapping[str, Array]) -> Figure:

@@ -1,4 +1,4 @@
-"""A part with modal parameters identified from free decays, Eq. (10): Tables 2 and 4, Figures 5 to 9 of the paper.
+"""A step with modal parameters identified from free decays, Eq. (10): Tables 2 and 4, Figures 5 to 9 of the paper.
 
 The decays are measured files, or synthetic ones: Eq. (9) or (27) with given parameters and seeded white noise.  Every
 figure and table made from synthetic decays says so.
@@ -7,7 +7,7 @@ figure and table made from synthetic decays says so.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal, Self, final
 
@@ -30,11 +30,12 @@ from problems.decay.laws import Law
 from problems.decay.result import DecayFit
 from problems.spec.file import StudyFile
 from problems.spec.record_files import ColumnSpec
-from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
-from problems.study.part import Finding, Found, Part, Printed, Study, Task, printed_numbers
+from problems.study.compute import Compute
+from problems.study.drawing import band, draw_band, line, new_figure
+from problems.study.step import Finding, Findings, Printed, Step, Study, beside_printed, printed_numbers
 
 PRINTED = ("frequency", "damping_ratio", "eta1", "eta2")
-SYNTHETIC_STD = 0.2e-3  # m, of synthetic decays
+SYNTHETIC_RATE, SYNTHETIC_DURATION, SYNTHETIC_STD = 500.0, 5.0, 0.2e-3  # 1/s, s, m, of synthetic decays
 MOST_DECAY_SAMPLES = 10_000_000  # of a synthetic decay
 
 
@@ -59,8 +60,8 @@ class SyntheticDecay(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         """Refuse parameters of both laws, or of none."""
-        given = (self.damping_ratio is not None, self.eta1 is not None, self.eta2 is not None)
-        if given not in ((True, False, False), (False, True, True)):
+        present = (self.damping_ratio is not None, self.eta1 is not None, self.eta2 is not None)
+        if present not in ((True, False, False), (False, True, True)):
             raise InputError("give either damping_ratio, or both of eta1 (1/s) and eta2 (1/m)")
 
 
@@ -136,7 +137,7 @@ def _numbers(fit: DecayFit) -> dict[str, Any]:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Decays(Part):
+class Decays(Step):
     """Free decays, one per mode, and their fits."""
 
     kind, about, heading = "decays", "free decays: {}", "Free decays"
@@ -150,8 +151,8 @@ class Decays(Part):
             "damping_ratio; or eta1 (1/s), eta2 (1/m)}}"
         ),
     ] = None
-    sample_rate: Annotated[Positive, Meta(description="1/s, of synthetic decays")] = 500.0
-    duration: Annotated[Positive, Meta(description="s")] = 5.0
+    sample_rate: Annotated[Positive, Meta(description="1/s, of synthetic decays")] = SYNTHETIC_RATE
+    duration: Annotated[Positive, Meta(description="s")] = SYNTHETIC_DURATION
     std: Annotated[float, Meta(ge=0.0, description="m")] = SYNTHETIC_STD
     seed: Annotated[int, Meta(ge=0)] | None = None
     printed: Annotated[Printed, Meta(description="{frequency (Hz), damping_ratio (%), eta1, eta2}")] = field(
@@ -160,7 +161,7 @@ class Decays(Part):
     sources: Annotated[tuple[Any, ...], UNLISTED] = ()  # synthetic decays, and measured ones that are not read yet
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the part with its synthetic decays, and the tables of its measured ones."""
+        """Return the step with its synthetic decays, and the tables of its measured ones."""
         tables = study.file.several("decays") if self.records is None else self.records
         if not tables:
             raise InputError("is missing; name the records, or add tables [[decays]]", f"{where}: records")
@@ -169,107 +170,135 @@ class Decays(Part):
             place = f"{where}: records: {k}"
             if isinstance(table, dict) and "synthetic" in table:
                 check_keys(table, {"synthetic"}, set(), place)
-                given = convert(table["synthetic"], SyntheticDecay, f"{place}: synthetic")
+                parameters = convert(table["synthetic"], SyntheticDecay, f"{place}: synthetic")
+                seed = study.seed if self.seed is None else self.seed
                 with located(place):
-                    sources.append(self._synthetic(given, study.seed, k))
+                    sources.append(synthetic_decay(parameters, k, seed, self.sample_rate, self.duration, self.std))
             else:
                 sources.append(convert(table, DecayRecord, place))
         printed = printed_numbers(self.printed, dict.fromkeys(PRINTED, len(sources)), where)
-        return replace(self, records=None, sources=tuple(sources), printed=printed, given=study.file.only(set()))
+        return replace(self, records=None, sources=tuple(sources), printed=printed, file=study.file.only(set()))
 
     @property
     def decays(self) -> tuple[Decay, ...]:
         """The decays, of which the measured ones are read from their files."""
-        place = f"{self.given.where('parts')}: {self.name}: records"
+        place = f"{self.file.where('parts')}: {self.name}: records"
         return tuple(
-            source.decay(self.given, f"{place}: {k}") if isinstance(source, DecayRecord) else source
+            source.decay(self.file, f"{place}: {k}") if isinstance(source, DecayRecord) else source
             for k, source in enumerate(self.sources, start=1)
         )
 
-    def _synthetic(self, given: SyntheticDecay, seed: int, mode: int) -> Decay:
-        """Return a decay by Eq. (9) or (27) with white noise, released at rest at time 0."""
-        seed = seed if self.seed is None else self.seed
-        if self.sample_rate * self.duration > MOST_DECAY_SAMPLES:
-            raise InputError(
-                f"gives {self.sample_rate * self.duration:.3g} samples, {MOST_DECAY_SAMPLES:g} at most; lower the rate",
-                "duration",
-            )
-        time = np.arange(0.0, self.duration, 1 / self.sample_rate)
-        ω, amplitude = cs.DM(2 * math.pi * given.frequency), cs.DM(given.amplitude)
-        if given.eta1 is not None and given.eta2 is not None:
-            exact = quadratic_decay(cs.DM(time), ω, cs.DM(given.eta1), cs.DM(given.eta2), amplitude, cs.DM(0.0))
-        elif given.damping_ratio is not None:
-            exact = linear_decay(cs.DM(time), ω, cs.DM(given.damping_ratio), amplitude, cs.DM(0.0))
-        noise = self.std * np.random.default_rng((seed, mode)).standard_normal(len(time))
-        law = "Eq. (27)" if given.damping_ratio is None else "Eq. (9)"
-        about = (
-            f"Synthetic decays by {law}, because no raw record was published: {self.sample_rate:g} samples/s, "
-            f"{self.duration:g} s, white noise of {1e3 * self.std:g} mm, seed {seed}."
-        )
-        record = Measurement(time, exact.full().ravel() + noise, f"mode {mode}, synthetic")
-        return Decay(record, about, 0.0)
-
-    def tasks(self, found: Found) -> tuple[Task, ...]:
-        """Return the fits."""
-        return tuple(Task(fit_plain, (decay, self.law, self.rest), 0.2) for decay in self.decays)
-
-    def finding(self, results: Sequence[Any], found: Found) -> Finding:
+    def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the table of modal parameters, and a figure per record."""
-        fits: Sequence[FittedDecay] = results
-        numbered = list(enumerate(zip(self.decays, fits, strict=True), start=1))
-        data = [
-            {"mode": mode, "record": decay.record.name, "synthetic": bool(decay.synthetic), **fit.numbers}
-            for mode, (decay, fit) in numbered
-        ]
-        figures = tuple(self._drawing(mode, decay, fit) for mode, (decay, fit) in numbered)
-        warnings = tuple(f"{row['record']}: {warning}" for row in data for warning in row["warnings"])
-        rows = [{**row, "amplitude_error": fit.amplitude_error} for row, fit in zip(data, fits, strict=True)]
-        return Finding(data, (self._table(rows),), figures, warnings)
+        decays = self.decays
+        fits = fit_all(compute, decays, self.law, self.rest)
+        return decays_finding(compute, decays, fits, self.printed, with_law=self.law == "auto")
 
-    def _table(self, rows: Sequence[Mapping[str, Any]]) -> Table:
-        columns: dict[str, Sequence[Cell]] = {"record": [decay.record.name for decay in self.decays]}
-        errors, printed = {}, {}
 
-        def add(head: str, name: str, key: str, error: str, scale: float = 1.0) -> None:
-            columns[head] = [scale * row[key] for row in rows]
-            errors[head] = [None if row[error] is None else scale * row[error] for row in rows]
-            printed[head] = self.printed.get(name)
-
-        if all(decay.synthetic for decay in self.decays):
-            columns = {"mode": range(1, len(rows) + 1)}
-        laws = [row["law"] for row in rows]
-        if len({*laws}) > 1 or self.law == "auto":
-            columns["law"] = laws
-        add("frequency, Hz", "frequency", "frequency_hz", "frequency_stderr_hz")
-        damped_by_rate = any(law != "linear" for law in laws)
-        if damped_by_rate:
-            add("η1, 1/s", "eta1", "eta1", "eta1_stderr")
-            add("η2, 1/m", "eta2", "eta2_per_m", "eta2_stderr_per_m")
-            columns["correlation"] = [row["correlation"] for row in rows]
-            add("amplitude, mm", "amplitude", "amplitude_m", "amplitude_error", 1e3)
-        ratio = "equivalent damping ratio, %" if damped_by_rate else "damping ratio, %"
-        add(ratio, "damping_ratio", "damping_ratio", "damping_ratio_stderr", 100.0)
-        sources = dict.fromkeys(decay.synthetic for decay in self.decays if decay.synthetic)
-        title = "Modal parameters from free decays"
-        if sources:
-            title += "; synthetic data"
-        cells = zip(*columns.values(), strict=True)
-        return self.table(title, [*columns], cells, *sources, errors=errors, printed=printed)
-
-    def _drawing(self, mode: int, decay: Decay, fit: FittedDecay) -> Drawing:
-        found = fit.numbers
-        title = f"f = {found['frequency_hz']:.5g} Hz,  "
-        if found["unbounded"]:
-            title += f"η1 = {found['eta1']:.3g} 1/s,  η2 = {found['eta2_per_m']:.3g} 1/m"
-        else:
-            title += f"ζ = {100 * found['damping_ratio']:.3g} %"
-        which = f"Mode {mode}: free decay (synthetic record)" if decay.synthetic else f"Free decay {decay.record.name}"
-        caption = (
-            f"{which} and its fit by the {found['law']} law.  Top: extremes over the whole record.  "
-            "Middle: first periods.  Bottom: record less fit."
+def synthetic_decay(
+    parameters: SyntheticDecay,
+    mode: int,
+    seed: int,
+    sample_rate: float = SYNTHETIC_RATE,
+    duration: float = SYNTHETIC_DURATION,
+    std: float = SYNTHETIC_STD,
+) -> Decay:
+    """Return a decay by Eq. (9) or (27) with white noise, released at rest at time 0."""
+    if sample_rate * duration > MOST_DECAY_SAMPLES:
+        raise InputError(
+            f"gives {sample_rate * duration:.3g} samples, {MOST_DECAY_SAMPLES:g} at most; lower the rate", "duration"
         )
-        head = f"mode {mode}" if decay.synthetic else decay.record.name
-        return drawn(caption, lambda: _decay_figure(decay, fit, f"{head}:  {title}"))
+    time = np.arange(0.0, duration, 1 / sample_rate)
+    ω, amplitude = cs.DM(2 * math.pi * parameters.frequency), cs.DM(parameters.amplitude)
+    if parameters.eta1 is not None and parameters.eta2 is not None:
+        η1, η2 = cs.DM(parameters.eta1), cs.DM(parameters.eta2)
+        exact = quadratic_decay(cs.DM(time), ω, η1, η2, amplitude, cs.DM(0.0))
+    elif parameters.damping_ratio is not None:
+        exact = linear_decay(cs.DM(time), ω, cs.DM(parameters.damping_ratio), amplitude, cs.DM(0.0))
+    noise = std * np.random.default_rng((seed, mode)).standard_normal(len(time))
+    law = "Eq. (27)" if parameters.damping_ratio is None else "Eq. (9)"
+    about = (
+        f"Synthetic decays by {law}, because no raw record was published: {sample_rate:g} samples/s, {duration:g} s, "
+        f"white noise of {1e3 * std:g} mm, seed {seed}."
+    )
+    return Decay(Measurement(time, exact.full().ravel() + noise, f"mode {mode}, synthetic"), about, 0.0)
+
+
+def fit_all(compute: Compute, decays: Sequence[Decay], law: str, rest: Rest | None) -> list[FittedDecay]:
+    """Fit decays by a law."""
+    return compute.all(fit_plain, [(decay, law, rest) for decay in decays], 0.2)
+
+
+def decays_finding(
+    compute: Compute,
+    decays: Sequence[Decay],
+    fits: Sequence[FittedDecay],
+    printed: Printed | None = None,
+    *,
+    with_law: bool = False,
+) -> Finding:
+    """Return the table of modal parameters of fitted decays, one per mode, and a figure per record."""
+    data = [
+        {"mode": mode, "record": decay.record.name, "synthetic": bool(decay.synthetic), **fit.numbers}
+        for mode, (decay, fit) in enumerate(zip(decays, fits, strict=True), start=1)
+    ]
+    warnings = tuple(f"{row['record']}: {warning}" for row in data for warning in row["warnings"])
+    table = _parameter_table(decays, fits, printed or {}, with_law=with_law)
+    drawings = [
+        (_caption(mode, decay, fit), _decay_figure, decay, fit, _figure_title(mode, decay, fit))
+        for mode, (decay, fit) in enumerate(zip(decays, fits, strict=True), start=1)
+    ]
+    return Finding(data, (table,), compute.drawings(*drawings), warnings)
+
+
+def _parameter_table(
+    decays: Sequence[Decay], fits: Sequence[FittedDecay], printed: Printed, *, with_law: bool
+) -> Table:
+    rows = [{**fit.numbers, "amplitude_error": fit.amplitude_error} for fit in fits]
+    laws = [row["law"] for row in rows]
+    columns: dict[str, Sequence[Cell]] = {"record": [decay.record.name for decay in decays]}
+    errors: dict[str, Sequence[float | None]] = {}
+    printed_by_head = {}
+
+    def add(head: str, name: str, key: str, error: str, scale: float = 1.0) -> None:
+        columns[head] = [scale * row[key] for row in rows]
+        errors[head] = [None if row[error] is None else scale * row[error] for row in rows]
+        printed_by_head[head] = printed.get(name)
+
+    if all(decay.synthetic for decay in decays):
+        columns = {"mode": range(1, len(rows) + 1)}
+    if with_law or len({*laws}) > 1:
+        columns["law"] = laws
+    add("frequency, Hz", "frequency", "frequency_hz", "frequency_stderr_hz")
+    damped_by_rate = any(law != "linear" for law in laws)
+    if damped_by_rate:
+        add("η1, 1/s", "eta1", "eta1", "eta1_stderr")
+        add("η2, 1/m", "eta2", "eta2_per_m", "eta2_stderr_per_m")
+        columns["correlation"] = [row["correlation"] for row in rows]
+        add("amplitude, mm", "amplitude", "amplitude_m", "amplitude_error", 1e3)
+    ratio = "equivalent damping ratio, %" if damped_by_rate else "damping ratio, %"
+    add(ratio, "damping_ratio", "damping_ratio", "damping_ratio_stderr", 100.0)
+    sources = dict.fromkeys(decay.synthetic for decay in decays if decay.synthetic)
+    title = "Modal parameters from free decays" + "; synthetic data" * bool(sources)
+    cells = zip(*columns.values(), strict=True)
+    return beside_printed(title, [*columns], cells, *sources, errors=errors, printed=printed_by_head)
+
+
+def _caption(mode: int, decay: Decay, fit: FittedDecay) -> str:
+    name = f"Mode {mode}: free decay (synthetic record)" if decay.synthetic else f"Free decay {decay.record.name}"
+    return (
+        f"{name} and its fit by the {fit.numbers['law']} law.  Top: extremes over the whole record.  "
+        "Middle: first periods.  Bottom: record less fit."
+    )
+
+
+def _figure_title(mode: int, decay: Decay, fit: FittedDecay) -> str:
+    numbers, name = fit.numbers, f"mode {mode}" if decay.synthetic else decay.record.name
+    if numbers["unbounded"]:
+        damping = f"η1 = {numbers['eta1']:.3g} 1/s,  η2 = {numbers['eta2_per_m']:.3g} 1/m"
+    else:
+        damping = f"ζ = {100 * numbers['damping_ratio']:.3g} %"
+    return f"{name}:  f = {numbers['frequency_hz']:.5g} Hz,  {damping}"
 
 
 def _decay_figure(decay: Decay, fit: FittedDecay, title: str) -> Figure:

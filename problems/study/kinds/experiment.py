@@ -45,7 +45,7 @@ from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.decay.fitting import fit_decay
 from problems.spec.beam import law_of
 from problems.study.drawing import band
-from problems.study.part import LawChoice, Study, Terms
+from problems.study.step import LawChoice, Study, Terms
 
 EXPERIMENT_TOLERANCE = 1e-4  # of the integrator, over the tip amplitude relative to the length
 IDAS_RATIO = 0.04  # tolerance of IDAS_RATIO relative to that of Radau, for errors of the same size

@@ -1,4 +1,4 @@
-"""Parts that one computation makes of the tables of the file.
+"""Steps that one computation makes of the tables of the file.
 
 One simulated motion; a fit to measured large motion with predictions of other records; a comparison of damping laws on
 measured motion; planned experiments.
@@ -34,9 +34,10 @@ from problems.spec.file import StudyFile
 from problems.spec.motion import SimulationTables, read_simulation
 from problems.spec.plan import PLAN_TABLES, PlanTask
 from problems.spec.records import NUMBERS, Measurements, read_measurements
+from problems.study.compute import Compute
 from problems.study.drawing import drawn
 from problems.study.formatting import digits_of
-from problems.study.part import Finding, Found, Part, Study, Task
+from problems.study.step import Finding, Findings, Step, Study
 
 MODES = 12  # whose natural frequencies get standard errors
 MOTION_TABLES = {"beam", "damping", "base", "load", "release", "records", *NUMBERS, "predictions", "fit"}
@@ -44,7 +45,7 @@ MOTION_TABLES = {"beam", "damping", "base", "load", "release", "records", *NUMBE
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class SimulationPart(Part):
+class SimulationStep(Step):
     """One simulated motion."""
 
     kind, heading = "simulation", "Simulated motion"
@@ -56,7 +57,7 @@ class SimulationPart(Part):
     slower: Annotated[Positive | None, Meta(description="times that it is slower than the motion was")] = None
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the part with the tables of its motion."""
+        """Return the step with the tables of its motion."""
         SimulationTables.of(study.file)
         if self.animation:
             from ancf_casadi.animation.motions import check_animation  # matplotlib is slow to import
@@ -67,15 +68,10 @@ class SimulationPart(Part):
                     raise InputError("must be a name without a folder")
         return super().checked(study, where)
 
-    def tasks(self, found: Found) -> tuple[Task, ...]:
+    def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the simulation."""
-        return (
-            Task(
-                simulated,
-                (SimulationTables.of(self.given).with_records(), self.animate, self.animation, self.slower),
-                10.0,
-            ),
-        )
+        file = SimulationTables.of(self.file).with_records()
+        return compute(simulated, file, self.animate, self.animation, self.slower, cost=10.0)
 
 
 def simulated(file: StudyFile, animate: bool, animation: str, slower: float | None) -> Finding:
@@ -119,7 +115,7 @@ def _positions(run: Trajectory, markers: Mapping[str, float]) -> Table:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class MotionFit(Part):
+class MotionFit(Step):
     """A fit to measured large motion."""
 
     kind, heading = "motion", "Fit to measured motion"
@@ -128,13 +124,13 @@ class MotionFit(Part):
     reading = MOTION_TABLES
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the part with the tables of its measurements."""
+        """Return the step with the tables of its measurements."""
         Measurements.of(study.file)
         return super().checked(study, where)
 
-    def tasks(self, found: Found) -> tuple[Task, ...]:
+    def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the fit."""
-        return (Task(fitted, (Measurements.of(self.given).with_records(),), 60.0),)
+        return compute(fitted, Measurements.of(self.file).with_records(), cost=60.0)
 
 
 def fitted(file: StudyFile) -> Finding:
@@ -213,7 +209,7 @@ def _errors(predictions: Sequence[Mapping[str, Any]]) -> Table:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Comparison(Part):
+class Comparison(Step):
     """A comparison of damping laws on measured large motion."""
 
     kind, heading = "comparison", "Damping laws compared on measured motion"
@@ -222,7 +218,7 @@ class Comparison(Part):
     reading = MOTION_TABLES
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the part with the tables of its records and laws, of which there must be several."""
+        """Return the step with the tables of its records and laws, of which there must be several."""
         motions = Measurements.of(study.file)
         if len(motions.law_terms) < 2:
             raise InputError("there is only one law; add tables [[damping]]", where)
@@ -230,9 +226,9 @@ class Comparison(Part):
             raise InputError("all parameters of the laws are compared; leave out fixed", study.file.where("fit"))
         return super().checked(study, where)
 
-    def tasks(self, found: Found) -> tuple[Task, ...]:
+    def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the comparison."""
-        return (Task(compared, (Measurements.of(self.given).with_records(),), 120.0),)
+        return compute(compared, Measurements.of(self.file).with_records(), cost=120.0)
 
 
 def compared(file: StudyFile) -> Finding:
@@ -252,7 +248,7 @@ def compared(file: StudyFile) -> Finding:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class PlanPart(Part):
+class PlanStep(Step):
     """The standard errors that candidates will have, and the list that is worth measuring."""
 
     kind, heading = "plan", "Planned experiments"
@@ -260,13 +256,13 @@ class PlanPart(Part):
     reading = PLAN_TABLES
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the part with the tables of its candidates."""
+        """Return the step with the tables of its candidates."""
         PlanTask.of(study.file)
         return super().checked(study, where)
 
-    def tasks(self, found: Found) -> tuple[Task, ...]:
+    def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the plan."""
-        return (Task(planned, (PlanTask.of(self.given).with_records(),), 20.0),)
+        return compute(planned, PlanTask.of(self.file).with_records(), cost=20.0)
 
 
 def planned(file: StudyFile) -> Finding:

@@ -1,4 +1,4 @@
-"""A part with response curves, computed from the tables of the file.
+"""A step with response curves, computed from the tables of the file.
 
 A curve is a table as in ``results.json``: its points in their order along the curve, with the amplitude of the tip and
 of each marker relative to the clamp (m) and the phase (rad), the peak of the tip, bifurcations, and the frequencies at
@@ -31,9 +31,10 @@ from ancf_casadi.support.tables import Cell, Table
 from ancf_casadi.vibration.modes import natural_modes
 from problems.spec.file import StudyFile
 from problems.spec.motion import ResponseTask, convert_response, read_response
-from problems.study.drawing import drawn, new_figure, series
+from problems.study.compute import Compute
+from problems.study.drawing import new_figure, series
 from problems.study.formatting import formatted_table
-from problems.study.part import Finding, Found, Part, Study, Task
+from problems.study.step import Finding, Findings, Step, Study, beside_printed
 
 TIP_KEY = "tip"
 SUMMARY_HEADS = ("peak of the tip, mm", "at, Hz", "damping there, %", "jump up, Hz", "jump down, Hz")
@@ -57,8 +58,8 @@ def curve_numbers(task: ResponseTask, curve: ResponseCurve) -> dict[str, Any]:
         "peak_amplitude_m": float(amplitudes[TIP_KEY][peak]),
         "peak_damping_ratio": _damping_ratio(task.body, curve.motions[peak]),
         "bifurcations": [
-            {"name": one.kind, "frequency_hz": one.motion.frequency, "amplitude_m": one.motion.amplitude()}
-            for one in curve.bifurcations
+            {"name": point.kind, "frequency_hz": point.motion.frequency, "amplitude_m": point.motion.amplitude()}
+            for point in curve.bifurcations
         ],
         "jumps_up_hz": list(curve.jumps.up),
         "jumps_down_hz": list(curve.jumps.down),
@@ -74,16 +75,6 @@ def _damping_ratio(body: Model | ReducedModel, motion: PeriodicMotion) -> float:
     return float(motion.dissipated_energy / (2 * math.pi * speed**2))
 
 
-def level_numbers(levels: Sequence[float], unit: str, curves: Sequence[Curve]) -> list[dict[str, Any]]:
-    """Return the curves at the levels of an excitation, base amplitudes (m) or tip forces (N), for JSON."""
-    return [{"level": level, "unit": unit, "curve": curve} for level, curve in zip(levels, curves, strict=True)]
-
-
-def level_titles(levels: Sequence[float], unit: str) -> tuple[str, ...]:
-    """Return the levels of an excitation as text, in mm or mN."""
-    return tuple(f"{1e3 * level:.4g} m{unit}" for level in levels)
-
-
 def summary_rows(curves: Sequence[Curve]) -> list[tuple[Cell, ...]]:
     """Return peak, damping and jumps of curves as rows of a table with ``SUMMARY_HEADS``."""
     rows: list[tuple[Cell, ...]] = []
@@ -94,15 +85,15 @@ def summary_rows(curves: Sequence[Curve]) -> list[tuple[Cell, ...]]:
     return rows
 
 
-def level_curve(given: StudyFile, level: float) -> dict[str, Any]:
+def level_curve(file: StudyFile, level: float) -> dict[str, Any]:
     """Return the response curve of a study file at one of its levels."""
-    task = read_response(given)
+    task = read_response(file)
     return curve_numbers(task, task.curve(level))
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class ResponsePart(Part):
+class ResponseStep(Step):
     """Response curves at one or several levels."""
 
     kind, heading = "response", "Steady vibration"
@@ -113,35 +104,34 @@ class ResponsePart(Part):
     unit: Annotated[str, UNLISTED] = ""
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the part with its levels and the tables that it reads."""
+        """Return the step with its levels and the tables that it reads."""
         task = convert_response(study.file)
         return replace(super().checked(study, where), levels=task.levels, unit=task.unit)
 
-    def tasks(self, found: Found) -> tuple[Task, ...]:
-        """Return the curve of each level."""
-        # expected computing time of a curve
-        return tuple(Task(level_curve, (self.given, level), 5.0) for level in self.levels)
-
-    def finding(self, results: Sequence[Any], found: Found) -> Finding:
+    def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the curves with their peaks and jumps."""
-        titles = level_titles(self.levels, self.unit)
-        rows = [(title, *row) for title, row in zip(titles, summary_rows(results), strict=True)]
-        table = self.table("Peaks and jumps of the response", ("excitation", *SUMMARY_HEADS), rows)
+        curves = compute.all(level_curve, [(self.file, level) for level in self.levels], 5.0)
+        titles = [f"{1e3 * level:.4g} m{self.unit}" for level in self.levels]  # in mm or mN
+        rows = [(title, *row) for title, row in zip(titles, summary_rows(curves), strict=True)]
+        table = beside_printed("Peaks and jumps of the response", ("excitation", *SUMMARY_HEADS), rows)
         caption = (
             "Steady vibration of the tip relative to the clamp: half the peak-to-peak value, and phase against the "
             "excitation.  Dashed: unstable."
         )
-        figure = drawn(caption, lambda: _figure(titles, results))
-        data = level_numbers(self.levels, self.unit, results)
+        figures = compute.drawings((caption, _figure, titles, curves))
+        data = [
+            {"level": level, "unit": self.unit, "curve": curve}
+            for level, curve in zip(self.levels, curves, strict=True)
+        ]
         lines = [
             f"  {title}: {bifurcation['name']} at {bifurcation['frequency_hz']:.6g} Hz, "
             f"tip {1e3 * bifurcation['amplitude_m']:.4g} mm"
-            for title, curve in zip(titles, results, strict=True)
+            for title, curve in zip(titles, curves, strict=True)
             for bifurcation in curve["bifurcations"]
         ]
         text = "\n".join([formatted_table(table).text(), *lines])
-        files = {"response.csv": _points(self.levels, self.unit, results).csv().encode()}
-        return Finding(data, (table,), (figure,), text=text, files=files)
+        files = {"response.csv": _points(self.levels, self.unit, curves).csv().encode()}
+        return Finding(data, (table,), figures, text=text, files=files)
 
 
 def _points(levels: Sequence[float], unit: str, curves: Sequence[Curve]) -> Table:
@@ -182,7 +172,7 @@ def draw_curve(axes: Axes, curve: Curve, values: Array, number: int, label: str 
     span = max(1, len(values) // 8)  # markers, which tell the curves apart in grey
     stable = curve["stable"]
     for begin, end in pairwise([0, *(np.flatnonzero(np.diff(stable)) + 1).tolist(), len(stable)]):
-        part = slice(begin, end + 1)  # neighbouring parts share a point
+        branch = slice(begin, end + 1)  # neighbouring branches share a point
         dash = {} if stable[begin] else {"linestyle": (0, (3, 2)), "marker": ""}
-        axes.plot(curve["frequency_hz"][part], values[part], markevery=(span // 2, span),
+        axes.plot(curve["frequency_hz"][branch], values[branch], markevery=(span // 2, span),
                   label=None if begin else label, **style | dash)  # fmt: skip

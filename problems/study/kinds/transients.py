@@ -1,4 +1,4 @@
-"""A part with simulated experiments: Figures 17 to 27, Tables 8, 11 and 12 of the paper.
+"""A step with simulated experiments: Figures 17 to 27, Tables 8, 11 and 12 of the paper.
 
 Each run drives a mode of the beam, stops, and lets it decay under several laws (``experiment``).
 """
@@ -20,9 +20,10 @@ from ancf_casadi.support.arrays import Array, maxima
 from ancf_casadi.support.figures import Axes, Figure, plain_log_ticks
 from ancf_casadi.support.tables import Table, known
 from problems.spec.help import described_keys
-from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, series
+from problems.study.compute import Compute
+from problems.study.drawing import draw_band, line, new_figure, series
 from problems.study.kinds.experiment import ExperimentResult, RequestedRun, run_experiment
-from problems.study.part import Finding, Found, LawChoice, Part, Printed, Study, Task, printed_numbers
+from problems.study.step import Finding, Findings, LawChoice, Printed, Step, Study, beside_printed, printed_numbers
 
 RUN_KEYS = ", ".join(described_keys(RequestedRun))
 TRANSIENT_KEYS = {"experiment", "runs"}  # other keys of its numbers
@@ -30,34 +31,24 @@ TRANSIENT_KEYS = {"experiment", "runs"}  # other keys of its numbers
 Row = tuple[int, LawChoice, dict[str, Any]]  # number of a run, law, and the numbers of the experiment
 
 
-def with_laws(runs: Sequence[RequestedRun], laws: tuple[LawChoice, ...]) -> tuple[RequestedRun, ...]:
-    """Return the runs of a part with their laws: their own ones, or those of the part."""
-    return tuple(replace(run, laws=run.laws or laws) for run in runs)
-
-
-def experiment_tasks(
-    runs: Sequence[RequestedRun], beam: Beam, found: Found, methods: Sequence[Method] = ("radau",)
-) -> tuple[Task, ...]:
-    """Return the simulations of runs as tasks: run by run, law by law, method by method."""
-    tasks = []
+def run_experiments(
+    compute: Compute, beam: Beam, runs: Sequence[RequestedRun], methods: Sequence[Method] = ("radau",)
+) -> list[list[ExperimentResult]]:
+    """Simulate each run under each of its laws by each method; return the results run by run."""
+    inputs, costs = [], []
     for run in runs:
-        own = replace(run, laws=(), measured_ratio=math.nan)  # without what does not concern the simulation
-        cost = 0.01 * max(own.frequency, 2.0) * (own.stop + max(own.window, 1.0))  # by the number of periods
-        tasks += [
-            Task(run_experiment, (beam, law.of(found), own, method), cost) for law in run.laws for method in methods
-        ]
-    return tuple(tasks)
-
-
-def results_of(runs: Sequence[RequestedRun], results: Sequence[ExperimentResult]) -> list[list[ExperimentResult]]:
-    """Return the results of the tasks of a part run by run."""
-    own = iter(results)
-    return [[next(own) for _ in run.laws] for run in runs]
+        requested = replace(run.shortened() if compute.quick else run, laws=(), measured_ratio=math.nan)
+        # computing time by the number of periods
+        cost = 0.01 * max(requested.frequency, 2.0) * (requested.stop + max(requested.window, 1.0))
+        inputs += [(beam, law.terms, requested, method) for law in run.laws for method in methods]
+        costs += [cost] * len(run.laws) * len(methods)
+    results = iter(compute.all(run_experiment, inputs, costs))
+    return [[next(results) for _ in range(len(run.laws) * len(methods))] for run in runs]
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Transients(Part):
+class Transients(Step):
     """Simulated experiments on a beam."""
 
     kind, about, heading = "transients", "simulated experiments: {}", "Excitation, stop and decay"
@@ -71,103 +62,126 @@ class Transients(Part):
     )
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the part with its laws and printed numbers."""
-        runs = with_laws(self.runs, self.laws)
+        """Return the step with its laws and printed numbers."""
+        runs = tuple(replace(run, laws=run.laws or self.laws) for run in self.runs)
         for k, run in enumerate(runs, start=1):
             run.check(study, f"{where}: runs: {k}")
-        laws = {law.name: law for run in runs for law in run.laws}
+        laws = _laws(runs)
         if taken := TRANSIENT_KEYS & laws.keys():
             raise InputError(f"the name {', '.join(sorted(taken))} is taken in results.json; rename the law", where)
         printed = printed_numbers(self.printed, dict.fromkeys(laws, len(runs)), where)
         return replace(self, runs=runs, laws=tuple(laws.values()), printed=printed)
 
-    def shortened(self) -> Self:
-        """Return the part of a quick look, with short runs."""
-        return replace(self, runs=tuple(run.shortened() for run in self.runs))
-
-    def tasks(self, found: Found) -> tuple[Task, ...]:
-        """Return the simulations, run by run and law by law."""
-        return experiment_tasks(self.runs, self.beam_in(found), found)
-
-    def finding(self, results: Sequence[Any], found: Found) -> Finding:
+    def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the damping ratios, the amplitudes, and a figure per run."""
-        which = [(k, law) for k, run in enumerate(self.runs) for law in run.laws]
-        rows: list[Row] = [
-            (k, law, {"mode": one.numbers["mode"], "law": law.name, **one.numbers})
-            for (k, law), one in zip(which, results, strict=True)
-        ]
-        data: dict[str, Any] = {"experiment": [known(run.measured_ratio) for run in self.runs]}
-        if data["experiment"].count(None) == len(self.runs):
-            del data["experiment"]
-        for law in self.laws:
-            ratios = {k: row["damping_ratio"] for k, own, row in rows if own == law}
-            data[law.name] = [ratios.get(k) for k in range(len(self.runs))]
-        data["runs"] = [row for *_, row in rows]
-        in_order = sorted(rows, key=lambda row: int(row[2]["mode"]))
-        figures = [_drawing(run, own) for run, own in zip(self.runs, results_of(self.runs, results), strict=True)]
-        if len(self.runs) > 2:
-            caption = "Damping ratio of each mode under each law."
-            figures.append(drawn(caption, lambda: self._overview(data)))
-        return Finding(data, (self._ratios(in_order), self._amplitudes(in_order)), tuple(figures))
-
-    def _ratios(self, rows: Sequence[Row]) -> Table:
-        measured = any(math.isfinite(run.measured_ratio) for run in self.runs)
-        cells = [
-            (row["mode"], law.title, *[100 * self.runs[k].measured_ratio][:measured], 100 * row["damping_ratio"],
-             100 * row["expected_damping_ratio"], 1e3 * row["amplitude_m"])
-            for k, law, row in rows
-        ]  # fmt: skip
-        printed = [self.printed[law.name][k] if law.name in self.printed else None for k, law, _ in rows]
-        return self.table(
-            "Damping ratios of the decays after the stop",
-            ("mode", "law", *["measured, %"][:measured], "simulated, %", "predicted by the law, %", "at amplitude, mm"),
-            cells,
-            printed={"simulated, %": printed if any(value is not None for value in printed) else None},
-        )
-
-    def _amplitudes(self, rows: Sequence[Row]) -> Table:
-        sizes = ("base_amplitude_m", "requested_amplitude_m", "reached_amplitude_m")
-        heads = ("mode", "law", "drive, Hz", "base amplitude, mm", "requested, mm", "at the stop, mm",
-                 "frequency in the decay, Hz")  # fmt: skip
-        cells = [(row["mode"], law.title, row["drive_hz"], *(1e3 * row[name] for name in sizes), row["frequency_hz"])
-                 for _, law, row in rows]  # fmt: skip
-        # relative difference from the requested amplitude that the table explains
-        short = any(row["reached_amplitude_m"] < (1 - 0.05) * row["requested_amplitude_m"] for *_, row in rows)
-        reason = (
-            "Where the amplitude at the stop is smaller than requested, the frequency of the mode falls with the "
-            "amplitude by more than the width of the resonance, so that a drive at constant frequency reaches no more."
-        )
-        notes = ("The base amplitude is that of linear theory for the requested amplitude of the tip.", reason)
-        title = "Amplitudes of the excitation and of the tip"
-        return self.table(title, heads, cells, *notes[: 1 + short])
-
-    def _overview(self, data: Mapping[str, Any]) -> Figure:
-        """Draw the damping ratio of each mode under each law."""
-        figure, (axes,) = new_figure(3.6)
-        order = sorted(range(len(self.runs)), key=lambda k: self.runs[k].mode)
-        places = np.arange(len(order))
-
-        def in_order(ratios: Sequence[float | None]) -> Array:
-            return np.array([ratios[k] for k in order], dtype=float)
-
-        if "experiment" in data:
-            axes.plot(places, 100 * in_order(data["experiment"]), "ks", ms=9, mfc="none", label="measured")
-        for k, law in enumerate(self.laws):
-            axes.plot(places, 100 * in_order(data[law.name]), **series(k), ms=5, label=law.title)
-            if law.name in self.printed:
-                axes.plot(places, in_order(self.printed[law.name]), ls="", marker="x", ms=7,
-                          color=series(k)["color"])  # fmt: skip
-        if self.printed:
-            axes.plot([], [], "kx", ms=7, label=self.printed_by)
-        axes.set(yscale="log", ylabel="damping ratio, %", xlabel="mode")
-        axes.set_xticks(places, [str(self.runs[k].mode) for k in order])
-        axes.set_title("damping ratio of each mode under each law")
-        plain_log_ticks(axes, "y")
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
-        return figure
+        runs = [replace(run, laws=tuple(law.resolved(findings) for law in run.laws)) for run in self.runs]
+        return transients_finding(compute, self.beam_in(findings), runs, self.printed, self.printed_by)
 
 
-def _drawing(run: RequestedRun, results: Sequence[ExperimentResult]) -> Drawing:
+def _laws(runs: Sequence[RequestedRun]) -> dict[str, LawChoice]:
+    """Return the laws of all runs by name."""
+    return {law.name: law for run in runs for law in run.laws}
+
+
+def transients_finding(
+    compute: Compute,
+    beam: Beam,
+    runs: Sequence[RequestedRun],
+    printed: Printed | None = None,
+    printed_by: str = "printed",
+) -> Finding:
+    """Simulate runs: their damping ratios, the amplitudes, a figure per run, and one of all damping ratios."""
+    results, printed = run_experiments(compute, beam, runs), printed or {}
+    rows: list[Row] = [
+        (k, law, {"mode": result.numbers["mode"], "law": law.name, **result.numbers})
+        for k, (run, results_of_run) in enumerate(zip(runs, results, strict=True))
+        for law, result in zip(run.laws, results_of_run, strict=True)
+    ]
+    data: dict[str, Any] = {"experiment": [known(run.measured_ratio) for run in runs]}
+    if data["experiment"].count(None) == len(runs):
+        del data["experiment"]
+    laws = _laws(runs)
+    for name in laws:
+        ratios = {k: numbers["damping_ratio"] for k, law, numbers in rows if law.name == name}
+        data[name] = [ratios.get(k) for k in range(len(runs))]
+    data["runs"] = [numbers for *_, numbers in rows]
+    in_order = sorted(rows, key=lambda row: int(row[2]["mode"]))
+    drawings: list[Any] = [
+        (_caption(run, results_of_run), _run_figure, run, results_of_run)
+        for run, results_of_run in zip(runs, results, strict=True)
+    ]
+    if len(runs) > 2:
+        titles = {name: law.title for name, law in laws.items()}
+        modes = [run.mode for run in runs]
+        overview = ("Damping ratio of each mode under each law.", _overview, modes, data, titles, printed, printed_by)
+        drawings.append(overview)
+    tables = (_ratios(runs, in_order, printed), _amplitudes(in_order))
+    return Finding(data, tables, compute.drawings(*drawings))
+
+
+def _ratios(runs: Sequence[RequestedRun], rows: Sequence[Row], printed: Printed) -> Table:
+    measured = any(math.isfinite(run.measured_ratio) for run in runs)
+    cells = [
+        (numbers["mode"], law.title, *[100 * runs[k].measured_ratio][:measured], 100 * numbers["damping_ratio"],
+         100 * numbers["expected_damping_ratio"], 1e3 * numbers["amplitude_m"])
+        for k, law, numbers in rows
+    ]  # fmt: skip
+    beside = [printed[law.name][k] if law.name in printed else None for k, law, _ in rows]
+    return beside_printed(
+        "Damping ratios of the decays after the stop",
+        ("mode", "law", *["measured, %"][:measured], "simulated, %", "predicted by the law, %", "at amplitude, mm"),
+        cells,
+        printed={"simulated, %": beside if any(value is not None for value in beside) else None},
+    )
+
+
+def _amplitudes(rows: Sequence[Row]) -> Table:
+    sizes = ("base_amplitude_m", "requested_amplitude_m", "reached_amplitude_m")
+    heads = ("mode", "law", "drive, Hz", "base amplitude, mm", "requested, mm", "at the stop, mm",
+             "frequency in the decay, Hz")  # fmt: skip
+    cells = [
+        (numbers["mode"], law.title, numbers["drive_hz"], *(1e3 * numbers[name] for name in sizes),
+         numbers["frequency_hz"])
+        for _, law, numbers in rows
+    ]  # fmt: skip
+    # relative difference from the requested amplitude that the table explains
+    short = any(row["reached_amplitude_m"] < (1 - 0.05) * row["requested_amplitude_m"] for *_, row in rows)
+    reason = (
+        "Where the amplitude at the stop is smaller than requested, the frequency of the mode falls with the "
+        "amplitude by more than the width of the resonance, so that a drive at constant frequency reaches no more."
+    )
+    notes = ("The base amplitude is that of linear theory for the requested amplitude of the tip.", reason)
+    return beside_printed("Amplitudes of the excitation and of the tip", heads, cells, *notes[: 1 + short])
+
+
+def _overview(
+    modes: Sequence[int], data: Mapping[str, Any], titles: Mapping[str, str], printed: Printed, printed_by: str
+) -> Figure:
+    """Draw the damping ratio of each mode under each law; ``titles`` are those of the laws by name."""
+    figure, (axes,) = new_figure(3.6)
+    order = sorted(range(len(modes)), key=lambda k: modes[k])
+    places = np.arange(len(order))
+
+    def in_order(ratios: Sequence[float | None]) -> Array:
+        return np.array([ratios[k] for k in order], dtype=float)
+
+    if "experiment" in data:
+        axes.plot(places, 100 * in_order(data["experiment"]), "ks", ms=9, mfc="none", label="measured")
+    for k, (name, title) in enumerate(titles.items()):
+        axes.plot(places, 100 * in_order(data[name]), **series(k), ms=5, label=title)
+        if name in printed:
+            axes.plot(places, in_order(printed[name]), ls="", marker="x", ms=7, color=series(k)["color"])
+    if printed:
+        axes.plot([], [], "kx", ms=7, label=printed_by)
+    axes.set(yscale="log", ylabel="damping ratio, %", xlabel="mode")
+    axes.set_xticks(places, [str(modes[k]) for k in order])
+    axes.set_title("damping ratio of each mode under each law")
+    plain_log_ticks(axes, "y")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
+    return figure
+
+
+def _caption(run: RequestedRun, results: Sequence[ExperimentResult]) -> str:
     caption = (
         f"Mode {run.mode}, driven until {results[0].numbers['stop_s']:.4g} s.  Top: extremes of the tip "
         "displacement relative to the clamp.  Middle: the same around the stop.  "
@@ -175,7 +189,7 @@ def _drawing(run: RequestedRun, results: Sequence[ExperimentResult]) -> Drawing:
     )
     if math.isfinite(run.measured_ratio):
         caption += "  The measured decay is synthetic: Eq. (9) with the measured damping ratio."
-    return drawn(caption, lambda: _run_figure(run, results))
+    return caption
 
 
 def _run_figure(run: RequestedRun, results: Sequence[ExperimentResult]) -> Figure:

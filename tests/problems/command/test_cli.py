@@ -35,9 +35,9 @@ from ancf_casadi.version import __version__
 from ancf_casadi.vibration.modes import natural_modes
 from problems.cli import COMMANDS, REPLACED, main
 from problems.command import fit_decay as fit_decay_command
-from problems.paper.reproduce import ALL_KINDS, PAPER_FILE
+from problems.paper.reproduce import PAPER
 from problems.spec.motion import read_simulation
-from problems.study import runner
+from problems.study import compute as computing
 from problems.study import study as study_module
 from problems.study.kinds import beam as beam_kinds
 from problems.study.kinds import motion as motion_kinds
@@ -296,9 +296,9 @@ def test_reproduce_is_the_study_of_the_paper(files, capsys, monkeypatch):
 
     monkeypatch.setattr(study_module, "write_study", run)
     assert main(["reproduce", "--quick", "--jobs", "3", "--out", "study"]) == 1
-    assert calls.pop("arguments") == (PAPER_FILE, ALL_KINDS, Path("study"))
+    assert calls.pop("arguments") == (PAPER, Path("study"))
     command = "ancf-casadi reproduce --quick"
-    options = {"quick": True, "executor": None, "jobs": 3, "progress": False, "command": command, "steps": ()}
+    options = {"quick": True, "executor": None, "jobs": 3, "progress": False, "command": command}
     assert calls == options
     assert one_line(capsys) == "ancf-casadi: no minimum was found"
     assert not (files / "study").exists()
@@ -421,13 +421,11 @@ def test_every_command_has_help_and_json(command, capsys):
     assert "--json" in text and len(text.splitlines()) <= 60  # one screen
 
 
-def test_the_help_and_the_docs_of_studies_leave_out_the_parts_of_the_paper(capsys):
+def test_the_help_of_studies_names_every_kind(capsys):
     with pytest.raises(SystemExit):
         main(["run", "--keys"])
     told = re.findall(r'^  kind = "(\w+)"', capsys.readouterr().out, re.MULTILINE)
     assert told == [kind.kind for kind in study_module.KINDS]
-    docs = (Path(__file__).parents[3] / "docs").rglob("*.md")
-    assert not any(re.search(r'kind = "paper"', path.read_text()) for path in docs)
 
 
 def one_line(capsys) -> str:
@@ -1018,7 +1016,7 @@ class TestInterrupted:
         def stopped(*_, **__):
             raise KeyboardInterrupt
 
-        monkeypatch.setattr(runner, "run_task", stopped)
+        monkeypatch.setattr(computing, "run_function", stopped)
         assert main(["reproduce", "--jobs", "1", "--out", "study"]) == 130
         assert one_line(capsys) == f"ancf-casadi: stopped; {KEPT}"
         assert not (files / "study").exists()

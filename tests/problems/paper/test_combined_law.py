@@ -50,7 +50,7 @@ def test_coefficients_without_errors_return_the_truth(modes):
     found = fit_combined_law(exact, modes)
     assert found.ratios == pytest.approx(RATIOS)
     assert found.eta2 == pytest.approx(ETA2)
-    assert found.law.damping_ratios(modes, np.full(5, 0.02)) == pytest.approx(
+    assert found.law(modes).damping_ratios(modes, np.full(5, 0.02)) == pytest.approx(
         RATIOS + 4 * drag_constants(modes) * ETA2 * 0.02 / (3 * np.pi)
     )
 

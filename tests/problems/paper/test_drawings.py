@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from ancf_casadi.damping.quadratic import ASSUMED_SHAPE
-from problems.paper.drawings import ENDS, SLOPES, centre_line, deflection_figure, deflections, element_figure
+from problems.paper.figure_01 import ENDS, SLOPES, centre_line, element_figure
+from problems.paper.figure_11 import deflection_figure, deflections
 
 
 def test_the_drawn_centre_line_has_the_drawn_ends_and_slopes():

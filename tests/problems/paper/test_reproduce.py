@@ -3,11 +3,11 @@
 import json
 import math
 import os
-import shutil
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,12 @@ import pytest
 
 from ancf_casadi.version import __version__
 from problems.cli import main
+from problems.paper import inputs
 from problems.paper import reproduce as reproducing
-from problems.paper.reproduce import PAPER_FILE
+from problems.paper.reproduce import PAPER
+from problems.paper.tables_09_10 import frequency_matching
 from problems.study.formatting import formatted_table, numeric_table
-from problems.study.part import Study
-from tests.problems.conftest import study_in, without_times
+from tests.problems.conftest import without_times
 from tests.problems.paper import numbers as paper
 from tests.test_docstrings import check_examples
 
@@ -38,43 +39,39 @@ PROMISED = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def study() -> Study:
-    return study_in(PAPER_FILE)
-
-
 class TestContents:
     """The list of tables and figures, without a run."""
 
     @pytest.mark.parametrize(("kind", "last"), [("Table", 12), ("Figure", 27)])
-    def test_has_every_table_and_figure_in_order(self, study, kind, last):
-        labels = [label for part in study.parts for label in (part.tables if kind == "Table" else part.figures)]
+    def test_has_every_table_and_figure_in_order(self, kind, last):
+        labels = [label for step in PAPER.steps for label in (step.tables if kind == "Table" else step.figures)]
         assert labels == [f"{kind} {number}" for number in range(1, last + 1)]
 
-    def test_a_quick_look_shows_something_of_every_section(self, study):
+    def test_a_quick_look_shows_something_of_every_section(self):
         """Of the numbered tables and figures, those of one part are missing, which repeat others with another law."""
-        kept = study.shortened().parts
-        names = {part.name for part in kept}
-        assert [part.section for part in kept if part.section] == [part.section for part in study.parts if part.section]
-        (missing,) = (part for part in study.parts if part.tables + part.figures and part.name not in names)
+        kept = PAPER.shortened().steps
+        names = {step.name for step in kept}
+        assert [step.section for step in kept if step.section] == [step.section for step in PAPER.steps if step.section]
+        (missing,) = (step for step in PAPER.steps if step.tables + step.figures and step.name not in names)
         assert missing.tables + missing.figures == ("Table 12", *(f"Figure {k}" for k in range(24, 28)))
 
-    def test_says_why_the_photographs_are_not_computed(self, study):
-        (omitted,) = (part for part in study.parts if part.name == "photographs")
+    def test_says_why_the_photographs_are_not_computed(self):
+        (omitted,) = (step for step in PAPER.steps if step.name == "photographs")
         assert omitted.figures == ("Figure 2", "Figure 3", "Figure 4")
         assert "Photographs" in omitted.text
 
-    def test_cites_the_paper(self, study):
-        for word in ("J. W. Lee", "H. W. Kim", "H. C. Ku", "W. S. Yoo", study.title, "325 (2009) 722-741"):
-            assert word in study.source
+    def test_cites_the_paper(self):
+        for word in ("J. W. Lee", "H. W. Kim", "H. C. Ku", "W. S. Yoo", PAPER.title, "325 (2009) 722-741"):
+            assert word in PAPER.source
 
-    def test_experiments_are_those_of_the_paper(self, study):
+    def test_experiments_are_those_of_the_paper(self):
         """Section 5.2: frequency and stop time of each mode; each law simulated in each mode."""
-        (part,) = (part for part in study.parts if part.name == "damping_comparison")
-        runs = [(run.frequency, run.stop) for run in part.runs]
-        assert runs == [(1.85, 15.0), (10.19, 20.0), (26.84, 12.0), (53.20, 10.0), (88.60, 6.0)]
-        assert all([law.name for law in run.laws] == ["generic", "proportional", "quadratic"] for run in part.runs)
-        assert tuple(run.measured_ratio for run in part.runs) == paper.DAMPING_RATIOS
+        runs = inputs.experiments(*inputs.three_laws())
+        assert [(run.mode, run.frequency, run.stop) for run in runs] == [
+            (1, 1.85, 15.0), (2, 10.19, 20.0), (3, 26.84, 12.0), (4, 53.20, 10.0), (5, 88.60, 6.0),
+        ]  # fmt: skip
+        assert all([law.name for law in run.laws] == ["generic", "proportional", "quadratic"] for run in runs)
+        assert tuple(run.measured_ratio for run in runs) == paper.DAMPING_RATIOS
 
 
 @pytest.mark.slow
@@ -121,8 +118,8 @@ class TestResults:
         matching = results["frequency_matching"]
         assert matching["target_hz"] == list(paper.TARGET_FREQUENCIES)
         assert matching["matched_hz"] == pytest.approx(paper.TARGET_FREQUENCIES, rel=1e-6)
-        assert matching["width_m"] == pytest.approx([5e-3] * 8, rel=0.1 + 1e-9)
-        assert matching["thickness_m"] == pytest.approx([0.5e-3] * 8, rel=0.1 + 1e-9)
+        assert matching["width_m"] == pytest.approx([5e-3] * 20, rel=0.1 + 1e-9)
+        assert matching["thickness_m"] == pytest.approx([0.5e-3] * 20, rel=0.1 + 1e-9)
         assert matching["density"] == pytest.approx(8000.0, rel=0.1 + 1e-9)
         assert matching["elastic_modulus"] == pytest.approx(210e9, rel=0.1 + 1e-9)
         assert results["proportional"]["alpha"] == pytest.approx(0.228181, abs=5e-7)
@@ -177,25 +174,27 @@ class TestResults:
                     assert "synthetic" in figure.caption
                     assert "SYNTHETIC" in figure.svg
 
-    def test_the_command_prints_what_it_writes(self, small_paper, tmp_path, monkeypatch, capsys):
-        """The finished steps are those of the study above."""
-        folder = small_paper.page.parent
-        monkeypatch.chdir(folder.parent)
-        assert main(["run", "small.toml", "--out", "results", "--quick", "--jobs", "1", "--json"]) == 0
-        printed = json.loads(capsys.readouterr().out)
-        assert printed.pop("version") == __version__
-        assert printed == json.loads((folder / "results.json").read_text()) == small_paper.to_dict()
-        assert main(["run", "small.toml", "--out", "results", "--quick", "--jobs", "1"]) == 0
-        *text, last = capsys.readouterr().out.splitlines()
-        assert (folder.parent / last).samefile(small_paper.page)
-        assert any(line.startswith("Table 2. ") for line in text)
+
+@pytest.mark.slow
+def test_the_command_prints_what_it_writes(small_study, monkeypatch, capsys):
+    """The finished computations are those of the study above."""
+    folder = small_study.page.parent
+    monkeypatch.chdir(folder.parent)
+    assert main(["run", "small.toml", "--out", "results", "--quick", "--jobs", "1", "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed.pop("version") == __version__
+    assert printed == json.loads((folder / "results.json").read_text()) == small_study.to_dict()
+    assert main(["run", "small.toml", "--out", "results", "--quick", "--jobs", "1"]) == 0
+    *text, last = capsys.readouterr().out.splitlines()
+    assert (folder.parent / last).samefile(small_study.page)
+    assert any(line.startswith("Table 2. ") for line in text)
 
 
 @pytest.mark.slow
-def test_the_example_of_the_docstring_prints_what_it_says(small_paper, tmp_path, monkeypatch):
-    """With the study above, whose finished steps are there."""
-    monkeypatch.chdir(shutil.copytree(small_paper.page.parent.parent, tmp_path / "copy"))
-    monkeypatch.setattr(reproducing, "PAPER_FILE", Path("small.toml"))
+def test_the_example_of_the_docstring_prints_what_it_says(tmp_path, monkeypatch):
+    """With its step alone."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(reproducing, "PAPER", replace(PAPER, steps=(frequency_matching,)))
     check_examples(reproducing.reproduce)
 
 
@@ -224,9 +223,9 @@ def finished(process: subprocess.Popen[str]) -> dict[str, Any]:
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="kill -9 is a signal of POSIX")
-def test_a_study_that_was_killed_continues(small_paper, tmp_path):
-    """The numbers and files are those of a study in one run, and no finished step is computed again."""
-    file, out = small_paper.page.parent.parent / "small.toml", tmp_path / "killed"
+def test_a_study_that_was_killed_continues(small_study, tmp_path):
+    """The numbers and files are those of a study in one run, and no finished computation is repeated."""
+    file, out = small_study.page.parent.parent / "small.toml", tmp_path / "killed"
     with run("run", file, "--out", out) as process:
         while len(list(out.rglob("*.msgpack"))) < 3:
             assert process.poll() is None
@@ -237,9 +236,9 @@ def test_a_study_that_was_killed_continues(small_paper, tmp_path):
     kept = {path: path.stat().st_mtime_ns for path in (out / "steps").glob("*.msgpack")}
     assert len(kept) >= 3
     again = finished(run("run", file, "--out", out))
-    assert without_times(again) == without_times(small_paper.to_dict())
+    assert without_times(again) == without_times(small_study.to_dict())
     assert kept == {path: path.stat().st_mtime_ns for path in kept}  # none of them ran again
-    names = [{path.name for path in folder.rglob("*.svg")} for folder in (out, small_paper.page.parent)]
+    names = [{path.name for path in folder.rglob("*.svg")} for folder in (out, small_study.page.parent)]
     assert names[0] == names[1]
 
 

@@ -3,49 +3,27 @@
 import numpy as np
 import pytest
 
-from problems.paper.experiments import range_of
-from problems.study.study import StudyReport
-from tests.problems.conftest import BEAM, column, run_in
+from problems.paper.steady_vibration import range_of, resonances
+from problems.study.compute import Compute
+from problems.study.kinds.experiment import RequestedRun
+from problems.study.step import Finding, LawChoice
+from tests.problems.conftest import column
 
-pytestmark = pytest.mark.slow  # all tests need the study
+pytestmark = pytest.mark.slow  # all tests need the curves
 
-LAWS = """
-[[laws]]
-name = "modal"
-terms = [{law = "modal", ratios = [0.05, 0.02]}]
-
-[[laws]]
-name = "drag"
-title = "air drag"
-terms = [{law = "quadratic", eta1 = 1.2, eta2 = 2.0}]
-"""
-EXPERIMENTS = """
-[[parts]]
-kind = "transients"
-name = "driven"
-draw = false
-laws = ["modal", "drag"]
-runs = [{mode = 1, amplitude = 0.02, stop = 340.0}]
-
-[[parts]]
-kind = "paper"
-name = "steady"
-script = "resonances"
-transients = "driven"
-laws = ["modal", "drag"]
-"""
+MODAL = LawChoice("modal", ({"law": "modal", "ratios": (0.05, 0.02)},), "modal")
+DRAG = LawChoice("drag", ({"law": "quadratic", "eta1": 1.2, "eta2": 2.0},), "air drag")
 
 
 @pytest.fixture(scope="module")
-def report(tmp_path_factory) -> StudyReport:
-    return run_in(
-        tmp_path_factory.mktemp("steady"), BEAM.replace("elements = 3", "elements = 6") + LAWS + EXPERIMENTS, quick=True
-    )
+def steady(paper_beam) -> Finding:
+    run = RequestedRun(mode=1, amplitude=0.02, stop=340.0, laws=(MODAL, DRAG))
+    return resonances(Compute(quick=True, formats=()), paper_beam(6), [run])
 
 
-def test_a_long_experiment_ends_on_its_curve(report):
+def test_a_long_experiment_ends_on_its_curve(steady):
     """After 10 s of excitation (a quick study drives for 3 % of the time), the vibration is steady."""
-    for run in report.results["steady"]:
+    for run in steady.data:
         frequency = np.array(run["curve"]["frequency_hz"])
         amplitude = np.array(run["amplitude_m"])
         order = np.argsort(frequency)
@@ -54,19 +32,18 @@ def test_a_long_experiment_ends_on_its_curve(report):
         assert run["curve"]["peak_amplitude_m"] > 0.9 * steady
 
 
-def test_the_curve_of_a_linear_law_has_its_damping_ratio(report):
+def test_the_curve_of_a_linear_law_has_its_damping_ratio(steady):
     """But for the share of the other modes in the motion of the tip, 1 % of it."""
-    modal, drag = report.results["steady"]
+    modal, drag = steady.data
     assert (modal["law"], drag["law"]) == ("modal", "drag")
     assert modal["curve"]["peak_damping_ratio"] == pytest.approx(0.05, rel=0.03)
     assert drag["curve"]["peak_damping_ratio"] > 1.2 / (4 * np.pi * 1.876)
 
 
-def test_each_mode_has_a_figure_with_all_laws(report):
-    part = report.parts[1]
-    (table,) = part.tables
+def test_each_mode_has_a_figure_with_all_laws(steady):
+    (table,) = steady.tables
     assert column(table, "law") == ["modal", "air drag"]
-    assert len(part.figures) == 1
+    assert len(steady.figures) == 1
 
 
 def test_the_range_reaches_the_peak_of_a_mode_that_softens_and_ends_at_three_per_cent():

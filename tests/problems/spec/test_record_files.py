@@ -12,7 +12,8 @@ from ancf_casadi import Beam, Model, RayleighDamping, simulate, static_equilibri
 from problems.cli import main
 from problems.spec.motion import SimulationTables, read_simulation
 from problems.spec.records import Measurements, read_measurements
-from tests.problems.conftest import STRIP, study_in
+from problems.study.reading import read_study
+from tests.problems.conftest import STRIP
 
 STUDY = f"""{STRIP}elements = 2
 [base]
@@ -90,7 +91,7 @@ def test_parsing_opens_no_record_and_solves_nothing(study, monkeypatch):
     path = study(MODAL, CURVE)
     for function in ("modes.lowest_modes", "statics._follow_load", "statics._follow_path"):
         monkeypatch.setattr(f"ancf_casadi.vibration.{function}", refuse)
-    study_in(Path(path))
+    read_study(path)
     assert [times_opened(name) for name in ("swing.csv", "sweep.csv")] == [0, 0]
     assert {source.file for source, _ in Measurements.of(path).sources} == {"swing.csv", "sweep.csv"}
     assert [where for _, where in SimulationTables.of(path).sources] == ["study.toml: [base]"]

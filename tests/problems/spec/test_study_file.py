@@ -31,7 +31,6 @@ from problems.spec.beam import read_beam, read_damped
 from problems.spec.match import request_of
 from problems.spec.motion import read_simulation
 from problems.study.reading import read_study
-from problems.study.study import KINDS
 from tests.problems.conftest import STRIP
 
 BEAM = f"{STRIP}elements = 4\n"
@@ -40,9 +39,9 @@ SIMULATION = "[simulation]\nduration = 2.0\n"
 
 def read_match(path):
     """Return the beam of a file and the arguments of ``match_frequencies`` after it."""
-    study = read_study(path, KINDS, ["match"])
-    (part,) = study.parts
-    return study.beam, request_of(part)
+    study = read_study(path, ["match"])
+    (step,) = study.steps
+    return study.beam, request_of(step)
 
 
 def beam(**changes) -> Beam:

@@ -13,9 +13,9 @@ import pytest
 from ancf_casadi.support.tables import Table
 from problems.study.drawing import FIGURE_WIDTH, STYLE
 from problems.study.formatting import numeric_table
-from problems.study.part import Finding, Study
 from problems.study.results import _numeric, file_name, inline_svg, labelled
 from problems.study.results import page as document
+from problems.study.step import Finding, Study
 from problems.study.study import StudyReport, run_study
 from tests.problems.conftest import BEAM, DECAYS, RAYLEIGH
 from tests.problems.study.test_runner import Doubles
@@ -245,7 +245,7 @@ class TestTextsOfUsers:
 
 
 class TestLabels:
-    def part(self, name: str, **labels: tuple[str, ...]) -> Doubles:
+    def step(self, name: str, **labels: tuple[str, ...]) -> Doubles:
         return Doubles(name=name, title=name, terms=(), after=(), log="", **labels)
 
     @pytest.mark.parametrize(
@@ -262,12 +262,12 @@ class TestLabels:
         """Two tables in parts without labels; in a study with labels, theirs start with A and avoid those given."""
         table, figure = small_paper.parts[1].tables[0], small_paper.parts[0].figures[0]
         finding = Finding({}, (table, table), (figure,))
-        plain = Study("plain", (self.part("a"), self.part("b")))
-        shown = labelled(plain.parts, [finding, finding])
+        plain = Study("plain", (self.step("a"), self.step("b")))
+        shown = labelled(plain, [finding, finding])
         assert [item.name for part in shown for item in part.tables] == ["Table 1", "Table 2", "Table 3", "Table 4"]
         assert [item.name for part in shown for item in part.figures] == ["Figure 1", "Figure 2"]
-        own = Study("own", (self.part("a", tables=("Table 7",)), self.part("b", figures=("Table A1",))))
-        shown = labelled(own.parts, [finding, finding])
+        own = Study("own", (self.step("a", tables=("Table 7",)), self.step("b", figures=("Table A1",))))
+        shown = labelled(own, [finding, finding])
         assert [item.name for part in shown for item in part.tables] == ["Table 7", "Table A2", "Table A3", "Table A4"]
         assert [item.name for part in shown for item in part.figures] == ["Figure A1", "Table A1"]
 
@@ -280,16 +280,16 @@ def test_a_study_without_labels_counts(study_file, tmp_path):
     ]  # fmt: skip
 
 
-def test_a_computation_that_parts_share_counts_once_for_all():
+def test_a_computation_that_steps_share_counts_once_for_all():
     """Regression: the total of a study was more than the time that it had taken."""
     a, b = (Doubles(name=name, terms=(), after=(), log="") for name in "ab")
     ran = (
-        Finding({}, name="a", times={"1": 0.5, "2": 0.5, "3": 0.75, "finding a": 0.25}),
-        Finding({}, name="b", times={"2": 0.5, "3": 0.75, "finding b": 0.25}),
+        Finding({}, name="a", times={"1": 0.75, "2": 0.5, "3": 0.75}),
+        Finding({}, name="b", times={"2": 0.5, "3": 0.75}),
     )
     source = document(Study("shared", (a, b)), ran, command="study", versions={}, quick=False, left_out=())
     rows = [
-        f'<td class="n">{tasks}</td><td class="n">{seconds}</td>' for tasks, seconds in ((3, 2.0), (2, 1.5), (3, 2.2))
+        f'<td class="n">{count}</td><td class="n">{seconds}</td>' for count, seconds in ((3, 2.0), (2, 1.2), (3, 2.0))
     ]
     assert [row in source for row in rows] == [True] * 3
     assert f"<td>all</td>{rows[-1]}" in source

@@ -10,10 +10,8 @@ import pytest
 
 from ancf_casadi.exceptions import AncfError, InputError
 from problems import run_study
-from problems.paper.reproduce import PAPER_FILE
 from problems.study.reading import read_study
-from problems.study.study import KINDS
-from tests.problems.conftest import BEAM, DECAYS, RAYLEIGH, study_in, toml
+from tests.problems.conftest import BEAM, DECAYS, RAYLEIGH, toml
 
 LAWS = """
 [[laws]]
@@ -42,13 +40,8 @@ printed = {value = [500.0, 5.0, 0.5, 8000.0, 210.0]}
 kind = "modes"
 modes = 2
 beam = "match"
-printed = {frequency = [1.0, 2.0]}
-
-[[parts]]
-kind = "paper"
-script = "omitted"
-text = "There is no camera."
 figures = ["Figure 7"]
+printed = {frequency = [1.0, 2.0]}
 
 [[parts]]
 kind = "transients"
@@ -90,8 +83,8 @@ class TestDefaults:
     }
 
     def test_of_a_beam(self, study_file):
-        study = study_in(study_file(BEAM, name="strip.toml"))
-        assert [(part.kind, part.name) for part in study.parts] == [("beam", "beam"), ("modes", "modes")]
+        study = read_study(study_file(BEAM, name="strip.toml"))
+        assert [(part.kind, part.name) for part in study.steps] == [("beam", "beam"), ("modes", "modes")]
         assert (study.title, study.seed) == ("strip", 0)
 
     @pytest.mark.parametrize("table", TABLES)
@@ -100,7 +93,7 @@ class TestDefaults:
         (tmp_path / "a.csv").write_text(f"time_s,tip_mm\n{rows}\n")
         text, kinds = self.TABLES[table]
         order = [*kinds, "beam", "modes"] if kinds == ["motion"] else ["beam", "modes", *kinds]
-        assert [part.kind for part in study_in(study_file(BEAM, text)).parts] == order
+        assert [part.kind for part in read_study(study_file(BEAM, text)).steps] == order
 
     @pytest.mark.parametrize(
         ("steps", "kinds"),
@@ -113,29 +106,29 @@ class TestDefaults:
         (tmp_path / "a.csv").write_text(f"time_s,tip_mm\n{rows}\n")
         laws = '[[damping]]\nlaw = "rayleigh"\nalpha = 0.1\n'  # beside that of the records
         path = study_file(BEAM, self.TABLES["match"][0], laws, self.TABLES["records"][0])
-        parts = read_study(path, KINDS, steps).parts
+        parts = read_study(path, steps).steps
         assert [part.kind for part in parts] == kinds
         origin = "motion" if "fit" in steps else ""  # of the beam; that of the file is empty
         assert all(part.needs == (origin,) for part in parts if part.kind == "modes")
 
     def test_an_unknown_step_is_refused_with_those_there_are(self, study_file):
         with pytest.raises(InputError, match="there is no step 'fly'; steps are beam, modes, fit, compare"):
-            read_study(study_file(BEAM), KINDS, ["fly"])
+            read_study(study_file(BEAM), ["fly"])
 
     def test_decays_need_no_beam(self, study_file, tmp_path):
         (tmp_path / "a.csv").write_text("time_s,tip_mm\n0,1\n0.1,-1\n0.2,0.9\n0.3,-0.9\n")
-        (part,) = study_in(study_file('[[decays]]\nfile = "a.csv"\n')).parts
+        (part,) = read_study(study_file('[[decays]]\nfile = "a.csv"\n')).steps
         assert part.kind == "decays"
 
     def test_names_count_within_a_kind(self, study_file):
-        study = study_in(study_file(RAYLEIGH, RAYLEIGH, RAYLEIGH))
-        assert [part.name for part in study.parts] == ["rayleigh", "rayleigh_2", "rayleigh_3"]
+        study = read_study(study_file(RAYLEIGH, RAYLEIGH, RAYLEIGH))
+        assert [part.name for part in study.steps] == ["rayleigh", "rayleigh_2", "rayleigh_3"]
 
     def test_all_kinds_together(self, study_file):
-        study = study_in(study_file(ALL))
-        needs = {part.name: part.needs for part in study.parts if any(part.needs)}
+        study = read_study(study_file(ALL))
+        needs = {part.name: part.needs for part in study.steps if any(part.needs)}
         assert needs == {"modes": ("match",), "swing": ("match",)}
-        assert [part.title for part in study.parts if part.name == "swing"] == ["A swing"]
+        assert [part.title for part in study.steps if part.name == "swing"] == ["A swing"]
 
 
 MISTAKES = {  # what is replaced, by what, and the message after the name of the file
@@ -211,7 +204,7 @@ def test_a_mistake_is_one_line_with_file_table_and_key(study_file, mistake):
     assert old in ALL
     path = study_file(ALL.replace(old, new, 1))
     with pytest.raises(InputError) as raised:
-        study_in(path)
+        read_study(path)
     line = str(raised.value)
     assert "\n" not in line
     assert message in line
@@ -220,7 +213,7 @@ def test_a_mistake_is_one_line_with_file_table_and_key(study_file, mistake):
 
 def test_a_file_that_is_absent_is_named_when_its_part_begins(study_file, tmp_path):
     path = study_file('[[decays]]\nfile = "none.csv"\n')
-    assert [part.name for part in study_in(path).parts] == ["decays"]
+    assert [step.name for step in read_study(path).steps] == ["decays"]
     with pytest.raises(InputError) as raised:
         run_study(path, tmp_path / "results")
     assert str(raised.value).startswith(f"{path}: [parts]: decays: records: 1: {tmp_path}/none.csv: cannot be read")
@@ -231,7 +224,7 @@ def test_parts_that_need_each_other(study_file):
     cycle = MATCH.replace('kind = "match"', 'kind = "modes"\nname = "one"\nbeam = "two"').partition("targets")[0]
     other = cycle.replace('"one"', '"one_"').replace('"two"', '"one"').replace('"one_"', '"two"')
     with pytest.raises(InputError, match=r"\[parts\]: the parts one, two need each other"):
-        study_in(study_file(BEAM, cycle, other))
+        read_study(study_file(BEAM, cycle, other))
 
 
 def mutated(tables: dict[str, Any], rng: random.Random) -> dict[str, Any]:
@@ -261,18 +254,17 @@ def _places(value: Any):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "times"), [("all", 150), ("paper", 15)])
-def test_a_mutated_study_is_read_or_refused(study_file, name, times):
+def test_a_mutated_study_is_read_or_refused(study_file):
     """Nothing but our errors comes out, in one line, with the name of the file.
 
     ``benchmarks/robustness.py`` mutates more.
     """
-    rng, refused = random.Random(7), 0
-    tables = tomllib.loads(ALL if name == "all" else PAPER_FILE.read_text(encoding="utf-8"))
+    rng, refused, times = random.Random(7), 0, 150
+    tables = tomllib.loads(ALL)
     for _ in range(times):
         path = study_file(toml(mutated(tables, rng)))
         try:
-            study_in(path)
+            read_study(path)
         except AncfError as error:
             refused += 1
             assert "\n" not in str(error)

@@ -9,10 +9,11 @@ import pytest
 
 from ancf_casadi import FitError, InputError, Measurement
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
-from problems.paper.reproduce import PAPER_FILE
+from problems.paper import table_02, table_04
+from problems.study.compute import Compute
 from problems.study.kinds.decays import SYNTHETIC_STD, fit_plain
+from problems.study.reading import read_study
 from problems.study.study import run_study
-from tests.problems.conftest import study_in
 from tests.problems.paper import numbers as paper
 
 QUADRATIC = """
@@ -28,11 +29,6 @@ records = [
 """
 
 
-@pytest.fixture(scope="module")
-def parts() -> dict:
-    return {part.name: part for part in study_in(PAPER_FILE).parts}
-
-
 def exact(name: str) -> list[np.ndarray]:
     """The closed forms with the numbers of the paper."""
     time = cs.DM(np.arange(0.0, 5.0, 1 / 500))
@@ -46,11 +42,11 @@ def exact(name: str) -> list[np.ndarray]:
 
 
 class TestSynthetic:
-    @pytest.mark.parametrize("name", ["modal_identification", "quadratic"])
-    def test_is_the_closed_form_and_white_noise(self, parts, name):
+    @pytest.mark.parametrize(("name", "decays"), [("linear", table_02.DECAYS), ("quadratic", table_04.DECAYS)])
+    def test_is_the_closed_form_and_white_noise(self, name, decays):
         """Noise of the stated size, not correlated in time or between modes."""
         noises = []
-        for decay, clean in zip(parts[name].decays, exact(name), strict=True):
+        for decay, clean in zip(decays, exact(name), strict=True):
             assert len(decay.record.time) == 2500
             assert "white noise of 0.2 mm" in decay.synthetic
             noises.append(decay.record.values - clean)
@@ -61,18 +57,17 @@ class TestSynthetic:
                 assert abs(np.corrcoef(noise[:-1], other)[0, 1]) < 4 / math.sqrt(noise.size)
 
     @pytest.mark.slow
-    def test_is_the_same_each_time_and_differs_with_the_seed(self, parts, study_file):
-        again = {part.name: part for part in study_in(PAPER_FILE).parts}
-        for name in ("modal_identification", "quadratic"):
-            for ours, theirs in zip(parts[name].decays, again[name].decays, strict=True):
-                assert ours.record.values.tobytes() == theirs.record.values.tobytes()
-        one, two = (study_in(study_file(QUADRATIC.replace("seed = 3", seed))).parts[0] for seed in ("", "seed = 4"))
-        assert not np.array_equal(one.decays[0].record.values, two.decays[0].record.values)
+    def test_is_the_same_each_time_and_differs_with_the_seed(self, study_file):
+        one, other, again = (
+            read_study(study_file(QUADRATIC.replace("seed = 3", seed))).steps[0].decays[0].record.values.tobytes()
+            for seed in ("seed = 3", "seed = 4", "seed = 3")
+        )
+        assert one == again != other
 
     def test_seed_of_the_study_holds_without_another(self, study_file):
         text = QUADRATIC.replace("seed = 3", "")
-        studies = [study_in(study_file(f"[study]\nseed = {seed}\n", text)) for seed in (1, 2, 1)]
-        one, two, same = (study.parts[0].decays[0].record.values for study in studies)
+        studies = [read_study(study_file(f"[study]\nseed = {seed}\n", text)) for seed in (1, 2, 1)]
+        one, two, same = (study.steps[0].decays[0].record.values for study in studies)
         assert not np.array_equal(one, two)
         assert np.array_equal(one, same)
 
@@ -81,9 +76,8 @@ class TestFits:
     @pytest.mark.slow
     def test_recover_the_truth_within_their_errors(self, study_file):
         """Frequency, eta1 and eta2 within four standard errors; the equivalent ratio at the amplitude of release."""
-        (part,) = study_in(study_file(QUADRATIC)).parts
-        results = [task.function(*task.inputs) for task in part.tasks({})]
-        rows = part.finding(results, {}).data
+        (part,) = read_study(study_file(QUADRATIC)).steps
+        rows = part.finding(Compute(), {}).data
         for row, (f, eta1, eta2) in zip(rows, [(3.0, 0.3, 5.0), (7.0, 0.2, 8.0)], strict=True):
             assert abs(row["frequency_hz"] - f) < 4 * row["frequency_stderr_hz"]
             assert abs(row["eta1"] - eta1) < 4 * row["eta1_stderr"]
@@ -95,12 +89,12 @@ class TestFits:
     def test_of_a_record_without_damping_is_zero(self, study_file):
         """The ratio is a result: where the record has none, none is found."""
         undamped = "rest = 'zero'\nrecords = [{synthetic = {frequency = 3.0, damping_ratio = 0.0, amplitude = 0.02}}]"
-        (part,) = study_in(study_file('[[parts]]\nkind = "decays"\nduration = 10.0\n', undamped)).parts
-        (fit,) = [task.function(*task.inputs) for task in part.tasks({})]
-        assert abs(fit.numbers["damping_ratio"]) < 5e-5
+        (part,) = read_study(study_file('[[parts]]\nkind = "decays"\nduration = 10.0\n', undamped)).steps
+        (row,) = part.finding(Compute(), {}).data
+        assert abs(row["damping_ratio"]) < 5e-5
 
     def test_name_the_record_that_cannot_be_fitted(self, study_file):
-        (part,) = study_in(study_file(QUADRATIC)).parts
+        (part,) = read_study(study_file(QUADRATIC)).steps
         decay = part.decays[0]
         still = replace(decay, record=Measurement(decay.record.time, 0 * decay.record.values, decay.record.name))
         with pytest.raises((InputError, FitError), match="mode 1"):

@@ -5,10 +5,12 @@ import pytest
 
 from ancf_casadi import Model, natural_modes
 from ancf_casadi.mechanics.spec import BeamSpec
+from problems.study.compute import Compute
 from problems.study.formatting import formatted_table
-from problems.study.part import Finding
+from problems.study.reading import read_study
+from problems.study.step import Finding
 from problems.study.study import run_study
-from tests.problems.conftest import BEAM, column, study_in
+from tests.problems.conftest import BEAM, column
 from tests.problems.paper import numbers as paper
 
 MATCH = """
@@ -44,12 +46,10 @@ def test_later_parts_take_the_matched_beam(report):
 
 @pytest.mark.slow
 def test_the_beam_of_the_outcome_has_the_frequencies(study_file):
-    study = study_in(study_file(BEAM, MATCH, LATER))
-    part, found = study.parts[0], {"": Finding(None, beam=BeamSpec.of(study.beam))}
-    results = [task.function(*task.inputs) for task in part.tasks(found)]
-    beam = part.finding(results, found).beam.beam()
+    study = read_study(study_file(BEAM, MATCH, LATER))
+    outcome = study.steps[0].finding(Compute(), {"": Finding(None, beam=BeamSpec.of(study.beam))})
+    beam, data = outcome.beam.beam(), outcome.data
     assert natural_modes(Model(beam), count=2).frequencies == pytest.approx([1.85, 10.19], rel=1e-6)
-    data = results[0].data
     assert beam.density[0] == data["density"] == data["density_per_element"][0]
     assert beam.elastic_modulus[0] == data["elastic_modulus"]
     assert np.abs(np.array(beam.width) / 5e-3 - 1).max() < 0.1 + 1e-9
@@ -78,9 +78,7 @@ def test_the_standard_frequencies_need_another_density_and_no_gravity(study_file
     """Erratum 1: the column beside the match has those of Table 10."""
     text = BEAM.replace("elements = 3", "elements = 20")
     targets = f"[match]\ntargets = {list(paper.TARGET_FREQUENCIES)}\n"
-    study = study_in(study_file(text, targets, LATER.replace("[1.67, 10.47]", "[1.67, 10.47, 29.32, 57.46, 94.97]")))
-    part, found = study.parts[0], {"": Finding(None, beam=BeamSpec.of(study.beam))}
-    results = [task.function(*task.inputs) for task in part.tasks(found)]
-    _, table = part.finding(results, found).tables
+    study = read_study(study_file(text, targets, LATER.replace("[1.67, 10.47]", "[1.67, 10.47, 29.32, 57.46, 94.97]")))
+    _, table = study.steps[0].finding(Compute(), {"": Finding(None, beam=BeamSpec.of(study.beam))}).tables
     (head,) = (head for head, numbers in table.printed.items() if numbers[0] == 1.67)
     assert column(table, head) == pytest.approx([1.67, 10.47, 29.32, 57.46, 94.97], rel=1e-3)

@@ -6,17 +6,19 @@ import numpy as np
 import pytest
 
 from ancf_casadi import InputError
-from problems.paper.reproduce import PAPER_FILE
+from problems.paper.table_03 import proportional
+from problems.study.compute import Compute
 from problems.study.formatting import formatted_table
-from problems.study.part import Finding
+from problems.study.reading import read_study
+from problems.study.step import Finding
 from problems.study.study import run_study
-from tests.problems.conftest import DECAYS, RAYLEIGH, study_in
+from tests.problems.conftest import DECAYS, RAYLEIGH
 from tests.problems.paper import numbers as paper
 
 
 def finding(study_file, *pieces: str, **found: Finding):
-    parts = {part.kind: part for part in study_in(study_file(*pieces)).parts}
-    return parts["rayleigh"].finding((), found)
+    parts = {part.kind: part for part in read_study(study_file(*pieces)).steps}
+    return parts["rayleigh"].finding(Compute(formats=()), found)
 
 
 def test_eq_17_with_table_2(study_file):
@@ -71,13 +73,11 @@ def test_the_table_shows_the_ratio_of_every_mode(study_file):
 @pytest.mark.slow
 def test_misprint_and_reason_stand_beside_the_value():
     """Erratum 4 in Table 3 of the paper."""
-    parts = {part.name: part for part in study_in(PAPER_FILE).parts}
-    rows = [{"damping_ratio": 0.01, "damping_ratio_stderr": 1e-4}] * 2
-    table, _ = parts["proportional"].finding((), {"modal_identification": Finding(rows)}).tables
+    table, _ = proportional.finding(Compute(formats=()), {}).tables
     alpha, beta = formatted_table(table).rows
     assert alpha[-2:] == ("0.228", "+0.079 %")
     assert beta[-2:] == ("0.000318", "-90 %")
-    assert any("ten times" in note for note in parts["proportional"].notes)
+    assert any("ten times" in note for note in proportional.notes)
 
 
 @pytest.mark.slow

@@ -4,8 +4,9 @@ import pytest
 
 from ancf_casadi import InputError
 from problems.spec.motion import read_response
+from problems.study.reading import read_study
 from problems.study.study import run_study
-from tests.problems.conftest import BEAM, study_in
+from tests.problems.conftest import BEAM
 
 RESPONSE = """
 [[damping]]
@@ -37,4 +38,4 @@ def test_the_table_response_adds_its_curves_to_a_study(study_file, tmp_path):
 
 def test_without_its_table_it_is_refused_before_any_computation(study_file):
     with pytest.raises(InputError, match=r"\[response\]: the table is missing"):
-        study_in(study_file(BEAM, '[[parts]]\nkind = "response"\n'))
+        read_study(study_file(BEAM, '[[parts]]\nkind = "response"\n'))

@@ -9,8 +9,9 @@ from ancf_casadi import Beam, HarmonicBase, InputError, Model, RayleighDamping, 
 from ancf_casadi.export import Document, write_document
 from problems.command.init import STUDY
 from problems.study.formatting import formatted_table
+from problems.study.reading import read_study
 from problems.study.study import run_study
-from tests.problems.conftest import BEAM, column, study_in
+from tests.problems.conftest import BEAM, column
 
 MOTION = """
 [[damping]]
@@ -133,13 +134,13 @@ def test_a_comparison_needs_two_laws(study_file, tmp_path):
         f'{text[0]}[[damping]]\nlaw = "quadratic"\neta2 = 0.1\n[[records]]\nfile = "motion.csv"\nsensor = "position"\n'
     )
     with pytest.raises(InputError, match=r"\[parts\]: comparison: there is only one law; add tables \[\[damping\]\]"):
-        study_in(study_file(one_law, '[[parts]]\nkind = "comparison"\n'))
+        read_study(study_file(one_law, '[[parts]]\nkind = "comparison"\n'))
 
 
 def test_a_beam_with_other_strain_measures_is_refused(study_file, tmp_path, paper_beam):
     """The parts compute with the default measures, and must not pretend otherwise."""
     write_document(tmp_path / "beam.json", Document(Model(paper_beam(3), StrainMeasures(axial="green"))))
     with pytest.raises(InputError, match=r"\[beam\]: the document has strain measures that this part does not support"):
-        study_in(study_file('[beam]\ndocument = "beam.json"\n'))
+        read_study(study_file('[beam]\ndocument = "beam.json"\n'))
     write_document(tmp_path / "beam.json", Document(Model(paper_beam(3))))
-    assert len(study_in(study_file('[beam]\ndocument = "beam.json"\n')).parts) == 2
+    assert len(read_study(study_file('[beam]\ndocument = "beam.json"\n')).steps) == 2

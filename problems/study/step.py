@@ -1,15 +1,15 @@
-"""Parts of a study: one step each, with its numbers, tables and figures.
+"""Steps of a study, and their findings.
 
-A study is a list of parts in the order of its document.  A part states tasks, which are independent of each other and
-may run in any process, and makes a finding of their results.  Both are functions of plain data, so that the runner can
-keep every result under a key made from its inputs (``runner``) and take it up again when a study is interrupted.
+A study is a list of steps in the order of its document.  A step is declared by its heading, labels and settings, and
+has one function, which is written from top to bottom: it runs its expensive computations through ``compute``, and
+returns its finding, with numbers, tables and figures.
 
-A later part may need an earlier one: its beam, or the terms of its damping law.
+A later step may need the finding of an earlier one: its beam, or the terms of its damping law.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Self
@@ -27,6 +27,7 @@ from ancf_casadi.support.specs import UNLISTED, convert
 from ancf_casadi.support.tables import Cell, Table
 from problems.spec.beam import read_beam
 from problems.spec.file import NO_FILE, StudyFile
+from problems.study.compute import Compute
 from problems.study.drawing import Drawing
 
 Terms = tuple[dict[str, Any], ...]  # tables [[damping]], the terms of one law
@@ -34,17 +35,8 @@ Printed = dict[str, Any]  # printed numbers by column
 
 
 @dataclass(frozen=True)
-class Task:
-    """A computation on plain data whose result is kept."""
-
-    function: Callable[..., Any]  # function of a module; its return annotation is the type of the result
-    inputs: tuple[Any, ...]  # its arguments: numbers, texts, arrays, frozen dataclasses
-    cost: float = 1.0  # expected computing time, s, to start the longest task first
-
-
-@dataclass(frozen=True)
 class Finding:
-    """Results of a part: those that later parts may need, and the tables and figures that show them."""
+    """Results of a step: those that later steps may need, and the tables and figures that show them."""
 
     data: Any  # the numbers for ``results.json``: SI units, ratios as fractions
     tables: tuple[Table, ...] = ()  # in the order of the document
@@ -52,30 +44,21 @@ class Finding:
     warnings: tuple[str, ...] = ()  # limitations of the results
     text: str = ""  # report for a terminal, if it says more than the tables
     files: dict[str, bytes] = field(default_factory=dict)  # content of further files of the results, by name
-    beam: BeamSpec | None = None  # the beam that the part has found, as results are kept
+    beam: BeamSpec | None = None  # the beam that the step has found, as results are kept
     terms: Terms = ()  # the damping law that it has found, as tables [[damping]]
     guess: BeamSpec | None = None  # the beam before a fit that has identified some of its properties
     errors: dict[str, float] | None = None  # standard errors of these, SI units, by name
     frequency_errors: tuple[float, ...] = ()  # those of the natural frequencies of the identified beam, Hz
-    name: str = ""  # of its part, once that has run
-    times: Mapping[str, float] = field(default_factory=dict)  # of the tasks and of the finding when they ran, s, by key
-
-    def needed_later(self) -> Finding:
-        """Return the finding without what shows it, which no other part needs."""
-        return replace(self, tables=(), figures=(), warnings=(), text="", files={}, times={})
-
-    @property
-    def tasks(self) -> int:
-        """Number of different tasks."""
-        return len(self.times) - 1
+    name: str = ""  # of its step, once that has run
+    times: Mapping[str, float] = field(default_factory=dict)  # of the computations when they ran, s, by key
 
     @property
     def seconds(self) -> float:
-        """Computing time of the tasks and of the finding, s."""
-        return sum(self.times.values())
+        """Computing time, s."""
+        return sum(self.times.values(), 0.0)
 
 
-Found = Mapping[str, Finding]  # findings, without tables and figures, by the name of their part
+Findings = Mapping[str, Finding]  # by the name of their step
 
 
 @dataclass(frozen=True)
@@ -88,28 +71,28 @@ class LawChoice:
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Names of the parts that find terms."""
+        """Names of the steps that find terms."""
         return tuple(term["part"] for term in self.terms if "part" in term)
 
-    def of(self, found: Found) -> Terms:
-        """Return the terms without references."""
+    def resolved(self, findings: Findings) -> LawChoice:
+        """Return the law with terms in place of references."""
         for name in self.needs:
-            if not found[name].terms:
+            if not findings[name].terms:
                 raise InputError(f"the part {name!r} finds no damping law", f"[laws]: {self.name}")
         terms: list[dict[str, Any]] = []
-        for term in self.terms:  # other keys beside ``part`` override those of the terms that the part has found
-            own = {key: value for key, value in term.items() if key != "part"}
-            terms += [other | own for other in found[term["part"]].terms] if "part" in term else [term]
-        return tuple(terms)
+        for term in self.terms:  # other keys beside ``part`` override those of the terms that the step has found
+            overriding = {key: value for key, value in term.items() if key != "part"}
+            terms += [other | overriding for other in findings[term["part"]].terms] if "part" in term else [term]
+        return replace(self, terms=tuple(terms))
 
 
-def printed_numbers(given: Printed, columns: Mapping[str, int], where: str) -> Printed:
-    """Return the printed numbers of a part by column, from its key ``printed``; nan stands for a missing number.
+def printed_numbers(table: Printed, columns: Mapping[str, int], where: str) -> Printed:
+    """Return the printed numbers of a step by column, from its key ``printed``; nan stands for a missing number.
 
     ``columns`` holds the number of rows of each column that may be given.
     """
-    found = {}
-    for name, values in given.items():
+    numbers = {}
+    for name, values in table.items():
         place = f"{where}: printed"
         if name not in columns:
             raise InputError(f"must be one of {', '.join(columns)}, got {shown(name)}", place)
@@ -117,22 +100,35 @@ def printed_numbers(given: Printed, columns: Mapping[str, int], where: str) -> P
             raise InputError(f"must be a list of numbers, got {shown(values)}", f"{place}: {name}")
         if len(values) != columns[name]:
             raise InputError(f"has {len(values)} values for {columns[name]} rows", f"{place}: {name}")
-        found[name] = tuple(None if value != value else number(value, f"{place}: {name}") for value in values)
-    return found
+        numbers[name] = tuple(None if value != value else number(value, f"{place}: {name}") for value in values)
+    return numbers
+
+
+def beside_printed(
+    title: str,
+    heads: Sequence[str],
+    rows: Iterable[Sequence[Cell]],
+    *notes: str,
+    errors: Mapping[str, Sequence[float | None]] | None = None,
+    printed: Mapping[str, Sequence[float | None] | None] | None = None,
+) -> Table:
+    """Return a table with standard errors and printed numbers by head; a column without printed numbers has None."""
+    numbers = {head: values for head, values in (printed or {}).items() if values}
+    return Table("", title, heads, list(rows), notes, errors or {}, numbers)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Part:
-    """Base class of the kinds of parts; each kind is final.
+class Step:
+    """Base class of the kinds of steps; each kind is final.
 
     The fields are the keys of a table [[parts]] of a TOML file, but those that are ``UNLISTED``.
     """
 
     kind: ClassVar[str]  # as in the table of a TOML file
     about: ClassVar[str]  # what it shows, for the help; {} stands for its keys
-    heading: ClassVar[str]  # title of a part that gives none
-    naming: ClassVar[tuple[str, ...]] = ()  # keys that name parts; an empty ``beam`` stands for that of the file
-    reading: ClassVar[Set[str]] = frozenset()  # tables of the file that its tasks read
+    heading: ClassVar[str]  # title of a step that gives none
+    naming: ClassVar[tuple[str, ...]] = ()  # keys that name steps; an empty ``beam`` stands for that of the file
+    reading: ClassVar[Set[str]] = frozenset()  # tables of the file that its computations read
 
     name: Annotated[str, Meta(description="its key in results.json")] = ""
     title: str = ""
@@ -144,53 +140,30 @@ class Part:
     draw: Annotated[bool, Meta(description="with figures")] = True
     quick: Annotated[bool, Meta(description="in a quick look too")] = True
     printed_by: Annotated[str, UNLISTED] = "printed"  # origin of the printed numbers
-    given: Annotated[StudyFile, UNLISTED] = NO_FILE  # with the tables that its tasks read
+    file: Annotated[StudyFile, UNLISTED] = NO_FILE  # with the tables that its computations read
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the part with what it takes from its study; messages call its place ``where``."""
-        return replace(self, given=study.file.only(self.reading)) if self.reading else self
-
-    def shortened(self) -> Self:
-        """Return the part of a quick look, with short simulations."""
-        return self
+        """Return the step with what it takes from its study; messages call its place ``where``."""
+        return replace(self, file=study.file.only(self.reading)) if self.reading else self
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Names of the parts whose findings it needs; an empty name stands for the beam of the file."""
+        """Names of the steps whose findings it needs; an empty name stands for the beam of the file."""
         named = [name for key in self.naming if (name := getattr(self, key)) or key == "beam"]
         laws = [name for law in getattr(self, "laws", ()) for name in law.needs]
         return tuple(dict.fromkeys((*named, *laws)))
 
-    def tasks(self, found: Found) -> tuple[Task, ...]:
-        """Return the tasks of the part, given the findings of the parts that it needs."""
-        return ()
+    def finding(self, compute: Compute, findings: Findings) -> Finding:
+        """Return the finding, given the findings of the steps that it needs."""
+        raise NotImplementedError
 
-    def finding(self, results: Sequence[Any], found: Found) -> Finding:
-        """Return the finding, given the results of the tasks in their order; by default what the only task finds."""
-        only: Finding
-        (only,) = results
-        return only
-
-    def beam_in(self, found: Found) -> Beam:
-        """Return the beam of the file, or of the part that the key ``beam`` names."""
+    def beam_in(self, findings: Findings) -> Beam:
+        """Return the beam of the file, or of the step that the key ``beam`` names."""
         name: str = getattr(self, "beam", "")
-        data = found[name].beam
-        if data is None:
-            raise InputError(f"the part {name!r} finds no beam; name a part of the kind match", "beam")
-        return data.beam()
-
-    def table(
-        self,
-        title: str,
-        heads: Sequence[str],
-        rows: Iterable[Sequence[Cell]],
-        *notes: str,
-        errors: Mapping[str, Sequence[float | None]] | None = None,
-        printed: Mapping[str, Sequence[float | None] | None] | None = None,
-    ) -> Table:
-        """Return a table that names the origin of its printed numbers; they and standard errors are by head."""
-        numbers = {head: values for head, values in (printed or {}).items() if values}
-        return Table("", title, heads, list(rows), notes, errors or {}, numbers, self.printed_by)
+        beam = findings[name].beam
+        if beam is None:
+            raise InputError(f"the part {name!r} finds no beam; name a part of the kind match", f"{self.name}: beam")
+        return beam.beam()
 
 
 @dataclass(frozen=True)
@@ -198,14 +171,14 @@ class Study:
     """A study: the keys of the table [study], its file with what all parts share, and the parts in their order."""
 
     title: str = ""
-    parts: Annotated[tuple[Part, ...], UNLISTED] = ()
+    steps: Annotated[tuple[Step, ...], UNLISTED] = ()
     text: str = ""  # introduction, paragraphs separated by empty lines
     source: Annotated[str, Meta(description="a reference")] = ""  # of the work that the study follows
     printed_by: Annotated[str, Meta(description="origin of printed numbers")] = "printed"
     seed: Annotated[int, Meta(ge=0)] = 0  # of all random numbers
     file: Annotated[StudyFile, UNLISTED] = NO_FILE
     laws: Annotated[tuple[LawChoice, ...], UNLISTED] = ()  # the tables [[laws]]
-    beam: Annotated[Beam | None, UNLISTED] = None  # of the file, if a part needs it
+    beam: Annotated[Beam | None, UNLISTED] = None  # of the file, if a step needs it
 
     @cached_property
     def model(self) -> Model:
@@ -232,8 +205,8 @@ class Study:
         raise InputError(f"there is no law {shown(name)}; [[laws]] names them", where)
 
     def shortened(self) -> Study:
-        """Return the study of a quick look, without the parts that it leaves out, and without those that need them."""
-        kept: dict[str, Part] = {part.name: part.shortened() for part in self.parts if part.quick}
-        while missing := [name for name, part in kept.items() if not set(part.needs) <= {"", *kept}]:
-            kept = {name: part for name, part in kept.items() if name not in missing}
-        return replace(self, parts=tuple(kept.values()))
+        """Return the study of a quick look, without the steps that it leaves out, and without those that need them."""
+        steps = {step.name: step for step in self.steps if step.quick}
+        while missing := [name for name, step in steps.items() if not set(step.needs) <= {"", *steps}]:
+            steps = {name: step for name, step in steps.items() if name not in missing}
+        return replace(self, steps=tuple(steps.values()))

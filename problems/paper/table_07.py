@@ -1,0 +1,121 @@
+"""Table 7, Figure 16: the change of the damping ratio along a decay under quadratic laws."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.figures import Figure, plain_log_ticks
+from ancf_casadi.support.tables import Cell, Table, known
+from problems.paper.effects import (
+    QuadraticLaw,
+    SimulatedDecay,
+    crossing,
+    decay_duration,
+    decay_numbers,
+    ratios_over_time,
+    simulate_decays,
+)
+from problems.paper.step import paper_step
+from problems.study.compute import Compute
+from problems.study.drawing import line, new_figure, series
+from problems.study.step import Finding, beside_printed
+
+LAWS = (
+    QuadraticLaw("changing_3", "Quadratic 3", 0.15, 0.11),
+    QuadraticLaw("changing_4", "Quadratic 4 as printed", 3.0e-4, 0.22),
+    QuadraticLaw("changing_4_twice", "Quadratic 4, twice 3", 0.30, 0.22),
+)
+FREQUENCY, AMPLITUDE, DURATION = 1.85, 0.2126, 15.0  # Hz, m, at the tip, and s
+CURVE_MARKERS = 12  # of a drawn curve
+
+Ratios = tuple[Array, Array, Array]  # times, s, damping ratio on the beam, and by Eq. (27)
+
+
+@paper_step(
+    title="Change of the damping ratio along a decay",
+    tables=("Table 7",),
+    figures=("Figure 16",),
+    notes=(
+        "Table 7 prints eta1 = 3.0E-4 for Quadratic 4, where twice Quadratic 3 would be 3.0E-1. As printed, the "
+        "envelopes of Eq. (27) cross at 5 s, as in Figure 16, for a start at 212.6 mm only, which is assumed here; "
+        "with 0.30 they never cross.",
+    ),
+)
+def ratio_change(compute: Compute) -> Finding:
+    """Return the damping ratios over time, and the times at which the envelopes cross that of the first law."""
+    decays = [decay for (decay,) in simulate_decays(compute, LAWS, (FREQUENCY,), AMPLITUDE, DURATION)]
+    ratios = [ratios_over_time(decay) for decay in decays]
+    crossings = [(math.nan, math.nan)]
+    crossings += [
+        (crossing(decays[0].envelope, decay.envelope), crossing(decays[0].formula, decay.formula))
+        for decay in decays[1:]
+    ]
+    duration = decay_duration(compute, DURATION)
+    data = {
+        "decays": [
+            decay_numbers(law, decay, (duration / 3, duration)) for law, decay in zip(LAWS, decays, strict=True)
+        ],
+        "ratios": [
+            {
+                "law": law.name,
+                "time_s": time.tolist(),
+                "damping_ratio": ratio.tolist(),
+                "damping_ratio_by_formula": by_formula.tolist(),
+                "crosses_the_first_law_at_s": known(on_beam),
+                "crosses_the_first_law_by_formula_at_s": known(in_formula),
+            }
+            for law, (time, ratio, by_formula), (on_beam, in_formula) in zip(LAWS, ratios, crossings, strict=True)
+        ],
+    }
+    caption = (
+        f"Decays from {1e3 * AMPLITUDE:g} mm at {FREQUENCY:g} Hz.  Top: amplitude on the beam (markers) and by "
+        "Eq. (27) (lines).  Bottom: damping ratio in windows of the motion of the beam (markers) and by Eq. (27) "
+        "(lines)."
+    )
+    tables = (_crossing_table(crossings), _ratio_table(ratios))
+    return Finding(data, tables, compute.drawings((caption, _figure, decays, ratios)))
+
+
+def _crossing_table(crossings: Sequence[tuple[float, float]]) -> Table:
+    rows: list[tuple[Cell, ...]] = [
+        (law.title, FREQUENCY, law.eta1, law.eta2, *map(known, times))
+        for law, times in zip(LAWS, crossings, strict=True)
+    ]
+    heads = ("law", "frequency, Hz", "η1, 1/s", "η2, 1/m", "crosses the first, beam, s", "by Eq. (27), s")
+    note = f"Start with the tip at {1e3 * AMPLITUDE:g} mm.  A dash: the envelopes do not cross."
+    return beside_printed("Laws whose damping ratio changes along a decay", heads, rows, note)
+
+
+def _ratio_table(ratios: Sequence[Ratios]) -> Table:
+    times = ratios[0][0][[0, -1]].tolist()
+    heads = ["law", *(head for time in times for head in (f"after {time:.2g} s, beam, %", "by Eq. (27), %"))]
+    rows: list[tuple[Cell, ...]] = [
+        (law.title, *(100 * float(values[k]) for k in (0, -1) for values in (ratio, by_formula)))
+        for law, (_, ratio, by_formula) in zip(LAWS, ratios, strict=True)
+    ]
+    return beside_printed("Damping ratio along the decay", heads, rows, "In windows of two periods.")
+
+
+def _figure(decays: Sequence[SimulatedDecay], ratios: Sequence[Ratios]) -> Figure:
+    figure, (amplitude, ratio) = new_figure(5.4, 2, sharex=True)
+    for k, (law, decay, (time, on_beam, by_formula)) in enumerate(zip(LAWS, decays, ratios, strict=True)):
+        markers = {**series(k), "linestyle": "", "ms": 5}
+        envelope = decay.envelope
+        marked = np.unique(np.linspace(0, len(envelope.time) - 1, CURVE_MARKERS).astype(int))
+        amplitude.plot(envelope.time[marked], 1e3 * envelope.amplitude[marked], **markers)
+        amplitude.plot(decay.formula.time, 1e3 * decay.formula.amplitude, **line(k))
+        amplitude.plot([], [], **series(k), ms=5, label=law.title)
+        marked = np.unique(np.linspace(0, len(time) - 1, CURVE_MARKERS).astype(int))
+        ratio.plot(time[marked], 100 * on_beam[marked], **markers)
+        ratio.plot(time, 100 * by_formula, **line(k))
+    amplitude.set(ylabel="amplitude, mm", yscale="log")
+    plain_log_ticks(amplitude, "y")
+    ratio.set(xlabel="time, s", ylabel="damping ratio, %", ylim=(0.0, None))
+    amplitude.set_title("markers: beam; lines: Eq. (27)")
+    amplitude.legend()
+    figure.align_ylabels()
+    return figure

@@ -1,0 +1,273 @@
+"""Computations of a study: functions of plain data, run once, in any executor, with their results kept in files.
+
+A step of a study is a function that is written from top to bottom, and calls expensive functions through ``Compute``:
+
+    fits = compute.all(fit_record, [(record, "linear") for record in records])
+
+Such a function belongs to a module, its arguments are plain data (numbers, texts, arrays, frozen dataclasses), and its
+return annotation is the type of its result.
+
+The name of the file of a result is a hash of everything that it depends on: the function, its arguments, and the
+sources of this program with the version of CasADi.  The file is written as soon as the result is there, so that a study
+that was stopped at any time continues from there.  It holds a SHA-256 digest, then the computing time (s) and the
+result as MessagePack.  A result that does not match its digest is computed anew.  A file from elsewhere is never
+executed, because it is decoded into the type that the function declares.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import inspect
+import threading
+import time
+import typing
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import FIRST_EXCEPTION, CancelledError, Executor, Future, wait
+from functools import cache, partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple, ParamSpec, TypeVar
+
+import msgspec
+import numpy as np
+from tqdm import tqdm
+
+import ancf_casadi
+import problems
+from ancf_casadi.support.figures import Figure
+from ancf_casadi.support.files import write_file
+from problems.study.drawing import Drawing, drawn, only
+
+SUFFIX = ".msgpack"
+DIGEST_BYTES = hashlib.sha256().digest_size
+DRAWING_COST = 0.2  # s
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
+
+class Computation(NamedTuple):
+    """The result of a function."""
+
+    seconds: float  # computing time, as it was when the function ran
+    result: Any
+
+
+class ThisThread(Executor):
+    """Calls each function at once; errors and Ctrl-C end the call of ``submit``."""
+
+    def submit(
+        self, function: Callable[Arguments, Result], /, *args: Arguments.args, **keywords: Arguments.kwargs
+    ) -> Future[Result]:
+        """Return the result."""
+        future: Future[Result] = Future()
+        future.set_result(function(*args, **keywords))
+        return future
+
+
+class Store:
+    """The computations of a study: each runs once, and its result is kept in a folder, if there is one.
+
+    Steps in several threads take turns, because CasADi builds the expressions of one thread at a time.  A step gives up
+    its turn while it waits for results.  A thread of each computation waits for the executor, and writes the result.
+    """
+
+    def __init__(
+        self,
+        folder: Path | None = None,
+        executor: Callable[[], Executor] = ThisThread,
+        threads: Executor | None = None,
+        bar: Any = None,
+    ) -> None:
+        self.computations: dict[str, Future[Computation]] = {}  # by key
+        self.turn = threading.Lock()
+        self._folder, self._executor, self._threads = folder, executor, threads or ThisThread()
+        self._bar: Any = tqdm(total=0, disable=True) if bar is None else bar
+        self._running: list[Future[bytes]] = []
+        self._stopped, self._lock = False, threading.Lock()
+
+    def start(self, function: Callable[..., Any], inputs: Sequence[Any], cost: float, *, draw: bool) -> str:
+        """Start a computation, unless it has started, and return its key."""
+        key = key_of(function, *inputs)
+        if key not in self.computations:
+            path = self._folder and self._folder / f"{key}{SUFFIX}"
+            self.computations[key] = self._threads.submit(self._run, function, inputs, path, cost, draw=draw)
+        return key
+
+    def _run(
+        self, function: Callable[..., Any], inputs: Sequence[Any], path: Path | None, cost: float, *, draw: bool
+    ) -> Computation:
+        if path and (computation := kept(path, function)):
+            return computation
+        with self._lock:
+            if self._stopped:
+                raise CancelledError
+            self._bar.total += cost
+            self._running.append(future := self._executor().submit(run_function, function, inputs, draw=draw))
+        content = future.result()
+        if path:
+            write_file(path, with_digest(content))
+        self._bar.update(cost)
+        return unpacked(content, function)
+
+    def wait_for(self, keys: Iterable[str]) -> None:
+        """Wait for the results of computations, and give up the turn meanwhile."""
+        futures = [self.computations[key] for key in keys]
+        if all(future.done() for future in futures):
+            return
+        self.turn.release()
+        try:
+            wait_for(futures)
+        finally:
+            self.turn.acquire()
+
+    def stop(self, *, cancel: bool) -> None:
+        """Refuse further computations, and cancel those that have not begun if this is asked for."""
+        with self._lock:
+            self._stopped = True
+            for future in self._running if cancel else ():
+                future.cancel()
+
+
+class Compute:
+    """Runs the expensive functions of one step: ``Compute()`` in this process, a study in its executor.
+
+    Parameters
+    ----------
+    store : Store, optional
+        The computations of the study.
+    quick : bool
+        Whether this is a quick look, for which simulations are shortened.
+    formats : tuple of str
+        Formats of figures, of ``"svg"`` and ``"png"``; none are drawn if there are none.
+    draw : bool
+        Whether the step has figures.
+    """
+
+    def __init__(
+        self,
+        store: Store | None = None,
+        *,
+        quick: bool = False,
+        formats: tuple[str, ...] = ("svg", "png"),
+        draw: bool = True,
+    ) -> None:
+        self.quick = quick
+        self.times: dict[str, float] = {}  # of the computations when they ran, s, by key
+        self._store, self._formats, self._draw = store or Store(), formats, draw
+
+    def __call__(self, function: Callable[..., Result], *inputs: Any, cost: float = 1.0) -> Result:
+        """Return the result of a function; the cost is its expected computing time, s."""
+        (result,) = self.all(function, [inputs], cost)
+        return result
+
+    def all(
+        self, function: Callable[..., Result], inputs: Sequence[Sequence[Any]], costs: float | Sequence[float] = 1.0
+    ) -> list[Result]:
+        """Return the results of a function for several tuples of arguments; the most expensive one starts first."""
+        keys, expected = [""] * len(inputs), np.broadcast_to(costs, len(inputs))
+        for number in np.argsort(-expected, kind="stable").tolist():
+            cost = float(expected[number])
+            keys[number] = self._store.start(function, inputs[number], cost, draw=bool(self._formats))
+        self._store.wait_for(keys)
+        computations = [self._store.computations[key].result() for key in keys]
+        self.times |= {key: computation.seconds for key, computation in zip(keys, computations, strict=True)}
+        return [computation.result for computation in computations]
+
+    def drawings(self, *figures: tuple[str, Callable[..., Figure], *tuple[Any, ...]]) -> tuple[Drawing, ...]:
+        """Draw figures, each given by its caption, the function that draws it, and the arguments of this function."""
+        if not self._draw:
+            return ()
+        if not self._formats:
+            return tuple(Drawing(caption, "", b"") for caption, *_ in figures)
+        inputs = [(self._formats, caption, function, arguments) for caption, function, *arguments in figures]
+        return tuple(self.all(_drawing, inputs, DRAWING_COST))
+
+
+def _drawing(
+    formats: tuple[str, ...], caption: str, function: Callable[..., Figure], arguments: Sequence[Any]
+) -> Drawing:
+    with only(formats):
+        return drawn(caption, partial(function, *arguments))
+
+
+def wait_for(futures: Iterable[Future[Any]]) -> None:
+    """Wait for all futures, or raise the first error."""
+    for future in wait(futures, return_when=FIRST_EXCEPTION).done:
+        future.result()
+
+
+def key_of(function: Callable[..., Any], *inputs: Any) -> str:
+    """Return the key of a computation, 24 hexadecimal digits."""
+    return hashlib.sha256(encoded([function, _program(), inputs])).hexdigest()[:24]
+
+
+def encoded(value: Any) -> bytes:
+    """Return plain data as MessagePack; arrays keep every bit."""
+    return msgspec.msgpack.encode(value, enc_hook=_plain)
+
+
+def decoded(content: bytes, kind: Any) -> Any:
+    """Return plain data of a type from MessagePack."""
+    return msgspec.msgpack.decode(content, type=kind, dec_hook=_array)
+
+
+def run_function(function: Callable[..., Any], inputs: Sequence[Any], *, draw: bool = True) -> bytes:
+    """Return computing time and result of a function as they are kept; all results pass through this form."""
+    began = time.perf_counter()
+    with contextlib.nullcontext() if draw else only(()):
+        result = function(*inputs)
+    return encoded((time.perf_counter() - began, result))
+
+
+def kept(path: Path, function: Callable[..., Any]) -> Computation | None:
+    """Return the result of a function in a file, or None if there is none that can be used."""
+    try:
+        content = path.read_bytes()
+        return unpacked(body, function) if content == with_digest(body := content[DIGEST_BYTES:]) else None
+    except (OSError, ValueError, msgspec.MsgspecError):
+        return None
+
+
+def unpacked(content: bytes, function: Callable[..., Any]) -> Computation:
+    """Return a kept computation, with its result in the type that the function declares."""
+    seconds, result = msgspec.msgpack.decode(content, type=tuple[float, msgspec.Raw])
+    return Computation(seconds, decoded(result, typing.get_type_hints(function)["return"]))
+
+
+def with_digest(content: bytes) -> bytes:
+    """Return the content of a file that shows whether it was damaged: a SHA-256 digest stands in front."""
+    return hashlib.sha256(content).digest() + content
+
+
+@cache
+def _program() -> str:
+    """Return a hash of the sources of this program and of the versions that determine its numbers."""
+    digest = hashlib.sha256(f"{version('casadi')} {version('numpy')} {version('scipy')}".encode())
+    for package in (ancf_casadi, problems):
+        folder = Path(str(package.__file__)).parent
+        for path in sorted(folder.rglob("*.py")):
+            digest.update(str(path.relative_to(folder)).encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    """Return an array as type, shape and bytes, and a function of a module as its name."""
+    if isinstance(value, np.ndarray):
+        return [value.dtype.str, list(value.shape), np.ascontiguousarray(value).tobytes()]
+    if isinstance(value, np.generic):
+        return value.item()
+    if inspect.isfunction(value) and "<" not in value.__qualname__:
+        return f"{value.__module__}.{value.__qualname__}"
+    raise NotImplementedError(f"{type(value).__name__} is not plain data")
+
+
+def _array(kind: Any, data: Any) -> Any:
+    """Return an array from type, shape and bytes."""
+    if typing.get_origin(kind) is not np.ndarray and kind is not np.ndarray:
+        raise NotImplementedError(f"{kind} is not plain data")
+    name, shape, content = data
+    if np.dtype(name).hasobject:
+        raise ValueError("an array of objects")
+    return np.frombuffer(content, np.dtype(name)).reshape(shape)

@@ -243,7 +243,7 @@ class Balance:
 
     def damping(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the damping force."""
-        return self.local_damping(e, e_t) + self.of_low_rank(e, e_t)
+        return self.local_damping(e, e_t) + self.of_low_rank(e[2:NODE, :], e_t)
 
     def free_mass(self) -> cs.MX:
         """Return N^T M N, sparse."""
@@ -283,7 +283,7 @@ class Balance:
         """
         forces, lost, supplied = self.local(e, e_t, e_tt, load)
         if self.projection.numel():
-            low_rank = self.of_low_rank(e, e_t)
+            low_rank = self.of_low_rank(e[2:NODE, :], e_t)
             forces, lost = forces + low_rank, lost + cs.sum1(e_t * low_rank)
         return forces, cs.vertcat(lost, cs.sum1(e_t[:NODE, :] * self.equations.model.of_base(forces)), supplied)
 
@@ -293,16 +293,20 @@ class Balance:
         parts, _ = equations.mapped("balance", self, e, e_t, e_tt, groups=groups)
         forces = equations.model.sum_at_nodes(parts, groups.values())
         forces -= load_force(equations.model, equations.place, e, load)
-        return equations.model.of_base(forces + self.of_low_rank(e, e_t) if self.projection.numel() else forces)
+        return equations.model.of_base(
+            forces + self.of_low_rank(e[2:NODE, :], e_t) if self.projection.numel() else forces
+        )
 
-    def of_low_rank(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
-        """Return the low-rank part R B diag(d) B^T R^T e_t of the damping force, (4 n + 4, s)."""
-        (x, y), m = self.equations.model.beam.axis, self.projection.size2()
-        across = turned(self.projection, (1.0, 0.0), (0.0, 1.0))
-        cosine, sine = (cs.repmat(part, m, 1) for part in (x * e[2, :] + y * e[3, :], x * e[3, :] - y * e[2, :]))
-        velocities = cosine * (self.projection.T @ e_t) + sine * (across.T @ e_t)
-        forces = cs.repmat(self.modal_coefficients, 1, e.size2()) * velocities
-        return self.projection @ (cosine * forces) + across @ (sine * forces)
+    def of_low_rank(self, slope: cs.MX, e_t: cs.MX) -> cs.MX:
+        """Return the low-rank part R B diag(d) B^T R^T e_t of the damping force, (4 n + 4, s).
+
+        The beam has turned with the slope (2, s) of its clamp.
+        """
+        (x, y), (along, across) = self.equations.model.beam.axis, cs.vertsplit(slope)
+        cosine, sine = (cs.diag(part) for part in (x * along + y * across, x * across - y * along))
+        B, turned_B = self.projection, turned(self.projection, (1.0, 0.0), (0.0, 1.0))
+        forces = cs.diag(self.modal_coefficients) @ (B.T @ e_t @ cosine + turned_B.T @ e_t @ sine)
+        return B @ forces @ cosine + turned_B @ forces @ sine
 
     def tangents(self, e: cs.MX, e_t: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
         """Return the entries of K = d(Q_damp + Q_e - Q_load)/de, D = dQ_damp/de_t and M of all elements, (entries, s).

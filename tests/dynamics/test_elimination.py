@@ -8,6 +8,7 @@ from ancf_casadi import Beam, Model, Pin, Roller, static_equilibrium
 from ancf_casadi.dynamics.equations import as_it_is
 from ancf_casadi.dynamics.radau.links import Links
 from ancf_casadi.dynamics.radau.low_rank import LowRank
+from ancf_casadi.dynamics.radau.tableau import RADAU
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.vibration.modes import natural_modes
 
@@ -46,15 +47,20 @@ def test_solutions_are_those_of_the_dense_matrices(elements, more, rank):
     rates = cs.MX(cs.DM([REAL, COMPLEX.real, COMPLEX.imag]))
     outer, inner = links.factors(links.matrices(k, unit=1.0), links.matrices(0 * k), links.matrices(m), rates)
     right = np.random.default_rng(0).normal(size=(model.size, 3)) / model.scale[:, None]
-    found = links.solutions(cs.MX(cs.DM(right)), outer, inner)
+
+    def solved(*sides):
+        """Return the solutions for right-hand sides (4 n + 4, 3) of both systems."""
+        residuals = [links.node_by_node(cs.MX(cs.DM(side @ RADAU.transform.T))) for side in sides]
+        return links.solutions(cs.horzcat(*residuals), outer, inner)
+
+    found = solved(right)
     if rank:
-        low_rank = LowRank(NODE * links.count, rank)
-        columns = [np.outer(column, [1.0, 1.0, 0.0]) for column in projection.T]
-        solutions = [links.solutions(cs.MX(cs.DM(column)), outer, inner) for column in columns]
+        low_rank = LowRank(links.count, rank)
+        solutions = solved(*(np.outer(column, [1.0, 1.0, 0.0]) for column in projection.T))
         factors = low_rank.factors(links.placed(cs.MX(cs.DM(V))), solutions, cs.MX(cs.DM(d)), rates)
         assert factors.numel() == low_rank.layout.size
         found -= low_rank.correction(factors, found)
-    found = cs.evalf(found).full()[model.first_moved - NODE]
+    found = cs.evalf(links.stage_by_stage(found)).full()[model.first_moved - NODE]
 
     scale, right = model.free_scale, N.T @ right
     pairs = (REAL, found[:, 0], right[:, 0]), (COMPLEX, found[:, 1:] @ [1.0, 1.0j], right[:, 1:] @ [1.0, 1.0j])

@@ -155,7 +155,7 @@ class Collocation:
                 parts = equations.mapped("resistance", balance, e, e_t, u, w, groups=self._others)[0]
                 further += equations.model.sum_at_nodes(parts, self._others.values())
             if self._low_rank.rank:
-                further += balance.of_low_rank(e, u)
+                further += balance.of_low_rank(s.excitations[2:NODE, -1], u)
         # residuals of the real system alone, in the frame of the last stage
         at_stages = RADAU.transform[:, :1]
         forces = cs.sparsify(cs.DM(np.kron(at_stages, np.eye(LINK)))) @ (real * force)
@@ -178,8 +178,9 @@ class Collocation:
         low_rank = cs.MX(0, 1)
         if self._low_rank.rank:
             projection = balance.turned_projection(e)
-            alike = cs.DM([[1.0, 1.0, 0.0]])  # a real right-hand side of both systems
-            solutions = [self.links.solutions(column @ alike, outer, inner) for column in cs.horzsplit(projection)]
+            alike = RADAU.transform @ [1.0, 1.0, 0.0]  # residuals whose side is real in both systems
+            residuals = cs.sparsify(cs.DM(np.kron(alike[:, None], np.eye(NODE)))) @ cs.reshape(projection, NODE, -1)
+            solutions = self.links.solutions(residuals, outer, inner)
             placed = self.links.placed(model.of_free(projection))
             low_rank = self._low_rank.factors(placed, solutions, balance.modal_coefficients, rates)
         inputs = [s.increments, s.q, s.v, s.h, excitation, s.parameters]
@@ -228,7 +229,7 @@ class Collocation:
 
     @cached_property
     def _low_rank(self) -> LowRank:
-        return LowRank(NODE * self.links.count, self.equations.projection.shape[1])
+        return LowRank(self.links.count, self.equations.projection.shape[1])
 
     def _advanced(self) -> list[cs.MX]:
         """Return Z minus T dW, turned forth, the turns to the stages, and the motion of the links there."""
@@ -282,7 +283,7 @@ class Collocation:
             further += model.sum_at_nodes(parts, self._others.values())
             lost += sum(cs.sum1(cs.reshape(power, -1, STAGES)) for power in powers)
         if self._low_rank.rank:
-            damping = balance.of_low_rank(*whole[:2])
+            damping = balance.of_low_rank(excitations[2:NODE, :], whole[1])
             further, lost = further + damping, lost + cs.sum1(whole[1] * damping)
         on_links = cs.horzcat(cs.MX(LINK * STAGES, root), forces) if root else forces
         on_base = cs.reshape(on_links[:, 0], LINK, STAGES)[:NODE, :] + further[:NODE, :]
@@ -297,8 +298,7 @@ class Collocation:
         solution = links.substituted(links.reduced(on_links, further, turns, s.outer), s.inner)
         if not self._low_rank.rank:
             return solution
-        correction = self._low_rank.correction(s.low_rank, links.stage_by_stage(solution))
-        return solution - links.node_by_node(correction)
+        return solution - self._low_rank.correction(s.low_rank, solution)
 
     @cached_property
     def _symbols(self) -> SimpleNamespace:

@@ -23,7 +23,7 @@ import numpy as np
 from ancf_casadi.dynamics.equations import ELEMENTS_PER_CALL
 from ancf_casadi.dynamics.radau.elimination import BLOCK, LINK
 from ancf_casadi.dynamics.radau.link import VALUES, Kind, link_function
-from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
+from ancf_casadi.dynamics.radau.tableau import STAGES
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Index
@@ -96,12 +96,12 @@ class Links:
         """Return the solution (12, links) of the real and the complex system."""
         return self._pass("substituted", cs.MX.zeros(VALUES), [eliminated, inner])[0]
 
-    def solutions(self, right: cs.MX, outer: cs.MX, inner: cs.MX) -> cs.MX:
-        """Return the solutions (4 links, 3) of both systems for right-hand sides at all nodes, without any turn."""
-        further = self.node_by_node(right @ cs.DM(RADAU.transform).T)[:, 1:]
-        ahead = cs.DM(np.tile([[1.0], [0.0]], (VALUES // 2, self.count)))
+    def solutions(self, residuals: cs.MX, outer: cs.MX, inner: cs.MX) -> cs.MX:
+        """Return the solutions (12, k links) of both systems for residuals (12, k nodes), without any turn."""
         forces = cs.MX.zeros(2 * VALUES, self.count)
-        return self.stage_by_stage(self.substituted(self.reduced(forces, further, cs.MX(ahead), outer), inner))
+        ahead = cs.MX(cs.DM(np.tile([[1.0], [0.0]], (VALUES // 2, self.count))))
+        sides = (part[:, 1:] for part in cs.horzsplit(residuals, self.count + 1))
+        return cs.horzcat(*(self.substituted(self.reduced(forces, side, ahead, outer), inner) for side in sides))
 
     def factors(self, k: cs.MX, d: cs.MX, m: cs.MX, rates: cs.MX) -> tuple[cs.MX, cs.MX]:
         """Return the factors of s^2 M + s D + K, from the matrices of each link as columns (64, links)."""

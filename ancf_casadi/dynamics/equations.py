@@ -12,7 +12,7 @@ The damping force has a local part, as sparse as the mesh, and a low-rank part R
 the clamp (``damping.law``).  Each integrator keeps its matrices sparse in its own way.
 
 Gravity, the properties of the elements, the parameters of the law, B, the tip mass and the stiffness of the clamp are
-inputs.  Only the forces of one element and their derivatives are compiled: mapped over the elements, they serve all
+inputs.  The forces of one element and their derivatives are compiled here: mapped over the elements, they serve all
 beams, all meshes and all values of the parameters of a law.  With c = (acceleration of gravity, parameters of the law),
 an element contributes
 
@@ -204,7 +204,7 @@ class Equations:
 class Balance:
     """The terms of the equation of motion, as functions of the motion of all nodes.
 
-    The terms that are assembled here, ``local``, ``tangents``, ``resistance`` and ``mass``, depend on all parameters.
+    The terms that are assembled here, ``local``, ``tangents`` and ``free_mass``, depend on all parameters.
     Those of the Functions of the model, ``local_damping``, ``damping``, ``inertia`` and ``conservative``, have the
     lumped properties of the model, like all that is exported.
     """
@@ -319,7 +319,3 @@ class Balance:
             places, stiffness = load_stiffness(self.equations.model, place, e, load)
             columns[0][places, :] -= stiffness
         return columns[0], columns[1], columns[2]
-
-    def resistance(self, e: cs.MX, e_t: cs.MX, u: cs.MX, w: cs.MX) -> cs.MX:
-        """Return D u + M w, without the low-rank part of the damping force."""
-        return self.equations.model.sum_at_nodes(self.equations.mapped("resistance", self, e, e_t, u, w)[0])

@@ -32,17 +32,18 @@ def load_force(model: Model, place: PointLoad | None, e: cs.MX, load: cs.MX) -> 
     if place is None:
         return _travelling_force(model, load)
     index, _ = model.place_at(place.place(model.beam))
-    own = model.groups[0].coordinates[index]
-    rows = cs.DM.triplet(own.tolist(), [*range(own.size)], cs.DM.ones(own.size), model.size, own.size)
-    return rows @ load_on_element(model, place, e[own.tolist(), :], load)
+    coordinates = model.groups[0].coordinates[index].tolist()
+    count = len(coordinates)
+    rows = cs.DM.triplet(coordinates, [*range(count)], cs.DM.ones(count), model.size, count)
+    return rows @ load_on_element(model, place, e[coordinates, :], load)
 
 
 def load_on_element(model: Model, place: PointLoad, e: cs.MX, load: cs.MX) -> cs.MX:
     """Return Q of loads (3 or 4, s) on the element that they act on, (8, s), for its coordinates in s states."""
     index, _ = model.place_at(place.place(model.beam))
-    own = model.groups[0].coordinates[index].tolist()
-    shape, slope = (cs.sparsify(part[:, own]) for part in _interpolations(model, place))
-    x, p = cs.SX.sym("e", len(own), e.shape[1]), cs.SX.sym("load", *load.shape)
+    coordinates = model.groups[0].coordinates[index].tolist()
+    shape, slope = (cs.sparsify(part[:, coordinates]) for part in _interpolations(model, place))
+    x, p = cs.SX.sym("e", len(coordinates), e.shape[1]), cs.SX.sym("load", *load.shape)
     F, h = point_force(slope @ x, p, follower=place.follower)
     force: cs.MX = cs.Function("load", [x, p], [cs.densify(shape.T @ F + slope.T @ h)])(e, load)
     return force

@@ -1,8 +1,9 @@
 """Compilation of Functions to machine code, if there is a C compiler.
 
-CasADi's virtual machine evaluates a Function two to four times slower than compiled C.  Only the Functions of one
-element are compiled (``dynamics.equations``); they depend neither on the mesh nor on the numbers of a beam, so one
-library serves all beams.  It is kept, and found again by a hash of the Function.  Machine code and virtual machine do
+CasADi's virtual machine evaluates a Function two to four times slower than compiled C.  Two kinds of Functions are
+compiled: those of one element (``dynamics.equations``), and the passes of Radau along ten links
+(``dynamics.radau.links``).  They depend neither on the mesh nor on the numbers of a beam, so one library serves all
+beams.  It is kept, and found again by a hash of the Function.  Machine code and virtual machine do
 the same operations in the same order, without fused multiply-add, and give the same digits.
 
 Compiler.  The command in ``CC``, else ``cc`` or ``gcc``, else the package ``ziglang``.  If there is none, or it fails,

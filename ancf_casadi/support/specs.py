@@ -65,7 +65,7 @@ def convert(source: Any, kind: Any, where: str = "") -> Any:
         value = source
         declared: types.Type | None = _tagged(types.type_info(kind), source)
         for name, number, any_key in re.findall(r"\.([^.\[\]`]+)|\[(\d+)\]|\[(\.\.\.)\]", path):
-            step = _refused_key(source, kind, steps, value) if any_key else name or int(number)
+            step = _refused_key(source, kind, steps, value, str(error)) if any_key else name or int(number)
             steps.append(step)
             value = _item(value, step)
             declared = _declaration(declared, step, value)
@@ -114,8 +114,8 @@ def _item(value: Any, step: str | int) -> Any:
     return value[step] if isinstance(value, Sequence) and step < len(value) else None
 
 
-def _refused_key(source: Any, kind: Any, steps: Sequence[str | int], table: Mapping[str, Any]) -> str:
-    """Return the first key of a table at steps into plain data whose value cannot be converted."""
+def _refused_key(source: Any, kind: Any, steps: Sequence[str | int], table: Mapping[str, Any], message: str) -> str:
+    """Return the first key of a table at steps into plain data whose value alone is refused with a message."""
     for key, item in table.items():
         reduced = copy.deepcopy(source)
         place = reduced
@@ -124,10 +124,11 @@ def _refused_key(source: Any, kind: Any, steps: Sequence[str | int], table: Mapp
         place.clear()
         place[key] = item
         try:
-            msgspec.convert(reduced, kind)
-        except msgspec.ValidationError:
-            return key
-    raise AssertionError("one of the values was refused")
+            msgspec.convert(reduced, kind, from_attributes=True)
+        except msgspec.ValidationError as error:
+            if str(error) == message:
+                return key
+    return "..."  # the values are refused together only
 
 
 def _declaration(declared: types.Type | None, step: str | int, value: Any) -> types.Type | None:

@@ -240,7 +240,7 @@ def _command(name: str, options: argparse.Namespace, column: str | int | None) -
     for key, value in values.items():
         if value is not None:
             several = value if isinstance(value, tuple) else (value,)
-            text = ",".join(f"{item:g}" if isinstance(item, float) else str(item) for item in several)
+            text = ",".join(map(str, several))
             words += [f"--{key.replace('_', '-')}", text]
     return shlex.join(words)
 

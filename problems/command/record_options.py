@@ -21,7 +21,8 @@ from problems.spec.help import description
 from problems.spec.record_files import ChannelSpec, SensorSpec
 
 MOST_LINES = 100_000  # lines that an option may leave out
-FILE_KEYS = ("column", "time", "unit", "time_unit", "sample_rate", "names_row", "skip_rows", "leave_out")
+READING_KEYS = ("column", "time", "unit", "time_unit", "sample_rate")
+FILE_KEYS = (*READING_KEYS, "names_row", "skip_rows", "leave_out")
 RECORD_KEYS = (*FILE_KEYS, "sensor", "begin", "end", "decimate", "release_time")
 
 
@@ -68,7 +69,7 @@ def add_record_options(parser: argparse.ArgumentParser, *, part: bool = True) ->
 def read_record(path: str, options: argparse.Namespace) -> Measurement:
     """Read a file with the options of the command, and cut out the part to use."""
     sensor = None if options.sensor is None else Sensor(options.sensor)
-    reading = {name: getattr(options, name) for name in FILE_KEYS[:5]}
+    reading = {name: getattr(options, name) for name in READING_KEYS}
     layout = TableLayout.of(vars(options))
     record = Measurement.from_file(path, sensor=sensor, layout=layout, progress=True, **reading)
     with located(f"{path}: --begin, --end"):

@@ -23,7 +23,7 @@ from ancf_casadi.support.figures import Figure
 from problems.paper.inputs import experiments, matched_beam, three_laws
 from problems.paper.step import paper_step
 from problems.spec.beam import law_of
-from problems.spec.motion import RESPONSE_MODES, ResponseSpec, ResponseTask
+from problems.spec.motion import RESPONSE_MODES, ResponseSpec, ResponseTables
 from problems.study.compute import Compute
 from problems.study.drawing import new_figure, series
 from problems.study.kinds.experiment import RequestedRun
@@ -117,7 +117,7 @@ def resonance(beam: Beam, terms: Terms, amplitude: float, frequencies: tuple[flo
     """Return the response curve under a base amplitude (m), and the amplitude of the driven mode along it."""
     model = Model(beam)
     law, count = law_of(terms, model, "damping"), max(RESPONSE_MODES, mode)
-    task = ResponseTask(model, law, ResponseSpec(frequencies, amplitude, points=24), count, {})
+    task = ResponseTables(model, law, ResponseSpec(frequencies, amplitude, points=24), count, {})
     curve = task.curve(amplitude)
     return curve_numbers(task, curve), np.array([_amplitude(motion, mode) for motion in curve.motions])
 

@@ -305,7 +305,7 @@ RESPONSE_KEYS = table_help("[response]", "steady vibration: {}", ResponseSpec)
 
 
 @dataclass(frozen=True, eq=False)
-class ResponseTask:
+class ResponseTables:
     """The arguments of ``frequency_response`` from a file, one curve per level of the excitation."""
 
     model: Model
@@ -354,13 +354,13 @@ class ResponseTask:
         )
 
 
-def read_response(source: str | StudyFile) -> ResponseTask:
+def read_response(source: str | StudyFile) -> ResponseTables:
     """Read a beam, its damping, and its harmonic excitation over a range of frequencies."""
     file = StudyFile.of(source)
     return replace(convert_response(file), damping=read_damped(file).damping)
 
 
-def convert_response(file: StudyFile) -> ResponseTask:
+def convert_response(file: StudyFile) -> ResponseTables:
     """Return what ``read_response`` does without the damping law, which may need the natural modes of the beam."""
     model, where = DampedBeam.of(file).model, file.where("response")
     table = convert(file.needed("response"), ResponseSpec, where)
@@ -370,7 +370,7 @@ def convert_response(file: StudyFile) -> ResponseTask:
     unit_vector(table.direction, f"{where}: direction")
     if bool(table.base_amplitudes) == bool(table.tip_forces):
         raise InputError("give either base_amplitudes (m) or tip_forces (N)", f"{where}: base_amplitudes")
-    return ResponseTask(model, None, table, _modes(table, model, f"{where}: modes"), read_markers(file, model))
+    return ResponseTables(model, None, table, _modes(table, model, f"{where}: modes"), read_markers(file, model))
 
 
 def _modes(table: ResponseSpec, model: Model, where: str) -> int:

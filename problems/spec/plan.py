@@ -102,7 +102,7 @@ PLAN_TABLES = {"beam", "damping", "base", "load", "release", "candidates", "fit"
 
 
 @dataclass(frozen=True)
-class PlanTask(StepTables):
+class PlanTables(StepTables):
     """The arguments of ``plan`` from a file, and what its result is asked for."""
 
     law_terms: Sequence[Sequence[int]]  # of each law to tell apart, as indices of the tables [[damping]]
@@ -111,7 +111,7 @@ class PlanTask(StepTables):
     table: PlanSpec
 
     @classmethod
-    def of(cls, source: str | StudyFile) -> PlanTask:
+    def of(cls, source: str | StudyFile) -> PlanTables:
         """Convert the tables of a file."""
         file = StudyFile.of(source)
         beam, where = DampedBeam.of(file), file.where("candidates")

@@ -4,8 +4,8 @@ A step of a study is a function that is written from top to bottom, and calls ex
 
     fits = compute.all(fit_record, [(record, "linear") for record in records])
 
-Such a function belongs to a module, its arguments are plain data (numbers, texts, arrays, frozen dataclasses), and its
-return annotation is the type of its result.
+Such a function is defined at module level, its arguments are plain data (numbers, texts, arrays, frozen dataclasses),
+and its return annotation is the type of its result.
 
 The name of the file of a result is a hash of everything that it depends on: the function, its arguments, and the
 sources of this program with the version of CasADi.  The file is written as soon as the result is there, so that a study
@@ -16,7 +16,6 @@ executed, because it is decoded into the type that the function declares.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import inspect
 import threading
@@ -69,8 +68,9 @@ class ThisThread(Executor):
 class Store:
     """The computations of a study: each runs once, and its result is kept in a folder, if there is one.
 
-    Steps in several threads take turns, because CasADi builds the expressions of one thread at a time.  A step gives up
-    its turn while it waits for results.  A thread of each computation waits for the executor, and writes the result.
+    Steps in several threads take turns, because CasADi builds the expressions of one thread at a time.  A step must
+    hold the ``turn``, and gives it up while it waits for results.  A thread of each computation waits for the executor,
+    and writes the result.
     """
 
     def __init__(
@@ -87,16 +87,21 @@ class Store:
         self._running: list[Future[bytes]] = []
         self._stopped, self._lock = False, threading.Lock()
 
-    def start(self, function: Callable[..., Any], inputs: Sequence[Any], cost: float, *, draw: bool) -> str:
-        """Start a computation, unless it has started, and return its key."""
-        key = key_of(function, *inputs)
+    def start(self, function: Callable[..., Any], inputs: Sequence[Any], cost: float, formats: tuple[str, ...]) -> str:
+        """Start a computation, whose figures have these formats, unless it has started, and return its key."""
+        key = key_of(function, formats, *inputs)
         if key not in self.computations:
             path = self._folder and self._folder / f"{key}{SUFFIX}"
-            self.computations[key] = self._threads.submit(self._run, function, inputs, path, cost, draw=draw)
+            self.computations[key] = self._threads.submit(self._run, function, inputs, path, cost, formats)
         return key
 
     def _run(
-        self, function: Callable[..., Any], inputs: Sequence[Any], path: Path | None, cost: float, *, draw: bool
+        self,
+        function: Callable[..., Any],
+        inputs: Sequence[Any],
+        path: Path | None,
+        cost: float,
+        formats: tuple[str, ...],
     ) -> Computation:
         if path and (computation := kept(path, function)):
             return computation
@@ -104,8 +109,10 @@ class Store:
             if self._stopped:
                 raise CancelledError
             self._bar.total += cost
-            self._running.append(future := self._executor().submit(run_function, function, inputs, draw=draw))
+            self._running.append(future := self._executor().submit(run_function, function, inputs, formats))
         content = future.result()
+        with self._lock:
+            self._running.remove(future)
         if path:
             write_file(path, with_digest(content))
         self._bar.update(cost)
@@ -169,7 +176,7 @@ class Compute:
         keys, expected = [""] * len(inputs), np.broadcast_to(costs, len(inputs))
         for number in np.argsort(-expected, kind="stable").tolist():
             cost = float(expected[number])
-            keys[number] = self._store.start(function, inputs[number], cost, draw=bool(self._formats))
+            keys[number] = self._store.start(function, inputs[number], cost, self._formats)
         self._store.wait_for(keys)
         computations = [self._store.computations[key].result() for key in keys]
         self.times |= {key: computation.seconds for key, computation in zip(keys, computations, strict=True)}
@@ -213,10 +220,12 @@ def decoded(content: bytes, kind: Any) -> Any:
     return msgspec.msgpack.decode(content, type=kind, dec_hook=_array)
 
 
-def run_function(function: Callable[..., Any], inputs: Sequence[Any], *, draw: bool = True) -> bytes:
+def run_function(
+    function: Callable[..., Any], inputs: Sequence[Any], formats: tuple[str, ...] = ("svg", "png")
+) -> bytes:
     """Return computing time and result of a function as they are kept; all results pass through this form."""
     began = time.perf_counter()
-    with contextlib.nullcontext() if draw else only(()):
+    with only(formats):
         result = function(*inputs)
     return encoded((time.perf_counter() - began, result))
 

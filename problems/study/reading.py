@@ -126,7 +126,7 @@ def _step(study: Study, table: dict[str, Any], kinds: Mapping[str, type[Step]], 
     place = f"{where}: {name}"
     keys = {"title": kind.heading, **_with_laws(table, study, place), "name": name}
     del keys["kind"]
-    return replace(convert(keys, kind, place).checked(study, place), printed_by=study.printed_by)
+    return replace(convert(keys, kind, place).checked(study, place), printed_by=study.printed_by, where=place)
 
 
 def _with_laws(plain_table: Any, study: Study, where: str) -> dict[str, Any]:

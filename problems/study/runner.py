@@ -18,6 +18,7 @@ from typing import Any
 
 from tqdm import tqdm
 
+from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.support.parallel import COUNT_BAR, processes, unbroken
@@ -53,7 +54,11 @@ def run_steps(
         needed = {name: findings[name].result() for name in step.needs}
         with store.turn:
             compute = Compute(store, quick=quick, formats=formats, draw=step.draw)
-            finding: Finding = decoded(encoded(step.finding(compute, needed)), Finding)  # plain data alone
+            try:
+                finding: Finding = decoded(encoded(step.finding(compute, needed)), Finding)  # plain data alone
+            except NumericsError as error:
+                error.args = (f"{step.name}: {error}",)
+                raise
         figures = finding.figures if step.draw else ()
         return replace(finding, name=step.name, times=compute.times, figures=figures)
 

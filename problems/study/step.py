@@ -44,7 +44,7 @@ class Finding:
     warnings: tuple[str, ...] = ()  # limitations of the results
     text: str = ""  # report for a terminal, if it says more than the tables
     files: dict[str, bytes] = field(default_factory=dict)  # content of further files of the results, by name
-    beam: BeamSpec | None = None  # the beam that the step has found, as results are kept
+    beam: BeamSpec | None = None  # the beam that the step has identified, in a form that can be kept
     terms: Terms = ()  # the damping law that it has found, as tables [[damping]]
     guess: BeamSpec | None = None  # the beam before a fit that has identified some of its properties
     errors: dict[str, float] | None = None  # standard errors of these, SI units, by name
@@ -63,7 +63,7 @@ Findings = Mapping[str, Finding]  # by the name of their step
 
 @dataclass(frozen=True)
 class LawChoice:
-    """A damping law of a table [[laws]], whose terms may be those that an earlier part has found."""
+    """A damping law of a table [[laws]], whose terms may be those that an earlier step has found."""
 
     name: str
     terms: Annotated[Terms, Meta(description='tables [[damping]], or {part = "PART"}')]
@@ -140,6 +140,7 @@ class Step:
     draw: Annotated[bool, Meta(description="with figures")] = True
     quick: Annotated[bool, Meta(description="in a quick look too")] = True
     printed_by: Annotated[str, UNLISTED] = "printed"  # origin of the printed numbers
+    where: Annotated[str, UNLISTED] = ""  # its place in the file, for messages
     file: Annotated[StudyFile, UNLISTED] = NO_FILE  # with the tables that its computations read
 
     def checked(self, study: Study, where: str) -> Self:
@@ -162,13 +163,15 @@ class Step:
         name: str = getattr(self, "beam", "")
         beam = findings[name].beam
         if beam is None:
-            raise InputError(f"the part {name!r} finds no beam; name a part of the kind match", f"{self.name}: beam")
+            raise InputError(
+                f"the part {name!r} finds no beam; name one of the kind match or motion", f"{self.where}: beam"
+            )
         return beam.beam()
 
 
 @dataclass(frozen=True)
 class Study:
-    """A study: the keys of the table [study], its file with what all parts share, and the parts in their order."""
+    """A study: the keys of the table [study], its file with what all steps share, and the steps in their order."""
 
     title: str = ""
     steps: Annotated[tuple[Step, ...], UNLISTED] = ()

@@ -152,7 +152,7 @@ def run_study(
     out : str or Path, optional
         Folder of the results; with None nothing is written or kept.
     steps : sequence of str
-        Names or kinds of the parts to run, with those that they need; all if empty.
+        Names or kinds of the steps to run, with those that they need; all if empty.
     quick : bool
         Whether to shorten the simulations, for a first look.
     executor, jobs, progress
@@ -213,7 +213,7 @@ def write_study(
             folder or Path(stack.enter_context(TemporaryDirectory())),
             beam=study.beam,
             quick=quick,
-            keep_others=keep_others,
+            keep_others=keep_others or quick,
             formats=formats,
             executor=executor,
             jobs=whole(jobs, "jobs", 1),

@@ -18,6 +18,11 @@ SLIDING = {"axis": (1.0, 0.0), "supports": [Pin(0.0), Roller(0.5, (0.8, 0.6))]}
 REAL, COMPLEX = 40.0, 30.0 + 35.0j  # s of both systems
 
 
+def stage_by_stage(columns):
+    """Return the numbers of both systems (4 links, 3) from columns (12, links)."""
+    return cs.horzcat(*(cs.vec(part) for part in cs.vertsplit(columns, NODE)))
+
+
 def entries(model, name, *vectors):
     """Return the entries of all element matrices, as in ``Model.entries``."""
     properties = cs.DM(model.properties)
@@ -60,7 +65,7 @@ def test_solutions_are_those_of_the_dense_matrices(elements, more, rank):
         factors = low_rank.factors(links.placed(cs.MX(cs.DM(V))), solutions, cs.MX(cs.DM(d)), rates)
         assert factors.numel() == low_rank.layout.size
         found -= low_rank.correction(factors, found)
-    found = cs.evalf(links.stage_by_stage(found)).full()[model.first_moved - NODE]
+    found = cs.evalf(stage_by_stage(found)).full()[model.first_moved - NODE]
 
     scale, right = model.free_scale, N.T @ right
     pairs = (REAL, found[:, 0], right[:, 0]), (COMPLEX, found[:, 1:] @ [1.0, 1.0j], right[:, 1:] @ [1.0, 1.0j])

@@ -20,6 +20,11 @@ def model(request):
     return Model(Beam.uniform(**BEAM, **request.param))
 
 
+def stage_by_stage(columns):
+    """Return the values at the stages (4 links, 3) from columns (12, links)."""
+    return cs.horzcat(*(cs.vec(part) for part in cs.vertsplit(columns, NODE)))
+
+
 def bent(model, curvature, turn=0.0):
     """Return the coordinates of the beam bent to an arc; the clamped node stays in place, and all behind it turns."""
     arc = np.linspace(0.0, BEAM["length"], BEAM["elements"] + 1)
@@ -37,15 +42,13 @@ def transfer(model, reference, other):
     first, e, vector = (cs.MX.sym(name, size) for name, size in zip("rex", (model.size, model.size, free), strict=True))
     none, base = cs.MX.zeros(VALUES, links.count), cs.vertcat(cs.repmat(e[:NODE], 1, STAGES), cs.MX.zeros(8, STAGES))
     state = none, model.of_free(e), cs.MX.zeros(free), cs.MX(1.0), base, cs.reshape(first, NODE, -1)
-    _, turns, *_ = links.advanced(none, none, *state)
+    _, turns, *_ = links.advance(none, none, *state)
 
     corrections = links.placed(vector) @ cs.DM(np.linalg.inv(RADAU.transform).sum(axis=1)).T  # alike at all stages
-    turned_forth = -links.stage_by_stage(links.advanced(links.node_by_node(corrections), turns, *state)[0])
+    turned_forth = -stage_by_stage(links.advance(links.node_by_node(corrections), turns, *state)[0])
     residuals = links.node_by_node(cs.repmat(model.moved(vector), 1, STAGES))[:, 1:]
     nothing = cs.MX.zeros(2 * VALUES, links.count), cs.MX.zeros(3 * BLOCK, links.count)  # no forces, no elimination
-    turned_back = (
-        links.stage_by_stage(links.reduced(nothing[0], residuals, turns, nothing[1])) @ cs.DM(RADAU.transform).T
-    )
+    turned_back = stage_by_stage(links.reduce(nothing[0], residuals, turns, nothing[1])) @ cs.DM(RADAU.transform).T
     places = (model.first_moved - NODE).tolist()
     outputs = [links.free(cs.reshape(turned_forth[:, 1], NODE, -1)), turned_back[places, 1]]
     both = cs.Function("both", [first, e, vector], outputs)
@@ -93,7 +96,7 @@ def test_continuing_a_steady_bending(model):
     by_node = motion.T.reshape(times.size, -1, NODE).transpose(1, 0, 2).reshape(-1, times.size * NODE).T
     links = Links(model, as_it_is)
     arguments = (cs.MX(cs.DM(np.asarray(values))) for values in (by_node, polynomials, base))
-    increments = links.stage_by_stage(links.continued(*arguments))
+    increments = stage_by_stage(links.extrapolate(*arguments))
     found = cs.evalf(increments).full() + motion[NODE:, [-1]]
     still = np.abs(motion[NODE:, [-1]] - expected[NODE:]).max()
     assert np.abs(model.of_free(np.vstack([expected[:NODE], found]) - expected)).max() < 1e-4 * still

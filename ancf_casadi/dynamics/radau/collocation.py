@@ -104,7 +104,7 @@ class Collocation:
         Z is corrected by the last dW; the results are the next dW and the turns to the stages.
         """
         s = self._symbols
-        increments, turns, *motion = self._advanced()
+        increments, turns, *motion = self._advance()
         on_links, further, _ = self._forces(motion)
         corrections = self._solved(on_links, further[:, 1:], turns)
         size = cs.norm_2(cs.vec(s.weights * corrections))
@@ -120,7 +120,7 @@ class Collocation:
         """
         s, a = self._symbols, cs.MX.sym("a", self.equations.free)
         nodes = cs.MX.sym("nodes", NODE * (STAGES + 1), self.links.count + 1)
-        increments, _, *motion = self._advanced()
+        increments, _, *motion = self._advance()
         powers = self._forces(motion)[2]
         v, last, twice = self.links.places(s.v), RADAU.inverse[-1], RADAU.inverse[-1] @ RADAU.inverse
         velocity = _combined(last, increments) / s.h
@@ -178,7 +178,7 @@ class Collocation:
         low_rank = cs.MX(0, 1)
         if self._low_rank.rank:
             projection = balance.turned_projection(e)
-            alike = RADAU.transform @ [1.0, 1.0, 0.0]  # residuals whose side is real in both systems
+            alike = RADAU.transform @ [1.0, 1.0, 0.0]  # residuals whose right-hand side is real in both systems
             residuals = cs.sparsify(cs.DM(np.kron(alike[:, None], np.eye(NODE)))) @ cs.reshape(projection, NODE, -1)
             solutions = self.links.solutions(residuals, outer, inner)
             placed = self.links.placed(model.of_free(projection))
@@ -198,7 +198,7 @@ class Collocation:
         known = np.concatenate([[0.0], RADAU.nodes])
         x = cs.SX.sym("ratio")
         weights = [cs.vertcat(*_lagrange(known, 1 + c * x)[1:]) for c in RADAU.nodes.tolist()]
-        increments = self.links.continued(
+        increments = self.links.extrapolate(
             nodes, cs.Function("weights", [x], [cs.horzcat(*weights)])(ratio), s.excitations[: 3 * NODE, :]
         )
         return _function("prediction", [nodes, ratio, s.excitations], [increments])
@@ -231,11 +231,11 @@ class Collocation:
     def _low_rank(self) -> LowRank:
         return LowRank(self.links.count, self.equations.projection.shape[1])
 
-    def _advanced(self) -> list[cs.MX]:
+    def _advance(self) -> list[cs.MX]:
         """Return Z minus T dW, turned forth, the turns to the stages, and the motion of the links there."""
         s = self._symbols
         base = s.excitations[: 3 * NODE, :]
-        return self.links.advanced(s.corrections, s.turns, s.increments, s.q, s.v, s.h, base, s.reference)
+        return self.links.advance(s.corrections, s.turns, s.increments, s.q, s.v, s.h, base, s.reference)
 
     def _whole(self, motion: Sequence[cs.MX]) -> list[cs.MX]:
         """Return e, e_t and e_tt (4 n + 4, 3) at the stages from those of the links (24, links)."""
@@ -295,7 +295,7 @@ class Collocation:
     def _solved(self, on_links: cs.MX, further: cs.MX, turns: cs.MX) -> cs.MX:
         """Return the solution dW for forces on the links and further ones on their second nodes."""
         s, links = self._symbols, self.links
-        solution = links.substituted(links.reduced(on_links, further, turns, s.outer), s.inner)
+        solution = links.substitute(links.reduce(on_links, further, turns, s.outer), s.inner)
         if not self._low_rank.rank:
             return solution
         return solution - self._low_rank.correction(s.low_rank, solution)

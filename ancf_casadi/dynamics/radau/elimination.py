@@ -38,16 +38,16 @@ def eliminate() -> cs.Function:
     """
     k, d, m = (cs.SX.sym(name, LINK, LINK) for name in "kdm")
     beyond, rates = cs.SX.sym("beyond", 12 * BLOCK), cs.SX.sym("rates", 3)
-    gamma, a, b = cs.vertsplit(rates)
+    gamma, real, imaginary = cs.vertsplit(rates)
     systems: list[Complex] = [
         [k + gamma * d + gamma**2 * m],
-        [k + a * d + (a**2 - b**2) * m, b * d + 2 * a * b * m],
+        [k + real * d + (real**2 - imaginary**2) * m, imaginary * d + 2 * real * imaginary * m],
     ]
     carried, outer, inner = [], [], []
     first, second = slice(0, NODE), slice(NODE, LINK)
-    for matrix, (b_, c, own, p) in zip(systems, _matrices(beyond, 4), strict=True):
-        bp = _times(b_, p)
-        block = [x[second, second] + y for x, y in zip(matrix, own, strict=True)]
+    for matrix, (b, c, block_of_next, p) in zip(systems, _matrices(beyond, 4), strict=True):
+        bp = _times(b, p)
+        block = [x[second, second] + y for x, y in zip(matrix, block_of_next, strict=True)]
         inverse = _inverse(_minus(block, _times(bp, c)))
         to_next, from_next = [x[first, second] for x in matrix], [x[second, first] for x in matrix]
         carried.append([to_next, from_next, [x[first, first] for x in matrix], inverse])
@@ -58,14 +58,14 @@ def eliminate() -> cs.Function:
     return cs.Function("eliminate", inputs, outputs, {"cse": True})
 
 
-def reduced(r: cs.SX, outer: cs.SX, beyond: cs.SX) -> cs.SX:
+def reduce(r: cs.SX, outer: cs.SX, beyond: cs.SX) -> cs.SX:
     """Return f_k (4, 3) from r_k, the second output of ``eliminate`` (48,), and f_k+1."""
     columns = [_minus(_parts(r, part), _times(bp, _parts(beyond, part)))
                for part, (bp,) in zip(PARTS, _matrices(outer, 1), strict=True)]  # fmt: skip
     return cs.horzcat(*(x for parts in columns for x in parts))
 
 
-def substituted(f: cs.SX, inner: cs.SX, before: cs.SX) -> cs.SX:
+def substitute(f: cs.SX, inner: cs.SX, before: cs.SX) -> cs.SX:
     """Return x_k (4, 3) from f_k, the third output of ``eliminate`` (96,), and x_k-1."""
     columns = [_times(p, _minus(_parts(f, part), _times(c, _parts(before, part))))
                for part, (p, c) in zip(PARTS, _matrices(inner, 2), strict=True)]  # fmt: skip
@@ -101,13 +101,15 @@ def _inverse(a: Complex) -> Complex:
     """Return the inverse, by that of the leading block and of its Schur complement."""
     size = a[0].shape[0]
     if size == 1:
-        norm = a[0] ** 2 + a[-1] ** 2
-        return [1 / a[0]] if len(a) == 1 else [a[0] / norm, -a[1] / norm]
+        if len(a) == 1:
+            return [1 / a[0]]
+        norm = a[0] ** 2 + a[1] ** 2
+        return [a[0] / norm, -a[1] / norm]
     first, last = slice(0, size // 2), slice(size // 2, size)
     a11, a12, a21, a22 = ([x[i, j] for x in a] for i in (first, last) for j in (first, last))
     inverse = _inverse(a11)
     left, right = _times(a21, inverse), _times(inverse, a12)
     schur = _inverse(_minus(a22, _times(left, a12)))
     below, beside = _times(schur, left), _times(right, schur)
-    above = _minus(inverse, [-x for x in _times(right, below)])
+    above = [x + y for x, y in zip(inverse, _times(right, below), strict=True)]
     return [cs.blockcat([[p, -q], [-r, s]]) for p, q, r, s in zip(above, beside, below, schur, strict=True)]

@@ -1,9 +1,9 @@
 """One link of a beam: the Functions that a pass evaluates link by link, in coordinates that turn with the beam.
 
 A link joins a node to the next one: an element of the beam, or what joins a base of its own to the first node of the
-beam.  Its Functions take what the last link has passed on, columns of numbers of the link, and numbers that all links
-share; they return what the next link needs, and the results for the second node.  Positions are taken in units of the
-length l, so that machine code serves all meshes.
+beam.  Each Function takes the values carried from the previous link, the columns of this link, and inputs shared by all
+links; it returns the values for the next link, and the results for the second node.  Positions are taken in units of
+the length l, so that machine code serves all meshes.
 
 Turns.  The axial stiffness of a thin beam is thousands of times its bending stiffness, and its direction turns with the
 beam: matrices evaluated in one configuration are of little use in the next.  The axial strains, however, depend only on
@@ -20,7 +20,7 @@ position and slope of the first node of the beam with this slope.
 Prediction.  A motion is extrapolated in the logarithms of the slopes, log length and angle, so that errors of the
 angles do not stretch the beam.
 
-A beam that supports hold beyond its beginning turns little.  Corrections that turn with it would not end at these
+A beam that supports hold beyond its beginning turns little.  Corrections that turn with it would violate these
 supports; there X is 1, and the coordinates themselves are extrapolated.
 
 Supports.  The rows of N and G of a node, e = N q + G b, are a column of 32 numbers: the free coordinates of the node
@@ -51,18 +51,18 @@ def link_function(name: str, kind: Kind) -> cs.Function:
     """Derive a Function of one link: (carried, columns, shared) -> carried, results."""
     if name == "eliminate":
         return elimination.eliminate()
-    if name == "substituted":
+    if name == "substitute":
         carried, f, inner = _columns(VALUES, VALUES, 6 * BLOCK)
-        x = cs.vec(elimination.substituted(_of_stages(f), inner, _of_stages(carried)))
+        x = cs.vec(elimination.substitute(_of_stages(f), inner, _of_stages(carried)))
         return _function(name, "element", [carried, f, inner], [x, x])
-    return {"advanced": _advanced, "reduced": _reduced, "continued": _continued}[name](kind)
+    return {"advance": _advance, "reduce": _reduce, "extrapolate": _extrapolate}[name](kind)
 
 
-def _advanced(kind: Kind) -> cs.Function:
-    """Derive the Function of ``Links.advanced``.
+def _advance(kind: Kind) -> cs.Function:
+    """Derive the Function of ``Links.advance``.
 
-    Carried are, of the first node, its corrections before and after turning, its motion at the stages, and its place in
-    the reference.
+    The carried values belong to the first node: its corrections before and after turning, its motion at the stages, and
+    its coordinates in the reference.
     """
     carried, h, base = cs.SX.sym("carried", 5 * VALUES + NODE), cs.SX.sym("h"), cs.SX.sym("base", 3 * VALUES)
     w, turns, z, q, v, reference, l, supports = _columns(VALUES, VALUES, VALUES, NODE, NODE, NODE, 1, 2 * BLOCK)
@@ -94,14 +94,14 @@ def _advanced(kind: Kind) -> cs.Function:
         angles = cs.vertcat(*(_angles(start, stage) for stage in cs.horzsplit(link.directions(both[0]))))
     passed = cs.vertcat(*map(cs.vec, (corrections, turned, cs.vertcat(*motion))), reference)
     inputs = [carried, w, turns, z, q, v, reference, l, *([] if kind == "element" else [supports]), h, base]
-    return _function("advanced", kind, inputs, [passed, cs.vec(increments), angles, *map(cs.vec, both)])
+    return _function("advance", kind, inputs, [passed, cs.vec(increments), angles, *map(cs.vec, both)])
 
 
-def _reduced(kind: Kind) -> cs.Function:
-    """Derive the Function of ``Links.reduced``.
+def _reduce(kind: Kind) -> cs.Function:
+    """Derive the Function of ``Links.reduce``.
 
-    Carried are, of the second node, the forces of the next link on it, the sum of all forces beyond it, its turned
-    residual from the next link, and the eliminated residuals of the next node.
+    The carried values come from beyond the second node: the forces of the next link on it, the sum of all forces behind
+    it, its turned residual from the next link, and the eliminated residuals of the next node.
     """
     carried = cs.SX.sym("carried", 4 * VALUES)
     forces, further, turns, outer, l, supports = _columns(2 * VALUES, VALUES, VALUES, 3 * BLOCK, 1, 2 * BLOCK)
@@ -117,14 +117,14 @@ def _reduced(kind: Kind) -> cs.Function:
         residuals += turned
     if kind != "element":
         residuals = N.T @ residuals
-    solved = elimination.reduced(residuals @ cs.DM(np.linalg.inv(RADAU.transform)).T, outer, eliminated)
+    solved = elimination.reduce(residuals @ cs.DM(np.linalg.inv(RADAU.transform)).T, outer, eliminated)
     passed = cs.vertcat(*map(cs.vec, (on_link[:NODE, :], total, before, solved)))
     inputs = [carried, forces, further, turns, outer, l, *([] if kind == "element" else [supports])]
-    return _function("reduced", kind, inputs, [passed, cs.vec(solved)])
+    return _function("reduce", kind, inputs, [passed, cs.vec(solved)])
 
 
-def _continued(kind: Kind) -> cs.Function:
-    """Derive the Function of ``Links.continued``; carried is the motion of the first node, and its continuation."""
+def _extrapolate(kind: Kind) -> cs.Function:
+    """Derive the Function of ``Links.extrapolate``; carried is the motion of the first node, and its continuation."""
     carried, instants = cs.SX.sym("carried", NODE * (STAGES + 1) + VALUES), STAGES + 1
     motion, l, supports = _columns(NODE * instants, 1, 2 * BLOCK)
     weights, base = cs.SX.sym("weights", STAGES, STAGES), cs.SX.sym("base", 3 * VALUES)
@@ -146,7 +146,7 @@ def _continued(kind: Kind) -> cs.Function:
         continued = N @ (N.T @ continued) + G @ cs.reshape(base, 3 * NODE, STAGES)[:NODE, :]
     passed = cs.vertcat(motion, cs.vec(continued))
     inputs = [carried, motion, l, *([] if kind == "element" else [supports]), cs.vec(weights), base]
-    return _function("continued", kind, inputs, [passed, cs.vec(increments)])
+    return _function("extrapolate", kind, inputs, [passed, cs.vec(increments)])
 
 
 @dataclass(frozen=True)

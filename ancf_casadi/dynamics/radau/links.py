@@ -4,9 +4,9 @@ A pass takes the links (``link``) one after the other, from the base to the tip 
 each to the next.  It is compiled for ``ELEMENTS_PER_CALL`` links per call; its Functions depend neither on the mesh nor
 on the numbers of the beam, so one library serves all.  An iteration of Newton's method takes three passes:
 
-    advanced      to the tip: turns the last corrections forth; increments, motion and turns of the stages,
-    reduced       to the base: sums up the forces, turns the residuals back, and eliminates node after node,
-    substituted   to the tip: the next corrections.
+    advance       to the tip: turns the last corrections forth; increments, motion and turns of the stages,
+    reduce        to the base: sums up the forces, turns the residuals back, and eliminates node after node,
+    substitute    to the tip: the next corrections.
 
 Vectors have a column per link, with the numbers of its second node: four coordinates, stage by stage.
 """
@@ -28,8 +28,8 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Index
 
-TO_BASE = ("eliminate", "reduced")  # passes from the tip to the base
-ALIKE = ("eliminate", "substituted")  # passes that are the same along links of all kinds
+TO_BASE = ("eliminate", "reduce")  # passes from the tip to the base
+ALIKE = ("eliminate", "substitute")  # passes that are the same along links of all kinds
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ class Links:
         """Return q (N,) from N q as columns of the links."""
         return self.model.of_free(cs.vertcat(cs.MX(NODE, 1), cs.vec(places)))
 
-    def advanced(self, corrections: cs.MX, turns: cs.MX, increments: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX,
+    def advance(self, corrections: cs.MX, turns: cs.MX, increments: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX,
                  base: cs.MX, reference: cs.MX) -> list[cs.MX]:  # fmt: skip
         """Return increments, turns, and coordinates, velocities and accelerations of both nodes at each stage.
 
@@ -82,40 +82,40 @@ class Links:
         """
         columns = [corrections, turns, increments, self.places(q), self.places(v), reference[:, 1:]]
         first = cs.vertcat(cs.MX.zeros(2 * VALUES), cs.vec(base), reference[:, 0])
-        return self._pass("advanced", first, columns, [h, cs.vec(base)])
+        return self._pass("advance", first, columns, [h, cs.vec(base)])
 
-    def reduced(self, forces: cs.MX, further: cs.MX, turns: cs.MX, outer: cs.MX) -> cs.MX:
+    def reduce(self, forces: cs.MX, further: cs.MX, turns: cs.MX, outer: cs.MX) -> cs.MX:
         """Return the eliminated residuals (12, links), real, then complex numbers of each node.
 
         ``forces`` (24, links) act on both nodes of a link, ``further`` (12, links) on the second, at all stages.
         """
         columns = forces, further, turns, outer
-        return self._pass("reduced", cs.MX.zeros(4 * VALUES), columns)[0]
+        return self._pass("reduce", cs.MX.zeros(4 * VALUES), columns)[0]
 
-    def substituted(self, eliminated: cs.MX, inner: cs.MX) -> cs.MX:
+    def substitute(self, eliminated: cs.MX, inner: cs.MX) -> cs.MX:
         """Return the solution (12, links) of the real and the complex system."""
-        return self._pass("substituted", cs.MX.zeros(VALUES), [eliminated, inner])[0]
+        return self._pass("substitute", cs.MX.zeros(VALUES), [eliminated, inner])[0]
 
     def solutions(self, residuals: cs.MX, outer: cs.MX, inner: cs.MX) -> cs.MX:
         """Return the solutions (12, k links) of both systems for residuals (12, k nodes), without any turn."""
         forces = cs.MX.zeros(2 * VALUES, self.count)
         ahead = cs.MX(cs.DM(np.tile([[1.0], [0.0]], (VALUES // 2, self.count))))
         sides = (part[:, 1:] for part in cs.horzsplit(residuals, self.count + 1))
-        return cs.horzcat(*(self.substituted(self.reduced(forces, side, ahead, outer), inner) for side in sides))
+        return cs.horzcat(*(self.substitute(self.reduce(forces, side, ahead, outer), inner) for side in sides))
 
     def factors(self, k: cs.MX, d: cs.MX, m: cs.MX, rates: cs.MX) -> tuple[cs.MX, cs.MX]:
         """Return the factors of s^2 M + s D + K, from the matrices of each link as columns (64, links)."""
         outer, inner = self._pass("eliminate", cs.MX.zeros(12 * BLOCK), [k, d, m], [rates])
         return outer, inner
 
-    def continued(self, motion: cs.MX, weights: cs.MX, base: cs.MX) -> cs.MX:
+    def extrapolate(self, motion: cs.MX, weights: cs.MX, base: cs.MX) -> cs.MX:
         """Extrapolate a motion in the logarithms of the slopes, and return the increments (12, links) since its end.
 
         ``motion`` (16, nodes) are coordinates at four instants.  Column i of ``weights`` (3, 3) holds the weights, at
         stage i, of the logarithms from the first instant to each other one; ``base`` (12, 3) is the motion of the base.
         """
         first = cs.vertcat(motion[:, 0], cs.vec(base[:NODE, :]))
-        return self._pass("continued", first, [motion[:, 1:]], [cs.vec(weights), cs.vec(base)])[0]
+        return self._pass("extrapolate", first, [motion[:, 1:]], [cs.vec(weights), cs.vec(base)])[0]
 
     def matrices(self, entries: cs.MX, unit: float = 0.0) -> cs.MX:
         """Return the matrices of the links as columns (64, links), which add up to N^T A N at four places per node.
@@ -179,10 +179,6 @@ class Links:
         places = np.where(node < NODE, node + NODE * stage, behind)
         return _picked(cs.vertcat(cs.vec(base), cs.vec(free)), places, LINK * STAGES)
 
-    def stage_by_stage(self, columns: cs.MX) -> cs.MX:
-        """Return values at the second nodes of the links, (4 links, 3), from columns (12, links)."""
-        return _picked(columns, _stage_order(self.count), NODE * self.count)
-
     def node_by_node(self, values: cs.MX) -> cs.MX:
         """Return columns (12, nodes) from values at some nodes, (4 nodes, 3)."""
         return _picked(values, np.argsort(_stage_order(values.size1() // NODE)), VALUES)
@@ -201,52 +197,57 @@ class Links:
         """Evaluate a Function of all links, one after the other, and return its results side by side."""
         back, root = name in TO_BASE, 0 if self.kind == "held" or name in ALIKE else self.model.root
         segments: list[tuple[Kind, slice]] = [("base", slice(root)), (self.kind, slice(root, None))][not root :]
-        results = []
+        by_segment = []
         for kind, links in segments[::-1] if back else segments:
             along = [x[:, links] if root else x for x in columns]
             mesh = [] if name in ALIKE else [self._lengths, *([] if kind == "element" else [self._supports])]
-            fixed = [cs.MX(x[:, links]) for x in mesh]
+            mesh_columns = [cs.MX(x[:, links]) for x in mesh]
             if kind == "base":
-                carried, *found = link_function(name, kind)(carried, *along, *fixed, *shared)
+                carried, *results = link_function(name, kind)(carried, *along, *mesh_columns, *shared)
             else:
-                carried, *found = self._along(name, carried, along, fixed, shared)
-            results.append(found)
-        ordered = results[::-1] if back else results
+                carried, *results = self._along(name, carried, along, mesh_columns, shared)
+            by_segment.append(results)
+        ordered = by_segment[::-1] if back else by_segment
         return [cs.horzcat(*parts) for parts in zip(*ordered, strict=True)]
 
     def _along(
-        self, name: str, carried: cs.MX, columns: Sequence[cs.MX], fixed: Sequence[cs.MX], shared: Sequence[cs.MX]
+        self,
+        name: str,
+        carried: cs.MX,
+        columns: Sequence[cs.MX],
+        mesh_columns: Sequence[cs.MX],
+        shared: Sequence[cs.MX],
     ) -> list[cs.MX]:
         """Evaluate a compiled Function for all links of a segment, and return what it carries, and its results.
 
-        Further links fill the last call: behind the tip, and in ``reduced`` nothing acts on them, because the pass
-        goes on with the base; but ``eliminate`` needs matrices to invert, and has them at its end, before the base.
+        Further links fill the last call.  They follow the tip; in ``reduce`` they carry no forces, so that the base
+        receives the sums of the real links only.  ``eliminate`` inverts their matrices; there they precede the base.
         """
         function, back, before = self._compiled(name, len(shared)), name in TO_BASE, name == "eliminate"
         count = columns[0].size2()
         if more := -count % ELEMENTS_PER_CALL:
             copied = slice(1) if before else slice(count - 1, count)
-            filling = [cs.repmat(x[:, copied], 1, more) for x in (*columns, *fixed)]
-            if name == "reduced":
+            filling = [cs.repmat(x[:, copied], 1, more) for x in (*columns, *mesh_columns)]
+            if name == "reduce":
                 filling[: len(columns)] = [cs.MX.zeros(x.shape) for x in filling[: len(columns)]]
-            pairs = zip((*columns, *fixed), filling, strict=True)
+            pairs = zip((*columns, *mesh_columns), filling, strict=True)
             padded = [cs.horzcat(*((other, x) if before else (x, other))) for x, other in pairs]
         else:
-            padded = [*columns, *fixed]
+            padded = [*columns, *mesh_columns]
         calls = list(zip(*(cs.horzsplit(x, ELEMENTS_PER_CALL) for x in padded), strict=True))
-        results = []
+        by_call = []
         for arguments in calls[:: -1 if back else 1]:
-            carried, *found = function(carried, *arguments, *shared)
-            results.append(found)
-        joined = [cs.horzcat(*parts) for parts in zip(*results[:: -1 if back else 1], strict=True)]
+            carried, *results = function(carried, *arguments, *shared)
+            by_call.append(results)
+        joined = [cs.horzcat(*parts) for parts in zip(*by_call[:: -1 if back else 1], strict=True)]
         kept = slice(more, None) if before else slice(count)
         return [carried, *(x[:, kept] if more else x for x in joined)]
 
     def _compiled(self, name: str, shared: int) -> cs.Function:
         """Return the Function of ``ELEMENTS_PER_CALL`` links, whose last inputs they share."""
         if name not in self._functions:
-            one = link_function(name, "element" if name in ALIKE else self.kind)
-            self._functions[name] = self.make(_chained(one, shared, back=name in TO_BASE))
+            link = link_function(name, "element" if name in ALIKE else self.kind)
+            self._functions[name] = self.make(_chained(link, shared, back=name in TO_BASE))
         return self._functions[name]
 
     @cached_property
@@ -255,19 +256,20 @@ class Links:
         return {}
 
 
-def _chained(one: cs.Function, shared: int, *, back: bool) -> cs.Function:
+def _chained(link: cs.Function, shared: int, *, back: bool) -> cs.Function:
     """Return the Function of ``ELEMENTS_PER_CALL`` links that passes the first input from link to link."""
-    sizes = [one.size1_in(k) for k in range(one.n_in())]
-    own = len(sizes) - shared
+    sizes = [link.size1_in(k) for k in range(link.n_in())]
+    first_shared = len(sizes) - shared
     carried = cs.MX.sym("carried", sizes[0])
-    columns = [cs.MX.sym(f"x{k}", sizes[k], ELEMENTS_PER_CALL) for k in range(1, own)]
-    same = [cs.MX.sym(f"x{k}", sizes[k]) for k in range(own, len(sizes))]
-    passed, results = carried, []
-    for link in range(ELEMENTS_PER_CALL)[:: -1 if back else 1]:
-        passed, *found = one(passed, *(x[:, link] for x in columns), *same)
-        results.append(found)
-    outputs = [cs.horzcat(*parts) for parts in zip(*results[:: -1 if back else 1], strict=True)]
-    return cs.Function(one.name(), [carried, *columns, *same], [passed, *outputs], {"is_diff_in": [False] * len(sizes)})
+    columns = [cs.MX.sym(f"x{k}", sizes[k], ELEMENTS_PER_CALL) for k in range(1, first_shared)]
+    alike = [cs.MX.sym(f"x{k}", sizes[k]) for k in range(first_shared, len(sizes))]
+    passed, by_link = carried, []
+    for k in range(ELEMENTS_PER_CALL)[:: -1 if back else 1]:
+        passed, *results = link(passed, *(x[:, k] for x in columns), *alike)
+        by_link.append(results)
+    outputs = [cs.horzcat(*results) for results in zip(*by_link[:: -1 if back else 1], strict=True)]
+    undifferentiated = {"is_diff_in": [False] * len(sizes)}
+    return cs.Function(link.name(), [carried, *columns, *alike], [passed, *outputs], undifferentiated)
 
 
 def _stage_order(nodes: int) -> Index:

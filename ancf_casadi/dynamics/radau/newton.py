@@ -47,8 +47,8 @@ class Newton:
     ``Stepper`` writes ``start`` and ``end``, q, v and a at both ends of the last step, and ``nodes``, all coordinates
     at its start and its stages, when a step is accepted.  For the step being tried, it writes ``time``, its start, s,
     ``length``, s, ``ratio``, relative to that of the last step, and the ``excitations`` at the stages, and predicts the
-    ``increments`` Z.  Here their last ``corrections`` dW and the ``turns`` of the stages from the reference of the
-    matrices are written, and, where the matrices are taken, this reference with their factors.
+    ``increments`` Z.  ``converge`` writes their last ``corrections`` dW and the ``turns`` of the stages from the
+    reference of the matrices; ``factorise`` writes this reference and the factors.
 
     ``iterations`` and ``factorisations`` count the work of the run.  ``contraction`` is the last theta that was
     measured, in an earlier step if the last step took a single iteration.
@@ -84,7 +84,7 @@ class Newton:
     def converge(self) -> int:
         """Solve the stage equations, and return the number of iterations; 0 if they do not converge."""
         increments, corrections, turns = self.increments.ravel(), self.corrections.ravel(), self.turns.ravel()
-        corrections[:] = 0.0
+        corrections[:] = turns[:] = 0.0  # the latter may be nan after a trial that failed
         size = math.inf
         for iteration in range(1, NEWTON_ITERATIONS + 1):
             self.iterations += 1

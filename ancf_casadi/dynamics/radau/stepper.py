@@ -58,7 +58,7 @@ def integrate_by_radau(
 def _polynomials_of(
     slopes: Slopes, kept: Sequence[tuple[float, Array, Array, Array, Array, Array]], *, first: bool
 ) -> Steps:
-    """Return the steps between ends as of ``Stepper.end``; whether the first is that of the piece."""
+    """Return the steps between ends as of ``Stepper.end``; ``first``: whether the first one begins the piece."""
     instants, free, bases, nodes, energies, added = (np.array(values) for values in zip(*kept, strict=True))
     ends = slopes.model.whole(np.moveaxis(free, -1, 0), np.moveaxis(bases.reshape(-1, 3, NODE), -1, 0))
     energies = np.concatenate([energies[1:, None], added[1:]], axis=1)

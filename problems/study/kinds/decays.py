@@ -159,15 +159,17 @@ class Decays(Step):
         default_factory=dict
     )
     sources: Annotated[tuple[Any, ...], UNLISTED] = ()  # synthetic decays, and measured ones that are not read yet
+    places: Annotated[str, UNLISTED] = ""  # where the file lists them, for messages
 
     def checked(self, study: Study, where: str) -> Self:
         """Return the step with its synthetic decays, and the tables of its measured ones."""
         tables = study.file.several("decays") if self.records is None else self.records
         if not tables:
             raise InputError("is missing; name the records, or add tables [[decays]]", f"{where}: records")
+        places = study.file.where("decays") if self.records is None else f"{where}: records"
         sources: list[Decay | DecayRecord] = []
         for k, table in enumerate(tables, start=1):
-            place = f"{where}: records: {k}"
+            place = f"{places}: {k}"
             if isinstance(table, dict) and "synthetic" in table:
                 check_keys(table, {"synthetic"}, set(), place)
                 parameters = convert(table["synthetic"], SyntheticDecay, f"{place}: synthetic")
@@ -177,14 +179,14 @@ class Decays(Step):
             else:
                 sources.append(convert(table, DecayRecord, place))
         printed = printed_numbers(self.printed, dict.fromkeys(PRINTED, len(sources)), where)
-        return replace(self, records=None, sources=tuple(sources), printed=printed, file=study.file.only(set()))
+        files = study.file.only(set())
+        return replace(self, records=None, sources=tuple(sources), places=places, printed=printed, file=files)
 
     @property
     def decays(self) -> tuple[Decay, ...]:
         """The decays, of which the measured ones are read from their files."""
-        place = f"{self.file.where('parts')}: {self.name}: records"
         return tuple(
-            source.decay(self.file, f"{place}: {k}") if isinstance(source, DecayRecord) else source
+            source.decay(self.file, f"{self.places}: {k}") if isinstance(source, DecayRecord) else source
             for k, source in enumerate(self.sources, start=1)
         )
 

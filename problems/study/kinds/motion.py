@@ -32,7 +32,7 @@ from problems.beam.result import BeamFit
 from problems.beam.values.records import FrequencyRecord
 from problems.spec.file import StudyFile
 from problems.spec.motion import SimulationTables, read_simulation
-from problems.spec.plan import PLAN_TABLES, PlanTask
+from problems.spec.plan import PLAN_TABLES, PlanTables
 from problems.spec.records import NUMBERS, Measurements, read_measurements
 from problems.study.compute import Compute
 from problems.study.drawing import drawn
@@ -257,17 +257,17 @@ class PlanStep(Step):
 
     def checked(self, study: Study, where: str) -> Self:
         """Return the step with the tables of its candidates."""
-        PlanTask.of(study.file)
+        PlanTables.of(study.file)
         return super().checked(study, where)
 
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the plan."""
-        return compute(planned, PlanTask.of(self.file).with_records(), cost=20.0)
+        return compute(planned, PlanTables.of(self.file).with_records(), cost=20.0)
 
 
 def planned(file: StudyFile) -> Finding:
     """Plan the candidates of a study file: the errors of each and of all, and the best list."""
-    task = PlanTask.of(file)
+    task = PlanTables.of(file)
     if task.table.laws:
         compared = task.compared()
         table = compared.table()

@@ -72,7 +72,7 @@ class Rayleigh(Step):
             raise InputError(
                 f"the part {self.identified_by!r} does not identify these {len(self.ratios)} modes; name a part of the "
                 "kind decays",
-                f"{self.name}: identified_by",
+                f"{self.where}: identified_by",
             )
         return () if None in errors else tuple(errors)
 

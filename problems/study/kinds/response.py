@@ -30,7 +30,7 @@ from ancf_casadi.support.specs import UNLISTED
 from ancf_casadi.support.tables import Cell, Table
 from ancf_casadi.vibration.modes import natural_modes
 from problems.spec.file import StudyFile
-from problems.spec.motion import ResponseTask, convert_response, read_response
+from problems.spec.motion import ResponseTables, convert_response, read_response
 from problems.study.compute import Compute
 from problems.study.drawing import new_figure, series
 from problems.study.formatting import formatted_table
@@ -42,7 +42,7 @@ SUMMARY_HEADS = ("peak of the tip, mm", "at, Hz", "damping there, %", "jump up, 
 Curve = Mapping[str, Any]  # a response curve as in results.json
 
 
-def curve_numbers(task: ResponseTask, curve: ResponseCurve) -> dict[str, Any]:
+def curve_numbers(task: ResponseTables, curve: ResponseCurve) -> dict[str, Any]:
     """Return a response curve of a task for JSON."""
     places = {TIP_KEY: None, **task.markers}
     amplitudes = {name: curve.amplitude(place) for name, place in places.items()}

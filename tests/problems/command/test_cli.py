@@ -867,7 +867,7 @@ class TestFailure:
 
         monkeypatch.setattr(beam_kinds, "match_frequencies", fails)
         assert main(["run", "beam.toml", "match", "--json"]) == 1
-        assert one_line(capsys) == "ancf-casadi: no minimum was found; start elsewhere"
+        assert one_line(capsys) == "ancf-casadi: match: no minimum was found; start elsewhere"
 
     def test_a_simulation_that_fails_writes_nothing(self, files, capsys, monkeypatch):
         def fails(*_, **__):
@@ -885,7 +885,7 @@ class TestFailure:
         assert main(["run", "study.toml", "simulation", "--out", "new"]) == 1
         captured = capsys.readouterr()
         assert captured.out == ""
-        assert captured.err.splitlines()[-1].startswith("ancf-casadi: the integrator ")
+        assert captured.err.splitlines()[-1].startswith("ancf-casadi: simulation: the integrator ")
         assert "Traceback" not in captured.err
         assert "casadi/" not in captured.err
         assert not (files / "new" / "motion.csv").exists()

@@ -8,7 +8,7 @@ from ancf_casadi import InputError, QuadraticDamping, RayleighDamping
 from ancf_casadi.estimation.criteria import Expectation
 from problems import PlannedComparison, plan, run_study
 from problems.cli import main
-from problems.spec.plan import PlanTask
+from problems.spec.plan import PlanTables
 from tests.problems.conftest import BEAM
 
 FITTED = (
@@ -68,7 +68,7 @@ def study(tmp_path):
 
 
 def test_each_kind_of_candidate_is_told_by_its_keys(study):
-    task = PlanTask.of(study(MOTION, SAG, TONES, CURVE, '[plan]\nbudget = 6\ngoal = "density"'))
+    task = PlanTables.of(study(MOTION, SAG, TONES, CURVE, '[plan]\nbudget = 6\ngoal = "density"'))
     kinds = {name: (one.kind, one.cost) for name, one in task.candidates.items()}
     assert kinds == {"candidate 1": ("motion", 1.0), "sag": ("static", 2.0), "tones": ("frequency", 1.0),
                      "curve": ("response", 1.0)}  # fmt: skip
@@ -85,7 +85,7 @@ def test_each_kind_of_candidate_is_told_by_its_keys(study):
 
 @pytest.mark.slow
 def test_the_command_prints_the_errors_and_the_best_list(study, capsys, tmp_path):
-    task = PlanTask.of(study(SAG, TONES))
+    task = PlanTables.of(study(SAG, TONES))
     found = plan(task.model, task.candidates, **task.settings)
     best = found.best(4)
     assert main(["run", study(SAG, TONES), "plan"]) == 0
@@ -113,7 +113,7 @@ def test_the_command_prints_the_errors_and_the_best_list(study, capsys, tmp_path
 ])  # fmt: skip
 def test_what_is_wrong_in_the_tables_is_said(study, tables, message):
     with pytest.raises(InputError, match=message):
-        PlanTask.of(study(*tables))
+        PlanTables.of(study(*tables))
 
 
 DRAG = """

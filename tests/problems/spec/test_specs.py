@@ -79,3 +79,17 @@ def test_the_key_of_a_table_with_free_names_is_told():
     for source, where in (({"a": [1.0], "b": [2.0, -1.0]}, "here: b: 2"), ({"c": {"a": 3}}, "here: c: a")):
         with pytest.raises(InputError, match=f"^{where}: must be"):
             convert(source, kind if "a" in source else dict[str, dict[str, str]], "here")
+
+
+class Priors(Spec, frozen=True):
+    """A table whose names are free."""
+
+    deviations: dict[str, Positive]
+    starts: Annotated[int, Meta(ge=1)] = 1
+
+
+@pytest.mark.parametrize("starts", [1, 0])
+def test_the_refused_one_of_several_free_names_is_named_whatever_else_is_wrong(starts):
+    table = {"deviations": {"width": 1.0, "thickness": -2.0, "density": 3.0}, "starts": starts}
+    with pytest.raises(InputError, match=r"^x: deviations: thickness: must be positive, got -2"):
+        convert(table, Priors, "x")

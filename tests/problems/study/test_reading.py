@@ -216,7 +216,7 @@ def test_a_file_that_is_absent_is_named_when_its_part_begins(study_file, tmp_pat
     assert [step.name for step in read_study(path).steps] == ["decays"]
     with pytest.raises(InputError) as raised:
         run_study(path, tmp_path / "results")
-    assert str(raised.value).startswith(f"{path}: [parts]: decays: records: 1: {tmp_path}/none.csv: cannot be read")
+    assert str(raised.value).startswith(f"{path}: [decays]: 1: {tmp_path}/none.csv: cannot be read")
     assert not (tmp_path / "results").exists()
 
 

@@ -56,8 +56,13 @@ _failed: set[tuple[str, ...]] = set()  # compilers that failed; this process doe
 
 
 def interpreted(function: cs.Function) -> cs.Function:
-    """Return a function for the virtual machine, expanded to scalar operations."""
-    return function.expand(function.name(), _differentiability(function))
+    """Return a function for the virtual machine, expanded to scalar operations.
+
+    One that calls another again and again stays as it is: expanded, it would be simplified across the calls, and give
+    other digits than machine code.
+    """
+    calls = sum(function.instruction_id(k) == cs.OP_CALL for k in range(function.n_instructions()))
+    return function if calls > 1 else function.expand(function.name(), _differentiability(function))
 
 
 def compiled(function: cs.Function, *, derivatives: bool = False) -> cs.Function:

@@ -73,8 +73,7 @@ all of them. The viscosity of the air explains a small part of the linear dampin
 )
 def combined_law(compute: Compute) -> Finding:
     """Return the law, the drag coefficients, and the damping ratio against amplitude."""
-    modes = natural_modes(Model(matched_beam(compute)), count=len(table_04.DECAYS))
-    fit = fit_combined_law(measured_coefficients(compute), modes)
+    fit, modes = fit_to_decays(compute)
     drag = drag_numbers(fit, modes, AIR)
     beam = modes.model.beam
     total = implied_drag_coefficient(fit.eta2, beam, AIR, eta2_error=float(np.nan_to_num(fit.errors[-1])))
@@ -104,10 +103,16 @@ def measured_coefficients(compute: Compute) -> list[ModeCoefficients]:
     return measured
 
 
+def fit_to_decays(compute: Compute) -> tuple[CombinedLawFit, Modes]:
+    """Return the law fitted to the decays of Table 4, and the modes of the matched beam."""
+    measured = measured_coefficients(compute)
+    modes = natural_modes(Model(matched_beam(compute)), count=len(measured))
+    return fit_combined_law(measured, modes), modes
+
+
 def combined_law_choice(compute: Compute) -> LawChoice:
     """Return the law for simulations."""
-    measured = measured_coefficients(compute)
-    fit = fit_combined_law(measured, natural_modes(Model(matched_beam(compute)), count=len(measured)))
+    fit, _ = fit_to_decays(compute)
     return LawChoice("combined", fit.terms, NAME)
 
 

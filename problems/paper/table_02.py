@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from problems.paper.inputs import FREQUENCIES, RATIOS, SEED
+from problems.paper.inputs import FREQUENCIES, PRINTED_RATIOS, RATIOS, SEED
 from problems.paper.step import paper_step
 from problems.study.compute import Compute
-from problems.study.kinds.decays import FittedDecay, SyntheticDecay, decays_finding, fit_all, synthetic_decay
+from problems.study.kinds.decays import FittedDecay, SyntheticDecay, decays_finding, fit_all, synthetic_decays
 from problems.study.step import Finding
 
 AMPLITUDES = (0.050, 0.015, 0.008, 0.005, 0.005)  # m, at release
-PRINTED = {"frequency": FREQUENCIES, "damping_ratio": (1.00, 0.28, 0.28, 0.23, 0.30)}  # Hz, %
+PRINTED = {"frequency": FREQUENCIES, "damping_ratio": PRINTED_RATIOS}  # Hz, %
 
-DECAYS = [
-    synthetic_decay(SyntheticDecay(frequency, amplitude, ratio), mode, SEED)
-    for mode, (frequency, amplitude, ratio) in enumerate(zip(FREQUENCIES, AMPLITUDES, RATIOS, strict=True), start=1)
-]
+DECAYS = synthetic_decays(map(SyntheticDecay, FREQUENCIES, AMPLITUDES, RATIOS), SEED)
 
 
 def decay_fits(compute: Compute) -> list[FittedDecay]:

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from problems.paper.inputs import AMPLITUDES, ETA1, ETA2, FREQUENCIES, SEED
+from problems.paper.inputs import AMPLITUDES, ETA1, ETA2, FREQUENCIES, PRINTED_RATIOS, SEED
 from problems.paper.step import paper_step
 from problems.study.compute import Compute
-from problems.study.kinds.decays import FittedDecay, SyntheticDecay, decays_finding, fit_all, synthetic_decay
+from problems.study.kinds.decays import FittedDecay, SyntheticDecay, decays_finding, fit_all, synthetic_decays
 from problems.study.step import Finding
 
-PRINTED = {"frequency": FREQUENCIES, "damping_ratio": (1.00, 0.28, 0.28, 0.23, 0.30), "eta1": ETA1, "eta2": ETA2}
+PRINTED = {"frequency": FREQUENCIES, "damping_ratio": PRINTED_RATIOS, "eta1": ETA1, "eta2": ETA2}
 
-DECAYS = [
-    synthetic_decay(SyntheticDecay(frequency, amplitude, eta1=eta1, eta2=eta2), mode, SEED + 1)
-    for mode, (frequency, amplitude, eta1, eta2) in enumerate(
-        zip(FREQUENCIES, AMPLITUDES, ETA1, ETA2, strict=True), start=1
-    )
-]
+DECAYS = synthetic_decays(
+    (SyntheticDecay(frequency, amplitude, eta1=eta1, eta2=eta2)
+     for frequency, amplitude, eta1, eta2 in zip(FREQUENCIES, AMPLITUDES, ETA1, ETA2, strict=True)),
+    SEED + 1,
+)  # fmt: skip
 
 
 def decay_fits(compute: Compute) -> list[FittedDecay]:

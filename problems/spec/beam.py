@@ -65,7 +65,7 @@ class DampedBeam:
 
     @property
     def undamped(self) -> bool:
-        """Whether there is no damping law."""
+        """True if there is no damping law."""
         return not self.terms and self.source.damping is None
 
     @cached_property

@@ -46,7 +46,7 @@ class RecordFiles(Struct, frozen=True, dict=True):
     def recording(self, path: str, layout: TableLayout) -> Recording:
         """Return the columns of a file."""
         if (path, layout) not in self._recordings:
-            self._recordings[path, layout] = read_contents(path, layout=layout)
+            self._recordings[path, layout] = read_contents(path, layout=layout, progress=True)
         return self._recordings[path, layout]
 
 

@@ -188,15 +188,12 @@ class Compute:
             return ()
         if not self._formats:
             return tuple(Drawing(caption, "", b"") for caption, *_ in figures)
-        inputs = [(self._formats, caption, function, arguments) for caption, function, *arguments in figures]
+        inputs = [(caption, function, arguments) for caption, function, *arguments in figures]
         return tuple(self.all(_drawing, inputs, DRAWING_COST))
 
 
-def _drawing(
-    formats: tuple[str, ...], caption: str, function: Callable[..., Figure], arguments: Sequence[Any]
-) -> Drawing:
-    with only(formats):
-        return drawn(caption, partial(function, *arguments))
+def _drawing(caption: str, function: Callable[..., Figure], arguments: Sequence[Any]) -> Drawing:
+    return drawn(caption, partial(function, *arguments))
 
 
 def wait_for(futures: Iterable[Future[Any]]) -> None:

@@ -37,7 +37,7 @@ import casadi as cs
 import numpy as np
 import scipy.sparse
 
-from ancf_casadi.dynamics.equations import Equations, as_it_is
+from ancf_casadi.dynamics.equations import Balance, Equations, as_it_is
 from ancf_casadi.dynamics.excitation import EXCITATION, SAME_TIME, Excitation
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.stepper import RadauStep
@@ -239,24 +239,21 @@ class Tangent:
         z, h, u = self._symbols
         du = cs.MX.sym("du", u.numel(), d)
         motion, load = self._motion(z, h, u)
-        e, e_t, _ = (self.form.equations.model.whole(*pair) for pair in motion)
-        balance = self.form.equations.balance(u[self.layout["parameters"]])
+        whole = [self.form.equations.model.whole(*pair) for pair in motion]
+        (e, e_t, _), balance = whole, self._balance(u)
         k, damping, m = balance.tangents(e, e_t, load)
         entries = cs.vertcat(cs.vec(k), cs.vec(damping) / h, cs.vec(m) / h**2)
-        forces = self._residual(z, h, u)
-        product = cs.densify(cs.jtimes(forces, u, du)) if d else cs.MX(0, 1)
+        product = cs.densify(cs.jtimes(self._residual(motion, whole, balance, u), u, du)) if d else cs.MX(0, 1)
         return cs.Function("linearised", [z, h, u, du], [cs.densify(entries), product], {"is_diff_in": [False] * 4})
 
-    def _residual(self, z: cs.MX, h: cs.MX, u: cs.MX) -> cs.MX:
-        """Return R (3 N,), stage by stage."""
-        form, model, parameters = self.form, self.form.equations.model, u[self.layout["parameters"]]
-        excitations = cs.reshape(u[self.layout["excitations"]], EXCITATION, STAGES)
-        motion = self._motion(z, h, u)[0]
+    def _residual(
+        self, motion: Sequence[tuple[cs.MX, cs.MX]], whole: Sequence[cs.MX], balance: Balance, u: cs.MX
+    ) -> cs.MX:
+        """Return R (3 N,), stage by stage, from the motion as of ``stage_motion``, and that of all nodes."""
+        form, excitations = self.form, cs.reshape(u[self.layout["excitations"]], EXCITATION, STAGES)
         of_links = [form.links.ends(node, free) for free, node in motion]
-        whole = [model.whole(*pair) for pair in motion]
-        columns = form.columns_of(parameters)
-        on_links, further, _ = form.forces(of_links, whole, excitations, parameters, columns)
-        return cs.vec(model.of_free(further + form.links.summed(on_links)))
+        on_links, further, _ = form.forces(of_links, whole, excitations, balance, form.columns_of(balance))
+        return cs.vec(form.equations.model.of_free(further + form.links.summed(on_links)))
 
     def factors(self, entries: Array, step: RadauStep, modal_coefficients: Array) -> BandedFactors:
         """Return the factors of G for the entries that ``_linearised`` returns."""
@@ -298,7 +295,9 @@ class Tangent:
         """(Z, h, u, w) -> R_u^T w."""
         z, h, u = self._symbols
         w = cs.MX.sym("w", len(self.order))
-        product = cs.densify(cs.jtimes(self._residual(z, h, u), u, w, True))
+        motion, _ = self._motion(z, h, u)
+        whole = [self.form.equations.model.whole(*pair) for pair in motion]
+        product = cs.densify(cs.jtimes(self._residual(motion, whole, self._balance(u), u), u, w, True))
         return BoundStep(cs.Function("tangent_product", [z, h, u, w], [product], {"is_diff_in": [False] * 4}))
 
     def _band(self, weights: Array) -> scipy.sparse.csc_array:
@@ -328,6 +327,9 @@ class Tangent:
     @cached_property
     def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
         return cs.MX.sym("Z", self._free, STAGES), cs.MX.sym("h"), cs.MX.sym("u", self.layout.size)
+
+    def _balance(self, u: cs.MX) -> Balance:
+        return self.form.equations.balance(u[self.layout["parameters"]])
 
     def _motion(self, z: cs.MX, h: cs.MX, u: cs.MX) -> tuple[list[tuple[cs.MX, cs.MX]], cs.MX]:
         """Return the outputs of ``stage_motion``."""

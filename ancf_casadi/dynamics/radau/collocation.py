@@ -42,7 +42,7 @@ import casadi as cs
 import numpy as np
 import scipy.sparse.linalg
 
-from ancf_casadi.dynamics.equations import Equations, mapped
+from ancf_casadi.dynamics.equations import Balance, Equations, mapped
 from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.placed_load import load_force, load_on_element
 from ancf_casadi.dynamics.radau.elimination import BLOCK, LINK
@@ -86,12 +86,11 @@ class Collocation:
     @cached_property
     def columns(self) -> cs.Function:
         """(parameters) -> properties and constants of the elements of the beam, one column per element and stage."""
-        parameters = self._symbols.parameters
-        return _function("columns", [parameters], [*self.columns_of(parameters)])
+        return _function("columns", [self._symbols.parameters], [*self.columns_of(self._balance)])
 
-    def columns_of(self, parameters: cs.MX) -> tuple[cs.MX, cs.MX]:
+    def columns_of(self, balance: Balance) -> tuple[cs.MX, cs.MX]:
         """Return the outputs of ``columns``."""
-        balance, group = self.equations.balance(parameters), self.equations.model.groups[0]
+        group = self.equations.model.groups[0]
         properties = group.properties(balance.properties, balance.lumped)
         thrice = np.repeat(np.arange(group.count), STAGES).tolist()
         constants = cs.repmat(cs.vertcat(balance.gravity, balance.coefficients), 1, STAGES * group.count)
@@ -105,7 +104,7 @@ class Collocation:
         """
         s = self._symbols
         increments, turns, *motion = self._advance()
-        on_links, further, _ = self._forces(motion)
+        on_links, further, _ = self._forces(motion, self._whole(motion))
         corrections = self._solved(on_links, further[:, 1:], turns)
         size = cs.norm_2(cs.vec(s.weights * corrections))
         return _function("stages", [*vars(s).values()], [corrections, increments, turns, size])
@@ -121,12 +120,13 @@ class Collocation:
         s, a = self._symbols, cs.MX.sym("a", self.equations.free)
         nodes = cs.MX.sym("nodes", NODE * (STAGES + 1), self.links.count + 1)
         increments, _, *motion = self._advance()
-        powers = self._forces(motion)[2]
+        whole = self._whole(motion)
+        powers = self._forces(motion, whole)[2]
         v, last, twice = self.links.places(s.v), RADAU.inverse[-1], RADAU.inverse[-1] @ RADAU.inverse
         velocity = _combined(last, increments) / s.h
         acceleration = (_combined(twice, increments) / s.h - last.sum() * v) / s.h
         end = [s.q + self.links.free(increments[-NODE:, :]), *map(self.links.free, (velocity, acceleration))]
-        error = self._error(increments, v, self.links.places(a), motion)
+        error = self._error(increments, v, self.links.places(a), motion, whole)
         size = math.sqrt(STAGES) * cs.norm_2(cs.vec(s.weights[:NODE, :] * error))
         outputs = [
             self.links.nodes(nodes[-NODE:, :], s.excitations[:NODE, :], motion[0]),
@@ -136,10 +136,10 @@ class Collocation:
         ]
         return _function("finish", [*vars(s).values(), a, nodes], outputs)
 
-    def _error(self, increments: cs.MX, v: cs.MX, a: cs.MX, motion: Sequence[cs.MX]) -> cs.MX:
+    def _error(self, increments: cs.MX, v: cs.MX, a: cs.MX, motion: Sequence[cs.MX], whole: Sequence[cs.MX]) -> cs.MX:
         """Return the estimated error (4, links), turned back, from Z, the first v and a (4, links), and the motion."""
         s, equations, embedded = self._symbols, self.equations, RADAU.embedded
-        balance, real, root = equations.balance(s.parameters), RADAU.gamma / s.h, equations.model.root
+        balance, real, root = self._balance, RADAU.gamma / s.h, equations.model.root
         deviation = v / real + _combined(embedded, increments)
         change = _combined(embedded @ RADAU.inverse, increments) / s.h - embedded.sum() * v
         deviations = [deviation, real * deviation + a / real + change]
@@ -149,7 +149,7 @@ class Collocation:
         (force,) = mapped(equations.element("resistance", 0), *columns, *numbers)
         further = cs.MX(equations.model.size, 1)
         if self._others or self._low_rank.rank:
-            e, e_t, *_ = (x[:, -1] for x in self._whole(motion))
+            e, e_t, *_ = (x[:, -1] for x in whole)
             u, w = (cs.vertcat(cs.MX.zeros(NODE), cs.vec(x)) for x in deviations)
             if self._others:
                 parts = equations.mapped("resistance", balance, e, e_t, u, w, groups=self._others)[0]
@@ -170,7 +170,7 @@ class Collocation:
         position, velocity, _, load = cs.vertsplit(excitation, NODE)
         model, middle = self.equations.model, slice(NODE * MIDDLE, NODE * (MIDDLE + 1))
         e = model.whole(s.q, position) + cs.vertcat(cs.MX(NODE, 1), cs.vec(s.increments[middle, :]))
-        balance = self.equations.balance(s.parameters)
+        balance = self._balance
         k, d, m = balance.tangents(e, model.whole(s.v, velocity), load)
         rates = cs.vertcat(RADAU.gamma, RADAU.mu.real, RADAU.mu.imag) / s.h
         k, d, m = self.links.matrices(k, unit=1.0), self.links.matrices(d), self.links.matrices(m)
@@ -214,8 +214,7 @@ class Collocation:
     @cached_property
     def mass(self) -> cs.Function:
         """(parameters) -> mass matrix of the free coordinates."""
-        parameters = self._symbols.parameters
-        return cs.Function("mass", [parameters], [self.equations.balance(parameters).free_mass()])
+        return cs.Function("mass", [self._symbols.parameters], [self._balance.free_mass()])
 
     @cached_property
     def _text(self) -> str:
@@ -226,6 +225,11 @@ class Collocation:
     def _others(self) -> dict[int, Group]:
         """The groups of elements besides those of the beam, by number: what is attached to it."""
         return dict(enumerate(self.equations.model.groups[1:], start=1))
+
+    @cached_property
+    def _balance(self) -> Balance:
+        """The terms of the equation of motion for the parameters of ``_symbols``."""
+        return self.equations.balance(self._symbols.parameters)
 
     @cached_property
     def _low_rank(self) -> LowRank:
@@ -242,11 +246,11 @@ class Collocation:
         base = cs.vertsplit(self._symbols.excitations[: 3 * NODE, :], NODE)
         return [self.links.whole(node, both) for node, both in zip(base, motion, strict=True)]
 
-    def _forces(self, motion: Sequence[cs.MX]) -> tuple[cs.MX, cs.MX, cs.MX]:
+    def _forces(self, motion: Sequence[cs.MX], whole: Sequence[cs.MX]) -> tuple[cs.MX, cs.MX, cs.MX]:
         """Return the outputs of ``forces`` for the symbols of a step, those on all nodes as columns (12, nodes)."""
         s = self._symbols
         columns = s.properties, s.constants
-        on_links, further, powers = self.forces(motion, self._whole(motion), s.excitations, s.parameters, columns)
+        on_links, further, powers = self.forces(motion, whole, s.excitations, self._balance, columns)
         return on_links, self.links.node_by_node(further), powers
 
     def forces(
@@ -254,7 +258,7 @@ class Collocation:
         motion: Sequence[cs.MX],
         whole: Sequence[cs.MX],
         excitations: cs.MX,
-        parameters: cs.MX,
+        balance: Balance,
         columns: tuple[cs.MX, cs.MX],
     ) -> tuple[cs.MX, cs.MX, cs.MX]:
         """Return the forces on both nodes of each link (24, links), others on all nodes (4 n + 4, 3), and powers.
@@ -263,7 +267,7 @@ class Collocation:
         powers (3, 3) are those of ``Balance.forces``.
         """
         equations, links = self.equations, self.links
-        model, root, balance = equations.model, equations.model.root, equations.balance(parameters)
+        model, root = equations.model, equations.model.root
         load = excitations[3 * NODE :, :]
         coordinates = [cs.reshape(x[:, root:] if root else x, LINK, -1) for x in motion]
         forces, lost_in_elements = mapped(equations.element("balance", 0), *coordinates, *columns)
@@ -327,9 +331,9 @@ class Collocation:
     def balance(self) -> cs.Function:
         """(e, e_t, e_tt, load, parameters) -> forces at all nodes, and powers as in ``Balance.forces``."""
         e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
-        load, parameters = cs.MX.sym("load", NODE), self._symbols.parameters
-        outputs = self.equations.balance(parameters).forces(e, e_t, e_tt, load)
-        return cs.Function("balance", [e, e_t, e_tt, load, parameters], [*outputs])
+        load = cs.MX.sym("load", NODE)
+        outputs = self._balance.forces(e, e_t, e_tt, load)
+        return cs.Function("balance", [e, e_t, e_tt, load, self._symbols.parameters], [*outputs])
 
 
 @lru_cache(8)

@@ -151,7 +151,7 @@ def _extrapolate(kind: Kind) -> cs.Function:
 
 @dataclass(frozen=True)
 class _Link:
-    """How a link of length l turns: a pair of vectors, and the step between its nodes that follows from them.
+    """A link of length l that turns, with a pair of vectors that determine the step between its nodes.
 
     From the coordinates of both nodes, ``pair`` (4, 8) gives the vectors that are turned, and ``angles`` those whose
     angles turn them.  Positions enter and leave in units of l.

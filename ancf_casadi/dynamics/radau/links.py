@@ -137,17 +137,27 @@ class Links:
         incidence = cs.DM.triplet(target.tolist(), kept.tolist(), cs.DM(products), diagonal.size, entries.numel())
         return cs.reshape(incidence @ entries + cs.DM(diagonal), LINK**2, -1)
 
+    @cached_property
+    def _seconds(self) -> Index:
+        """The places, in values at both nodes of the links (24, links), of those at the second ones, (links, 3, 4)."""
+        return np.arange(LINK * STAGES * self.count).reshape(self.count, STAGES, 2, NODE)[:, :, 1]
+
+    @cached_property
+    def _in_whole(self) -> Index:
+        """The places, in values at all nodes (4 n + 4, 3), of those at both nodes of the links, (links, 3, 8)."""
+        link, stage, row = np.indices((self.count, STAGES, LINK))
+        return np.asarray(row + NODE * link + self.model.size * stage)
+
     def whole(self, base: cs.MX, both: cs.MX) -> cs.MX:
         """Return values at all nodes, (4 n + 4, 3), from those of the base, (4, 3), and of both nodes of each link."""
-        places = np.arange(LINK * STAGES * self.count).reshape(self.count, STAGES, 2, NODE)[:, :, 1]
-        return cs.vertcat(base, _picked(both, places.transpose(1, 0, 2), NODE * self.count))
+        return cs.vertcat(base, _picked(both, self._seconds.transpose(1, 0, 2), NODE * self.count))
 
     def nodes(self, first: cs.MX, base: cs.MX, both: cs.MX) -> cs.MX:
         """Return coordinates at the start and the stages (16, nodes); ``base`` and ``both`` are those at the stages."""
         known = cs.vertcat(cs.vec(first), cs.vec(base), cs.vec(both))
         starts = np.arange(NODE * (self.count + 1)).reshape(-1, 1, NODE)
         at_base = starts.size + np.arange(VALUES).reshape(1, STAGES, NODE)
-        beyond = starts.size + VALUES + np.arange(LINK * STAGES * self.count).reshape(-1, STAGES, 2, NODE)[:, :, 1]
+        beyond = starts.size + VALUES + self._seconds
         places = np.concatenate([starts, np.concatenate([at_base, beyond])], axis=1)
         return _picked(known, places, NODE * (STAGES + 1))
 
@@ -163,20 +173,18 @@ class Links:
 
     def summed(self, both: cs.MX) -> cs.MX:
         """Return the sums at all nodes (4 n + 4, 3) of values at both nodes of the links (24, links)."""
-        link, stage, row = np.indices((self.count, STAGES, LINK)).reshape(3, -1)
-        target, size = row + NODE * link + self.model.size * stage, self.model.size * STAGES
-        ones = cs.DM.ones(target.size)
-        places = cs.DM.triplet(target.tolist(), [*range(target.size)], ones, size, target.size)
+        target, size = self._in_whole.ravel().tolist(), self.model.size * STAGES
+        places = cs.DM.triplet(target, [*range(len(target))], cs.DM.ones(len(target)), size, len(target))
         return cs.reshape(places @ cs.vec(both), self.model.size, STAGES)
 
     def ends(self, base: cs.MX, free: cs.MX) -> cs.MX:
         """Return values at both nodes of each link (24, links) from those of the base (4, 3) and the free (N, 3)."""
-        link, stage, row = np.indices((self.count, STAGES, LINK))
-        model, node = self.model, NODE * link + row
+        model = self.model
         if not model.held_at_base_alone:
-            return _picked(model.whole(free, base), node + model.size * stage, LINK * STAGES)
-        behind = NODE * STAGES + node - NODE + model.freedoms * stage
-        places = np.where(node < NODE, node + NODE * stage, behind)
+            return _picked(model.whole(free, base), self._in_whole, LINK * STAGES)
+        stage, row = np.divmod(self._in_whole, model.size)
+        behind = NODE * STAGES + model.freedoms * stage + row - NODE
+        places = np.where(row < NODE, NODE * stage + row, behind)  # no rows are stacked: that would transpose them
         return _picked(cs.vertcat(cs.vec(base), cs.vec(free)), places, LINK * STAGES)
 
     def node_by_node(self, values: cs.MX) -> cs.MX:

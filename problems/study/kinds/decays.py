@@ -7,7 +7,7 @@ figure and table made from synthetic decays says so.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal, Self, final
 
@@ -224,6 +224,11 @@ def synthetic_decay(
         f"white noise of {1e3 * std:g} mm, seed {seed}."
     )
     return Decay(Measurement(time, exact.full().ravel() + noise, f"mode {mode}, synthetic"), about, 0.0)
+
+
+def synthetic_decays(parameters: Iterable[SyntheticDecay], seed: int) -> list[Decay]:
+    """Return synthetic decays of modes 1, 2, ... with the usual samples and noise."""
+    return [synthetic_decay(of_mode, mode, seed) for mode, of_mode in enumerate(parameters, start=1)]
 
 
 def fit_all(compute: Compute, decays: Sequence[Decay], law: str, rest: Rest | None) -> list[FittedDecay]:

@@ -23,14 +23,14 @@ MODE_KEYS = ("frequency_std", "points", "shapes", "shape_std")  # keys that belo
 class UnknownSpec(Spec, frozen=True):
     """A property that may change: by one factor, in each element, or as a smooth function with so many terms."""
 
-    all_elements: Literal[True] | None = field(default=None, name="global")
-    element: Literal[True] | None = None
+    all_elements: bool = field(default=False, name="global")
+    element: bool = False
     smooth: Annotated[int, Meta(ge=1)] | None = None
     relative_bounds: RelativeBounds | None = None
 
     def __post_init__(self) -> None:
         """Refuse several kinds, or none."""
-        if [self.all_elements, self.element, self.smooth].count(None) != 2:
+        if [self.all_elements, self.element, self.smooth is not None].count(True) != 1:
             raise ValueError('must be "global", "element", {smooth = 3} or {element = true, relative_bounds = 0.05}')
 
     def unknown(self, name: str) -> PropertyUnknown:

@@ -215,7 +215,7 @@ class TestMatch:
                 "[match]\ntargets = [1]\nunknowns.width = {smooth = 2, order = 1}\n",
                 "unknowns: width: unknown key 'order'",
             ),
-            ("[match]\ntargets = [1]\nunknowns.width = {element = false}\n", "unknowns: width: element: must be"),
+            ("[match]\ntargets = [1]\nunknowns.width = {element = false}\n", "unknowns: width: must be"),
             (
                 "[match]\ntargets = [1]\nunknowns.width = 'smooth'\n",
                 "unknowns: width: must be one of element, global, got",

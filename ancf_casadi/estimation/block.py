@@ -180,6 +180,12 @@ class Block(ABC):
     def negligible(self) -> float:
         """Norm of a change of the residuals that the computation does not tell from none, in standard deviations."""
 
+    @property
+    def row_weights(self) -> Array:
+        """Reciprocal standard deviations (m,) of the series of the residuals; 1 if each value has its own."""
+        weights = self.weights
+        return np.repeat(1 / weights.deviations, weights.lengths) if weights else np.ones(sum(self.series))
+
     def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
         """Return the block with the standard deviations that residuals (m,) show; None if they would not change."""
         if self.weights is None or all(self.weights.known):

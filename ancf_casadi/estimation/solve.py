@@ -14,8 +14,9 @@ residual that the fit absorbs.  A few points that determine many unknowns would 
 The steps are: check that the data determine the unknowns (``determination``); fit; fit again with the weights that the
 residuals give; compute the error of each block's discretisation, and the shifts of the estimates that it causes; if one
 is above ``LARGEST_SHIFT`` standard errors, refine the block, and fit again from the estimates.  An error of the
-derivatives shifts the estimates too; its size follows from the change of the Jacobian since the coarser fit.  Shifts
-whose size alone is known count once in this criterion, and ``DOUBTS`` times in what the fit states.
+derivatives shifts the estimates too; its size follows from the change of the Jacobian since the coarser fit.  Once this
+change is small, finer blocks keep the Jacobian, which costs more than the residuals.  Shifts whose size alone is known
+count once in this criterion, and ``DOUBTS`` times in what the fit states.
 
 The error of the mesh of a beam is computed once, at the estimates, when it is asked for (``FitSolution.mesh_shifts``).
 The residuals r(l) for elements of the length l differ from r(0) by c l^4, so that 16/15 of the way to the estimates for
@@ -49,6 +50,7 @@ from ancf_casadi.exceptions import AncfError, FitError
 from ancf_casadi.support.arrays import Array, Mask
 
 LARGEST_SHIFT = 0.1  # typical shift of an estimate by the error of the discretisation, beyond which it is refined
+KEPT_TURN = LARGEST_SHIFT / 3  # typical shift by the change of the Jacobian, below which finer blocks keep this one
 DOUBTS = 2.0  # shift of unknown direction that a fit states, over its root mean square
 MOST_REFINEMENTS = 6  # of a block
 LEAST_SHARE = 0.01  # least share 1 - h of the noise that a residual may show
@@ -105,12 +107,26 @@ class FitProblem:
         parts += [unknown.prior_residual(given[unknown.name]) for unknown in self._priors]
         return self.scale * cs.vertcat(*parts)
 
-    def fitted(self, *, first: bool) -> Fit:
-        """Return the estimates for the weights of the blocks; ``first`` checks that the data determine them."""
+    @property
+    def row_weights(self) -> Array:
+        """Factors (m,) of the residuals, in the units of their series, in those of the fit."""
+        return self.scale * np.concatenate([*(block.row_weights for block in self.blocks), np.ones(len(self._priors))])
+
+    def fitted(self, *, first: bool, jacobian: Array | None = None) -> Fit:
+        """Return the estimates for the weights of the blocks; ``first`` checks that the data determine them.
+
+        ``jacobian`` (m, n) is that of the residuals near the guesses, if it is known.
+        """
+        try:
+            if first and sum(self.series) >= len(self.unknowns):  # fewer residuals are refused below
+                self._check_determined()
+            return self._minimum(jacobian)
+        except FitError as error:
+            reasons = [block.failure for block in self.blocks if block.failure]
+            raise FitError("; ".join([str(error), *reasons[:1]]), error.stats) from None
+
+    def _minimum(self, jacobian: Array | None) -> Fit:
         scale = self.scale
-        if first and sum(self.series) >= len(self.unknowns):  # fewer residuals are refused below
-            self._check_determined()
-        systematic = scale * self.root_mean_square([block.systematic for block in self.blocks])
         return least_squares(
             self.residuals,
             self.unknowns,
@@ -119,9 +135,10 @@ class FitProblem:
             series=self.series,
             times=self.times,
             inaccuracy=scale * math.hypot(*(block.inaccuracy for block in self.blocks)),
-            systematic=systematic,
+            systematic=scale * self.root_mean_square([block.systematic for block in self.blocks]),
             stated=np.repeat([*(block.stated for block in self.blocks), True], [*self._sizes, len(self._priors)]),
             deviation=scale,
+            jacobian=jacobian,
             advice=FIT_ADVICE,
         )
 
@@ -226,9 +243,6 @@ def solve(problem: FitProblem, starts: Sequence[Mapping[str, float]] = ({},)) ->
         try:
             problem, fit, others = _reweighted(problem, _optima(problem, starts))
             return _checked(_refined(problem, fit, others))
-        except FitError as error:
-            reasons = [block.failure for block in problem.blocks if block.failure]
-            raise FitError("; ".join([str(error), *reasons[:1]]), error.stats) from None
         finally:
             problem.close()
 
@@ -320,7 +334,7 @@ def _turn(fit: Fit, before: Fit) -> Array:
 
 def _refined(problem: FitProblem, fit: Fit, others: Sequence[Fit]) -> FitSolution:
     """Return the solution with blocks so fine that their errors shift no estimate by much."""
-    turn = np.zeros(len(fit.names))
+    turn, compared = np.zeros(len(fit.names)), False
     for _ in range(MOST_REFINEMENTS + 1):
         shifts = np.zeros((len(problem.blocks), len(fit.names)))
         finer: list[Block | None] = []
@@ -338,9 +352,12 @@ def _refined(problem: FitProblem, fit: Fit, others: Sequence[Fit]) -> FitSolutio
         if not any(finer):
             break
         coarse = [block for block, better in zip(problem.blocks, finer, strict=True) if better]
-        before = fit
-        problem, fit = _fitted_again(problem, finer, fit)
-        turn = _turn(fit, before)
+        before, jacobian = fit, None
+        if compared and turn.max() <= KEPT_TURN and all(block.inaccuracy for block in coarse):
+            jacobian = fit.jacobian
+        problem, fit = _fitted_again(problem, finer, fit, jacobian)
+        if jacobian is None:
+            turn, compared = _turn(fit, before), True
         for block in coarse:
             block.close()
     return FitSolution(problem, fit, shifts, tuple(others))
@@ -371,10 +388,17 @@ def meaningful(shifts: Array, fit: Fit, least: float) -> Array:
     return np.where(sizes * fit.errors <= least * np.abs(fit.values), 0.0, sizes)
 
 
-def _fitted_again(problem: FitProblem, changed: Sequence[Block | None], fit: Fit) -> tuple[FitProblem, Fit]:
-    """Return the problem with blocks that have become better or finer, and its estimates, from those of a fit."""
+def _fitted_again(
+    problem: FitProblem, changed: Sequence[Block | None], fit: Fit, jacobian: Array | None = None
+) -> tuple[FitProblem, Fit]:
+    """Return the problem with blocks that have become better or finer, and its estimates, from those of a fit.
+
+    ``jacobian`` (m, n) is that with which the steps begin, in the weights of the fit; that of the finer blocks if None.
+    """
     blocks = tuple(new or old for new, old in zip(changed, problem.blocks, strict=True))
-    problem = replace(problem, blocks=blocks, unknowns=tuple(started(problem.unknowns, fit.estimates)))
-    again = problem.fitted(first=False)
+    before, problem = problem, replace(problem, blocks=blocks, unknowns=tuple(started(problem.unknowns, fit.estimates)))
+    if jacobian is not None:
+        jacobian = jacobian * (problem.row_weights / before.row_weights)[:, None]
+    again = problem.fitted(first=False, jacobian=jacobian)
     iterations, seconds = fit.iterations + again.iterations, fit.solve_seconds + again.solve_seconds
     return problem, replace(again, iterations=iterations, solve_seconds=seconds)

@@ -139,5 +139,5 @@ class SampledMotion:
     @staticmethod
     def _rows(matrix: Array, vectors: cs.MX) -> tuple[cs.MX, cs.MX]:
         """Return the x and the y components, (1, s), of an interpolation."""
-        x, y = cs.vertsplit(cs.DM(matrix) @ vectors)
+        x, y = cs.vertsplit(cs.sparsify(cs.DM(matrix)) @ vectors)  # of the coordinates that the reading needs
         return x, y

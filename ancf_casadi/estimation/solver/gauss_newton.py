@@ -27,8 +27,8 @@ after it.
 The residuals may have an error of their own, such as that of an integration.  It changes the loss by much more than it
 moves the minimum, because it is nearly orthogonal to the columns of J.  Then a step also counts as good if the next
 one, by the same J, is less than half as long, whatever the loss (the natural monotonicity test of Deuflhard).  As such
-residuals and their Jacobians are expensive, the steps end earlier, and a step of less than one standard deviation
-leaves J as it is if the loss follows it.
+residuals and their Jacobians are expensive, the steps end earlier, and a step of less than three standard deviations
+leaves J as it is if the loss follows it.  The first J may come from an earlier minimum nearby.
 
 References
 ----------
@@ -55,8 +55,8 @@ from ancf_casadi.support.progress import count_step
 
 HUBER = 1.345  # threshold d over the standard deviation of the noise
 LAST_STEP = 1e-3  # change of the residuals by the last step, in standard deviations
-LAST_INACCURATE_STEP = 0.1  # the same where the residuals have an error of their own
-SHORT_STEP = 1.0  # the same, below which the Jacobian is taken to stay as it is
+LAST_INACCURATE_STEP = 0.3  # the same where the residuals have an error of their own
+SHORT_STEP = 3.0  # the same, below which the Jacobian is taken to stay as it is
 ROUNDING = 1e-13  # the same, relative to that by unknowns from zero
 MOST_STEPS, MOST_FAILURES = 50, 6  # the latter in a row
 LEAST_GAIN, GOOD_GAIN = 1e-3, 0.75  # decrease of the loss over the predicted one
@@ -134,16 +134,21 @@ def minimise(
     huber: float = math.inf,
     systematic: float = 0.0,
     inaccuracy: float = 0.0,
+    jacobian: Array | None = None,
 ) -> Minimum:
     """Minimise the loss within bounds by Gauss-Newton steps from z, in units of the scales of the unknowns.
 
     ``evaluate`` returns residuals and Jacobian; ``inaccuracy`` is the norm of the error of the residuals, below which
-    no step needs to be.
+    no step needs to be; ``jacobian`` is the first J, that at z if not given.
     """
-    r, jacobian = residuals_and_jacobian(evaluate, z)
     small, y = LAST_INACCURATE_STEP if inaccuracy else LAST_STEP, cs.MX.sym("z", len(z))
     values = cs.Function("values", [y], [evaluate.call([y], True, False)[0]])
-    reach, failures, steps, outdated = 1.0, 0, 0, False  # the last says whether J is that of an earlier z
+    outdated = jacobian is not None  # whether J is that of an earlier z
+    if jacobian is None:
+        r, jacobian = residuals_and_jacobian(evaluate, z)
+    else:
+        r = _counted(values, z)[0].ravel()
+    reach, failures, steps = 1.0, 0, 0
     while True:
         psi, curvature = influence(r, huber)
         weights = row_weights(r, huber)

@@ -53,6 +53,7 @@ def least_squares(
     systematic: float = 0.0,  # root mean square of a systematic error, for which the standard errors allow
     stated: Mask | None = None,  # residuals (m,) whose standard deviation the user states; those of a robust fit vary
     deviation: float = 1.0,  # the stated standard deviation
+    jacobian: Array | None = None,  # of the residuals by the coordinates of the unknowns near the guess, (m, n)
     options: Mapping[str, Any] | None = None,  # of ``nlpsol`` and IPOPT; they override those set here
     advice: str = "",  # for the error message if there is no solution
 ) -> Fit:
@@ -74,6 +75,7 @@ def least_squares(
     began = time.perf_counter()
     if gauss_newton:
         given: dict[str, Any] = {"huber": huber, "systematic": systematic, "inaccuracy": inaccuracy}
+        given["jacobian"] = None if jacobian is None else jacobian * y.scale
         minimum, status = _by_steps(evaluate, y.guess / y.scale, bounds, given, advice), "converged"
     else:
         minimum, status = _by_ipopt(residuals, evaluate, y, huber, bounds, options, advice)
@@ -82,7 +84,7 @@ def least_squares(
     near = np.maximum(AT_BOUND, _unseen(r, jacobian, systematic))
     at_lower, at_upper = found - bounds["lower"] < near, bounds["upper"] - found < near
     values, active = np.select([at_lower, at_upper], [y.lower, y.upper], found * y.scale), at_lower | at_upper
-    if (values / y.scale != found).any():
+    if (at_lower & (found > bounds["lower"]) | at_upper & (found < bounds["upper"])).any():
         r, jacobian = residuals_and_jacobian(evaluate, values / y.scale)
     jacobian, free = jacobian / y.scale, ~active
     if not np.isfinite(jacobian).all():

@@ -47,11 +47,10 @@ from problems.beam.motions.record import Channel, MotionRecord, labels_of, title
 from problems.beam.motions.weights import (
     ACCURATE,
     ERROR_ORDER,
-    FIRST_RATIO,
-    LATER_RATIO,
-    LEAST_DECREASE,
+    LEAST_ORDER,
     MODEL_STD,
     MOST_VISIBLE,
+    RATIO,
     TIGHTEST,
     TYPICAL,
     first_weights,
@@ -187,16 +186,21 @@ class MotionBlock(Block):
         return found
 
     def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
-        """Return the block with the standard deviations that residuals show."""
-        if not robust and len(self.weights.groups) == 1:
-            return None  # one standard deviation for all does not matter
+        """Return the block with the standard deviations that residuals show; a first tolerance is refined anyway."""
+        if self._will_be_refined or (not robust and len(self.weights.groups) == 1):  # one for all does not matter
+            return None
         return super().reweighted(residuals, robust=robust)
+
+    @property
+    def _will_be_refined(self) -> bool:
+        """Whether a fit goes on at a smaller tolerance: nothing shows the error of J at the first one."""
+        return self.expected is None and self.tolerance > (self.wanted or TIGHTEST)
 
     @cached_property
     def _finer(self) -> Self:
         """The same motions at the next smaller tolerance."""
         wanted = self.wanted if self.wanted and self.wanted < self.tolerance else 0.0
-        tolerance = self.tolerance / (FIRST_RATIO if self.expected is None or self.wanted else LATER_RATIO)
+        tolerance = self.tolerance / RATIO
         return replace(self, tolerance=tolerance if tolerance > 2.0 * wanted else wanted, before=self)
 
     def error(self, values: Mapping[str, float], residuals: Array, small: Callable[[Array], bool]) -> Array:
@@ -214,21 +218,22 @@ class MotionBlock(Block):
         return root_mean_square(error) * (TYPICAL if error is self.expected else _decrease(self, self._finer))
 
     def refined(self, shift: float, error: Array) -> Self | None:
-        """Return the block with a smaller tolerance; the first is not the last: nothing shows the error of J there."""
+        """Return the block with a smaller tolerance; the first is not the last."""
         visible = 0.0 if error is self.expected else root_mean_square(error) / MOST_VISIBLE
         excess = max(shift / LARGEST_SHIFT, visible)
         needed = math.isfinite(excess) and (self.expected is None or excess > 1.0)
         if self.tolerance <= (self.wanted or TIGHTEST) or not (self.wanted or needed):
             return None
-        finer, tolerance = self._finer, min(tighter(self.tolerance, excess), self.tolerance / FIRST_RATIO)
+        finer, tolerance = self._finer, tighter(self.tolerance, excess)
         if not self.wanted and tolerance < finer.tolerance / 2:
             finer = replace(self, tolerance=tolerance, before=self)
-        return replace(finer, expected=LEAST_DECREASE * error, before=finer)
+        least = (finer.tolerance / self.tolerance) ** LEAST_ORDER
+        return replace(finer, expected=least * error, before=finer)
 
     @cached_property
     def rough(self) -> Self:
         """The same motions at a larger tolerance, whose error those on two meshes share; at the one that is wanted."""
-        return replace(self, tolerance=self.wanted or FIRST_RATIO * self.tolerance, before=self)
+        return replace(self, tolerance=self.wanted or RATIO * self.tolerance, before=self)
 
     def largest_bend(self, values: Mapping[str, float]) -> float:
         """Return the largest bend of an element at the steps of the motions, rad."""

@@ -19,10 +19,10 @@ The tolerance of the integration follows from its error.  An error c of the comp
 (``Fit.shifts``), and it is part of the residuals.  A fit begins at a coarse tolerance (``coarse_tolerance``), because
 far from the minimum nothing has to be accurate.  At its estimates, one integration without derivatives at a tolerance
 smaller by the factor r gives c = (change of the readings)/(1 - r^-p), with the order p of the error, ``ERROR_ORDER``.
-The fit goes on from there at a smaller tolerance, at which the error is taken to be at most ``LEAST_DECREASE`` c,
-besides an error of unknown direction, ``TYPICAL`` of that.  If this typically shifts an estimate by more than
-``LARGEST_SHIFT`` standard errors, the error is computed again, and so on, until its shifts are small, and its root mean
-square is below ``MOST_VISIBLE`` standard deviations of the noise.  The error of the derivatives counts too
+The fit goes on from there at a tolerance smaller by r, at which the error is taken to be at most r^-p c with the order
+``LEAST_ORDER``, besides an error of unknown direction, ``TYPICAL`` of that.  If this typically shifts an estimate by
+more than ``LARGEST_SHIFT`` standard errors, the error is computed again, and so on, until its shifts are small, and its
+root mean square is below ``MOST_VISIBLE`` standard deviations of the noise.  The error of the derivatives counts too
 (``ancf_casadi.estimation.solve``).  Measured orders are 0.75 to 1.1 in motions of one to ten periods, between the
 tolerances 1e-4 and 1e-8.
 
@@ -48,11 +48,10 @@ from problems.beam.motions.record import FEWEST_SAMPLES, Channel, MotionRecord
 COARSE, COARSE_PER_TRAVEL = 1e-4, 2e-3  # first tolerance: at most, and over the travel relative to the length
 COARSE_WITHOUT_POSITIONS = 1e-5
 ACCURATE = 1e-6  # for a motion that is not fitted
-FIRST_RATIO, LATER_RATIO = 10.0, 3.0  # of successive tolerances
-LEAST_DECREASE = 0.4  # of the integration error, between successive tolerances
+RATIO = 10.0  # of successive tolerances; errors at closer ones may be alike
 TYPICAL = 0.5  # integration error relative to that which is at most expected
 MOST_VISIBLE = 0.2  # root mean square of an integration error that may be part of the residuals, standard deviations
-ERROR_ORDER = 0.7
+ERROR_ORDER, LEAST_ORDER = 0.7, 0.4  # p, as expected and at least
 TIGHTEST = 1e-10  # smallest tolerance; it is checked at 1e-11, where rounding sets in
 MOST_TIGHTENING = 100.0  # factor of the tolerance in one step
 LENGTHS = ("position", "displacement")

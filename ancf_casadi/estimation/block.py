@@ -181,7 +181,7 @@ class Block(ABC):
         """Norm of a change of the residuals that the computation does not tell from none, in standard deviations."""
 
     @property
-    def row_weights(self) -> Array:
+    def factors(self) -> Array:
         """Reciprocal standard deviations (m,) of the series of the residuals; 1 if each value has its own."""
         weights = self.weights
         return np.repeat(1 / weights.deviations, weights.lengths) if weights else np.ones(sum(self.series))

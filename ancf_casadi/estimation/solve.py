@@ -108,9 +108,9 @@ class FitProblem:
         return self.scale * cs.vertcat(*parts)
 
     @property
-    def row_weights(self) -> Array:
-        """Factors (m,) of the residuals, in the units of their series, in those of the fit."""
-        return self.scale * np.concatenate([*(block.row_weights for block in self.blocks), np.ones(len(self._priors))])
+    def factors(self) -> Array:
+        """Residuals (m,) of the fit for residuals of 1 in the units of their series."""
+        return self.scale * np.concatenate([*(block.factors for block in self.blocks), np.ones(len(self._priors))])
 
     def fitted(self, *, first: bool, jacobian: Array | None = None) -> Fit:
         """Return the estimates for the weights of the blocks; ``first`` checks that the data determine them.
@@ -352,11 +352,10 @@ def _refined(problem: FitProblem, fit: Fit, others: Sequence[Fit]) -> FitSolutio
         if not any(finer):
             break
         coarse = [block for block, better in zip(problem.blocks, finer, strict=True) if better]
-        before, jacobian = fit, None
-        if compared and turn.max() <= KEPT_TURN and all(block.inaccuracy for block in coarse):
-            jacobian = fit.jacobian
-        problem, fit = _fitted_again(problem, finer, fit, jacobian)
-        if jacobian is None:
+        keep = compared and turn.max() <= KEPT_TURN and all(block.inaccuracy for block in coarse)
+        before = fit
+        problem, fit = _fitted_again(problem, finer, fit, keep=keep)
+        if not keep:
             turn, compared = _turn(fit, before), True
         for block in coarse:
             block.close()
@@ -389,16 +388,15 @@ def meaningful(shifts: Array, fit: Fit, least: float) -> Array:
 
 
 def _fitted_again(
-    problem: FitProblem, changed: Sequence[Block | None], fit: Fit, jacobian: Array | None = None
+    problem: FitProblem, changed: Sequence[Block | None], fit: Fit, *, keep: bool = False
 ) -> tuple[FitProblem, Fit]:
     """Return the problem with blocks that have become better or finer, and its estimates, from those of a fit.
 
-    ``jacobian`` (m, n) is that with which the steps begin, in the weights of the fit; that of the finer blocks if None.
+    ``keep`` says whether the steps begin with the Jacobian of the fit.
     """
     blocks = tuple(new or old for new, old in zip(changed, problem.blocks, strict=True))
     before, problem = problem, replace(problem, blocks=blocks, unknowns=tuple(started(problem.unknowns, fit.estimates)))
-    if jacobian is not None:
-        jacobian = jacobian * (problem.row_weights / before.row_weights)[:, None]
+    jacobian = fit.jacobian * (problem.factors / before.factors)[:, None] if keep else None
     again = problem.fitted(first=False, jacobian=jacobian)
     iterations, seconds = fit.iterations + again.iterations, fit.solve_seconds + again.solve_seconds
     return problem, replace(again, iterations=iterations, solve_seconds=seconds)

@@ -84,7 +84,7 @@ def least_squares(
     near = np.maximum(AT_BOUND, _unseen(r, jacobian, systematic))
     at_lower, at_upper = found - bounds["lower"] < near, bounds["upper"] - found < near
     values, active = np.select([at_lower, at_upper], [y.lower, y.upper], found * y.scale), at_lower | at_upper
-    if (at_lower & (found > bounds["lower"]) | at_upper & (found < bounds["upper"])).any():
+    if (active & (values / y.scale != found)).any():
         r, jacobian = residuals_and_jacobian(evaluate, values / y.scale)
     jacobian, free = jacobian / y.scale, ~active
     if not np.isfinite(jacobian).all():

@@ -16,7 +16,7 @@ inputs.  The forces of one element and their derivatives are compiled here: mapp
 beams, all meshes and all values of the parameters of a law.  With c = (acceleration of gravity, parameters of the law),
 an element contributes
 
-    Q = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g    and the power e_t . Q_damp,
+    Q = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g,
 
 in which Q_damp is the local part of the damping.  A call from CasADi's virtual machine costs about as much as the
 forces of an element.  Compiled Functions therefore take ``ELEMENTS_PER_CALL`` elements per call; the last call is
@@ -50,7 +50,8 @@ def element_function(
 ) -> cs.Function:
     """Return a Function of one element under a damping law, for columns, one per element of a call, made by ``make``.
 
-    balance      (e, e_t, e_tt, p, c) -> Q (d,), and the power lost to damping
+    balance      (e, e_t, e_tt, p, c) -> Q (d,)
+    lost_power   (e, e_t, p, c) -> e_t . Q_damp
     tangents     (e, e_t, p, c) -> K = dQ/de, D = dQ/de_t and M, (d, d)
     resistance   (e, e_t, u, w, p, c) -> D u + M w
     """
@@ -61,7 +62,9 @@ def element_function(
     if name == "balance":
         weight = element.gravity_force(p, c[:2])
         force = element.inertia_force(e_tt, p) + damping + element.elastic_force(e, p) - weight
-        inputs, outputs = [e, e_t, e_tt, p, c], [force, cs.dot(e_t, damping)]
+        inputs, outputs = [e, e_t, e_tt, p, c], [force]
+    elif name == "lost_power":
+        inputs, outputs = [e, e_t, p, c], [cs.dot(e_t, damping)]
     elif name == "tangents":
         stiffness = element.tangent_stiffness(e, p) + cs.jacobian(damping, e)
         inputs, outputs = [e, e_t, p, c], [stiffness, cs.jacobian(damping, e_t), element.mass(p)]
@@ -232,14 +235,23 @@ class Balance:
         """Return R B, turned with the clamp from the axis of the beam."""
         return turned(self.projection, self.equations.model.beam.axis, e[2:NODE])
 
-    def modal_velocities(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
-        """Return B^T R^T e_t."""
-        return self.projection.T @ turned(e_t, e[2:NODE], self.equations.model.beam.axis)
+    def modal_velocities(self, slope: cs.MX, e_t: cs.MX) -> cs.MX:
+        """Return B^T R^T e_t, (m, s), for the slope (2, s) of the clamp."""
+        return self.projection.T @ self._turned(e_t, slope, -1.0)
 
-    def modal_damping(self, e: cs.MX, modal_velocities: cs.MX) -> cs.MX:
-        """Return R B diag(d) w, the low-rank part of the damping force, for the modal velocities w."""
-        force = self.projection @ (self.modal_coefficients * modal_velocities)
-        return turned(force, self.equations.model.beam.axis, e[2:NODE])
+    def modal_damping(self, slope: cs.MX, modal_velocities: cs.MX) -> cs.MX:
+        """Return R B diag(d) w, the low-rank part of the damping force, (4 n + 4, s), for the modal velocities w."""
+        return self._turned(self.projection @ (cs.diag(self.modal_coefficients) @ modal_velocities), slope, 1.0)
+
+    def of_low_rank(self, slope: cs.MX, e_t: cs.MX) -> cs.MX:
+        """Return the low-rank part R B diag(d) B^T R^T e_t of the damping force, (4 n + 4, s)."""
+        return self.modal_damping(slope, self.modal_velocities(slope, e_t))
+
+    def _turned(self, vectors: cs.MX, slope: cs.MX, sign: float) -> cs.MX:
+        """Return R v, or R^T v if the sign is negative, for vectors (4 n + 4, s) and the slope (2, s) of the clamp."""
+        (x, y), (along, across) = self.equations.model.beam.axis, cs.vertsplit(slope)
+        cosine, sine = cs.diag(x * along + y * across), cs.diag(sign * (x * across - y * along))
+        return vectors @ cosine + turned(vectors, (1.0, 0.0), (0.0, 1.0)) @ sine
 
     def damping(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the damping force."""
@@ -267,46 +279,36 @@ class Balance:
         flowing = equations.law.loads(equations.model.beam)
         return self.conservative(e) + self.local_damping(e, still) if flowing else self.conservative(e)
 
-    def local(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
-        """Return all forces but the low-rank damping, and the powers lost to local damping and supplied by the load."""
+    def local(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> cs.MX:
+        """Return all forces but the low-rank damping at all nodes, (4 n + 4, s), for loads (3 or 4, s)."""
         equations = self.equations
-        forces, powers = equations.mapped("balance", self, e, e_t, e_tt)
-        lost = [cs.sum1(cs.reshape(power, -1, e.size2())) for power in powers]
-        acting = load_force(equations.model, equations.place, e, load)
-        total = equations.model.sum_at_nodes(forces) - acting
-        return total, sum(lost[1:], lost[0]), cs.sum1(acting * e_t)
+        (forces,) = equations.mapped("balance", self, e, e_t, e_tt)
+        return equations.model.sum_at_nodes(forces) - load_force(equations.model, equations.place, e, load)
 
-    def forces(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX]:
-        """Return the forces at all nodes, (4 n + 4, s), and three powers, (3, s), from the same as ``local``.
+    def forces(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> cs.MX:
+        """Return the forces at all nodes, (4 n + 4, s), from the same as ``local``."""
+        forces = self.local(e, e_t, e_tt, load)
+        return forces + self.of_low_rank(e[2:NODE, :], e_t) if self.projection.numel() else forces
 
-        The powers are those lost to damping, supplied by the base and supplied by the load.
-        """
-        forces, lost, supplied = self.local(e, e_t, e_tt, load)
+    def powers(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> cs.MX:
+        """Return the powers lost to damping, supplied by the base and supplied by the load, (3, s), as ``local``."""
+        equations = self.equations
+        (by_group,) = equations.mapped("lost_power", self, e, e_t)
+        lost = sum(cs.sum1(cs.reshape(by_element, -1, e.size2())) for by_element in by_group)
         if self.projection.numel():
-            low_rank = self.of_low_rank(e[2:NODE, :], e_t)
-            forces, lost = forces + low_rank, lost + cs.sum1(e_t * low_rank)
-        return forces, cs.vertcat(lost, cs.sum1(e_t[:NODE, :] * self.equations.model.of_base(forces)), supplied)
+            lost += self.modal_coefficients.T @ self.modal_velocities(e[2:NODE, :], e_t) ** 2
+        by_base = cs.sum1(e_t[:NODE, :] * self.on_base(e, e_t, e_tt, load))
+        return cs.vertcat(lost, by_base, cs.sum1(e_t * load_force(equations.model, equations.place, e, load)))
 
     def on_base(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> cs.MX:
         """Return the generalized force of the base on the beam, (4, s), from the same as ``local``."""
         equations, groups = self.equations, self.equations.model.groups_at_base
-        parts, _ = equations.mapped("balance", self, e, e_t, e_tt, groups=groups)
-        forces = equations.model.sum_at_nodes(parts, groups.values())
+        (by_element,) = equations.mapped("balance", self, e, e_t, e_tt, groups=groups)
+        forces = equations.model.sum_at_nodes(by_element, groups.values())
         forces -= load_force(equations.model, equations.place, e, load)
         return equations.model.of_base(
             forces + self.of_low_rank(e[2:NODE, :], e_t) if self.projection.numel() else forces
         )
-
-    def of_low_rank(self, slope: cs.MX, e_t: cs.MX) -> cs.MX:
-        """Return the low-rank part R B diag(d) B^T R^T e_t of the damping force, (4 n + 4, s).
-
-        The beam has turned with the slope (2, s) of its clamp.
-        """
-        (x, y), (along, across) = self.equations.model.beam.axis, cs.vertsplit(slope)
-        cosine, sine = (cs.diag(part) for part in (x * along + y * across, x * across - y * along))
-        B, turned_B = self.projection, turned(self.projection, (1.0, 0.0), (0.0, 1.0))
-        forces = cs.diag(self.modal_coefficients) @ (B.T @ e_t @ cosine + turned_B.T @ e_t @ sine)
-        return B @ forces @ cosine + turned_B @ forces @ sine
 
     def tangents(self, e: cs.MX, e_t: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
         """Return the entries of K = d(Q_damp + Q_e - Q_load)/de, D = dQ_damp/de_t and M of all elements, (entries, s).

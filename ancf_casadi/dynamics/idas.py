@@ -79,11 +79,11 @@ class SemiExplicit:
         x, z, excitation = self._symbols
         model, free, W = self.equations.model, self.equations.free, self.element_frequency
         e, e_t, e_tt = self._motion
-        forces, *_ = self._balance.local(e, e_t, e_tt, excitation[3 * NODE :])
+        forces = self._balance.local(e, e_t, e_tt, excitation[3 * NODE :])
         w = model.beam.length * W * z[free:]
         if w.numel():
-            forces += self._balance.modal_damping(e, w)
-        modal = (self._balance.modal_velocities(e, e_t) - w) / (model.beam.length * W)
+            forces += self._balance.modal_damping(e[2:NODE], w)
+        modal = (self._balance.modal_velocities(e[2:NODE], e_t) - w) / (model.beam.length * W)
         outputs = [cs.vertcat(W * x[free:], W * z[:free]), cs.vertcat(model.of_free(forces) / self._divisors, modal)]
         options: Any = {"is_diff_in": [True, True, False], "custom_jacobian": self._jacobian}
         options |= {"enable_forward": False, "enable_reverse": False}  # all derivatives come from the Jacobian
@@ -92,8 +92,8 @@ class SemiExplicit:
 
     @cached_property
     def powers(self) -> cs.Function:
-        """(x, z, excitation) -> powers as in ``Balance.forces``."""
-        _, powers = self._balance.forces(*self._motion, self._symbols[2][3 * NODE :])
+        """(x, z, excitation) -> powers as in ``Balance.powers``."""
+        powers = self._balance.powers(*self._motion, self._symbols[2][3 * NODE :])
         return cs.Function("powers", self._symbols, [powers], {"is_diff_in": [False] * 3})
 
     @cached_property

@@ -251,7 +251,7 @@ def test_the_linearised_step_is_that_of_the_residual_where_the_clamp_turns_withi
     unknowns = cs.MX.sym("Z", free, 3)
     pairs, load = stage_motion(unknowns, cs.DM(q), cs.DM(v), cs.MX(h), cs.DM(excitations.T))
     motion = [form.equations.model.whole(*pair) for pair in pairs]
-    forces, _ = form.balance.map(3)(*motion, load, cs.repmat(cs.DM(p), 1, 3))
+    forces = form.balance.map(3)(*motion, load, cs.repmat(cs.DM(p), 1, 3))
     jacobian = cs.Function("G", [unknowns], [cs.jacobian(cs.vec(forces[4:, :]), cs.vec(unknowns))])(Z.T).full()
     step = RadauStep(0.0, h, q, v, 0 * v, Z, excitations)
     (entries, _), rates = tangent.bound(0).at(step, p)(), tangent.modal_coefficients(p)

@@ -44,7 +44,7 @@ def transfer(model, reference, other):
     state = none, model.of_free(e), cs.MX.zeros(free), cs.MX(1.0), base, cs.reshape(first, NODE, -1)
     _, turns, *_ = links.advance(none, none, *state)
 
-    corrections = links.placed(vector) @ cs.DM(np.linalg.inv(RADAU.transform).sum(axis=1)).T  # alike at all stages
+    corrections = cs.vec(links.places(vector)) @ cs.DM(np.linalg.inv(RADAU.transform).sum(axis=1)).T  # alike at all stages
     turned_forth = -stage_by_stage(links.advance(links.node_by_node(corrections), turns, *state)[0])
     residuals = links.node_by_node(cs.repmat(model.moved(vector), 1, STAGES))[:, 1:]
     nothing = cs.MX.zeros(2 * VALUES, links.count), cs.MX.zeros(3 * BLOCK, links.count)  # no forces, no elimination

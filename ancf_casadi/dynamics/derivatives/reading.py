@@ -61,7 +61,7 @@ class SampledMotion:
         terms = equations.balance(parameters)
         curvature = terms.lumped.get("natural_curvature", cs.MX(0))
         return SampledMotion(
-            equations.model, terms.properties, e, e_t, e_tt, curvature, lambda: terms.forces(e, e_t, e_tt, load)[0]
+            equations.model, terms.properties, e, e_t, e_tt, curvature, lambda: terms.forces(e, e_t, e_tt, load)
         )
 
     def read(self, sensor: Sensor) -> cs.MX:

@@ -303,7 +303,7 @@ def start_jacobians(
     properties, lumped = cs.MX.sym("P", *model.properties.shape), [cs.MX.sym(name) for name in model.lumped]
     equations = Equations(model, law, place=place)
     parameters = equations.given(law=theta, properties=cs.vec(properties), lumped=cs.vertcat(cs.MX(0, 1), *lumped))
-    forces = equations.balance(parameters).local(e, still, still, load)[0]
+    forces = equations.balance(parameters).local(e, still, still, load)
     forces = model.of_free(forces)
     by_x = cs.horzcat(*(cs.jacobian(forces, x) for x in (theta, properties, *lumped)))
     outputs = [cs.jacobian(forces, e) @ model.whole_of_free, cs.jacobian(forces, load), by_x]

@@ -204,7 +204,7 @@ class Tangent:
         *node, load = cs.vertsplit(excitation, NODE)
         equations = replace(self.form.equations, make=as_it_is)
         motion = [equations.model.whole(x, part) for part, x in zip(node, (q, v, a), strict=True)]
-        forces = equations.model.of_free(Collocation(equations).balance(*motion, load, p)[0])
+        forces = equations.model.of_free(Collocation(equations).balance(*motion, load, p))
         jacobian = cs.horzcat(*(cs.jacobian(forces, x) for x in (q, v, excitation, p)))
         return cs.Function("force_jacobian", [q, v, a, excitation, p], [jacobian])
 
@@ -252,7 +252,7 @@ class Tangent:
         """Return R (3 N,), stage by stage, from the motion as of ``stage_motion``, and that of all nodes."""
         form, excitations = self.form, cs.reshape(u[self.layout["excitations"]], EXCITATION, STAGES)
         of_links = [form.links.ends(node, free) for free, node in motion]
-        on_links, further, _ = form.forces(of_links, whole, excitations, balance, form.columns_of(balance))
+        on_links, further = form.forces(of_links, whole, excitations, balance, form.columns_of(balance))
         return cs.vec(form.equations.model.of_free(further + form.links.summed(on_links)))
 
     def factors(self, entries: Array, step: RadauStep, modal_coefficients: Array) -> BandedFactors:

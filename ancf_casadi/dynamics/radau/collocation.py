@@ -12,10 +12,13 @@ matrices, a real and a complex banded system in N unknowns, with s = gamma/h and
 
     (s^2 M + s D + K) dW = T^-1 R,    D = dQ_damp/de_t,    K = d(Q_damp + Q_e - Q_load)/de,
 
-replace one system in 3 N (``elimination``).  As the beam turns, K changes by its axial part, which is thousands of
-times stiffer than its bending part; in coordinates that turn with the beam, K hardly changes.  Residuals are therefore
-turned back to the configuration in which the matrices were evaluated, and corrections are turned forth from there
-(``links``).
+replace one system in 3 N (``elimination``).  D omits the part of low rank: per iteration, the error in a mode of
+frequency omega and damping ratio zeta is then multiplied by 2 zeta omega |s|/|s^2 + omega^2|, at most 1.5 zeta, and a
+thousandth in the lightly damped modes that a step resolves.  The columns of B would cost more.
+
+As the beam turns, K changes by its axial part, which is thousands of times stiffer than its bending part; in
+coordinates that turn with the beam, K hardly changes.  Residuals are therefore turned back to the configuration in
+which the matrices were evaluated, and corrections are turned forth from there (``links``).
 
 Prediction.  The collocation polynomial of the last step is extrapolated in the logarithms of the beam's slopes: errors
 of the coordinates themselves would stretch the beam.
@@ -48,7 +51,6 @@ from ancf_casadi.dynamics.placed_load import load_force, load_on_element
 from ancf_casadi.dynamics.radau.elimination import BLOCK, LINK
 from ancf_casadi.dynamics.radau.link import VALUES
 from ancf_casadi.dynamics.radau.links import Links
-from ancf_casadi.dynamics.radau.low_rank import LowRank
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.element import Group
 from ancf_casadi.mechanics.nodes import NODE
@@ -104,7 +106,7 @@ class Collocation:
         """
         s = self._symbols
         increments, turns, *motion = self._advance()
-        on_links, further, _ = self._forces(motion, self._whole(motion))
+        on_links, further = self._forces(motion, self._whole(motion))
         corrections = self._solved(on_links, further[:, 1:], turns)
         size = cs.norm_2(cs.vec(s.weights * corrections))
         return _function("stages", [*vars(s).values()], [corrections, increments, turns, size])
@@ -114,14 +116,14 @@ class Collocation:
         """(``_symbols``, a, nodes) -> nodes, q, v and a at the end (N, 3), norm of the error, energies.
 
         ``nodes`` (16, nodes) are all coordinates at the start and the stages, of the last step and of this one.  The
-        energies (3, 4) have the coefficients of x, x^2 and x^3 in those added within the step, and their sum, from the
-        powers of ``Balance.forces``.
+        energies (3, 4) have the coefficients of x, x^2 and x^3 in those added within the step, and their sum, from
+        ``Balance.powers``.
         """
         s, a = self._symbols, cs.MX.sym("a", self.equations.free)
         nodes = cs.MX.sym("nodes", NODE * (STAGES + 1), self.links.count + 1)
         increments, _, *motion = self._advance()
         whole = self._whole(motion)
-        powers = self._forces(motion, whole)[2]
+        powers = self._balance.powers(whole[0], whole[1], whole[2], s.excitations[3 * NODE :, :])
         v, last, twice = self.links.places(s.v), RADAU.inverse[-1], RADAU.inverse[-1] @ RADAU.inverse
         velocity = _combined(last, increments) / s.h
         acceleration = (_combined(twice, increments) / s.h - last.sum() * v) / s.h
@@ -148,13 +150,13 @@ class Collocation:
         numbers = s.properties[:, ::STAGES], s.constants[:, ::STAGES]
         (force,) = mapped(equations.element("resistance", 0), *columns, *numbers)
         further = cs.MX(equations.model.size, 1)
-        if self._others or self._low_rank.rank:
+        if self._others or self._low_rank:
             e, e_t, *_ = (x[:, -1] for x in whole)
             u, w = (cs.vertcat(cs.MX.zeros(NODE), cs.vec(x)) for x in deviations)
             if self._others:
-                parts = equations.mapped("resistance", balance, e, e_t, u, w, groups=self._others)[0]
-                further += equations.model.sum_at_nodes(parts, self._others.values())
-            if self._low_rank.rank:
+                (by_element,) = equations.mapped("resistance", balance, e, e_t, u, w, groups=self._others)
+                further += equations.model.sum_at_nodes(by_element, self._others.values())
+            if self._low_rank:
                 further += balance.of_low_rank(s.excitations[2:NODE, -1], u)
         # residuals of the real system alone, in the frame of the last stage
         at_stages = RADAU.transform[:, :1]
@@ -165,7 +167,7 @@ class Collocation:
 
     @cached_property
     def factors(self) -> cs.Function:
-        """(Z, q, v, h, excitation of the middle stage, parameters) -> reference, outer, inner and low-rank factors."""
+        """(Z, q, v, h, excitation of the middle stage, parameters) -> reference, outer and inner factors."""
         s, excitation = self._symbols, cs.MX.sym("excitation", EXCITATION)
         position, velocity, _, load = cs.vertsplit(excitation, NODE)
         model, middle = self.equations.model, slice(NODE * MIDDLE, NODE * (MIDDLE + 1))
@@ -175,16 +177,8 @@ class Collocation:
         rates = cs.vertcat(RADAU.gamma, RADAU.mu.real, RADAU.mu.imag) / s.h
         k, d, m = self.links.matrices(k, unit=1.0), self.links.matrices(d), self.links.matrices(m)
         outer, inner = self.links.factors(k, d, m, rates)
-        low_rank = cs.MX(0, 1)
-        if self._low_rank.rank:
-            projection = balance.turned_projection(e)
-            alike = RADAU.transform @ [1.0, 1.0, 0.0]  # residuals whose right-hand side is real in both systems
-            residuals = cs.sparsify(cs.DM(np.kron(alike[:, None], np.eye(NODE)))) @ cs.reshape(projection, NODE, -1)
-            solutions = self.links.solutions(residuals, outer, inner)
-            placed = self.links.placed(model.of_free(projection))
-            low_rank = self._low_rank.factors(placed, solutions, balance.modal_coefficients, rates)
         inputs = [s.increments, s.q, s.v, s.h, excitation, s.parameters]
-        return _function("factors", inputs, [cs.reshape(e, NODE, -1), outer, inner, low_rank])
+        return _function("factors", inputs, [cs.reshape(e, NODE, -1), outer, inner])
 
     @cached_property
     def prediction(self) -> cs.Function:
@@ -208,7 +202,7 @@ class Collocation:
         position, velocity, acceleration, load = np.split(excitation, [NODE, 2 * NODE, 3 * NODE])
         model = self.equations.model
         motion = [model.whole(*parts) for parts in ((q, position), (v, velocity), (0 * q, acceleration))]
-        forces = model.of_free(self.balance(*motion, load, parameters)[0].full().ravel())
+        forces = model.of_free(self.balance(*motion, load, parameters).full().ravel())
         return np.asarray(scipy.sparse.linalg.spsolve(self.mass(parameters).sparse(), -forces))
 
     @cached_property
@@ -231,9 +225,10 @@ class Collocation:
         """The terms of the equation of motion for the parameters of ``_symbols``."""
         return self.equations.balance(self._symbols.parameters)
 
-    @cached_property
-    def _low_rank(self) -> LowRank:
-        return LowRank(self.links.count, self.equations.projection.shape[1])
+    @property
+    def _low_rank(self) -> bool:
+        """Whether the damping has a low-rank part."""
+        return self.equations.projection.size > 0
 
     def _advance(self) -> list[cs.MX]:
         """Return Z minus T dW, turned forth, the turns to the stages, and the motion of the links there."""
@@ -246,12 +241,11 @@ class Collocation:
         base = cs.vertsplit(self._symbols.excitations[: 3 * NODE, :], NODE)
         return [self.links.whole(node, both) for node, both in zip(base, motion, strict=True)]
 
-    def _forces(self, motion: Sequence[cs.MX], whole: Sequence[cs.MX]) -> tuple[cs.MX, cs.MX, cs.MX]:
+    def _forces(self, motion: Sequence[cs.MX], whole: Sequence[cs.MX]) -> tuple[cs.MX, cs.MX]:
         """Return the outputs of ``forces`` for the symbols of a step, those on all nodes as columns (12, nodes)."""
         s = self._symbols
-        columns = s.properties, s.constants
-        on_links, further, powers = self.forces(motion, whole, s.excitations, self._balance, columns)
-        return on_links, self.links.node_by_node(further), powers
+        on_links, further = self.forces(motion, whole, s.excitations, self._balance, (s.properties, s.constants))
+        return on_links, self.links.node_by_node(further)
 
     def forces(
         self,
@@ -260,49 +254,33 @@ class Collocation:
         excitations: cs.MX,
         balance: Balance,
         columns: tuple[cs.MX, cs.MX],
-    ) -> tuple[cs.MX, cs.MX, cs.MX]:
-        """Return the forces on both nodes of each link (24, links), others on all nodes (4 n + 4, 3), and powers.
+    ) -> tuple[cs.MX, cs.MX]:
+        """Return the forces on both nodes of each link (24, links), and others on all nodes (4 n + 4, 3).
 
-        ``motion`` are e, e_t and e_tt of the links (24, links) at the stages, and ``whole`` those of all nodes; the
-        powers (3, 3) are those of ``Balance.forces``.
+        ``motion`` are e, e_t and e_tt of the links (24, links) at the stages, and ``whole`` those of all nodes.
         """
-        equations, links = self.equations, self.links
-        model, root = equations.model, equations.model.root
+        equations, model, root = self.equations, self.equations.model, self.equations.model.root
         load = excitations[3 * NODE :, :]
         coordinates = [cs.reshape(x[:, root:] if root else x, LINK, -1) for x in motion]
-        forces, lost_in_elements = mapped(equations.element("balance", 0), *coordinates, *columns)
+        (forces,) = mapped(equations.element("balance", 0), *coordinates, *columns)
         forces, further = cs.reshape(forces, LINK * STAGES, -1), cs.MX(model.size, STAGES)
-        lost = cs.sum2(cs.reshape(lost_in_elements, STAGES, -1)).T
         if place := equations.place:
             index, _ = model.place_at(place.place(model.beam))
-            at_load = [cs.reshape(x[:, index + root], LINK, STAGES) for x in motion[:2]]
-            acting = load_on_element(model, place, at_load[0], load)
-            supplied = cs.sum1(acting * at_load[1])
-            forces[:, index] -= cs.vec(acting)
+            at_load = cs.reshape(motion[0][:, index + root], LINK, STAGES)
+            forces[:, index] -= cs.vec(load_on_element(model, place, at_load, load))
         else:
-            acting = load_force(model, None, whole[0], load)
-            supplied, further = cs.sum1(acting * whole[1]), further - acting
+            further -= load_force(model, None, whole[0], load)
         if self._others:
-            parts, powers = equations.mapped("balance", balance, *whole, groups=self._others)
-            further += model.sum_at_nodes(parts, self._others.values())
-            lost += sum(cs.sum1(cs.reshape(power, -1, STAGES)) for power in powers)
-        if self._low_rank.rank:
-            damping = balance.of_low_rank(excitations[2:NODE, :], whole[1])
-            further, lost = further + damping, lost + cs.sum1(whole[1] * damping)
-        on_links = cs.horzcat(cs.MX(LINK * STAGES, root), forces) if root else forces
-        on_base = cs.reshape(on_links[:, 0], LINK, STAGES)[:NODE, :] + further[:NODE, :]
-        if not model.held_at_base_alone:
-            on_base = model.of_base(further + links.summed(on_links))
-        by_base = cs.sum1(excitations[NODE : 2 * NODE, :] * on_base)
-        return on_links, further, cs.vertcat(lost, by_base, supplied)
+            (by_element,) = equations.mapped("balance", balance, *whole, groups=self._others)
+            further += model.sum_at_nodes(by_element, self._others.values())
+        if self._low_rank:
+            further += balance.of_low_rank(excitations[2:NODE, :], whole[1])
+        return cs.horzcat(cs.MX(LINK * STAGES, root), forces) if root else forces, further
 
     def _solved(self, on_links: cs.MX, further: cs.MX, turns: cs.MX) -> cs.MX:
         """Return the solution dW for forces on the links and further ones on their second nodes."""
         s, links = self._symbols, self.links
-        solution = links.substitute(links.reduce(on_links, further, turns, s.outer), s.inner)
-        if not self._low_rank.rank:
-            return solution
-        return solution - self._low_rank.correction(s.low_rank, solution)
+        return links.substitute(links.reduce(on_links, further, turns, s.outer), s.inner)
 
     @cached_property
     def _symbols(self) -> SimpleNamespace:
@@ -323,17 +301,16 @@ class Collocation:
             constants=cs.MX.sym("constants", constants, STAGES * elements),
             outer=cs.MX.sym("outer", 3 * BLOCK, links),
             inner=cs.MX.sym("inner", 6 * BLOCK, links),
-            low_rank=cs.MX.sym("low_rank", self._low_rank.layout.size),
             weights=cs.MX.sym("weights", VALUES, links),
         )
 
     @cached_property
     def balance(self) -> cs.Function:
-        """(e, e_t, e_tt, load, parameters) -> forces at all nodes, and powers as in ``Balance.forces``."""
+        """(e, e_t, e_tt, load, parameters) -> forces at all nodes."""
         e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
         load = cs.MX.sym("load", NODE)
-        outputs = self._balance.forces(e, e_t, e_tt, load)
-        return cs.Function("balance", [e, e_t, e_tt, load, self._symbols.parameters], [*outputs])
+        forces = self._balance.forces(e, e_t, e_tt, load)
+        return cs.Function("balance", [e, e_t, e_tt, load, self._symbols.parameters], [forces])
 
 
 @lru_cache(8)

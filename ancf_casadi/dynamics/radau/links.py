@@ -96,13 +96,6 @@ class Links:
         """Return the solution (12, links) of the real and the complex system."""
         return self._pass("substitute", cs.MX.zeros(VALUES), [eliminated, inner])[0]
 
-    def solutions(self, residuals: cs.MX, outer: cs.MX, inner: cs.MX) -> cs.MX:
-        """Return the solutions (12, k links) of both systems for residuals (12, k nodes), without any turn."""
-        forces = cs.MX.zeros(2 * VALUES, self.count)
-        ahead = cs.MX(cs.DM(np.tile([[1.0], [0.0]], (VALUES // 2, self.count))))
-        sides = (part[:, 1:] for part in cs.horzsplit(residuals, self.count + 1))
-        return cs.horzcat(*(self.substitute(self.reduce(forces, side, ahead, outer), inner) for side in sides))
-
     def factors(self, k: cs.MX, d: cs.MX, m: cs.MX, rates: cs.MX) -> tuple[cs.MX, cs.MX]:
         """Return the factors of s^2 M + s D + K, from the matrices of each link as columns (64, links)."""
         outer, inner = self._pass("eliminate", cs.MX.zeros(12 * BLOCK), [k, d, m], [rates])
@@ -190,16 +183,6 @@ class Links:
     def node_by_node(self, values: cs.MX) -> cs.MX:
         """Return columns (12, nodes) from values at some nodes, (4 nodes, 3)."""
         return _picked(values, np.argsort(_stage_order(values.size1() // NODE)), VALUES)
-
-    def placed(self, free: cs.MX) -> cs.MX:
-        """Return values of the free coordinates (N, c) at four places per node, (4 links, c), 0 at those held."""
-        model = self.model
-        if model.held_at_base_alone:
-            return free
-        places = model.first_moved - NODE
-        selection = cs.DM.triplet(places.tolist(), [*range(places.size)], cs.DM.ones(places.size),
-                                  NODE * self.count, places.size)  # fmt: skip
-        return selection @ free
 
     def _pass(self, name: str, carried: cs.MX, columns: Sequence[cs.MX], shared: Sequence[cs.MX] = ()) -> list[cs.MX]:
         """Evaluate a Function of all links, one after the other, and return its results side by side."""

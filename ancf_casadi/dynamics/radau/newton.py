@@ -61,7 +61,8 @@ class Newton:
         self.nodes = np.zeros((links + 1, STAGES + 1, NODE))
         self.time, self.length, self.ratio = np.zeros(1), np.zeros(1), np.zeros(1)
         self.excitations = np.zeros((STAGES, EXCITATION))
-        self.increments, self.corrections, self.turns = (np.zeros((links, STAGES, NODE)) for _ in range(3))
+        self._iterate, self._next = np.zeros((2, 3, links, STAGES, NODE))
+        self.corrections, self.increments, self.turns = self._iterate
         self.iterations = self.factorisations = 0
         self.contraction = 1.0
         motion = *self.end[:2], self.length
@@ -74,7 +75,7 @@ class Newton:
         weights[model.first_moved - NODE] = 1 / (model.free_scale * tolerance * math.sqrt(STAGES * free))
         weights = np.repeat(weights.reshape(links, 1, NODE), STAGES, axis=1)
         self.of_stages = [*trial, reference, parameters, *(x.T for x in columns), *factors, weights]
-        self._stages = Buffered(form.stages, *self.of_stages)
+        self._stages = Buffered(form.stages, *self.of_stages, outputs=[*self._next])
 
     def factorise(self) -> None:
         """Evaluate and factorise the matrices in the predicted configuration of the middle stage."""
@@ -83,13 +84,12 @@ class Newton:
 
     def converge(self) -> int:
         """Solve the stage equations, and return the number of iterations; 0 if they do not converge."""
-        increments, corrections, turns = self.increments.ravel(), self.corrections.ravel(), self.turns.ravel()
-        corrections[:] = turns[:] = 0.0  # the latter may be nan after a trial that failed
+        self.corrections[:] = self.turns[:] = 0.0  # the latter may be nan after a trial that failed
         size = math.inf
         for iteration in range(1, NEWTON_ITERATIONS + 1):
             self.iterations += 1
-            corrections[:], increments[:], turns[:], norm = self._stages()
-            before, size = size, norm.item()
+            before, size = size, self._stages()[-1].item()
+            self._iterate[:] = self._next
             if iteration == 1:
                 contraction = 0.0 if size < NEWTON_RATIO else 1.0
             else:

@@ -111,10 +111,9 @@ def _full_motion(equations: Equations, symbols: Sequence[cs.MX]) -> tuple[cs.MX,
     base[0][2:] = cs.DM(model.beam.axis)
     e, e_t, e_tt = nodes = [model.whole(*pair) for pair in zip(free, base, strict=True)]
     terms = equations.balance_for(p)
-    low_rank = terms.of_low_rank(e[2:NODE, :], e_t)
-    local, lost, supplied = terms.local(e, e_t, e_tt, u[BASE_SIZE:])
-    forces = local + low_rank
-    return forces, [lost + cs.dot(e_t, low_rank), supplied + cs.dot(e_t[:2], model.of_base(forces)[:2])], nodes
+    motion = e, e_t, e_tt, u[BASE_SIZE:]
+    lost, by_base, by_load = cs.vertsplit(terms.powers(*motion))
+    return terms.forces(*motion), [lost, by_base + by_load], nodes
 
 
 def base_force(model: Model, law: DampingLaw, place: PointLoad) -> cs.Function:

@@ -42,7 +42,7 @@ from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.mechanics.strain import gauss, hermite_slope
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.compilation import compiled
+from ancf_casadi.support.compilation import compiled_together
 
 INSTANTS_TOGETHER = 1024  # whose polynomials are gathered at once; they stay in the processor's cache
 
@@ -371,7 +371,7 @@ class DenseMotion(MotionSource):
     @cached_property
     def _base_force(self) -> cs.Function:
         """(e, e_t, e_tt, load) -> the generalized force of the base."""
-        equations = Equations(self.model, self.law, compiled, TIP if self.load is None else self.load.place)
+        equations = Equations(self.model, self.law, compiled_together, TIP if self.load is None else self.load.place)
         e, e_t, e_tt = (cs.MX.sym(name, self.model.size) for name in ("e", "e_t", "e_tt"))
         load, parameters = cs.MX.sym("load", NODE), cs.MX(cs.DM(equations.parameters))
         force = equations.balance(parameters).on_base(e, e_t, e_tt, load)

@@ -25,7 +25,7 @@ padded with copies of the last element.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -44,10 +44,10 @@ from ancf_casadi.support.arrays import Array, Layout
 
 ELEMENTS_PER_CALL = 10  # elements per call of a compiled Function
 
+Make = Callable[[Sequence[cs.Function]], list[cs.Function]]  # compiles Functions, or leaves them to the virtual machine
 
-def element_function(
-    name: str, element: Element, law: DampingLaw, make: Callable[[cs.Function], cs.Function]
-) -> cs.Function:
+
+def element_function(name: str, element: Element, law: DampingLaw, make: Make) -> cs.Function:
     """Return a Function of one element under a damping law, for columns, one per element of a call, made by ``make``.
 
     balance      (e, e_t, e_tt, p, c) -> Q (d,)
@@ -71,10 +71,10 @@ def element_function(
     else:
         force = cs.jtimes(damping, e_t, u) + element.inertia_force(e_tt, p)
         inputs, outputs = [e, e_t, u, e_tt, p, c], [force]
-    fixed = name == "resistance" or (name == "tangents" and make is not as_it_is)
+    fixed = name == "resistance" or (name in ("tangents", "lost_power") and make is not as_they_are)
     options: Any = {"is_diff_in": [False] * len(inputs)} if fixed else {}
     one = cs.Function(name, inputs, [cs.densify(output) for output in outputs], {"cse": True, **options})
-    return make(side_by_side(one, **options))
+    return make([side_by_side(one, **options)])[0]
 
 
 def side_by_side(one: cs.Function, **options: Any) -> cs.Function:
@@ -93,9 +93,9 @@ def mapped(function: cs.Function, *columns: cs.MX) -> list[cs.MX]:
     return [result[:, : count * width] for width, result in zip(widths, results, strict=True)]
 
 
-def as_it_is(function: cs.Function) -> cs.Function:
-    """Return a Function unchanged, for CasADi's virtual machine or for code that it generates."""
-    return function
+def as_they_are(functions: Sequence[cs.Function]) -> list[cs.Function]:
+    """Return Functions unchanged, for CasADi's virtual machine or for code that it generates."""
+    return list(functions)
 
 
 def scaled_matrix(matrix: cs.MX, left: cs.MX | cs.DM, right: cs.MX | cs.DM) -> cs.MX:
@@ -111,7 +111,7 @@ class Equations:
 
     model: Model
     law: DampingLaw
-    make: Callable[[cs.Function], cs.Function] = as_it_is  # compiles an element's Functions, or not
+    make: Make = as_they_are
     place: PointLoad | None = TIP  # where the load acts; None if it travels
 
     @cached_property
@@ -123,7 +123,7 @@ class Equations:
         """Return a Function of the elements of a group (``element_function``); that of a single one is not compiled."""
         if (name, group) not in self._element_functions:
             own = self.model.groups[group]
-            make = self.make if own.count > 1 else as_it_is
+            make = self.make if own.count > 1 else as_they_are
             self._element_functions[name, group] = element_function(name, own.element, self.law, make)
         return self._element_functions[name, group]
 

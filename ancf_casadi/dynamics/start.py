@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import NoneType
@@ -26,7 +26,7 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
-from ancf_casadi.dynamics.equations import Equations, as_it_is
+from ancf_casadi.dynamics.equations import Equations, Make, as_they_are
 from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, excitation_pieces
 from ancf_casadi.dynamics.placed_load import TIP, equilibrium_under
 from ancf_casadi.dynamics.tip_load import TipLoad
@@ -80,7 +80,7 @@ def set_up(
     load: TipLoad | None,
     sample_rate: float,
     start: Start | Equilibrium | State,
-    make: Callable[[cs.Function], cs.Function] = as_it_is,
+    make: Make = as_they_are,
 ) -> MotionSetup:
     """Check the arguments, those of ``simulate``, and return the setup of the motion; ``make`` as of ``Equations``."""
     check_instance(model, "model", Model)

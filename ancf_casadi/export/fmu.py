@@ -229,7 +229,7 @@ def _advance(bar: tqdm[NoReturn], step: str) -> None:
 def _compile(compiler: tuple[str, ...], sources: Sequence[Path], library: Path, headers: Path) -> None:
     """Compile the sources of the FMU to a library that binds its names to itself."""
     own = ["-Wl,-Bsymbolic"] if library.suffix == ".so" else []
-    failure = compiler_failure([*compiler, *FMU_FLAGS, *own, f"-I{headers}", *map(str, sources)], library)
+    failure = compiler_failure({library: [*compiler, *FMU_FLAGS, *own, f"-I{headers}", *map(str, sources)]})
     if failure:
         advice = "check the command in CC, or use fewer elements or modes"
         raise InputError(f"cannot compile the FMU ({failure}); {advice}", shlex.join(compiler))

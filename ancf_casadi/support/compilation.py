@@ -33,7 +33,7 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -67,18 +67,39 @@ def interpreted(function: cs.Function) -> cs.Function:
 
 def compiled(function: cs.Function, *, derivatives: bool = False) -> cs.Function:
     """Return a function as machine code, or for the virtual machine if it cannot be compiled, with one warning."""
+    return compiled_together([function], derivatives=derivatives)[0]
+
+
+def compiled_together(functions: Sequence[cs.Function], *, derivatives: bool = False) -> list[cs.Function]:
+    """Return several functions ``compiled``, by compilers that run side by side."""
     compiler = c_compiler()
     if os.environ.get("ANCF_CASADI_COMPILE") == "0" or compiler in _failed:
-        return interpreted(function)
+        return [interpreted(function) for function in functions]
     if not compiler:
         _give_up(compiler, "no C compiler was found")
-        return interpreted(function)
-    derivatives = derivatives and any(function.is_diff_in(k) for k in range(function.n_in()))
+        return [interpreted(function) for function in functions]
+    folder = _safe_folder()
+    stems = [_stem(function, compiler, derivatives=derivatives) for function in functions]
+    libraries = {stem: library for stem in stems if (library := _kept(folder, stem))}
+    sources = {
+        stem: _source(function, derivatives=derivatives)
+        for function, stem in zip(functions, stems, strict=True)
+        if stem not in libraries
+    }
+    if sources:
+        libraries |= _built(sources, compiler, folder)
+    return [_loaded(function, libraries.get(stem), compiler) for function, stem in zip(functions, stems, strict=True)]
+
+
+def _stem(function: cs.Function, compiler: Sequence[str], *, derivatives: bool) -> str:
+    """Return the name of the library of a function, up to the digest of its contents."""
     what = (CACHE_FORMAT, cs.CasadiMeta.version(), *compiler, *COMPILER_FLAGS, platform.machine(), str(derivatives))
     key = hashlib.sha256("\0".join((*what, function.serialize())).encode()).hexdigest()
-    stem = f"{function.name()}-{key[:32]}"
-    folder = _safe_folder()
-    library = _kept(folder, stem) or _built(function, derivatives, compiler, folder, stem)
+    return f"{function.name()}-{key[:32]}"
+
+
+def _loaded(function: cs.Function, library: Path | None, compiler: tuple[str, ...]) -> cs.Function:
+    """Return a function from its library, or for the virtual machine if there is none."""
     if library is None:
         return interpreted(function)
     try:
@@ -177,60 +198,81 @@ def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _built(function: cs.Function, derivatives: bool, compiler: tuple[str, ...], folder: Path, stem: str) -> Path | None:
-    """Compile a function to a library, which appears in the folder only when complete; None if that fails."""
+def _source(function: cs.Function, *, derivatives: bool) -> str:
+    """Return the C code of a function, and of its derivatives if they are wanted."""
     generator = cs.CodeGenerator("source.c")
     generator.add(function)
-    if derivatives:
+    if derivatives and any(function.is_diff_in(k) for k in range(function.n_in())):
         generator.add(function.forward(1))
         generator.add(function.reverse(1))
+    return str(generator.dump()) + _jacobian_patterns(function)
+
+
+def _built(sources: Mapping[str, str], compiler: tuple[str, ...], folder: Path) -> dict[str, Path]:
+    """Compile C code to libraries, by stem, which appear in the folder only when complete; none if one fails."""
+    libraries = {}
     try:
         _remove_drafts(folder)
         with tempfile.TemporaryDirectory(dir=folder) as place:
-            source, draft = Path(place) / "source.c", Path(place) / "library.so"
-            source.write_text(generator.dump() + _jacobian_patterns(function))
-            if failure := compiler_failure([*compiler, *COMPILER_FLAGS, str(source)], draft):
+            calls = {}
+            for stem, code in sources.items():
+                source = Path(place) / f"{stem}.c"
+                source.write_text(code)
+                calls[source.with_suffix(".so")] = [*compiler, *COMPILER_FLAGS, str(source)]
+            if failure := compiler_failure(calls):
                 _give_up(compiler, f"{shlex.join(compiler)} fails: {failure}")
-                return None
-            draft.chmod(0o700)
-            library = folder / f"{stem}-{_digest(draft)}.so"
-            os.replace(draft, library)
+                return {}
+            for stem, draft in zip(sources, calls, strict=True):
+                draft.chmod(0o700)
+                libraries[stem] = folder / f"{stem}-{_digest(draft)}.so"
+                os.replace(draft, libraries[stem])
     except OSError as error:
         _give_up(compiler, f"{shlex.join(compiler)} fails: {error}")
-        return None
-    return library
+        return {}
+    return libraries
 
 
-def compiler_failure(call: Sequence[str], library: Path) -> str:
-    """Let a compiler write a library, and load it in another process; return why that fails, or an empty text.
+def compiler_failure(calls: Mapping[Path, Sequence[str]]) -> str:
+    """Let compilers write libraries, and load each in another process; return why one fails, or an empty text.
 
     Raises
     ------
     KeyboardInterrupt
-        If a signal is noted meanwhile (``noted_interrupts``); the compiler is ended.
+        If a signal is noted meanwhile (``noted_interrupts``); the compilers are ended.
     """
-    drafts = os.environ | {"TMPDIR": str(library.parent)}  # a compiler that is stopped leaves its files there
-    command = [sys.executable, "-I", "-S", COMPILER_PROCESS, str(library), *call, "-o", str(library), "-lm"]
-    with tempfile.TemporaryFile() as output:
-        with subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=output, stderr=output, env=drafts, start_new_session=True
-        ) as process:  # the end of the block closes its standard input, which ends the compiler
-            begin = time.monotonic()
+    with contextlib.ExitStack() as stack:
+        runs = []
+        for library, call in calls.items():
+            drafts = os.environ | {"TMPDIR": str(library.parent)}  # a compiler that is stopped leaves its files there
+            command = [sys.executable, "-I", "-S", COMPILER_PROCESS, str(library), *call, "-o", str(library), "-lm"]
+            output = stack.enter_context(tempfile.TemporaryFile())
+            process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=output, stderr=output, env=drafts, start_new_session=True
+            )
+            stack.enter_context(process)  # the end of the block closes its standard input, which ends the compiler
+            runs.append((process, output))
+        deadline = time.monotonic() + COMPILER_SECONDS
+        for process, output in runs:
             while process.poll() is None:
-                if time.monotonic() - begin > COMPILER_SECONDS:
+                if time.monotonic() > deadline:
                     return f"it takes more than {COMPILER_SECONDS} s"
                 if interrupted():
                     raise KeyboardInterrupt
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     process.wait(POLLING_INTERVAL)
-        output.seek(0)
-        lines = [line for line in output.read().decode(errors="replace").splitlines() if line.strip()]
-    if process.returncode == 0:
-        return ""
-    if process.returncode < 0:  # a signal, such as SIGBUS
+            if process.returncode:
+                output.seek(0)
+                return _reason(process.returncode, output.read().decode(errors="replace"))
+    return ""
+
+
+def _reason(exit_code: int, output: str) -> str:
+    """Return the line of a compiler's output that says why it failed."""
+    if exit_code < 0:  # a signal, such as SIGBUS
         return "loading the library that it wrote ends the process"
+    lines = [line for line in output.splitlines() if line.strip()]
     errors = [line for line in lines if "error" in line] or lines  # warnings may come first
-    return errors[0] if errors else f"exit code {process.returncode}"
+    return errors[0] if errors else f"exit code {exit_code}"
 
 
 def _jacobian_patterns(function: cs.Function) -> str:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, Model, Pin, Roller, static_equilibrium
-from ancf_casadi.dynamics.equations import as_it_is
+from ancf_casadi.dynamics.equations import as_they_are
 from ancf_casadi.dynamics.radau.link import VALUES
 from ancf_casadi.dynamics.radau.links import Links
 from ancf_casadi.dynamics.radau.tableau import RADAU
@@ -40,7 +40,7 @@ def entries(model, name, *vectors):
 def test_solutions_are_those_of_the_dense_matrices(elements, more):
     """Solve with s^2 M + K."""
     model = Model(Beam.uniform(**BEAM, **more, elements=elements))
-    links, rest, N = Links(model, as_it_is), static_equilibrium(model), model.whole_of_free.full()
+    links, rest, N = Links(model, as_they_are), static_equilibrium(model), model.whole_of_free.full()
     K = model.tangent_stiffness(rest.coordinates, model.properties).full()
     M = model.mass(model.properties).full()
 

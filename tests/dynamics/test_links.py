@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, Model
-from ancf_casadi.dynamics.equations import as_it_is
+from ancf_casadi.dynamics.equations import as_they_are
 from ancf_casadi.dynamics.radau.elimination import BLOCK
 from ancf_casadi.dynamics.radau.link import VALUES
 from ancf_casadi.dynamics.radau.links import Links
@@ -38,13 +38,15 @@ def bent(model, curvature, turn=0.0):
 
 def transfer(model, reference, other):
     """Return X, (N, N), and the matrix that turns residuals back, both at the middle stage."""
-    links, free = Links(model, as_it_is), model.freedoms
+    links, free = Links(model, as_they_are), model.freedoms
     first, e, vector = (cs.MX.sym(name, size) for name, size in zip("rex", (model.size, model.size, free), strict=True))
     none, base = cs.MX.zeros(VALUES, links.count), cs.vertcat(cs.repmat(e[:NODE], 1, STAGES), cs.MX.zeros(8, STAGES))
     state = none, model.of_free(e), cs.MX.zeros(free), cs.MX(1.0), base, cs.reshape(first, NODE, -1)
     _, turns, *_ = links.advance(none, none, *state)
 
-    corrections = cs.vec(links.places(vector)) @ cs.DM(np.linalg.inv(RADAU.transform).sum(axis=1)).T  # alike at all stages
+    corrections = (
+        cs.vec(links.places(vector)) @ cs.DM(np.linalg.inv(RADAU.transform).sum(axis=1)).T
+    )  # alike at all stages
     turned_forth = -stage_by_stage(links.advance(links.node_by_node(corrections), turns, *state)[0])
     residuals = links.node_by_node(cs.repmat(model.moved(vector), 1, STAGES))[:, 1:]
     nothing = cs.MX.zeros(2 * VALUES, links.count), cs.MX.zeros(3 * BLOCK, links.count)  # no forces, no elimination
@@ -94,7 +96,7 @@ def test_continuing_a_steady_bending(model):
     expected = np.column_stack([bent(model, 1.0 + t, 0.2 * t) for t in ahead])
     base = np.vstack([expected[:NODE], np.zeros((2 * NODE, STAGES))])
     by_node = motion.T.reshape(times.size, -1, NODE).transpose(1, 0, 2).reshape(-1, times.size * NODE).T
-    links = Links(model, as_it_is)
+    links = Links(model, as_they_are)
     arguments = (cs.MX(cs.DM(np.asarray(values))) for values in (by_node, polynomials, base))
     increments = stage_by_stage(links.extrapolate(*arguments))
     found = cs.evalf(increments).full() + motion[NODE:, [-1]]

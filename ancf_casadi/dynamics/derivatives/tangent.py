@@ -37,7 +37,7 @@ import casadi as cs
 import numpy as np
 import scipy.sparse
 
-from ancf_casadi.dynamics.equations import Balance, Equations, as_it_is
+from ancf_casadi.dynamics.equations import Balance, Equations, as_they_are
 from ancf_casadi.dynamics.excitation import EXCITATION, SAME_TIME, Excitation
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.stepper import RadauStep
@@ -46,7 +46,7 @@ from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.support.banded import BandedFactors, lapack_place, lapack_storage
-from ancf_casadi.support.compilation import Buffered, compiled
+from ancf_casadi.support.compilation import Buffered, compiled_together
 from ancf_casadi.support.interrupts import interrupted
 
 
@@ -202,7 +202,7 @@ class Tangent:
         q, v, a = (cs.MX.sym(name, self._free) for name in "qva")
         excitation, p = cs.MX.sym("excitation", EXCITATION), cs.MX.sym("p", self.form.equations.layout.size)
         *node, load = cs.vertsplit(excitation, NODE)
-        equations = replace(self.form.equations, make=as_it_is)
+        equations = replace(self.form.equations, make=as_they_are)
         motion = [equations.model.whole(x, part) for part, x in zip(node, (q, v, a), strict=True)]
         forces = equations.model.of_free(Collocation(equations).balance(*motion, load, p))
         jacobian = cs.horzcat(*(cs.jacobian(forces, x) for x in (q, v, excitation, p)))
@@ -340,7 +340,7 @@ class Tangent:
 @lru_cache(8)
 def tangent_of(equations: Equations) -> Tangent:
     """Return the Functions of the linearised steps under some equations; all motions under them share these."""
-    return Tangent(Collocation(replace(equations, make=partial(compiled, derivatives=True))))
+    return Tangent(Collocation(replace(equations, make=partial(compiled_together, derivatives=True))))
 
 
 def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters: Array) -> Array:

@@ -13,14 +13,14 @@ Vectors have a column per link, with the numbers of its second node: four coordi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.equations import ELEMENTS_PER_CALL
+from ancf_casadi.dynamics.equations import ELEMENTS_PER_CALL, Make
 from ancf_casadi.dynamics.radau.elimination import BLOCK, LINK
 from ancf_casadi.dynamics.radau.link import VALUES, Kind, link_function
 from ancf_casadi.dynamics.radau.tableau import STAGES
@@ -30,6 +30,7 @@ from ancf_casadi.support.arrays import Index
 
 TO_BASE = ("eliminate", "reduce")  # passes from the tip to the base
 ALIKE = ("eliminate", "substitute")  # passes that are the same along links of all kinds
+SHARED = {"advance": 2, "reduce": 0, "substitute": 0, "eliminate": 1, "extrapolate": 2}  # last inputs that links share
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,7 @@ class Links:
     """The links of a beam, and the passes along them."""
 
     model: Model
-    make: Callable[[cs.Function], cs.Function]  # compiles a Function, or leaves it to the virtual machine
+    make: Make
 
     @property
     def count(self) -> int:
@@ -214,7 +215,7 @@ class Links:
         Further links fill the last call.  They follow the tip; in ``reduce`` they carry no forces, so that the base
         receives the sums of the real links only.  ``eliminate`` inverts their matrices; there they precede the base.
         """
-        function, back, before = self._compiled(name, len(shared)), name in TO_BASE, name == "eliminate"
+        function, back, before = self._functions[name], name in TO_BASE, name == "eliminate"
         count = columns[0].size2()
         if more := -count % ELEMENTS_PER_CALL:
             copied = slice(1) if before else slice(count - 1, count)
@@ -234,17 +235,12 @@ class Links:
         kept = slice(more, None) if before else slice(count)
         return [carried, *(x[:, kept] if more else x for x in joined)]
 
-    def _compiled(self, name: str, shared: int) -> cs.Function:
-        """Return the Function of ``ELEMENTS_PER_CALL`` links, whose last inputs they share."""
-        if name not in self._functions:
-            link = link_function(name, "element" if name in ALIKE else self.kind)
-            self._functions[name] = self.make(_chained(link, shared, back=name in TO_BASE))
-        return self._functions[name]
-
     @cached_property
     def _functions(self) -> dict[str, cs.Function]:
-        """The compiled Functions by name, as far as used."""
-        return {}
+        """The compiled Functions of ``ELEMENTS_PER_CALL`` links, by name."""
+        links = {name: link_function(name, "element" if name in ALIKE else self.kind) for name in SHARED}
+        chained = [_chained(links[name], shared, back=name in TO_BASE) for name, shared in SHARED.items()]
+        return dict(zip(SHARED, self.make(chained), strict=True))
 
 
 def _chained(link: cs.Function, shared: int, *, back: bool) -> cs.Function:

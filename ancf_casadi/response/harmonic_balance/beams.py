@@ -37,7 +37,7 @@ from ancf_casadi.response.harmonic_balance.system import (
     several,
 )
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
-from ancf_casadi.support.compilation import compiled
+from ancf_casadi.support.compilation import compiled_together
 from ancf_casadi.vibration.statics import static_equilibrium
 
 GRAVITY_SIZE = 2  # first parameters of a beam, which do not vary
@@ -71,7 +71,7 @@ def _full_functions(model: Model, law: DampingLaw, place: PointLoad, samples: in
 @lru_cache(maxsize=KEPT)
 def _one_sample(model: Model, law: DampingLaw, place: PointLoad) -> tuple[tuple[Index, Index], SampledFunctions]:
     """Return rows and columns of the entries of the matrices, and the Functions of one sample."""
-    equations = Equations(model, law, compiled, place)
+    equations = Equations(model, law, compiled_together, place)
     *_, u, p = symbols = _symbols(equations)
     forces, powers, (e, e_t, _) = _full_motion(equations, symbols)
     plain, *_ = _full_motion(Equations(model, law, place=place), symbols)

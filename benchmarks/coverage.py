@@ -68,9 +68,8 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.intervals import quantile
-from ancf_casadi.estimation.solver.noise import noise_with_stated
+from ancf_casadi.estimation.fit import Fit, quantile
+from ancf_casadi.estimation.noise.stated import residual_noise
 from ancf_casadi.support.tables import Table
 from benchmarks.beams import DAMPING_RATIOS, silicone, steel
 from problems import Channel, FrequencyRecord, MarkerRecord, MotionRecord, ResponseRecord, StaticRecord, fit_beam
@@ -439,7 +438,7 @@ class FirstOrder:
             return [math.nan] * len(self.places)
         q, triangle = self.basis
         along, inverse = q.T @ noise, np.linalg.inv(triangle)
-        found = noise_with_stated(noise - q @ along, q, self.fit.series, self.fit.times, self.stated, self.size)
+        found = residual_noise(noise - q @ along, q, self.fit.series, self.fit.times, self.stated, self.size)
         errors = np.sqrt(np.diag(inverse @ found.form(q) @ inverse.T))
         hits = np.abs(inverse @ along) <= quantile(0.95, found.freedom) * errors
         return [float(hits[place]) for place in self.places]

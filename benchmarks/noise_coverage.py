@@ -17,8 +17,8 @@ from functools import partial
 import numpy as np
 from scipy.signal import lfilter
 
-from ancf_casadi.estimation.intervals import quantile
-from ancf_casadi.estimation.solver.noise import estimated_noise
+from ancf_casadi.estimation.fit import quantile
+from ancf_casadi.estimation.noise.spectrum import estimated_noise
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.support.tables import Table
 

@@ -57,10 +57,9 @@ from typing import Any
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, quantile
+from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL, Fit, quantile
+from ancf_casadi.estimation.noise.spectrum import estimated_noise
 from ancf_casadi.estimation.solver.gauss_newton import influence, row_weights
-from ancf_casadi.estimation.solver.noise import estimated_noise
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.tables import known, to_width, with_error
 
@@ -147,12 +146,11 @@ class Agreement:
         low, high = self.interval
         ends = ", ".join(to_width(end, high - low, 3) for end in (low, high))
         unit = f" {self.unit}" if self.unit else ""
-        chance = f"p = {self.probability:.2g}" if self.probability >= 1e-4 else "p < 0.0001"
+        p_value = f"p = {self.probability:.2g}" if self.probability >= 1e-4 else "p < 0.0001"
         verdict = "agree" if self.agrees else "hardly agree" if self.probability >= DISAGREE else "do not agree"
         return (
             f"{self.name}: {with_error(self.mean, self.error, self.unit)}, 95 % interval [{ends}]; the "
-            f"{len(self.values)} records {verdict} ({chance}), "
-            f"scatter between them {self.scatter:.2g}{unit}"
+            f"{len(self.values)} records {verdict} ({p_value}), scatter between them {self.scatter:.2g}{unit}"
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -171,30 +169,32 @@ class Agreement:
         }
 
 
-def agreement_of_parts(fit: Fit, masks: Sequence[Mask]) -> tuple[Agreement, ...]:
-    """Return the agreement of parts of a fit, by masks of their residuals, on each unknown that two or more determine.
+def agreements(fit: Fit, masks: Sequence[Mask]) -> tuple[Agreement, ...]:
+    """Return the agreement of the records of a fit on each unknown that two or more determine.
 
-    The noise of a part counts as no less than that of the fit: a few values may be near their curve by chance.
+    ``masks`` (m,) select the residuals of each record.  The noise of a record counts as no less than that of the fit: a
+    few values may be near their curve by chance.
     """
     if len(masks) < 2:
         return ()
-    found, y = [part_estimates(fit, mask, math.sqrt(fit.noise.variance)) for mask in masks], fit.coordinates
-    values = np.array([y.unknowns(part) for part, _ in found])
-    steps = np.array([np.sqrt(np.diag(covariance)) for _, covariance in found])
-    errors = steps * np.abs([y.slopes(part) for part, _ in found])
-    own = [np.flatnonzero((steps[:, k] > 0.0) & (steps[:, k] < fit.scale[k])) for k in range(len(fit.names))]
+    y = fit.coordinates
+    by_record = [subset_estimates(fit, mask, math.sqrt(fit.noise.variance)) for mask in masks]
+    values = np.array([y.unknowns(coordinates) for coordinates, _ in by_record])
+    steps = np.array([np.sqrt(np.diag(covariance)) for _, covariance in by_record])
+    errors = steps * np.abs([y.slopes(coordinates) for coordinates, _ in by_record])
+    determined = (steps > 0.0) & (steps < fit.scale)
     return tuple(
-        Agreement(fit.names[k], fit.units[k], values[rows, k], errors[rows, k], unknown.lower, unknown.upper)
-        for k, (unknown, rows) in enumerate(zip(fit.unknowns, own, strict=True))
-        if len(rows) > 1
+        Agreement(unknown.name, unknown.unit, values[rows, k], errors[rows, k], unknown.lower, unknown.upper)
+        for k, (unknown, rows) in enumerate(zip(fit.unknowns, determined.T, strict=True))
+        if np.count_nonzero(rows) > 1
     )
 
 
-def part_estimates(fit: Fit, mask: Mask, least: float = 0.0) -> tuple[Array, Array]:
-    """Return the estimates (n,) from a part of the residuals of a fit, to first order, and their covariance (n, n).
+def subset_estimates(fit: Fit, mask: Mask, least_deviation: float = 0.0) -> tuple[Array, Array]:
+    """Return the estimates (n,) from a subset of the residuals of a fit, to first order, and their covariance (n, n).
 
-    Both are nan for unknowns that the part does not determine, or that are at a bound.  The noise of the part counts as
-    no less than a standard deviation ``least``.
+    Both are nan for unknowns that the subset does not determine, or that are at a bound.  The standard deviation of its
+    noise counts as no less than ``least_deviation``.
     """
     n = len(fit.names)
     weights = row_weights(fit.residuals[mask], fit.huber)
@@ -206,35 +206,36 @@ def part_estimates(fit: Fit, mask: Mask, least: float = 0.0) -> tuple[Array, Arr
     length = np.linalg.norm(rows[:, free], axis=0)
     basis, triangle = np.linalg.qr(rows[:, free] / length)
     size = np.abs(np.diag(triangle))
-    # part of a column that the other columns do not explain, relative, below which it is undetermined
+    # share of a column that the other columns do not explain, below which it is undetermined
     if size.min() < 1e-10 * size.max():
         return values, covariance
     inverse = (fit.scale[free] / length)[:, None] * np.linalg.inv(triangle)
     r = weights * fit.residuals[mask]
     values[free] = fit.values[free] - inverse @ (basis.T @ r)
-    series = [int(np.count_nonzero(part)) for part in np.split(mask, np.cumsum(fit.series))[: len(fit.series)]]
+    by_series = np.split(mask, np.cumsum(fit.series))[: len(fit.series)]
+    series = [int(np.count_nonzero(selected)) for selected in by_series]
     times = None if fit.times is None else fit.times[mask]
-    noise = estimated_noise(r - basis @ (basis.T @ r), basis, series, times).at_least(least)
+    noise = estimated_noise(r - basis @ (basis.T @ r), basis, series, times).at_least(least_deviation)
     allowance = len(rows) * fit.systematic**2 * np.eye(len(free))
     covariance[np.ix_(free, free)] = inverse @ (noise.form(basis) + allowance) @ inverse.T
     return values, covariance
 
 
 def allowing_for_later_starts(fit: Fit, late: Sequence[Mask]) -> Fit:
-    """Return a fit whose covariance allows for the scatter of its estimates between late parts and the rest."""
+    """Return a fit whose covariance allows for the scatter of its estimates between late residuals and the others."""
     free, (psi, _) = ~fit.active_bounds, influence(fit.residuals, fit.huber)
     if not free.any() or not fit.noise.variance > 0.0:
         return fit
     basis, _ = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
-    own = fit.noise.form(basis)
-    form = own.copy()
+    before = fit.noise.form(basis)
+    form = before.copy()
     for mask in late:
         share, axes = np.linalg.eigh(basis[mask].T @ basis[mask])
         v = axes @ ((axes.T @ (basis[mask].T @ psi[mask])) / np.sqrt(np.maximum(share * (1 - share), SHARED)))
         g = float(v @ np.linalg.solve(form, v))
         if scipy.special.chdtrc(len(v), g) < DISAGREE:
             form += (1 - 1 / g) * np.outer(v, v)
-    return fit if np.array_equal(form, own) else _with_passing(fit, form - own)
+    return fit if np.array_equal(form, before) else _with_transient(fit, form - before)
 
 
 def allowing_for_errors(fit: Fit, errors: Array) -> Fit:
@@ -243,20 +244,21 @@ def allowing_for_errors(fit: Fit, errors: Array) -> Fit:
     if not free.any() or not fit.noise.variance > 0.0:
         return fit
     basis, _ = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
-    inside = basis.T @ (row_weights(fit.residuals, fit.huber)[:, None] ** 2 * errors)
-    return _with_passing(fit, inside @ inside.T)
+    projections = basis.T @ (row_weights(fit.residuals, fit.huber)[:, None] ** 2 * errors)
+    return _with_transient(fit, projections @ projections.T)
 
 
-def _with_passing(fit: Fit, passing: Array) -> Fit:
+def _with_transient(fit: Fit, transient: Array) -> Fit:
     """Return a fit whose noise has a further covariance (n, n) of the projections on its orthonormal columns."""
     free, w = ~fit.active_bounds, influence(fit.residuals, fit.huber)[1]
     basis, triangle = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
-    form = fit.noise.form(basis) + passing
+    form = fit.noise.form(basis) + transient
     root = fit.scale[free, None] * np.linalg.inv(triangle) / w
     covariance = fit.covariance.copy()
-    covariance[np.ix_(free, free)] += root @ passing @ root.T
-    if fit.noise.passing is not None and fit.noise.basis is not None:
+    covariance[np.ix_(free, free)] += root @ transient @ root.T
+    if fit.noise.transient is not None and fit.noise.basis is not None:
         turn = basis.T @ fit.noise.basis
-        passing = passing + turn @ fit.noise.passing @ turn.T
-    growth = float(np.trace(form)) / (len(form) * fit.noise.variance)
-    return replace(fit, covariance=covariance, noise=replace(fit.noise, passing=passing, basis=basis, growth=growth))
+        transient = transient + turn @ fit.noise.transient @ turn.T
+    inflation = float(np.trace(form)) / (len(form) * fit.noise.variance)
+    noise = replace(fit.noise, transient=transient, basis=basis, inflation=inflation)
+    return replace(fit, covariance=covariance, noise=noise)

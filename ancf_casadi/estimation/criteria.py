@@ -52,7 +52,7 @@ import numpy as np
 from scipy.linalg import orth
 
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, concentration
+from ancf_casadi.estimation.noise.series import MOST_CONCENTRATION, concentration
 from ancf_casadi.support.arrays import Array
 
 LEAST_EXPLAINED = 1 / 3  # ratio n/m below which no law is said to explain all of the motion

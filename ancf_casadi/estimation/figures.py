@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ancf_casadi.estimation.agreement import Agreement
+from ancf_casadi.estimation.noise.series import autocorrelation
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel
-from ancf_casadi.estimation.solver.noise import autocorrelation
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text, prefixed
 

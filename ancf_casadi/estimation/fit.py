@@ -7,7 +7,19 @@ order the covariance
     C = (J' J)^-1 (J' R J/w^2 + m e^2 J' J) (J' J)^-1
 
 For white noise this is (phi/w) (J' J)^-1 with phi of ``gauss_newton``.  Standard errors take an unknown at its bound as
-known; intervals do not (``intervals``).
+known; intervals do not.  An unknown x_k has the interval
+
+    x_k +- t (C_kk)^1/2
+
+with the quantile t of Student's distribution with the degrees of freedom of R, for white noise m - n.  An interval ends
+at a bound.  That of an unknown x_k at its bound begins there, and ends at a distance h from it.  With J_k = dr/dx_k,
+and p = J_k - J c the part of it that the free unknowns cannot compensate,
+
+    2 (psi' p) h + w p' p h^2 = phi t^2,    phi = p' R p/(w p' p) + m w e^2.
+
+Meanwhile the free unknowns move by -c h.  A quantity q then changes by s = h (dq/dx_k - dq/dx c), and on the side of s
+the interval of q reaches to (t^2 C_qq + s^2)^1/2 from its estimate, the extent of an ellipse that contains the region
+of ``intervals``.
 
 The solver may work with the reciprocal y = 1/(x + s) of an unknown (``unknown``).  All of the above then holds for y;
 its standard error becomes that of x to first order, and the ends of its interval are those of the interval of y.
@@ -23,30 +35,37 @@ G. A. F. Seber, C. J. Wild, Nonlinear Regression, Wiley (1989), Sections 2.1, 5.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import casadi as cs
 import numpy as np
+import scipy  # its packages are imported on first use
 
-from ancf_casadi.estimation.intervals import (
-    CONFIDENCE_LEVEL,
-    ROUNDING,
-    Quantities,
-    derived_ends,
-    first_order_ends,
-    moves,
-    quantile,
-)
+from ancf_casadi.estimation.noise.covariance import Noise
+from ancf_casadi.estimation.noise.series import MOST_CONCENTRATION, autocorrelation, concentration
+from ancf_casadi.estimation.noise.stated import CONTRADICTED
 from ancf_casadi.estimation.solver.gauss_newton import dispersion, influence, row_weights
-from ancf_casadi.estimation.solver.noise import CONTRADICTED, MOST_CONCENTRATION, Noise, autocorrelation, concentration
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, share_lines
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, Mask
+from ancf_casadi.support.inputs import number
 from ancf_casadi.support.tables import finite
 
+Quantities = Callable[..., cs.MX]  # unknowns as MX scalars, in their order -> MX vector of quantities
+
+CONFIDENCE_LEVEL = 0.95
 CORRELATED = 0.95  # correlation of two unknowns beyond which there is a warning
+ROUNDING = 1e-10  # standard error relative to the scale of an unknown that only a record without noise leaves
+
+
+def quantile(level: float, freedom: float) -> float:
+    """Return the quantile of Student's distribution for a two-sided interval; nan for zero degrees of freedom."""
+    if not 0.0 < number(level, "level") < 1.0:
+        raise InputError(f"must be between 0 and 1, got {level:g}", "level")
+    return float(scipy.special.stdtrit(freedom, 0.5 + level / 2)) if freedom else math.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +163,9 @@ class Fit:
     def effective_samples(self) -> float:
         """Number of residuals with white noise of equal variance that would determine the unknowns as well, at most m.
 
-        It is m over ``noise.growth``, the mean increase of the variances by the colour of the noise.
+        It is m over ``noise.inflation``, the mean increase of the variances by the colour of the noise.
         """
-        return len(self.residuals) / max(self.noise.growth, 1.0)
+        return len(self.residuals) / max(self.noise.inflation, 1.0)
 
     @property
     def white_errors(self) -> Array:
@@ -200,7 +219,7 @@ class Fit:
 
         The interval of a reciprocal unknown has no upper end if the reciprocal may be at its lower bound.
         """
-        ends = first_order_ends(self, self.values, np.eye(len(self.names)), level)
+        ends = self.first_order_ends(self.values, np.eye(len(self.names)), level)
         ends = np.clip(ends, self.lower[:, None], self.upper[:, None])
         inverse = self.coordinates.reciprocal
         ends[inverse & (ends[:, 0] <= self.lower), 0] = 0.0
@@ -212,9 +231,39 @@ class Fit:
         values, jacobian = self.linearised(quantities)
         return values, self.errors_of(jacobian)
 
-    def derived_intervals(self, quantities: Quantities, level: float = CONFIDENCE_LEVEL) -> Array:
-        """Return the intervals (q, 2) of quantities; nan where no unknown enters."""
-        return derived_ends(self, quantities, level)
+    def first_order_ends(self, values: Array, jacobian: Array, level: float) -> Array:
+        """Return the intervals (q, 2) of quantities from values (q,) and Jacobian (q, n); nan for certain ones."""
+        half = np.nan_to_num(self.quantile(level) * self.errors_of(jacobian))
+        with np.errstate(invalid="ignore"):  # 0 times an infinite move is nan; np.fmax ignores it
+            steps = jacobian @ self.bound_moves(level)[0]
+        below, above = (np.hypot(half, np.linalg.norm(np.fmax(side * steps, 0.0), axis=1)) for side in (-1.0, 1.0))
+        ends = np.array([values - below, values + above]).T
+        ends[~jacobian.any(axis=1) | (self.noise.freedom == 0)] = math.nan
+        return ends
+
+    def bound_moves(self, level: float) -> tuple[Array, Array]:
+        """Return the changes (n, b) of all unknowns when each of the b unknowns at a bound moves inwards by its h.
+
+        Also return the variances phi (b,) in the directions p.
+        """
+        moves = np.zeros((len(self.names), int(np.count_nonzero(self.active_bounds))))
+        variances = np.zeros(moves.shape[1])
+        psi, curvature = influence(self.residuals, self.huber)
+        free, scale = ~self.active_bounds, self.scale[~self.active_bounds]
+        scaled = self.jacobian[:, free] * scale
+        for j, (move, k) in enumerate(zip(moves.T, np.flatnonzero(self.active_bounds).tolist(), strict=True)):
+            inwards = 1.0 if self.values[k] == self.lower[k] else -1.0
+            column = inwards * self.jacobian[:, k]
+            compensation = np.linalg.lstsq(scaled, column)[0]
+            column = column - scaled @ compensation
+            g, a = max(float(psi @ column), 0.0), curvature * float(column @ column)
+            variances[j] = self.dispersion(column)
+            room = variances[j] * self.quantile(level) ** 2
+            denominator = g + math.sqrt(g**2 + a * room)
+            reach = room / denominator if denominator > 0.0 else math.inf
+            move[k] = inwards * reach
+            move[free] = -reach * scale * compensation if math.isfinite(reach) else 0.0
+        return moves, variances
 
     def shifts(self, change: Array) -> Array:
         """Return the shifts (n,) of the estimates by a change of the residuals (m,), in standard errors.
@@ -243,7 +292,7 @@ class Fit:
             column = columns[:, k] - free @ np.linalg.lstsq(free, columns[:, k])[0]
             inverse[k] = column / (column @ column)
         errors = self.errors
-        reach = np.abs(np.diag(moves(self, CONFIDENCE_LEVEL)[0][self.active_bounds]))
+        reach = np.abs(np.diag(self.bound_moves(CONFIDENCE_LEVEL)[0][self.active_bounds]))
         errors[self.active_bounds] = reach / self.quantile(CONFIDENCE_LEVEL)
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(-inverse * weights * (self.scale / errors)[:, None])
@@ -295,10 +344,10 @@ class Fit:
                 f"{', '.join(named)} correlate: the data determine a combination of each pair much better than the two "
                 "alone; more data, or fewer unknowns, would help"
             )
-        if self.noise.chance < CONTRADICTED:
+        if self.noise.p_value < CONTRADICTED:
             notes.append(
-                f"the residuals are {self.noise.excess:.2g} times the stated standard deviations: the model or the "
-                "records are less accurate than stated, and the standard errors allow for it"
+                f"the residuals are {self.noise.stated_ratio:.2g} times the stated standard deviations: the model or "
+                "the records are less accurate than stated, and the standard errors allow for it"
             )
         for k in np.flatnonzero(~self.active_bounds).tolist():
             (low, high), unknown = self.intervals()[k], self.unknowns[k]
@@ -366,12 +415,12 @@ class Fit:
 
     def _statement(self) -> str:
         """Return how the residuals agree with stated standard deviations as text; empty without these."""
-        chance, growth = self.noise.chance, self.noise.excess
-        if math.isnan(chance):
+        p_value, ratio = self.noise.p_value, self.noise.stated_ratio
+        if math.isnan(p_value):
             return ""
-        shown = f"p = {chance:.2g}" if chance >= 1e-4 else "p < 0.0001"
-        used = "are taken as known" if growth == 1.0 else f"count {growth:.3g} times, as the residuals exceed them"
-        return f"; the stated standard deviations {used} ({shown})"
+        rounded = f"p = {p_value:.2g}" if p_value >= 1e-4 else "p < 0.0001"
+        use = "are taken as known" if ratio == 1.0 else f"count {ratio:.3g} times, as the residuals exceed them"
+        return f"; the stated standard deviations {use} ({rounded})"
 
 
 def colour_warning(fit: Fit, *, noise_free: float = 0.0) -> str | None:

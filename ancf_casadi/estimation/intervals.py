@@ -1,30 +1,15 @@
-"""Intervals of estimates, to first order, by profile likelihood, and by both.
-
-To first order, with the covariances C of the estimates and R of the noise (``fit``), an unknown x_k has the interval
-
-    x_k +- t (C_kk)^1/2
-
-with the quantile t of Student's distribution with the degrees of freedom of R, for white noise m - n.  An interval ends
-at a bound.  That of an unknown x_k at its bound begins there, and ends at a distance h from it.  With J_k = dr/dx_k,
-and p = J_k - J c the part of it that the free unknowns cannot compensate,
-
-    2 (psi' p) h + w p' p h^2 = phi t^2,    phi = p' R p/(w p' p) + m w e^2.
-
-Meanwhile the free unknowns move by -c h.  A quantity q then changes by s = h (dq/dx_k - dq/dx c), and on the side of s
-the interval of q reaches to (t^2 C_qq + s^2)^1/2 from its estimate, the extent of an ellipse that contains the
-following region.
+"""Intervals of estimates by profile likelihood, where those to first order (``fit``) are wrong.
 
 An interval by profile likelihood is the range of a quantity over all unknowns that explain the data nearly as well.
 The quantity q of the unknowns x has the interval from min q to max q over the region
 
     { x : 2 (L(x) - L_min) <= phi t^2,  lower <= x <= upper },
 
-with L as in ``fit``, and phi the variance of the residuals in the directions along which q depends on the data: the
-mean of those of J (J' J)^-1 dq/dx and of the p, weighted by t^2 C_qq and the s^2 above.  Its ends are two nonlinear
-programs, each started at the end that the covariance predicts.  The
-interval does not depend on the parametrisation, need not be symmetric, and does not cross a bound.  An interval that
-ends at a bound uses the same level, although one of its ends is certain, and so covers the truth at least as often as
-stated.
+with L, p and s as in ``fit``, and phi the variance of the residuals in the directions along which q depends on the
+data: the mean of those of J (J' J)^-1 dq/dx and of the p, weighted by t^2 C_qq and the s^2.  Its ends are two nonlinear
+programs, each started at the end that the covariance predicts.  The interval does not depend on the parametrisation,
+need not be symmetric, and does not cross a bound.  An interval that ends at a bound uses the same level, although one
+of its ends is certain, and so covers the truth at least as often as stated.
 
 One unknown may be far from linear while the others are nearly so once it is held (``Unknown.curved``).  It is then held
 at values c on both sides of its estimate, as far as L_c of the fit of the others allows.  With the first-order interval
@@ -35,7 +20,7 @@ q_c - d_c a_c to the largest q_c + d_c b_c,
 
 which is the interval by profile likelihood if the others are linear and the noise is white.
 
-Two evaluations tell whether the ends x +- half of a first-order interval are those by profile likelihood.  With
+Two evaluations show whether the ends x +- half of a first-order interval are those by profile likelihood.  With
 J = Q T and u = T^-T dq/dx, the other unknowns are best along d = T^-1 u half/u'u.  At x +- d the residuals r, less what
 the columns Q without u/|u| explain, have the rise 2 (L - L_min) = rho phi t^2.  The profile ends near
 
@@ -55,85 +40,33 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as cs
 import numpy as np
-import scipy  # its packages are imported on first use
 
+from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL, ROUNDING, Fit, Quantities
 from ancf_casadi.estimation.solver.gauss_newton import influence, loss, loss_value, minimise
 from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.compilation import evaluated
-from ancf_casadi.support.inputs import number
 
-if TYPE_CHECKING:
-    from ancf_casadi.estimation.fit import Fit
-
-Quantities = Callable[..., cs.MX]  # unknowns as MX scalars, in their order -> MX vector of quantities
-
-CONFIDENCE_LEVEL = 0.95
 # Values at which a curved unknown is held, per length of its first-order interval.  At 4,
 # test_with_a_curved_unknown_held_intervals_are_those_by_profile_likelihood fails.
 HELD_STEPS = 16
 # Difference of the ends of both intervals, relative to half of them, beyond which they follow the likelihood.  At 1,
 # test_the_interval_of_a_curved_fit_is_that_by_profile_likelihood fails.
 MOST_BEND = 0.1
-ROUNDING = 1e-10  # standard error relative to the scale of an unknown that only a record without noise leaves
 LEAST_WAY = 0.1  # part of d to a bound, below which rounding would count
 HELD = 1e-9  # distance, in scales, that a held unknown may move
 
 
-def quantile(level: float, freedom: float) -> float:
-    """Return the quantile of Student's distribution for a two-sided interval; nan for zero degrees of freedom."""
-    if not 0.0 < number(level, "level") < 1.0:
-        raise InputError(f"must be between 0 and 1, got {level:g}", "level")
-    return float(scipy.special.stdtrit(freedom, 0.5 + level / 2)) if freedom else math.nan
-
-
-def moves(fit: Fit, level: float) -> tuple[Array, Array]:
-    """Return the changes (n, b) of all unknowns when each of the b unknowns at a bound moves inwards by its h.
-
-    Also return the variances phi (b,) in the directions p.
-    """
-    found = np.zeros((len(fit.names), int(np.count_nonzero(fit.active_bounds))))
-    variances = np.zeros(found.shape[1])
-    psi, curvature = influence(fit.residuals, fit.huber)
-    free, scale = ~fit.active_bounds, fit.scale[~fit.active_bounds]
-    scaled = fit.jacobian[:, free] * scale
-    for j, (move, k) in enumerate(zip(found.T, np.flatnonzero(fit.active_bounds).tolist(), strict=True)):
-        inwards = 1.0 if fit.values[k] == fit.lower[k] else -1.0
-        column = inwards * fit.jacobian[:, k]
-        compensation = np.linalg.lstsq(scaled, column)[0]
-        column = column - scaled @ compensation
-        g, a = max(float(psi @ column), 0.0), curvature * float(column @ column)
-        variances[j] = fit.dispersion(column)
-        room = variances[j] * fit.quantile(level) ** 2
-        denominator = g + math.sqrt(g**2 + a * room)
-        reach = room / denominator if denominator > 0.0 else math.inf
-        move[k] = inwards * reach
-        move[free] = -reach * scale * compensation if math.isfinite(reach) else 0.0
-    return found, variances
-
-
-def first_order_ends(fit: Fit, values: Array, jacobian: Array, level: float) -> Array:
-    """Return the intervals (q, 2) of quantities from values (q,) and Jacobian (q, n); nan for certain ones."""
-    half = np.nan_to_num(fit.quantile(level) * fit.errors_of(jacobian))
-    with np.errstate(invalid="ignore"):  # 0 times an infinite move is nan; np.fmax ignores it
-        steps = jacobian @ moves(fit, level)[0]
-    below, above = (np.hypot(half, np.linalg.norm(np.fmax(side * steps, 0.0), axis=1)) for side in (-1.0, 1.0))
-    ends = np.array([values - below, values + above]).T
-    ends[~jacobian.any(axis=1) | (fit.noise.freedom == 0)] = math.nan
-    return ends
-
-
 def _dispersion(fit: Fit, gradient: Array, level: float) -> float:
     """Return the variance phi of a quantity with the derivatives (n,) by the coordinates."""
-    free, (steps, variances) = ~fit.active_bounds, moves(fit, level)
+    free, (steps, variances) = ~fit.active_bounds, fit.bound_moves(level)
     columns = (fit.jacobian * fit.scale)[:, free]
     column = np.asarray(np.linalg.lstsq(columns.T, (gradient * fit.scale)[free])[0], dtype=np.float64)
     half = np.nan_to_num(fit.quantile(level) * fit.errors_of(gradient[None]))
@@ -156,7 +89,7 @@ def profile_interval(
     if not fit.noise.variance + fit.systematic > 0.0:
         raise InputError("has no scatter: the residuals are zero, or no more than the unknowns; use more data", "fit")
     free = ~fit.active_bounds
-    step = np.where(free, t * fit.errors, np.abs(moves(fit, level)[0]).sum(axis=1))
+    step = np.where(free, t * fit.errors, np.abs(fit.bound_moves(level)[0]).sum(axis=1))
     step = np.where(np.isfinite(step), step, fit.scale)
     u = cs.MX.sym("u", len(fit.names))  # distance from the estimate, in steps
     y = cs.DM(fit.values) + cs.DM(step) * u
@@ -239,18 +172,18 @@ def _bends(fit: Fit, quantities: Quantities | None, level: float) -> Array:
     return found
 
 
-def derived_ends(fit: Fit, quantities: Quantities, level: float) -> Array:
+def derived_intervals(fit: Fit, quantities: Quantities, level: float = CONFIDENCE_LEVEL) -> Array:
     """Return the intervals (q, 2) of quantities; nan where no unknown enters."""
     linearisation = fit.linearisation(quantities)
     values, jacobian = (item.full() for item in linearisation(fit.values))
-    ends = first_order_ends(fit, values.ravel(), jacobian, level)
+    ends = fit.first_order_ends(values.ravel(), jacobian, level)
     curved = [k for k, unknown in enumerate(fit.unknowns) if unknown.curved]
     if not curved or not fit.noise.variance > 0.0:
         return ends
     held = []
     for values, rest, share in held_fits(fit, curved[0], level):
         middle, jacobian = (item.full() for item in linearisation(values))
-        own = first_order_ends(rest, middle.ravel(), np.delete(jacobian, curved[0], axis=1), level)
+        own = rest.first_order_ends(middle.ravel(), np.delete(jacobian, curved[0], axis=1), level)
         held.append(middle + share * np.nan_to_num(own - middle))
     low, high = np.array(held).transpose(2, 0, 1)
     return np.where(np.isnan(ends), ends, np.array([low.min(axis=0), high.max(axis=0)]).T)

@@ -41,10 +41,9 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL
+from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL, Fit
+from ancf_casadi.estimation.noise.series import autocorrelation
 from ancf_casadi.estimation.result import FitResult, LeastSquaresResult
-from ancf_casadi.estimation.solver.noise import autocorrelation
 from ancf_casadi.exceptions import AncfError, FitError, InputError
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.figures import Figure

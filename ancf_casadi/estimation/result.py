@@ -18,10 +18,10 @@ from typing import Any, ClassVar, Self, cast
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.agreement import Agreement, agreement_of_parts
+from ancf_casadi.estimation.agreement import Agreement, agreements
 from ancf_casadi.estimation.block import Account
-from ancf_casadi.estimation.fit import Fit, colour_warning
-from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, Quantities, profile_interval, profiles
+from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL, Fit, Quantities, colour_warning
+from ancf_casadi.estimation.intervals import profile_interval, profiles
 from ancf_casadi.estimation.posterior.log_density import LogDensity
 from ancf_casadi.estimation.prediction import PredictedChannel
 from ancf_casadi.estimation.solve import FitSolution
@@ -366,7 +366,7 @@ class BlocksResult(LeastSquaresResult):
     @cached_property
     def agreements(self) -> tuple[Agreement, ...]:
         """Agreement of the records, to first order, on each unknown that several determine; empty for one record."""
-        return agreement_of_parts(self.fit, [mask for mask in self.solution.problem.masks if mask.any()])
+        return agreements(self.fit, [mask for mask in self.solution.problem.masks if mask.any()])
 
     @cached_property
     def accounts(self) -> tuple[Account, ...]:

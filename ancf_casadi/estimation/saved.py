@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, quantile
+from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL, quantile
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import read_bytes

@@ -41,8 +41,7 @@ import numpy as np
 
 from ancf_casadi.estimation.block import MESH_REMAINDER, Block, Fitted
 from ancf_casadi.estimation.determination import check_determined
-from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL
+from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL, Fit
 from ancf_casadi.estimation.solver.gauss_newton import HUBER
 from ancf_casadi.estimation.solver.least_squares import least_squares, residual_function
 from ancf_casadi.estimation.solver.unknown import Unknown, started

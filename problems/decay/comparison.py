@@ -159,7 +159,7 @@ def _other_records(fits: Sequence[DecayFit], truth: int, rival: int) -> dict[str
     A record that begins later begins with a smaller amplitude: the laws have no other memory.
     """
     pair, best = (fits[truth], fits[rival]), min(fits, key=lambda fit: fit.fit.residual_rms)
-    time, growth = np.asarray(pair[0].fit.times), max(best.fit.noise.growth, 1.0)
+    time, growth = np.asarray(pair[0].fit.times), max(best.fit.noise.inflation, 1.0)
     later = time + time[-1] + np.median(np.diff(time))
     x = _from(pair[0], 1.0)
     left = float(cs.evalf(pair[0].model.amplitude(later[:1], *(x[i] for i in pair[0].indices)))) / pair[0].fit["e0"]

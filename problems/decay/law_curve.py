@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.envelope import DampingCurve, LawCurve, damping_curve
 from ancf_casadi.estimation.comparison import LawComparison, mixed_ends
-from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL
+from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL, Fit
+from ancf_casadi.estimation.intervals import derived_intervals
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
@@ -100,7 +100,7 @@ def with_bands(
     def both(*x: cs.MX) -> cs.MX:
         return cs.vertcat(*against(*x))
 
-    values, ends = fit.derived(both)[0], fit.derived_intervals(both, level)
+    values, ends = fit.derived(both)[0], derived_intervals(fit, both, level)
     ratio, frequency = np.split(values, 2)
     ratio_band, frequency_band = np.split(ends, 2)
     return LawCurve(amplitudes, ratio, ratio_band, frequency, frequency_band, unit)

@@ -3,7 +3,7 @@
 A fit is limited by a short record, by an uncertain damping ratio, by an oscillation that lasts and is stronger than the
 decay, such as hum, by residuals that are not noise, and by a law that does not hold over the whole record.  The last is
 tested by dividing the record in two where the damping has received half of its information.  With the estimates x_1,
-x_2 of the mode from the two parts (``agreement.part_estimates``) and their covariances,
+x_2 of the mode from the two parts (``agreement.subset_estimates``) and their covariances,
 
     (x_1 - x_2)' (C_1 + C_2)^-1 (x_1 - x_2)
 
@@ -30,7 +30,7 @@ from ancf_casadi.decay.release import MOST_UNEXPLAINED, unexplained_before, unex
 from ancf_casadi.decay.rest import REST_TERMS
 from ancf_casadi.decay.smooth import SMOOTH_DAMPING, SMOOTH_FREQUENCY
 from ancf_casadi.decay.spectrum import oscillating_power, peak_frequencies
-from ancf_casadi.estimation.agreement import DISAGREE, part_estimates
+from ancf_casadi.estimation.agreement import DISAGREE, subset_estimates
 from ancf_casadi.estimation.fit import Fit, colour_warning
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
@@ -235,7 +235,7 @@ def _changing(decay: DecayFit) -> str | None:
     late = late_part(fit, [rows], 1 / 2)
     early = ~late
     early[: rows.start] = early[rows.stop :] = False
-    parts = [part_estimates(fit, mask) for mask in (early, late)]
+    parts = [subset_estimates(fit, mask) for mask in (early, late)]
     (first, first_covariance), (second, second_covariance) = parts
     known = [k for k in mode if np.isfinite(first[k] + second[k])]
     if not known:

@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike
 from ancf_casadi.decay.envelope import LawCurve
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest import REST_TERMS
-from ancf_casadi.estimation.intervals import Quantities
+from ancf_casadi.estimation.fit import Quantities
+from ancf_casadi.estimation.intervals import derived_intervals
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import LeastSquaresResult
 from ancf_casadi.estimation.solver.unknown import share_lines
@@ -154,7 +155,7 @@ class DecayFit(LeastSquaresResult):
     def _ends(self, level: float) -> Array:
         """Return the intervals (q, 2) of all quantities within their bounds."""
         lower, upper = np.array(list(self.model.bounds.values())).T[:, :, None]
-        return np.clip(self.fit.derived_intervals(self.quantities[2], level), lower, upper)
+        return np.clip(derived_intervals(self.fit, self.quantities[2], level), lower, upper)
 
     @property
     def law(self) -> Law:

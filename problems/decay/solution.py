@@ -409,7 +409,7 @@ def without_stated_smoothness(fit: Fit) -> Fit:
     """Return a fit that says nothing of stated standard deviations, unless an unknown has a prior that states one."""
     if any(unknown.prior for unknown in fit.unknowns):
         return fit
-    return replace(fit, noise=replace(fit.noise, chance=math.nan))
+    return replace(fit, noise=replace(fit.noise, p_value=math.nan))
 
 
 def rounding_error(decays: Sequence[Measurement]) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ancf_casadi.decay.rest import REST_TERMS
 from ancf_casadi.estimation.agreement import Agreement
-from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, Quantities
+from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL, Quantities
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.records.measurement import Measurement

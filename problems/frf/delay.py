@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, concentration
+from ancf_casadi.estimation.noise.series import MOST_CONCENTRATION, concentration
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.tall import inner
 from problems.frf.modal_sum import RESIDUAL_POWERS, TrialFit, quick_fit, stacked

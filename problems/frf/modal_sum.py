@@ -43,7 +43,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from ancf_casadi.estimation.solver.noise import estimated_noise
+from ancf_casadi.estimation.noise.spectrum import estimated_noise
 from ancf_casadi.response.linear_frf import FRF_POWERS, FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 from ancf_casadi.support.progress import count_step
@@ -247,7 +247,7 @@ class TrialFit:
         """Number of residuals with white noise that would determine the modes as well."""
         k, count = self.values.shape
         noise = estimated_noise(self.weighted_residuals, self._basis, *self.series)
-        return float(2 * k * count / max(noise.growth, 1.0))
+        return float(2 * k * count / max(noise.inflation, 1.0))
 
     @cached_property
     def _basis(self) -> Array:

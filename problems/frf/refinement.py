@@ -48,8 +48,8 @@ from scipy.optimize import minimize_scalar
 from scipy.special import chdtri
 
 from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.noise.series import MOST_CONCENTRATION, concentration
 from ancf_casadi.estimation.solver.least_squares import least_squares
-from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, concentration
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.callbacks import Differentiable, kept

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, profile_interval
+from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL, Fit
+from ancf_casadi.estimation.intervals import profile_interval
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.exceptions import FitError, InputError

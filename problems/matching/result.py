@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, quantile
+from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL, quantile
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.result import FitResult, Interval
 from ancf_casadi.estimation.solver.unknown import share_lines

@@ -33,10 +33,10 @@ from typing import Any
 
 import numpy as np
 
+from ancf_casadi.estimation.noise.covariance import Noise
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.result import LeastSquaresResult
 from ancf_casadi.estimation.solver.least_squares import least_squares
-from ancf_casadi.estimation.solver.noise import Noise
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array

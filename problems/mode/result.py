@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.envelope import LawCurve
 from ancf_casadi.estimation.agreement import Agreement
-from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, Quantities
+from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL, Quantities
+from ancf_casadi.estimation.intervals import derived_intervals
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import BlocksResult
 from ancf_casadi.exceptions import InputError
@@ -118,7 +119,7 @@ class ModeFit(BlocksResult):
         own = dict(zip((_renamed(one.name) for one in self.fit.unknowns), self.fit.unknowns, strict=True))
         limits = [bounds[n] if n in bounds else (own[n].lower, own[n].upper) for n in names]
         lower, upper = np.array(limits).T[:, :, None]
-        return np.clip(self.fit.derived_intervals(self.quantities[2], level), lower, upper)
+        return np.clip(derived_intervals(self.fit, self.quantities[2], level), lower, upper)
 
     def law_curve(self, amplitudes: ArrayLike | None = None, *, level: float = CONFIDENCE_LEVEL) -> LawCurve:
         """Return damping ratio and frequency against amplitude (k,), with the bands of their intervals.

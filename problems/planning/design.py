@@ -2,9 +2,9 @@
 
 To first order, the residuals of a record, in standard deviations, depend on the unknowns by their Jacobian J.  With
 white noise of these standard deviations a record of its own has the Fisher information J' J.  Colour of the noise
-divides this by its growth of the variances (``Noise.growth``).  Unknowns that belong to one record alone, such as the
-zero of its sensor, are marginalised: with the columns J_s of the shared and J_o of the own unknowns, and the projection
-Q onto the complement of J_o,
+divides this by the inflation of the variances (``Noise.inflation``).  Unknowns that belong to one record alone, such as
+the zero of its sensor, are marginalised: with the columns J_s of the shared and J_o of the own unknowns, and the
+projection Q onto the complement of J_o,
 
     A = J_s' Q J_s.
 

@@ -89,7 +89,7 @@ def plan(
     before : BeamFit, optional
         A fit of earlier records.  Its information counts, its noise is that of the same sensors where no standard
         deviation is given, and the colour of its noise makes the motions that are planned less certain, by
-        ``fit.fit.noise.growth``.  Priors that it had are not to be given again.
+        ``fit.fit.noise.inflation``.  Priors that it had are not to be given again.
     executor, jobs, progress
         As in ``run_all``; the candidates are computed in parallel.  With ``jobs`` above 1 a script must call this under
         ``if __name__ == "__main__":``.
@@ -136,7 +136,7 @@ def plan(
     shared = [one for one in listed if one.name in common or _is_frequency(one)]
     if not shared:
         raise InputError("there is nothing that records share; name properties, or free the law", "unknowns")
-    growth = max(before.fit.noise.growth, 1.0) if before else 1.0
+    growth = max(before.fit.noise.inflation, 1.0) if before else 1.0
     kinds = MotionRecord, ResponseRecord, PropertyRecord  # in the order of the blocks
     order = sorted(range(len(names)), key=lambda k: [isinstance(templates[k], kind) for kind in kinds].index(True))
     tasks = {}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ancf_casadi.estimation.agreement import Agreement, agreement_of_parts, part_estimates
+from ancf_casadi.estimation.agreement import Agreement, agreements, subset_estimates
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 
@@ -100,7 +100,7 @@ def test_the_parts_of_a_linear_fit_are_the_fits_to_the_parts():
     early = np.arange(60) < 25
     whole = fit(np.full(60, True))
     for mask in (early, ~early):
-        alone, (values, covariance) = fit(mask), part_estimates(whole, mask)
+        alone, (values, covariance) = fit(mask), subset_estimates(whole, mask)
         np.testing.assert_allclose(values, alone.values, rtol=1e-9)
         np.testing.assert_allclose(covariance, alone.covariance, rtol=1e-9)
 
@@ -111,7 +111,7 @@ def test_a_part_leaves_out_unknowns_that_it_does_not_determine():
     step = cs.DM(late.astype(float))
     y = cs.DM(x + 0.1 * np.random.default_rng(3).standard_normal(40))
     fit = least_squares(lambda a, b: a * cs.DM(x) + b * step - y, [Unknown("a", 0.0), Unknown("b", 0.0)])
-    first, second, little = (part_estimates(fit, mask)[0] for mask in (~late, late, x < 0.01))
+    first, second, little = (subset_estimates(fit, mask)[0] for mask in (~late, late, x < 0.01))
     assert math.isfinite(first[0]) and math.isnan(first[1])
     assert np.isfinite(second).all()
     assert np.isnan(little).all()
@@ -128,7 +128,7 @@ def test_the_parts_of_a_fit_agree_or_not_on_what_several_of_them_determine():
         levels = cs.DM(np.column_stack([~second, second]).astype(float))
         unknowns = [Unknown("slope", 0.0), Unknown("first", 0.0), Unknown("second", 0.0)]
         fit = least_squares(lambda a, b, c: a * cs.DM(x) + levels @ cs.vertcat(b, c) - y, unknowns)
-        return agreement_of_parts(fit, [~second, second])
+        return agreements(fit, [~second, second])
 
     (same,), (other,) = compared(2.0), compared(2.4)
     assert same.name == "slope" and same.agrees and same.warning is None
@@ -148,7 +148,7 @@ def test_a_few_values_that_are_on_their_line_by_chance_agree():
     noise = np.random.default_rng(5).standard_normal(40)
     y = cs.DM(np.append(noise - noise.mean(), [1.0, 1.0]))
     fit = least_squares(lambda a: cs.repmat(a, 42, 1) - y, [Unknown("a", 0.0)])
-    (found,) = agreement_of_parts(fit, [np.arange(42) < 40, np.arange(42) >= 40])
+    (found,) = agreements(fit, [np.arange(42) < 40, np.arange(42) >= 40])
     assert found.agrees and found.errors[1] == pytest.approx(0.7, abs=0.15)
 
 
@@ -159,7 +159,9 @@ def test_parts_allow_for_a_systematic_error_as_the_whole_fit_does():
     fit = least_squares(lambda a, b: a + b * cs.DM(x) - cs.DM(1 + 2 * x), unknowns, systematic=1e-3)
     half = x < 0.5
     columns = np.column_stack([np.ones(30), x[half]])
-    np.testing.assert_allclose(part_estimates(fit, half)[1], 30 * 1e-6 * np.linalg.inv(columns.T @ columns), rtol=1e-6)
+    np.testing.assert_allclose(
+        subset_estimates(fit, half)[1], 30 * 1e-6 * np.linalg.inv(columns.T @ columns), rtol=1e-6
+    )
 
 
 def test_two_records_may_agree_by_chance():

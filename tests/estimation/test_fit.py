@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ancf_casadi.estimation.fit import colour_warning
-from ancf_casadi.estimation.intervals import profile_interval, profiles, quantile
+from ancf_casadi.estimation.fit import colour_warning, quantile
+from ancf_casadi.estimation.intervals import derived_intervals, profile_interval, profiles
 from ancf_casadi.estimation.result import LeastSquaresResult
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, started
@@ -88,12 +88,12 @@ def test_with_a_curved_unknown_held_intervals_are_those_by_profile_likelihood(bo
     def rates(vm, k):
         return cs.vertcat(*(vm * c / (k + c) for c in (0.01, 0.1, 10.0)), k, vm, 3.0)
 
-    found = fit.derived_intervals(rates)
+    found = derived_intervals(fit, rates)
     assert np.isnan(found[-1]).all()
     for j in range(5):
         exact = profile_interval(fit, lambda *x, j=j: rates(*x)[j])
         np.testing.assert_allclose(found[j], exact, atol=1e-2 * (exact[1] - exact[0]))
-    first_order = puromycin(lower=bound).derived_intervals(rates)
+    first_order = derived_intervals(puromycin(lower=bound), rates)
     assert (np.abs(found - first_order)[:5] / np.ptp(first_order, axis=1)[:5, None]).max() > 0.03
 
 
@@ -102,7 +102,7 @@ def test_a_curved_unknown_that_is_linear_leaves_first_order_intervals():
         return cs.vertcat(a + b, a - b)
 
     fit = least_squares(line, [Unknown("a", -0.5), Unknown("b", 0.0, lower=-9.0, upper=9.0, curved=True)])
-    np.testing.assert_allclose(fit.derived_intervals(both), straight().derived_intervals(both), rtol=2e-3)
+    np.testing.assert_allclose(derived_intervals(fit, both), derived_intervals(straight(), both), rtol=2e-3)
 
 
 def test_profile_intervals_of_a_curve_are_where_the_profiled_sum_of_squares_says():
@@ -175,7 +175,7 @@ def test_an_interval_at_a_bound_is_one_sided_and_both_ways_agree_for_a_line():
 def test_a_quantity_of_an_unknown_at_its_bound_has_its_interval():
     fit = straight(lower=-0.5)
     np.testing.assert_allclose(
-        fit.derived_intervals(lambda a, b: cs.vertcat(-2 * a, b, 7)),
+        derived_intervals(fit, lambda a, b: cs.vertcat(-2 * a, b, 7)),
         [-2 * fit.intervals()[0][::-1], fit.intervals()[1], [math.nan, math.nan]],
         rtol=1e-12,
     )

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 import scipy
 
-from ancf_casadi.estimation.intervals import quantile
-from ancf_casadi.estimation.solver.autoregression import first_correlation, grids_of
+from ancf_casadi.estimation.fit import quantile
+from ancf_casadi.estimation.noise.autoregression import first_correlation
+from ancf_casadi.estimation.noise.series import autocorrelation, concentration, grids_of
+from ancf_casadi.estimation.noise.spectrum import estimated_noise
 from ancf_casadi.estimation.solver.least_squares import least_squares
-from ancf_casadi.estimation.solver.noise import autocorrelation, concentration, estimated_noise
 from ancf_casadi.estimation.solver.unknown import Unknown
 from tests.coverage import covers
 

@@ -6,9 +6,10 @@ import pytest
 from scipy.special import ndtr
 from scipy.stats import chi2
 
-from ancf_casadi.estimation.intervals import quantile
+from ancf_casadi.estimation.fit import quantile
+from ancf_casadi.estimation.noise.spectrum import estimated_noise
+from ancf_casadi.estimation.noise.stated import CONTRADICTED, DOUBTED, stated_noise
 from ancf_casadi.estimation.solver.least_squares import least_squares
-from ancf_casadi.estimation.solver.noise import CONTRADICTED, DOUBTED, estimated_noise, stated_noise
 from ancf_casadi.estimation.solver.unknown import Unknown
 
 
@@ -53,7 +54,7 @@ def test_in_a_mix_the_stated_residuals_alone_are_tested():
     for _ in range(2000):
         noise = 0.1 * rng.standard_normal(35)
         rest = noise - basis @ (basis.T @ noise)
-        found.append(stated_noise(rest[known], basis[known], 0.1).chance)
+        found.append(stated_noise(rest[known], basis[known], 0.1).p_value)
     assert np.mean(found) == pytest.approx(0.5, abs=0.025)  # 4 standard deviations
     assert np.mean(np.array(found) < 0.05) == pytest.approx(0.05, abs=0.02)
 

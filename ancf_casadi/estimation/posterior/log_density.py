@@ -57,8 +57,7 @@ import casadi as cs
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, moves
+from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL, Fit
 from ancf_casadi.estimation.solve import FitSolution
 from ancf_casadi.estimation.solver.gauss_newton import influence, loss_value, row_weights
 from ancf_casadi.exceptions import InputError
@@ -281,7 +280,7 @@ class LogDensity(Displayed):
     @cached_property
     def _steps(self) -> Array:
         """Changes (n, b) of all unknowns when each of the b ones at a bound moves inwards by one standard error."""
-        fit, found = self.fit, moves(self.fit, CONFIDENCE_LEVEL)[0] / self.fit.quantile(CONFIDENCE_LEVEL)
+        fit, found = self.fit, self.fit.bound_moves(CONFIDENCE_LEVEL)[0] / self.fit.quantile(CONFIDENCE_LEVEL)
         for step, k in zip(found.T, np.flatnonzero(fit.active_bounds).tolist(), strict=True):
             if not math.isfinite(step[k]):  # the data do not depend on it
                 step[k] = math.copysign(min(fit.scale[k], fit.upper[k] - fit.lower[k]), step[k])

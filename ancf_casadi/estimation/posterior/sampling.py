@@ -43,7 +43,7 @@ import casadi as cs
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.estimation.intervals import Quantities
+from ancf_casadi.estimation.fit import Quantities
 from ancf_casadi.estimation.posterior.log_density import LogDensity
 from ancf_casadi.estimation.solver.gauss_newton import residuals_and_jacobian
 from ancf_casadi.exceptions import InputError

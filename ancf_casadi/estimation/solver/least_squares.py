@@ -23,9 +23,9 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.noise.stated import residual_noise
 from ancf_casadi.estimation.solver.gauss_newton import Minimum, influence, loss, minimise, residuals_and_jacobian
 from ancf_casadi.estimation.solver.nlp import solve_nlp
-from ancf_casadi.estimation.solver.noise import noise_with_stated
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, started
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, Mask
@@ -95,7 +95,7 @@ def least_squares(
         raise FitError(f"the data do not determine {which}; {advice or 'fix one, or add data'}")
     basis, (psi, w) = jacobian[:, free] @ root, influence(r, huber)
     known = stated if math.isinf(huber) else None
-    scatter = noise_with_stated(psi, basis, series, times, known, deviation)
+    scatter = residual_noise(psi, basis, series, times, known, deviation)
     spread = scatter.form(basis) / w**2 + len(r) * systematic**2 * np.eye(len(root))
     covariance = np.full((len(names), len(names)), math.nan)
     covariance[np.ix_(free, free)] = root @ spread @ root.T

@@ -17,7 +17,7 @@ from msgspec import Meta
 
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
 from ancf_casadi.decay.rest import Rest
-from ancf_casadi.estimation.agreement import part_estimates
+from ancf_casadi.estimation.agreement import subset_estimates
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
@@ -104,7 +104,7 @@ def unbounded_coefficients(fit: DecayFit) -> tuple[float, float, Array]:
     A fit whose eta2 is at its bound 0 would understate the errors; one Gauss-Newton step without bounds gives the pair.
     """
     all_free = replace(fit.fit, active_bounds=np.zeros(len(fit.fit.names), dtype=bool))
-    values, covariance = part_estimates(all_free, np.ones(len(fit.fit.residuals), dtype=bool))
+    values, covariance = subset_estimates(all_free, np.ones(len(fit.fit.residuals), dtype=bool))
     pair = list(fit.indices[1:3])  # after the frequency
     return float(values[pair[0]]), float(values[pair[1]]), covariance[np.ix_(pair, pair)]
 

@@ -1,4 +1,4 @@
-"""Series of residuals on even grids of times, and the autoregressive process of order 1 that they show.
+"""The autoregressive process of order 1 that the residuals of a fit show.
 
 The residuals r = (I - H) e of a fit, with the hat matrix H = q q' of an orthonormal basis q, correlate less than their
 noise e, because the fitted curve absorbs most of its slow part.  With the symmetric matrix A of the pairs one step
@@ -30,74 +30,53 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.support.arrays import Array, ComplexArray, Index
+from ancf_casadi.estimation.noise.series import transform
+from ancf_casadi.support.arrays import Array, Index
 
-SPARSE_GRID = 16  # length of the grid over the number of samples, beyond which the samples are counted instead
 FEWEST_RESIDUALS = 8  # residuals, below which the noise counts as white
-
-
-def grids_of(series: Sequence[int], times: Array | None) -> list[tuple[slice, Index]]:
-    """Return the rows of each series that is not empty, and the positions of its samples in an even grid."""
-    bounds = [slice(*ends) for ends in pairwise(np.cumsum([0, *series]).tolist()) if ends[0] < ends[1]]
-    return [(rows, slots(rows.stop - rows.start, None if times is None else times[rows])) for rows in bounds]
-
-
-def slots(count: int, times: Array | None) -> Index:
-    """Return the positions of samples in an even grid of times, the spacing of which is the median one."""
-    if times is None or count < 2:
-        return np.arange(count)
-    step = float(np.median(np.diff(times)))
-    length = (times[-1] - times[0]) / step if step > 0.0 else math.inf
-    return np.rint((times - times[0]) / step).astype(int) if length < SPARSE_GRID * count else np.arange(count)
-
-
-def transform(columns: Array, places: Index, length: int) -> ComplexArray:
-    """Return the Fourier transform of columns (m, n) whose rows have places in a grid; the other rows are zero."""
-    grid = np.zeros((int(places[-1]) + 1, columns.shape[1]))
-    np.add.at(grid, places, columns)
-    return np.asarray(np.fft.rfft(grid, length, axis=0))
 
 
 def correlations(residuals: Array, basis: Array, grids: Sequence[tuple[slice, Index]]) -> tuple[list[float], float]:
     """Return the coefficient rho of each series, and the variance of log S due to their errors.
 
     All are zero, or all are equal, or each series has its own, by the criterion BIC.  With the correlation r of the
-    residuals of a series one step apart, 1 + rho^2 - 2 rho r is their variance less what the process foretells.
+    residuals of a series one step apart, 1 + rho^2 - 2 rho r is the variance of the prediction errors of the process.
     """
-    pairs, found = np.array([_lagged(residuals[rows], places) for rows, places in grids]).T
+    pairs, lagged = np.array([_lagged_correlation(residuals[rows], slots) for rows, slots in grids]).T
+    count = len(grids)
     common = first_correlation(residuals, basis, grids)
-    pooled = float(pairs @ found / max(pairs.sum(), 1.0))
-    trials = {0: ([(0.0, 0.0)] * len(grids), 0.0 * found), 1: ([common] * len(grids), np.full(len(grids), pooled))}
-    if len(grids) > 1:
-        own = [
-            first_correlation(residuals[rows], basis[rows], [(slice(None), places)])
-            if len(places) >= FEWEST_RESIDUALS
+    pooled = np.full(count, float(pairs @ lagged / max(pairs.sum(), 1.0)))
+    trials = {0: ([(0.0, 0.0)] * count, np.zeros(count)), 1: ([common] * count, pooled)}
+    if count > 1:
+        by_series = [
+            first_correlation(residuals[rows], basis[rows], [(slice(None), slots)])
+            if len(slots) >= FEWEST_RESIDUALS
             else (0.0, 0.0)
-            for rows, places in grids
+            for rows, slots in grids
         ]
-        trials[len(grids)] = own, found
+        trials[count] = by_series, lagged
 
     def criterion(parameters: int) -> float:
-        left = 1 + np.square(trials[parameters][1]) - 2 * trials[parameters][1] * found
-        return float(pairs @ np.log(left)) + parameters * math.log(len(residuals))
+        coefficients = trials[parameters][1]
+        prediction_variances = 1 + coefficients**2 - 2 * coefficients * lagged
+        return float(pairs @ np.log(prediction_variances)) + parameters * math.log(len(residuals))
 
     best = trials[min(trials, key=criterion)][0]
     shares = [float(np.sum(basis[rows] ** 2)) for rows, _ in grids]
-    return [ρ for ρ, _ in best], float(np.average([unsure for _, unsure in best], weights=shares))
+    return [ρ for ρ, _ in best], float(np.average([variance for _, variance in best], weights=shares))
 
 
-def _lagged(residuals: Array, places: Index) -> tuple[int, float]:
+def _lagged_correlation(residuals: Array, slots: Index) -> tuple[int, float]:
     """Return the number of pairs of residuals one step of the grid apart, and their correlation; 0 if unknown."""
-    near, square = np.diff(places) == 1, float(np.mean(residuals**2))
-    count, limit = int(np.count_nonzero(near)), 1 - 1 / len(residuals)
+    adjacent, square = np.diff(slots) == 1, float(np.mean(residuals**2))
+    count, limit = int(np.count_nonzero(adjacent)), 1 - 1 / len(residuals)
     if not (count and square > 0.0):
         return 0, 0.0
-    return count, float(np.clip(residuals[:-1][near] @ residuals[1:][near] / count / square, -limit, limit))
+    return count, float(np.clip(residuals[:-1][adjacent] @ residuals[1:][adjacent] / count / square, -limit, limit))
 
 
 def first_correlation(residuals: Array, basis: Array, grids: Sequence[tuple[slice, Index]]) -> tuple[float, float]:
@@ -107,32 +86,32 @@ def first_correlation(residuals: Array, basis: Array, grids: Sequence[tuple[slic
     """
     (m, n), gram = basis.shape, basis.T @ basis
     products, pairs, neighbours = 0.0, 0, np.zeros((m, n))
-    for rows, places in grids:
-        r, q, near = residuals[rows], basis[rows], (np.diff(places) == 1)[:, None]
-        products, pairs = products + float(r[:-1] @ (near[:, 0] * r[1:])), pairs + int(near.sum())
-        neighbours[rows][:-1] += near * q[1:] / 2
-        neighbours[rows][1:] += near * q[:-1] / 2
+    for rows, slots in grids:
+        r, q, adjacent = residuals[rows], basis[rows], (np.diff(slots) == 1)[:, None]
+        products, pairs = products + float(r[:-1] @ (adjacent[:, 0] * r[1:])), pairs + int(adjacent.sum())
+        neighbours[rows][:-1] += adjacent * q[1:] / 2
+        neighbours[rows][1:] += adjacent * q[:-1] / 2
     if not (pairs and residuals.any()):
         return 0.0, 0.0
-    adjacent, other = basis.T @ neighbours, np.eye(n) - gram
-    absorbed = [basis, 2 * basis - basis @ gram, 2 * neighbours - basis @ adjacent]
-    size = 1 + max(int(places[-1]) for _, places in grids)
-    sums = np.zeros((3, size))
-    for rows, places in grids:
-        own = int(places[-1]) + 1
-        length = 2 ** math.ceil(math.log2(2 * own))
-        spectrum = transform(basis[rows], places, length).conj()
+    cross, complement = basis.T @ neighbours, np.eye(n) - gram
+    absorbed = [basis, 2 * basis - basis @ gram, 2 * neighbours - basis @ cross]
+    size = 1 + max(int(slots[-1]) for _, slots in grids)
+    sums = np.zeros((3, size))  # over the lags: correlations of the basis, and of what it absorbs of r'r and r'A r
+    for rows, slots in grids:
+        lags = int(slots[-1]) + 1
+        length = 2 ** math.ceil(math.log2(2 * lags))
+        spectrum = transform(basis[rows], slots, length).conj()
         for total, columns in zip(sums, absorbed, strict=True):
-            power = np.sum(transform(columns[rows], places, length) * spectrum, axis=1).real
-            total[:own] += np.fft.irfft(power, length)[:own] * np.where(np.arange(own) > 0, 2, 1)
-    limit, squares, constant = 1 - 1 / m, m + np.sum(gram * other), np.sum(adjacent * other)
+            power = np.sum(transform(columns[rows], slots, length) * spectrum, axis=1).real
+            total[:lags] += np.fft.irfft(power, length)[:lags] * np.where(np.arange(lags) > 0, 2, 1)
+    limit, squares, constant = 1 - 1 / m, m + np.sum(gram * complement), np.sum(cross * complement)
     ratio = products / float(residuals @ residuals)
 
     def powers(ρ: float) -> Array:
         return np.cumprod(np.append(1.0, np.full(size - 1, ρ)))
 
     def excess(ρ: float) -> float:
-        """Return the expected less the found ratio of the products to the squares of the residuals."""
+        """Return the expected ratio of r'A r to r'r less that of the residuals."""
         _, square, product = sums @ powers(ρ)
         return float((ρ * pairs - product + constant) / (squares - square) - 2 * ρ / m - ratio)
 

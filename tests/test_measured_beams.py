@@ -142,8 +142,8 @@ class TestAluminiumStrip:
     def test_tip_mass_and_clamp_cannot_be_separated(self, page):
         """5.7 g and a rigid clamp fit exactly as well as no mass and 113 N m/rad; see ``TestDuality`` of the fits."""
         fit = fitted(page.strip_records(), ["elastic_modulus", "tip_mass", "clamp_stiffness"])
-        assert len(fit.solution.others) == 1
-        sums = [one.residual_rms for one in (fit.fit, *fit.solution.others)]
+        assert len(fit.solution.other_optima) == 1
+        sums = [one.residual_rms for one in (fit.fit, *fit.solution.other_optima)]
         assert sums[0] == pytest.approx(sums[1], rel=1e-2)
         assert fit.intervals()["tip_mass"][0] == 0.0
         assert fit.intervals()["tip_mass"][1] > 5e-3

@@ -88,17 +88,17 @@ class SeriesWeights:
 
     def split(self, residuals: Array) -> list[Array]:
         """Return the residuals of each series, in its unit, from those of all in standard deviations."""
-        parts = np.split(residuals, np.cumsum(self.lengths)[:-1])
-        return [part * deviation for part, deviation in zip(parts, self.deviations.tolist(), strict=True)]
+        by_series = np.split(residuals, np.cumsum(self.lengths)[:-1])
+        return [of_series * deviation for of_series, deviation in zip(by_series, self.deviations.tolist(), strict=True)]
 
     def improved(self, series: Sequence[Array], *, robust: bool = False) -> SeriesWeights:
         """Return the weights with the standard deviations of noise, one array per series, where none is known."""
         deviations = self.deviations.copy()
-        for group, known in zip(self.groups, self.known, strict=True):
-            if not known:
-                noise, own = np.concatenate([series[k] for k in group]), list(group)
+        for group, is_known in zip(self.groups, self.known, strict=True):
+            if not is_known:
+                noise, group_series = np.concatenate([series[k] for k in group]), list(group)
                 size = (noise_of(noise) if robust else math.sqrt(float(np.mean(noise**2)))) if noise.size else 0.0
-                deviations[own] = np.maximum(size, self.floors[own])
+                deviations[group_series] = np.maximum(size, self.floors[group_series])
         return replace(self, deviations=deviations)
 
 
@@ -121,7 +121,7 @@ class Block(ABC):
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the measurements without Functions and solutions, which the receiving process computes again."""
-        return {own.name: getattr(self, own.name) for own in fields(self)} | {"before": None}
+        return {field_.name: getattr(self, field_.name) for field_ in fields(self)} | {"before": None}
 
     @property
     def inaccuracy(self) -> float:
@@ -134,7 +134,7 @@ class Block(ABC):
         return self
 
     @abstractmethod
-    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
+    def residuals(self, unknowns: Mapping[str, cs.MX]) -> cs.MX:
         """Return the residuals (m,) for unknowns by name, in standard deviations; others keep their values."""
 
     @property
@@ -247,12 +247,12 @@ class Block(ABC):
         residuals, jacobian = self.linearised(fit.unknowns, fit.values)
         if self.failure:
             raise FitError(f"the record cannot be predicted: {self.failure}")
-        own = replace(fit, residuals=residuals, jacobian=jacobian / fit.scale)
-        fitted = Fitted(own, slice(None), 1.0, np.zeros(len(fit.names)))
+        prediction_fit = replace(fit, residuals=residuals, jacobian=jacobian / fit.scale)
+        fitted = Fitted(prediction_fit, slice(None), 1.0, np.zeros(len(fit.names)))
         return RecordPrediction(kind, tuple(self.channels(fitted)))
 
     def linearised(self, unknowns: Sequence[Unknown], values: Array) -> tuple[Array, Array]:
         """Return the residuals (m,) at coordinates of unknowns, and their Jacobian in units of the scales of these."""
-        names, coordinates = [one.name for one in unknowns], Coordinates.of(unknowns)
+        names, coordinates = [unknown.name for unknown in unknowns], Coordinates.of(unknowns)
         evaluate = residual_function(lambda *x: self.residuals(dict(zip(names, x, strict=True))), coordinates)
         return residuals_and_jacobian(evaluate, values / coordinates.scale)

@@ -65,8 +65,8 @@ class LawComparison(Displayed, Generic[F]):
     def candidates(self) -> tuple[Candidate, ...]:
         """The fits as the criteria see them."""
         return tuple(
-            Candidate.of(name, one.fit, terms)
-            for name, one, terms in zip(self.names, self.fits, self.terms, strict=True)
+            Candidate.of(name, fit.fit, terms)
+            for name, fit, terms in zip(self.names, self.fits, self.terms, strict=True)
         )
 
     @cached_property
@@ -88,9 +88,9 @@ class LawComparison(Displayed, Generic[F]):
     def probable(self) -> tuple[tuple[float, F], ...]:
         """Probability and fit of each law that is not ruled out; the probabilities sum to 1."""
         pairs = zip(self.verdict.probabilities.tolist(), self.fits, strict=True)
-        found = [(own, fit) for own, fit in pairs if own > RULED_OUT]
-        total = sum(own for own, _ in found)
-        return tuple((own / total, fit) for own, fit in found)
+        possible = [(probability, fit) for probability, fit in pairs if probability > RULED_OUT]
+        total = sum(probability for probability, _ in possible)
+        return tuple((probability / total, fit) for probability, fit in possible)
 
     @cached_property
     def deciding(self) -> dict[str, float]:
@@ -99,15 +99,15 @@ class LawComparison(Displayed, Generic[F]):
         Each of the two is true with its probability, and with its estimates.  Laws that fit the same curve count as
         one.  Empty if the choice is settled.
         """
-        first, *others = sorted(range(len(self.fits)), key=lambda k: -self.verdict.evidence[k])
+        first, *less_probable = sorted(range(len(self.fits)), key=lambda k: -self.verdict.evidence[k])
         fitted = self.fits[first].fit.residuals
-        second = next((k for k in others if not np.allclose(self.fits[k].fit.residuals, fitted, atol=0.0)), None)
+        second = next((k for k in less_probable if not np.allclose(self.fits[k].fit.residuals, fitted, atol=0.0)), None)
         if self.verdict.settled or second is None:
             return {}
         p, q = self.verdict.probabilities[[first, second]].tolist()
         if_first, if_second = (self._expected(*pair) for pair in ((first, second), (second, first)))
-        both = [name for name in if_first if name in if_second]
-        return {name: (p * if_first[name].right + q * if_second[name].right) / (p + q) for name in both}
+        in_both = [name for name in if_first if name in if_second]
+        return {name: (p * if_first[name].right + q * if_second[name].right) / (p + q) for name in in_both}
 
     def _expected(self, truth: int, rival: int) -> dict[str, Expectation]:
         """Return what other records would show if one law is true, as far as both laws can be fitted to them."""
@@ -118,7 +118,7 @@ class LawComparison(Displayed, Generic[F]):
         fits, terms = [self.fits[k].fit for k in (truth, rival)], [self.terms[k] for k in (truth, rival)]
         change = fits[1].residuals - fits[0].residuals
         growth = self.candidates[truth].samples / self.verdict.effective_samples
-        std = min(one.residual_rms for one in self.candidates)
+        std = min(candidate.residual_rms for candidate in self.candidates)
         return {f"{count} records": expectation(fits, terms, change, std, growth, count) for count in LIKE_RECORDS}
 
     def predict(self, record: Any) -> RecordPrediction:
@@ -133,16 +133,17 @@ class LawComparison(Displayed, Generic[F]):
             As in ``predict`` of the fits.
         """
         weights, fits = zip(*self.probable, strict=True)
-        found = [fit.predict(record) for fit in fits]
+        predictions = [fit.predict(record) for fit in fits]
         channels = []
-        for own in zip(*(one.channels for one in found), strict=True):
-            mean = sum(p * one.predicted for p, one in zip(weights, own, strict=True))
+        for by_law in zip(*(prediction.channels for prediction in predictions), strict=True):
+            mean = sum(p * channel.predicted for p, channel in zip(weights, by_law, strict=True))
             variance: Any = sum(
-                p * (one.errors**2 + np.abs(one.predicted - mean) ** 2) for p, one in zip(weights, own, strict=True)
+                p * (channel.errors**2 + np.abs(channel.predicted - mean) ** 2)
+                for p, channel in zip(weights, by_law, strict=True)
             )
-            channels.append(replace(own[int(np.argmax(weights))], predicted=mean, errors=np.sqrt(variance)))
-        notes = dict.fromkeys(note for one in found for note in one.notes)
-        return RecordPrediction(found[0].kind, tuple(channels), tuple(notes))
+            channels.append(replace(by_law[int(np.argmax(weights))], predicted=mean, errors=np.sqrt(variance)))
+        notes = dict.fromkeys(note for prediction in predictions for note in prediction.notes)
+        return RecordPrediction(predictions[0].kind, tuple(channels), tuple(notes))
 
     @property
     def standard_errors(self) -> Mapping[str, float]:
@@ -175,12 +176,12 @@ class LawComparison(Displayed, Generic[F]):
         columns = ("law", "estimated", "probability", "residual_rms", "delta_AICc", "delta_BIC", "autocorrelation")
         heads = [f"{label}: {name}" if numbered else name for label, name in zip(labels, self.names, strict=True)]
         listed = [
-            f"{head}: {_parameters(one.fit, terms)}"
-            for head, one, terms in zip(heads, self.fits, self.terms, strict=True)
+            f"{head}: {_parameters(fit.fit, terms)}"
+            for head, fit, terms in zip(heads, self.fits, self.terms, strict=True)
         ]
         notes = [*listed, f"most probable: {self.names[verdict.best]}"]
         if self.deciding:
-            powers = ", ".join(f"{name} {own:.2g}" for name, own in self.deciding.items())
+            powers = ", ".join(f"{name} {probability:.2g}" for name, probability in self.deciding.items())
             notes.append(f"probability of the right choice of the two most probable, with other records: {powers}")
         notes += [f"note: {text}" for text in self._choice_warnings]
         return Table("laws", "Damping laws", columns, rows, notes)
@@ -201,8 +202,8 @@ class LawComparison(Displayed, Generic[F]):
             "deciding": self.deciding,
             "effective_samples": verdict.effective_samples,
             "laws": [
-                {**row, "at_bound": list(one.fit.at_bound), **one.to_dict()}
-                for row, one in zip(self._laws(), self.fits, strict=True)
+                {**row, "at_bound": list(fit.fit.at_bound), **fit.to_dict()}
+                for row, fit in zip(self._laws(), self.fits, strict=True)
             ],
             "failed": dict(self.failed),
             "warnings": list(self.warnings),
@@ -213,12 +214,12 @@ class LawComparison(Displayed, Generic[F]):
         verdict = self.verdict
         columns = {
             "law": self.names,
-            "estimated": [one.estimated for one in self.candidates],
+            "estimated": [candidate.estimated for candidate in self.candidates],
             "probability": verdict.probabilities.tolist(),
             "aicc": map(known, verdict.aicc),
             "bic": verdict.bic,
-            "residual_rms": [one.fit.residual_rms for one in self.fits],
-            "autocorrelation": [known(one.fit.autocorrelation) for one in self.fits],
+            "residual_rms": [fit.fit.residual_rms for fit in self.fits],
+            "autocorrelation": [known(fit.fit.autocorrelation) for fit in self.fits],
         }
         return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
@@ -227,7 +228,10 @@ class LawComparison(Displayed, Generic[F]):
         from ancf_casadi.estimation.figures import criteria_figure  # matplotlib is slow to import
 
         probabilities = self.verdict.probabilities.tolist()
-        names = [f"{name}, {round(100 * own, 2):g} %" for name, own in zip(self.names, probabilities, strict=True)]
+        names = [
+            f"{name}, {round(100 * probability, 2):g} %"
+            for name, probability in zip(self.names, probabilities, strict=True)
+        ]
         return criteria_figure(names, self.verdict.aicc, self.verdict.bic)
 
 
@@ -236,7 +240,7 @@ def mixed_ends(weights: Array, values: Array, ends: Array, level: float) -> Arra
 
     ``weights`` (k,) sum to 1; ``values`` (k, q) are the medians and ``ends`` (k, q, 2) the intervals of the parts.
     """
-    quantile, found = float(ndtri((1 + level) / 2)), []
+    quantile, interval_ends = float(ndtri((1 + level) / 2)), []
     below, above = (np.maximum(np.abs(ends[..., j] - values), np.finfo(float).tiny) / quantile for j in (0, 1))
     for side, share in ((0, (1 - level) / 2), (1, (1 + level) / 2)):
         low, high = ends[..., side].min(axis=0), ends[..., side].max(axis=0)
@@ -245,8 +249,8 @@ def mixed_ends(weights: Array, values: Array, ends: Array, level: float) -> Arra
             distance = middle - values
             inside = weights @ ndtr(distance / np.where(distance < 0, below, above))
             low, high = np.where(inside < share, middle, low), np.where(inside < share, high, middle)
-        found.append((low + high) / 2)
-    return np.stack(found, axis=1)
+        interval_ends.append((low + high) / 2)
+    return np.stack(interval_ends, axis=1)
 
 
 def _parameters(fit: Fit, terms: tuple[str, ...]) -> str:

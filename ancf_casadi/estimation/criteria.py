@@ -136,14 +136,14 @@ def judge(candidates: Sequence[Candidate]) -> Verdict:
     aicc, bic = zip(*(candidate.criteria(n) for candidate in candidates), strict=True)
     evidence = tuple(candidate.evidence(n) for candidate in candidates)
     best = int(np.argmax(np.array(evidence) >= max(evidence) - EQUAL_EVIDENCE))
-    found = Verdict(aicc, bic, evidence, best, True, n, ())
-    probabilities, warnings = found.probabilities, []
+    verdict = Verdict(aicc, bic, evidence, best, True, n, ())
+    probabilities, warnings = verdict.probabilities, []
     if not math.isfinite(max(aicc)):
         warnings.append(
             f"the laws cannot be compared: {m} residuals that carry the information of {n:.0f} independent ones are "
             "too few; use a longer record, or laws that explain more of the motion"
         )
-    elif probabilities[found.best] < SETTLED:
+    elif probabilities[verdict.best] < SETTLED:
         order = np.argsort(-probabilities, kind="stable")
         several = order[: 1 + int(np.argmax(np.cumsum(probabilities[order]) >= SETTLED))].tolist()
         listed = ", ".join(f"{candidates[k].name} {probabilities[k]:.2g}" for k in several)
@@ -155,7 +155,7 @@ def judge(candidates: Sequence[Candidate]) -> Verdict:
             f"the residuals of the {noise.name} law are coloured (successive ones correlate at "
             f"{noise.autocorrelation:.2f}), so the criteria count {m} samples as {n:.0f} independent ones{unexplained}"
         )
-    return replace(found, settled=settled, warnings=tuple(warnings))
+    return replace(verdict, settled=settled, warnings=tuple(warnings))
 
 
 @dataclass(frozen=True)
@@ -177,15 +177,16 @@ def expectation(
     n, unit = count * len(change) / growth, std * math.sqrt(growth / count)
     squares = [len(change) * std**2 + extra for extra in (0.0, float(change @ change))]
     spreads = [
-        _spread(_information(fit, own, square), n) for fit, own, square in zip(fits, terms, squares, strict=True)
+        _spread(_information(fit, law_terms, square), n)
+        for fit, law_terms, square in zip(fits, terms, squares, strict=True)
     ]
-    span = orth(np.column_stack([_unit(one) for one in (fits[0].jacobian, fits[1].jacobian, change[:, None])]))
+    span = orth(np.column_stack([_unit(columns) for columns in (fits[0].jacobian, fits[1].jacobian, change[:, None])]))
     noise = np.random.default_rng(0).standard_normal((DRAWS, span.shape[1]))
-    own, left = (
+    squares_of_truth, squares_of_rival = (
         _squares(fit, noise + shift @ span / unit, span, unit)
         for fit, shift in zip(fits, (0 * change, change), strict=True)
     )
-    lag = n * np.log1p(np.maximum((left - own) / n, -0.5)) + spreads[1] - spreads[0]
+    lag = n * np.log1p(np.maximum((squares_of_rival - squares_of_truth) / n, -0.5)) + spreads[1] - spreads[0]
     return Expectation(float(lag.mean()), float(np.mean(lag > 0.0)))
 
 
@@ -195,7 +196,7 @@ def _unit(columns: Array) -> Array:
     return np.asarray(columns / np.where(lengths > 0.0, lengths, 1.0))
 
 
-def _squares(fit: Fit, rest: Array, span: Array, unit: float) -> Array:
+def _squares(fit: Fit, residuals: Array, span: Array, unit: float) -> Array:
     """Return the sums of squares (N,) that a law leaves of residuals (N, k) in a basis (m, k), in stds of the noise."""
     ends = np.array([fit.lower, fit.upper]) - fit.values
     error = unit * np.linalg.norm(np.linalg.pinv(np.linalg.qr(fit.jacobian, mode="r")), axis=1)
@@ -203,18 +204,21 @@ def _squares(fit: Fit, rest: Array, span: Array, unit: float) -> Array:
     order = np.argsort(-room)
     bounded = min(int(np.count_nonzero(room < WITHIN_REACH)), MOST_BOUNDED)
     basis, triangle = np.linalg.qr(fit.jacobian[:, order] / unit)
-    along = rest @ (span.T @ basis)
+    along = residuals @ (span.T @ basis)
     split = len(order) - bounded
-    tail, T, near = along[:, split:], triangle[split:, split:], ends[:, order[split:]]
-    edge, least = np.where(-near[0] < near[1], near[0], near[1]), np.full(len(rest), math.inf)
-    for held in product((False, True), repeat=bounded):
-        at, free = np.array(held, dtype=bool), ~np.array(held, dtype=bool)
+    tail, T, near_ends = along[:, split:], triangle[split:, split:], ends[:, order[split:]]
+    edge, least_squares = (
+        np.where(-near_ends[0] < near_ends[1], near_ends[0], near_ends[1]),
+        np.full(len(residuals), math.inf),
+    )
+    for at_bound in product((False, True), repeat=bounded):
+        at, free = np.array(at_bound, dtype=bool), ~np.array(at_bound, dtype=bool)
         target = tail + T[:, at] @ edge[at]
         steps = -target @ np.linalg.pinv(T[:, free]).T
-        inside = ((steps >= near[0, free]) & (steps <= near[1, free])).all(axis=1)
-        found = np.sum((target + steps @ T[:, free].T) ** 2, axis=1)
-        least = np.where(inside, np.minimum(least, found), least)
-    return np.asarray(np.sum(rest**2, axis=1) - np.sum(along**2, axis=1) + least)
+        inside = ((steps >= near_ends[0, free]) & (steps <= near_ends[1, free])).all(axis=1)
+        squares = np.sum((target + steps @ T[:, free].T) ** 2, axis=1)
+        least_squares = np.where(inside, np.minimum(least_squares, squares), least_squares)
+    return np.asarray(np.sum(residuals**2, axis=1) - np.sum(along**2, axis=1) + least_squares)
 
 
 def _spread(information: Array, n: float) -> float:
@@ -226,8 +230,8 @@ def _information(fit: Fit, terms: Sequence[str], square: float) -> Array:
     """Return W J'J W/(2 pi S) of all unknowns (k, k); ``terms`` are the names of the damping terms."""
     damping = np.array([name in terms for name in fit.names])
     sizes = np.maximum(np.linalg.norm(fit.jacobian, axis=0), np.finfo(float).tiny)
-    others, total = ~damping & np.isinf(fit.upper - fit.lower), float(sizes[damping] @ np.abs(fit.values[damping]))
-    moved = float((sizes * fit.scale)[others].max(initial=0.0))
-    widths = np.where(others, moved / sizes, np.where(damping, total / sizes, fit.upper - fit.lower))
+    unbounded, total = ~damping & np.isinf(fit.upper - fit.lower), float(sizes[damping] @ np.abs(fit.values[damping]))
+    moved = float((sizes * fit.scale)[unbounded].max(initial=0.0))
+    widths = np.where(unbounded, moved / sizes, np.where(damping, total / sizes, fit.upper - fit.lower))
     columns = fit.jacobian * widths
     return np.asarray(columns.T @ columns / max(2 * math.pi * square, np.finfo(float).tiny))

@@ -51,10 +51,10 @@ def check_determined(residuals: Callable[..., cs.MX], unknowns: Sequence[Unknown
     for point in (y.guess, np.clip(y.guess + 0.5 * signs * y.scale, y.lower, y.upper)):
         _, jacobian = residuals_and_jacobian(evaluate, point / y.scale)
         logarithmic = np.where(point == 0.0, 1.0, y.relative_slopes(point) / y.scale)
-        found = undetermined(logarithmic * jacobian, negligible)
-        if not len(found):
+        combinations = undetermined(logarithmic * jacobian, negligible)
+        if not len(combinations):
             return
-    raise FitError("; ".join(_sentence([unknown.report[0] for unknown in unknowns], row) for row in found))
+    raise FitError("; ".join(_sentence([unknown.report[0] for unknown in unknowns], row) for row in combinations))
 
 
 def certainty(fit: Fit, names: Sequence[str]) -> list[tuple[str, float]]:
@@ -64,16 +64,16 @@ def certainty(fit: Fit, names: Sequence[str]) -> list[tuple[str, float]]:
     """
     free = ~fit.active_bounds & (fit.values != 0.0) & np.isin(fit.names, names)
     slopes = fit.coordinates.relative_slopes(fit.values)
-    names = [name for name, own in zip(fit.names, free, strict=True) if own]
+    names = [name for name, is_free in zip(fit.names, free, strict=True) if is_free]
     if not names or not fit.noise.freedom:
         return []
     _, singular, rows = np.linalg.svd((fit.jacobian * slopes)[:, free], full_matrices=False)
-    found, deviation = [], math.sqrt(fit.noise.variance)
+    products, deviation = [], math.sqrt(fit.noise.variance)
     for value, row in zip(singular.tolist(), rows, strict=True):
         largest = float(row[np.abs(row).argmax()])
         error = deviation / (value * abs(largest)) if value else math.inf
-        found.append((product(names, row / largest), error))
-    return found
+        products.append((product(names, row / largest), error))
+    return products
 
 
 def product(names: Sequence[str], exponents: Array) -> str:
@@ -103,20 +103,20 @@ def row_reduced(rows: Array, columns: Iterable[int]) -> Array:
             continue
         rows[[first, pivot]] = rows[[pivot, first]]
         rows[first] /= rows[first, column]
-        others = np.arange(len(rows)) != first
-        rows[others] -= np.outer(rows[others, column], rows[first])
+        other_rows = np.arange(len(rows)) != first
+        rows[other_rows] -= np.outer(rows[other_rows, column], rows[first])
         first += 1
     return rows
 
 
 def _sentence(names: Sequence[str], exponents: Array) -> str:
     """Return what the records determine of the unknowns in a combination."""
-    own = [(name, float(power)) for name, power in zip(names, exponents, strict=True) if abs(power) > LEAST_EXPONENT]
-    if len(own) == 1:
-        return f"the records do not depend on {own[0][0]}; fix it, or add a record that does, such as a force"
-    (pivot, base), *others = own
-    ratios = [_product(name, pivot, -power / base) for name, power in others]
-    listed = " and ".join(name for name, _ in own) if len(own) == 2 else ", ".join(name for name, _ in own)
+    powers = [(name, float(power)) for name, power in zip(names, exponents, strict=True) if abs(power) > LEAST_EXPONENT]
+    if len(powers) == 1:
+        return f"the records do not depend on {powers[0][0]}; fix it, or add a record that does, such as a force"
+    (pivot, base), *other_powers = powers
+    ratios = [_product(name, pivot, -power / base) for name, power in other_powers]
+    listed = " and ".join(name for name, _ in powers) if len(powers) == 2 else ", ".join(name for name, _ in powers)
     return (
         f"the records determine {', '.join(ratios)}, but not {listed} each; add a measured force or moment, a known "
         "load or mass at the tip, or fix one of them"

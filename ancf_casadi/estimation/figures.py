@@ -79,11 +79,11 @@ def agreement_figure(quantities: Sequence[tuple[str, Agreement]]) -> Figure:
     """Draw estimates with 95 % intervals, one plot per quantity, and the interval of their mean as a band."""
     figure = Figure(figsize=(3.2 * max(len(quantities), 1), 2.8), layout="constrained")
     plots = figure.subplots(1, max(len(quantities), 1), squeeze=False).ravel()
-    for axes, (label, one) in zip(plots, quantities, strict=False):
-        places = np.arange(1, len(one.values) + 1)
-        axes.axhspan(*one.interval, color=COMPUTED, alpha=0.2, lw=0)
-        axes.axhline(one.mean, lw=1, color=COMPUTED)
-        axes.errorbar(places, one.values, yerr=1.96 * one.errors, fmt="o", ms=4, lw=1, color=MEASURED)
+    for axes, (label, agreement) in zip(plots, quantities, strict=False):
+        places = np.arange(1, len(agreement.values) + 1)
+        axes.axhspan(*agreement.interval, color=COMPUTED, alpha=0.2, lw=0)
+        axes.axhline(agreement.mean, lw=1, color=COMPUTED)
+        axes.errorbar(places, agreement.values, yerr=1.96 * agreement.errors, fmt="o", ms=4, lw=1, color=MEASURED)
         axes.set(xlabel="record", ylabel=label, xticks=places, xlim=(0.5, len(places) + 0.5))
         axes.ticklabel_format(axis="y", useOffset=False)
     return figure
@@ -99,12 +99,14 @@ def saved_figure(fits: Mapping[str, Any]) -> Figure:
     for axes in plots[len(units) :]:
         axes.set_visible(False)
     for axes, (name, unit) in zip(plots, units.items(), strict=False):
-        own = {label: (fit.estimates[name], *fit.intervals()[name]) for label, fit in fits.items() if name in fit.units}
-        values, low, high = np.array(list(own.values())).T
+        values_by_fit = {
+            label: (fit.estimates[name], *fit.intervals()[name]) for label, fit in fits.items() if name in fit.units
+        }
+        values, low, high = np.array(list(values_by_fit.values())).T
         reach = np.nan_to_num(np.array([values - low, high - values]), posinf=0.0).clip(0.0)
-        axes.errorbar(range(len(own)), values, yerr=reach, fmt="o", ms=4, lw=1, color=COMPUTED)
-        axes.set(ylabel=f"{name}, {unit}".removesuffix(", ").replace("_", " "), xlim=(-0.5, len(own) - 0.5))
-        axes.set_xticks(range(len(own)), list(own))
+        axes.errorbar(range(len(values_by_fit)), values, yerr=reach, fmt="o", ms=4, lw=1, color=COMPUTED)
+        axes.set(ylabel=f"{name}, {unit}".removesuffix(", ").replace("_", " "), xlim=(-0.5, len(values_by_fit) - 0.5))
+        axes.set_xticks(range(len(values_by_fit)), list(values_by_fit))
         axes.ticklabel_format(axis="y", useOffset=False)
     return figure
 
@@ -117,8 +119,10 @@ def channels_figure(results: Mapping[str, Any]) -> Figure:
     """
     diagrams: dict[tuple[str, ...], list[PredictedChannel]] = {}
     for label, result in results.items():
-        for one in result.channels:
-            diagrams.setdefault((label, one.diagram or one.name, one.unit, one.axis), []).append(one)
+        for channel in result.channels:
+            diagrams.setdefault((label, channel.diagram or channel.name, channel.unit, channel.axis), []).append(
+                channel
+            )
     columns = min(PLOTS_PER_ROW, len(diagrams))
     rows = -(-len(diagrams) // columns)
     figure = Figure(figsize=(1.0 + 4.4 * columns, 4.6 * rows), layout="constrained")
@@ -126,16 +130,16 @@ def channels_figure(results: Mapping[str, Any]) -> Figure:
     for k, ((label, title, unit, axis), channels) in enumerate(diagrams.items()):
         upper, lower = plots[2 * (k // columns) : 2 * (k // columns) + 2, k % columns]
         lower.sharex(upper)
-        size, prefix = prefixed(max(float(np.nanmax(np.abs(one.predicted))) for one in channels), unit)
+        size, prefix = prefixed(max(float(np.nanmax(np.abs(channel.predicted))) for channel in channels), unit)
         centred = len(channels) > 1 and axis == TIME_AXIS  # the means of positions are far apart
-        for number, one in enumerate(channels):
-            _draw_channel(upper, lower, one, size, f"C{number % 10}" if len(channels) > 1 else COMPUTED, centred)
+        for number, channel in enumerate(channels):
+            _draw_channel(upper, lower, channel, size, f"C{number % 10}" if len(channels) > 1 else COMPUTED, centred)
         quantity = f"{title}{' less its mean' * centred}, {prefix}".removesuffix(", ")
         upper.set(ylabel=quantity, title=label)
         upper.tick_params(labelbottom=False)
         unit = "%" if isinstance(channels[0].size, np.ndarray) else prefix
         lower.set(ylabel=f"difference, {unit}".removesuffix(", "), xlabel=axis)
-        if all((one.places == np.rint(one.places)).all() for one in channels):
+        if all((channel.places == np.rint(channel.places)).all() for channel in channels):
             lower.xaxis.set_major_locator(MaxNLocator(integer=True))
         upper.lines[0].set_label("measured")
         place = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)} if len(channels) > 1 else {}  # beside the data
@@ -145,27 +149,27 @@ def channels_figure(results: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def _draw_channel(upper: Axes, lower: Axes, one: PredictedChannel, size: float, colour: str, centred: bool) -> None:
+def _draw_channel(upper: Axes, lower: Axes, channel: PredictedChannel, size: float, colour: str, centred: bool) -> None:
     """Draw a channel in units of a size: values above, residuals below, which are relative if the values are single."""
-    order = np.argsort(one.places, kind="stable")
-    measured, computed, rest = (
+    order = np.argsort(channel.places, kind="stable")
+    measured, computed, residuals = (
         np.abs(values) if np.iscomplexobj(values) else values.real
-        for values in (one.measured, one.predicted, one.residuals)
+        for values in (channel.measured, channel.predicted, channel.residuals)
     )
     mean = measured.mean() if centred else 0.0
-    upper.plot(one.places, (measured - mean) / size, ".", ms=6 if one.labels else 3, color=MEASURED)
+    upper.plot(channel.places, (measured - mean) / size, ".", ms=6 if channel.labels else 3, color=MEASURED)
     upper.plot(
-        one.places[order],
+        channel.places[order],
         (computed - mean)[order] / size,
         lw=1,
         color=colour,
-        label=one.name,
-        marker="_" if one.labels else "",
+        label=channel.name,
+        marker="_" if channel.labels else "",
         ms=14,
     )
-    rest = 100 * rest / one.size if isinstance(one.size, np.ndarray) else rest / size
-    lower.plot(one.places[order], rest[order], lw=0.6, marker="." if one.labels else "", color=colour)
-    if one.labels and np.nanmin(computed) > 0.0 and np.nanmax(computed) > 10.0 * np.nanmin(computed):
+    residuals = 100 * residuals / channel.size if isinstance(channel.size, np.ndarray) else residuals / size
+    lower.plot(channel.places[order], residuals[order], lw=0.6, marker="." if channel.labels else "", color=colour)
+    if channel.labels and np.nanmin(computed) > 0.0 and np.nanmax(computed) > 10.0 * np.nanmin(computed):
         upper.set_yscale("log")
 
 
@@ -207,6 +211,6 @@ def _draw_pair(axes: Axes, x: Array, y: Array, shares: Sequence[float]) -> None:
         return
     kernel = scipy.stats.gaussian_kde(points)
     levels = np.quantile(kernel(points), [1 - share for share in shares])
-    grid = np.meshgrid(*(np.linspace(own.min(), own.max(), 50) for own in points))
-    density = kernel(np.array([own.ravel() for own in grid])).reshape(grid[0].shape)
+    grid = np.meshgrid(*(np.linspace(coordinates.min(), coordinates.max(), 50) for coordinates in points))
+    density = kernel(np.array([coordinates.ravel() for coordinates in grid])).reshape(grid[0].shape)
     axes.contour(*grid, density, levels=levels, colors=MEASURED, linewidths=0.8)

@@ -200,13 +200,13 @@ class Fit:
         It is 1 if the prior adds nothing, and 0 if the data add nothing; nan at a bound.
         """
         pairs = zip(self.unknowns, self.standard_errors.values(), strict=True)
-        return {one.name: one.data_share(error) for one, error in pairs if one.prior}
+        return {unknown.name: unknown.data_share(error) for unknown, error in pairs if unknown.prior}
 
     @property
     def reported_shares(self) -> dict[str, float]:
         """The shares of the data by the names in reports."""
         shares = self.data_shares
-        return {own.report[0]: shares[own.name] for own in self.unknowns if own.name in shares}
+        return {unknown.report[0]: shares[unknown.name] for unknown in self.unknowns if unknown.name in shares}
 
     @property
     def correlations(self) -> Array:
@@ -321,9 +321,9 @@ class Fit:
     def errors_of(self, jacobian: Array) -> Array:
         """Return the standard errors of quantities from their Jacobian (q, n); nan where no free unknown enters."""
         free = ~self.active_bounds
-        own = jacobian[:, free]
-        errors = np.sqrt(np.sum((own @ self.covariance[np.ix_(free, free)]) * own, axis=1))
-        return np.where(own.any(axis=1), errors, math.nan)
+        rows = jacobian[:, free]
+        errors = np.sqrt(np.sum((rows @ self.covariance[np.ix_(free, free)]) * rows, axis=1))
+        return np.where(rows.any(axis=1), errors, math.nan)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -382,9 +382,9 @@ class Fit:
             "standard_error": self.standard_errors.values(),
             "standard_error_white": self.white_errors.tolist(),
             "interval_95": self.intervals().tolist(),
-            "bounds": [(own.lower, own.upper) for own in self.unknowns],
+            "bounds": [(unknown.lower, unknown.upper) for unknown in self.unknowns],
             "at_bound": self.active_bounds.tolist(),
-            "prior": [(own.prior[0], own.prior_std) if own.prior else None for own in self.unknowns],
+            "prior": [(unknown.prior[0], unknown.prior_std) if unknown.prior else None for unknown in self.unknowns],
             "data_share": [self.data_shares.get(name) for name in self.names],
         }
         data = {

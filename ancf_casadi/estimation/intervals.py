@@ -72,8 +72,12 @@ def _dispersion(fit: Fit, gradient: Array, level: float) -> float:
     half = np.nan_to_num(fit.quantile(level) * fit.errors_of(gradient[None]))
     with np.errstate(invalid="ignore"):  # 0 times an infinite move
         reach = np.append(half, np.nan_to_num(gradient @ steps))
-    every = np.append(fit.dispersion(column), variances)
-    return float(np.average(every, weights=(reach / abs(reach).max()) ** 2)) if reach.any() else float(every.max())
+    dispersions = np.append(fit.dispersion(column), variances)
+    return (
+        float(np.average(dispersions, weights=(reach / abs(reach).max()) ** 2))
+        if reach.any()
+        else float(dispersions.max())
+    )
 
 
 def profile_interval(
@@ -97,7 +101,7 @@ def profile_interval(
     q = unknowns[fit.names.index(quantity)] if isinstance(quantity, str) else quantity(*unknowns)
     residuals = fit.model.call([y / cs.DM(fit.scale)], True, False)[0]
     at_estimate = cs.Function("at_estimate", [u], [loss(residuals, fit.huber), q, cs.densify(cs.gradient(q, u))])
-    least, estimate, gradient = (item.full().ravel() for item in at_estimate(0))
+    least_loss, estimate, gradient = (item.full().ravel() for item in at_estimate(0))
     towards = np.zeros(len(gradient))
     towards[free] = fit.correlations[np.ix_(free, free)] @ gradient[free]
     room = inflation * _dispersion(fit, gradient / step, level) * t**2
@@ -109,7 +113,11 @@ def profile_interval(
     ends = []
     for sign in (-1.0, 1.0):
         solution = solve_nlp(
-            {"x": u, "f": -sign * (q - estimate[0]) / width, "g": 2 * (loss(residuals, fit.huber) - least[0]) / room},
+            {
+                "x": u,
+                "f": -sign * (q - estimate[0]) / width,
+                "g": 2 * (loss(residuals, fit.huber) - least_loss[0]) / room,
+            },
             np.clip(sign * towards / width, lower, upper),
             lower=lower,
             upper=upper,
@@ -130,26 +138,26 @@ def profiles(
 
     The quantities are the unknowns if none are given.  Intervals that cannot be found are left out.
     """
-    found = {}
+    intervals = {}
     for k in np.flatnonzero(_bends(fit, quantities, level) > MOST_BEND).tolist():
         with contextlib.suppress(FitError):
             of = names[k] if quantities is None else lambda *x, k=k: quantities(*x)[k]
-            found[names[k]] = profile_interval(fit, of, level)
-    return found
+            intervals[names[k]] = profile_interval(fit, of, level)
+    return intervals
 
 
 def _bends(fit: Fit, quantities: Quantities | None, level: float) -> Array:
     """Return the differences (q,) of the ends of both intervals relative to half of them; 0 where none is expected."""
     n, free = len(fit.names), ~fit.active_bounds
     function = None if quantities is None else fit.linearisation(quantities)
-    values, rows = (fit.values, np.eye(n)) if function is None else (own.full() for own in function(fit.values))
-    found, halves = np.zeros(len(rows)), np.nan_to_num(fit.quantile(level) * fit.errors_of(rows))
+    values, rows = (fit.values, np.eye(n)) if function is None else (output.full() for output in function(fit.values))
+    bends, halves = np.zeros(len(rows)), np.nan_to_num(fit.quantile(level) * fit.errors_of(rows))
     if not free.any() or not fit.noise.variance > 0.0 or any(unknown.curved for unknown in fit.unknowns):
-        return found
+        return bends
     z = cs.MX.sym("z", n)
     alone = cs.Function("residuals_alone", [z], [fit.model.call([z], True, False)[0]])
     basis, triangle = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
-    least, w = loss_value(fit.residuals, fit.huber), influence(fit.residuals, fit.huber)[1]
+    least_loss, w = loss_value(fit.residuals, fit.huber), influence(fit.residuals, fit.huber)[1]
     for k in np.flatnonzero((np.abs(rows[:, free] * fit.errors[free]) > ROUNDING * fit.scale[free]).any(axis=1)):
         u: Array = np.linalg.solve(triangle.T, (rows[k] * fit.scale)[free])
         step, u = np.zeros(n), u / np.linalg.norm(u)
@@ -164,12 +172,12 @@ def _bends(fit: Fit, quantities: Quantities | None, level: float) -> Array:
             y = fit.values + side * way * step
             (r,) = evaluated(alone, y / fit.scale)
             scores = basis.T @ influence(r.ravel(), fit.huber)[0]
-            rise = 2 * (loss_value(r.ravel(), fit.huber) - least) - (scores @ scores - (u @ scores) ** 2) / w
+            rise = 2 * (loss_value(r.ravel(), fit.huber) - least_loss) - (scores @ scores - (u @ scores) ** 2) / w
             ends = y if function is None else function(y)[0].full().ravel()
             reach = abs(float(ends[k] - values.ravel()[k])) / (way * halves[k])
             bend = abs(reach * way * math.sqrt(room / rise) - 1) if rise > 0.0 else math.inf
-            found[k] = max(found[k], bend)
-    return found
+            bends[k] = max(bends[k], bend)
+    return bends
 
 
 def derived_intervals(fit: Fit, quantities: Quantities, level: float = CONFIDENCE_LEVEL) -> Array:
@@ -180,12 +188,12 @@ def derived_intervals(fit: Fit, quantities: Quantities, level: float = CONFIDENC
     curved = [k for k, unknown in enumerate(fit.unknowns) if unknown.curved]
     if not curved or not fit.noise.variance > 0.0:
         return ends
-    held = []
-    for values, rest, share in held_fits(fit, curved[0], level):
+    ends_by_value = []
+    for values, others, share in held_fits(fit, curved[0], level):
         middle, jacobian = (item.full() for item in linearisation(values))
-        own = rest.first_order_ends(middle.ravel(), np.delete(jacobian, curved[0], axis=1), level)
-        held.append(middle + share * np.nan_to_num(own - middle))
-    low, high = np.array(held).transpose(2, 0, 1)
+        first_order = others.first_order_ends(middle.ravel(), np.delete(jacobian, curved[0], axis=1), level)
+        ends_by_value.append(middle + share * np.nan_to_num(first_order - middle))
+    low, high = np.array(ends_by_value).transpose(2, 0, 1)
     return np.where(np.isnan(ends), ends, np.array([low.min(axis=0), high.max(axis=0)]).T)
 
 
@@ -195,38 +203,38 @@ def held_fits(fit: Fit, k: int, level: float) -> tuple[tuple[Array, Fit, float],
 
     It is held as far from its estimate as the confidence level allows.
     """
-    others = np.flatnonzero(~fit.active_bounds & (np.arange(len(fit.names)) != k))
-    scaled = fit.jacobian[:, others] * fit.scale[others]
+    free_others = np.flatnonzero(~fit.active_bounds & (np.arange(len(fit.names)) != k))
+    scaled = fit.jacobian[:, free_others] * fit.scale[free_others]
     alone = fit.jacobian[:, k] - scaled @ np.linalg.lstsq(scaled, fit.jacobian[:, k])[0]
-    room, least = fit.dispersion(alone) * fit.quantile(level) ** 2, loss_value(fit.residuals, fit.huber)
+    room, least_loss = fit.dispersion(alone) * fit.quantile(level) ** 2, loss_value(fit.residuals, fit.huber)
     step = float(np.ptp(fit.intervals(level)[k])) / HELD_STEPS
-    own = _rest(fit, k, fit.values, fit.residuals, fit.jacobian, fit.active_bounds)
-    found = [(fit.values, own, 1.0)]
+    of_others = _rest(fit, k, fit.values, fit.residuals, fit.jacobian, fit.active_bounds)
+    held = [(fit.values, of_others, 1.0)]
     for sign, bound in ((-1.0, fit.lower[k]), (1.0, fit.upper[k])):
         x, before = fit.values, 0.0
         while before < 1.0 and x[k] != bound:
             at = float(np.clip(x[k] + sign * step, fit.lower[k], fit.upper[k]))
-            new, rest = _fitted(fit, k, at, x)
-            lag = max(2 * (loss_value(rest.residuals, fit.huber) - least) / room, 0.0)
+            new, of_others = _fitted(fit, k, at, x)
+            lag = max(2 * (loss_value(of_others.residuals, fit.huber) - least_loss) / room, 0.0)
             if lag < 1.0:
-                found.append((new, rest, math.sqrt(1 - lag)))
+                held.append((new, of_others, math.sqrt(1 - lag)))
             else:
                 way = (1 - math.sqrt(before)) / (math.sqrt(lag) - math.sqrt(before))
-                found.append((x + way * (new - x), rest, 0.0))
+                held.append((x + way * (new - x), of_others, 0.0))
             x, before = new, lag
-    return tuple(found)
+    return tuple(held)
 
 
-def _fitted(fit: Fit, k: int, at: float, near: Array) -> tuple[Array, Fit]:
-    """Return all unknowns (n,), and the fit of the others with the unknown k held, from unknowns near by."""
-    start, lower, upper = near / fit.scale, fit.lower / fit.scale, fit.upper / fit.scale
+def _fitted(fit: Fit, k: int, at: float, start_values: Array) -> tuple[Array, Fit]:
+    """Return all unknowns (n,), and the fit of the others with the unknown k held, starting from given ones."""
+    start, lower, upper = start_values / fit.scale, fit.lower / fit.scale, fit.upper / fit.scale
     start[k] = at / fit.scale[k]
     lower[k], upper[k] = start[k] - HELD, start[k] + HELD
-    found = minimise(fit.model, start, lower, upper, huber=fit.huber, systematic=fit.systematic)
-    z, values = found.z, found.z * fit.scale
+    minimum = minimise(fit.model, start, lower, upper, huber=fit.huber, systematic=fit.systematic)
+    z, values = minimum.z, minimum.z * fit.scale
     values[k] = at
     active = (z - lower < HELD) | (upper - z < HELD)
-    return values, _rest(fit, k, values, found.residuals, found.jacobian / fit.scale, active)
+    return values, _rest(fit, k, values, minimum.residuals, minimum.jacobian / fit.scale, active)
 
 
 def _rest(fit: Fit, k: int, values: Array, residuals: Array, jacobian: Array, active: Mask) -> Fit:

@@ -73,13 +73,13 @@ class PredictedChannel:
 
     def lines(self) -> list[str]:
         """Return single values as text."""
-        found = []
+        lines = []
         columns = (self.measured, self.predicted, self.errors)
         for label, measured, value, error in zip(self.labels, *(column.tolist() for column in columns), strict=False):
-            seen = f"measured {measured:.6g}, " * math.isfinite(measured)
-            text = f"{self.name}, {label}: {seen}predicted {value:.6g} {self.unit}".rstrip()
-            found.append(f"{text}, standard error {error:.2g}" if math.isfinite(error) else text)
-        return found
+            measured_text = f"measured {measured:.6g}, " * math.isfinite(measured)
+            text = f"{self.name}, {label}: {measured_text}predicted {value:.6g} {self.unit}".rstrip()
+            lines.append(f"{text}, standard error {error:.2g}" if math.isfinite(error) else text)
+        return lines
 
     def to_dict(self) -> dict[str, Any]:
         """Return the errors, and the single values, for JSON."""
@@ -142,12 +142,12 @@ class RecordPrediction(Reported):
     @property
     def residuals(self) -> tuple[Array | ComplexArray, ...]:
         """Predicted less measured values of each channel."""
-        return tuple(one.residuals for one in self.channels)
+        return tuple(channel.residuals for channel in self.channels)
 
     @property
     def rms_errors(self) -> dict[str, float]:
         """Root mean square of the residuals of each channel."""
-        return {one.name: one.rms_error for one in self.channels}
+        return {channel.name: channel.rms_error for channel in self.channels}
 
     @property
     def relative_errors(self) -> dict[str, float]:
@@ -156,33 +156,35 @@ class RecordPrediction(Reported):
         The size is the travel of a motion, the root mean square about its mean; each value itself of amplitudes of a
         response, static tests and frequencies; 1 rad of phases; the root mean square of the values of any other record.
         """
-        return {one.name: one.relative_error for one in self.channels}
+        return {channel.name: channel.relative_error for channel in self.channels}
 
     @property
     def standard_errors(self) -> dict[str, float]:
         """Root mean square of the standard errors of the predicted values of each channel."""
-        return {one.name: one.standard_error for one in self.channels}
+        return {channel.name: channel.standard_error for channel in self.channels}
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the prediction, and channels whose error is beyond noise and uncertainty."""
-        return (*self.notes, *(one.warning for one in self.channels if one.warning))
+        return (*self.notes, *(channel.warning for channel in self.channels if channel.warning))
 
     def table(self) -> Table:
         """Return the errors of each channel; notes list single values."""
         columns = ("channel", "unit", "rms_error", "relative_error", "standard_error", "noise")
-        rows = [tuple(one.to_dict()[column] for column in columns) for one in self.channels]
-        lines = [line for one in self.channels for line in one.lines()]
+        rows = [tuple(channel.to_dict()[column] for column in columns) for channel in self.channels]
+        lines = [line for channel in self.channels for line in channel.lines()]
         return Table("prediction", f"Predicted less measured values, {self.kind}", columns, rows, lines)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the errors of each channel, and single values, for JSON."""
         return {
             "kind": f"prediction of {self.kind}",
-            "channels": [one.to_dict() for one in self.channels],
+            "channels": [channel.to_dict() for channel in self.channels],
             "warnings": list(self.warnings),
         }
 
     def _summary(self) -> str:
-        shown = [f"{one.name}, rms error {one.rms_error:.3g} {one.unit}".rstrip() for one in self.channels]
+        shown = [
+            f"{channel.name}, rms error {channel.rms_error:.3g} {channel.unit}".rstrip() for channel in self.channels
+        ]
         return f"{self.kind}: {'; '.join(shown)}"

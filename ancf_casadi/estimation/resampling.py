@@ -244,9 +244,9 @@ def monte_carlo(
             raise InputError(f"finds no residuals to draw from in this {type(fit).__name__}; use parametric", "method")
         block = block_length(fit.fit)
     tasks = [partial(_run, fit, child, method, block) for child in np.random.SeedSequence(seed).spawn(runs)]
-    found = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="fits")
-    samples = [result for result in found if not isinstance(result, str)]
-    failures = tuple(result for result in found if isinstance(result, str))
+    results = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="fits")
+    samples = [result for result in results if not isinstance(result, str)]
+    failures = tuple(result for result in results if isinstance(result, str))
     if len(samples) < MINIMUM_RUNS:
         raise FitError(f"{len(failures)} of {runs} runs failed, the first: {failures[0]}")
     names = tuple(fit.estimates)
@@ -295,12 +295,18 @@ def _noise(fit: FitResult, rng: np.random.Generator, method: Method, block: int)
     """Return noise of each residual (m,); residuals of a fit with known standard deviations are in units of these."""
     if not isinstance(fit, LeastSquaresResult):
         return rng.standard_normal(fit.residual_count)
-    one, m = fit.fit, fit.residual_count
+    least_squares_fit, m = fit.fit, fit.residual_count
     if method == "parametric":
-        variance = one.noise.variance
-        if math.isfinite(one.noise.freedom):
-            variance = max(variance, float(one.residuals @ one.residuals) / one.degrees_of_freedom)
+        variance = least_squares_fit.noise.variance
+        if math.isfinite(least_squares_fit.noise.freedom):
+            variance = max(
+                variance,
+                float(least_squares_fit.residuals @ least_squares_fit.residuals) / least_squares_fit.degrees_of_freedom,
+            )
         return math.sqrt(variance) * rng.standard_normal(m)
-    centred = [part - part.mean() for part in np.split(one.residuals, np.cumsum(one.series)[:-1])]
-    parts = [part[drawn(len(part), block, rng)] for part in centred]
-    return np.asarray(math.sqrt(m / one.degrees_of_freedom) * np.concatenate(parts))
+    centred = [
+        series - series.mean()
+        for series in np.split(least_squares_fit.residuals, np.cumsum(least_squares_fit.series)[:-1])
+    ]
+    resampled = [series[drawn(len(series), block, rng)] for series in centred]
+    return np.asarray(math.sqrt(m / least_squares_fit.degrees_of_freedom) * np.concatenate(resampled))

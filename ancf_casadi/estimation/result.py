@@ -138,7 +138,7 @@ class FitResult(Reported):
             "degrees_of_freedom": self.degrees_of_freedom,
             "report": self.report(),
             "at_bound": self.at_bound,
-            "agreements": [one.to_dict() for one in self.agreements],
+            "agreements": [agreement.to_dict() for agreement in self.agreements],
             "warnings": self.warnings,
         }
         return finite(data)
@@ -237,10 +237,10 @@ class LeastSquaresResult(FitResult):
     def covariance(self) -> Array:
         """Covariance (p, p) of the p estimates; nan where one is at a bound."""
         free = ~self.fit.active_bounds
-        own = self._linearised[1][self._estimated][:, free]
-        found = own @ self.fit.covariance[np.ix_(free, free)] @ own.T
-        found[~own.any(axis=1)] = found[:, ~own.any(axis=1)] = math.nan
-        return np.asarray(found)
+        jacobian = self._linearised[1][self._estimated][:, free]
+        covariance = jacobian @ self.fit.covariance[np.ix_(free, free)] @ jacobian.T
+        covariance[~jacobian.any(axis=1)] = covariance[:, ~jacobian.any(axis=1)] = math.nan
+        return np.asarray(covariance)
 
     @property
     def at_bound(self) -> tuple[str, ...]:
@@ -332,8 +332,8 @@ class LeastSquaresResult(FitResult):
         """
         from ancf_casadi.estimation.posterior.sampling import sampled  # only here
 
-        (names, units, of), own = self.quantities, self._estimated
-        named = [names[k] for k in own], [units[k] for k in own], lambda *x: of(*x)[own]
+        (names, units, of), estimated = self.quantities, self._estimated
+        named = [names[k] for k in estimated], [units[k] for k in estimated], lambda *x: of(*x)[estimated]
         runs: dict[str, Any] = {"executor": executor, "jobs": jobs, "progress": progress}
         return sampled(self.log_density(), named, draws=draws, chains=chains, seed=seed, **runs)
 
@@ -361,7 +361,10 @@ class BlocksResult(LeastSquaresResult):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without Functions; the solution has the fit, and derives them again."""
-        return _restored, (type(self), {own.name: getattr(self, own.name) for own in fields(self) if own.name != "fit"})
+        return _restored, (
+            type(self),
+            {field_.name: getattr(self, field_.name) for field_ in fields(self) if field_.name != "fit"},
+        )
 
     @cached_property
     def agreements(self) -> tuple[Agreement, ...]:
@@ -371,30 +374,34 @@ class BlocksResult(LeastSquaresResult):
     @cached_property
     def accounts(self) -> tuple[Account, ...]:
         """Lines, warnings and data of each block of measurements."""
-        return tuple(block.account(fitted) for block, fitted in self.solution.parts)
+        return tuple(block.account(fitted) for block, fitted in self.solution.fitted_blocks)
 
     @property
     def channels(self) -> tuple[PredictedChannel, ...]:
         """Measured and computed values of all records."""
-        return tuple(one for block, fitted in self.solution.parts for one in block.channels(fitted))
+        return tuple(channel for block, fitted in self.solution.fitted_blocks for channel in block.channels(fitted))
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the estimates, one sentence each."""
         # systematic errors of a record, up to which residuals may be those of the computation
         colour = colour_warning(self.fit, noise_free=3.0 * self.fit.systematic)
-        own = [colour, *(one.warning for one in self.agreements)]
-        return (*self.fit.warnings, *filter(None, own), *(text for one in self.accounts for text in one.warnings))
+        notes = [colour, *(agreement.warning for agreement in self.agreements)]
+        return (
+            *self.fit.warnings,
+            *filter(None, notes),
+            *(text for account in self.accounts for text in account.warnings),
+        )
 
     def table(self) -> Table:
         """Return the estimates with units, standard errors and 95 % intervals; notes say what each record shows."""
-        own, lines = super().table(), [line for account in self.accounts for line in account.lines]
-        return replace(own, notes=[*own.notes, *lines, *(one.text() for one in self.agreements)])
+        table, lines = super().table(), [line for account in self.accounts for line in account.lines]
+        return replace(table, notes=[*table.notes, *lines, *(agreement.text() for agreement in self.agreements)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON: SI units, None for unknown values."""
         return {**super().to_dict(), "records": [account.data for account in self.accounts]}
 
 
-def _restored(kind: type[BlocksResult], own: dict[str, Any]) -> BlocksResult:
-    return kind(own["solution"].fit, **own)
+def _restored(kind: type[BlocksResult], fields_by_name: dict[str, Any]) -> BlocksResult:
+    return kind(fields_by_name["solution"].fit, **fields_by_name)

@@ -40,7 +40,7 @@ class SavedNumbers(msgspec.Struct, frozen=True):
 
     def __post_init__(self) -> None:
         """Check that names and sizes belong together."""
-        size = len({one.name for one in self.estimates})
+        size = len({estimate.name for estimate in self.estimates})
         if size < len(self.estimates):
             raise ValueError("an estimate appears twice")
         if [len(row) for row in self.covariance] != [size] * size:
@@ -80,17 +80,17 @@ class SavedFit(Reported):
     @property
     def estimates(self) -> dict[str, float]:
         """Value of each estimated quantity by name."""
-        return {one.name: _number(one.value) for one in self.numbers.estimates}
+        return {estimate.name: _number(estimate.value) for estimate in self.numbers.estimates}
 
     @property
     def units(self) -> dict[str, str]:
         """Unit of each estimated quantity by name."""
-        return {one.name: one.unit for one in self.numbers.estimates}
+        return {estimate.name: estimate.unit for estimate in self.numbers.estimates}
 
     @property
     def standard_errors(self) -> dict[str, float]:
         """Standard error of each estimated quantity by name; nan at a bound."""
-        return {one.name: _number(one.standard_error) for one in self.numbers.estimates}
+        return {estimate.name: _number(estimate.standard_error) for estimate in self.numbers.estimates}
 
     def intervals(self, level: float = CONFIDENCE_LEVEL) -> dict[str, tuple[float, float]]:
         """Return the interval of each estimated quantity by name.
@@ -104,11 +104,11 @@ class SavedFit(Reported):
         """
         freedom = math.inf if self.numbers.degrees_of_freedom is None else self.numbers.degrees_of_freedom
         ratio = quantile(level, freedom) / quantile(CONFIDENCE_LEVEL, freedom)
-        found = {}
-        for one in self.numbers.estimates:
-            value, (low, high) = _number(one.value), map(_number, one.interval_95)
-            found[one.name] = (value + ratio * (low - value), value + ratio * (high - value))
-        return found
+        intervals = {}
+        for estimate in self.numbers.estimates:
+            value, (low, high) = _number(estimate.value), map(_number, estimate.interval_95)
+            intervals[estimate.name] = (value + ratio * (low - value), value + ratio * (high - value))
+        return intervals
 
     @property
     def covariance(self) -> Array:

@@ -101,10 +101,10 @@ class FitProblem:
 
     def residuals(self, *values: cs.MX) -> cs.MX:
         """Return all residuals for the unknowns, in their order."""
-        given = dict(zip((unknown.name for unknown in self.unknowns), values, strict=True))
-        parts = [block.residuals(given) for block in self.blocks]
-        parts += [unknown.prior_residual(given[unknown.name]) for unknown in self._priors]
-        return self.scale * cs.vertcat(*parts)
+        values_by_name = dict(zip((unknown.name for unknown in self.unknowns), values, strict=True))
+        blocks_and_priors = [block.residuals(values_by_name) for block in self.blocks]
+        blocks_and_priors += [unknown.prior_residual(values_by_name[unknown.name]) for unknown in self._priors]
+        return self.scale * cs.vertcat(*blocks_and_priors)
 
     @property
     def factors(self) -> Array:
@@ -173,13 +173,13 @@ class FitSolution:
     problem: FitProblem  # with the weights and the discretisation of the fit
     fit: Fit
     shifts: Array  # (b, n) of the estimates by the error of each block, in standard errors; nan if unknown
-    others: tuple[Fit, ...]  # other optima that fit as well within the 95 % level
+    other_optima: tuple[Fit, ...]  # other optima that fit as well within the 95 % level
 
     @property
-    def parts(self) -> list[tuple[Block, Fitted]]:
+    def fitted_blocks(self) -> list[tuple[Block, Fitted]]:
         """Each block, and what the fit says of it."""
-        own = zip(self.problem.blocks, self.problem.rows, self.shifts, strict=True)
-        return [(block, Fitted(self.fit, rows, self.problem.scale, shifts)) for block, rows, shifts in own]
+        blocks = zip(self.problem.blocks, self.problem.rows, self.shifts, strict=True)
+        return [(block, Fitted(self.fit, rows, self.problem.scale, shifts)) for block, rows, shifts in blocks]
 
     @cached_property
     def mesh_shifts(self) -> Array:
@@ -198,7 +198,7 @@ class FitSolution:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without the Functions, which the receiving process derives again."""
-        fits = [replace(one, model=cs.Function()) for one in (self.fit, *self.others)]
+        fits = [replace(fit, model=cs.Function()) for fit in (self.fit, *self.other_optima)]
         return _restored, (self.problem, self.shifts, fits, self.mesh_shifts)
 
 
@@ -229,8 +229,8 @@ def _mesh_shifts(problem: FitProblem, fit: Fit) -> Array:
 
 
 def _restored(problem: FitProblem, shifts: Array, fits: Sequence[Fit], mesh_shifts: Array) -> FitSolution:
-    fit, *others = (replace(one, model=residual_function(problem.residuals, one.coordinates)) for one in fits)
-    solution = FitSolution(problem, fit, shifts, tuple(others))
+    fit, *other_optima = (replace(fit, model=residual_function(problem.residuals, fit.coordinates)) for fit in fits)
+    solution = FitSolution(problem, fit, shifts, tuple(other_optima))
     solution.__dict__["mesh_shifts"] = mesh_shifts
     return solution
 
@@ -240,8 +240,8 @@ def solve(problem: FitProblem, starts: Sequence[Mapping[str, float]] = ({},)) ->
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a trial that cannot be computed shortens the step
         try:
-            problem, fit, others = _reweighted(problem, _optima(problem, starts))
-            return _checked(_refined(problem, fit, others))
+            problem, fit, other_optima = _reweighted(problem, _optima(problem, starts))
+            return _checked(_refined(problem, fit, other_optima))
         finally:
             problem.close()
 
@@ -260,8 +260,8 @@ def _optima(problem: FitProblem, starts: Sequence[Mapping[str, float]]) -> list[
     failures: list[FitError] = []
     for k, start in enumerate(starts):
         try:
-            one = replace(problem, unknowns=tuple(started(problem.unknowns, start)))
-            fits.append(one.fitted(first=k == 0))
+            problem_from_start = replace(problem, unknowns=tuple(started(problem.unknowns, start)))
+            fits.append(problem_from_start.fitted(first=k == 0))
         except FitError as error:
             failures.append(error)
             if k == 0 and not error.stats:
@@ -269,28 +269,31 @@ def _optima(problem: FitProblem, starts: Sequence[Mapping[str, float]]) -> list[
     if not fits:
         raise failures[0]
     fits.sort(key=lambda fit: fit.residual_rms)
-    found = [fits[0]]
-    most = np.sum(fits[0].residuals ** 2) + np.nan_to_num(
+    optima = [fits[0]]
+    highest_square = np.sum(fits[0].residuals ** 2) + np.nan_to_num(
         fits[0].quantile(CONFIDENCE_LEVEL) ** 2 * fits[0].noise.variance
     )
     for fit in fits[1:]:
-        if np.sum(fit.residuals**2) < most and all(_differ(fit, other) for other in found):
-            found.append(fit)
-    return found
+        if np.sum(fit.residuals**2) < highest_square and all(_differ(fit, optimum) for optimum in optima):
+            optima.append(fit)
+    return optima
 
 
-def _differ(fit: Fit, other: Fit) -> bool:
-    size = np.maximum(np.maximum(np.abs(fit.values), np.abs(other.values)), OPTIMA_APART * fit.scale)
-    return bool((np.abs(fit.values - other.values) > OPTIMA_APART * size).any())
+def _differ(fit: Fit, optimum: Fit) -> bool:
+    size = np.maximum(np.maximum(np.abs(fit.values), np.abs(optimum.values)), OPTIMA_APART * fit.scale)
+    return bool((np.abs(fit.values - optimum.values) > OPTIMA_APART * size).any())
 
 
 def _reweighted(problem: FitProblem, optima: Sequence[Fit]) -> tuple[FitProblem, Fit, Sequence[Fit]]:
     """Return the problem with the weights that residuals give, its estimates, and its other optima."""
-    fit, *others = optima
+    fit, *other_optima = optima
     residuals = standardised_residuals(fit) / problem.scale
-    parts = [residuals[rows] for rows in problem.rows]
-    better = [block.reweighted(part, robust=problem.robust) for block, part in zip(problem.blocks, parts, strict=True)]
-    return (*_fitted_again(problem, better, fit), ()) if any(better) else (problem, fit, others)
+    by_block = [residuals[rows] for rows in problem.rows]
+    better = [
+        block.reweighted(of_block, robust=problem.robust)
+        for block, of_block in zip(problem.blocks, by_block, strict=True)
+    ]
+    return (*_fitted_again(problem, better, fit), ()) if any(better) else (problem, fit, other_optima)
 
 
 def standardised_residuals(fit: Fit) -> Array:
@@ -324,24 +327,26 @@ def _turn(fit: Fit, before: Fit) -> Array:
     At the minimum J' r = 0.  A change of J by D shifts the estimates by (J' J)^-1 D' r, where r is mostly noise.
     """
     free = ~fit.active_bounds
-    own, change = (part[:, free] * fit.scale[free] for part in (fit.jacobian, fit.jacobian - before.jacobian))
-    inverse = np.linalg.inv(own.T @ own)
+    jacobian, change = (
+        columns[:, free] * fit.scale[free] for columns in (fit.jacobian, fit.jacobian - before.jacobian)
+    )
+    inverse = np.linalg.inv(jacobian.T @ jacobian)
     sizes = np.zeros(len(fit.names))
     sizes[free] = np.linalg.norm(change @ inverse, axis=0) / np.sqrt(np.diag(inverse))
     return sizes
 
 
-def _refined(problem: FitProblem, fit: Fit, others: Sequence[Fit]) -> FitSolution:
+def _refined(problem: FitProblem, fit: Fit, other_optima: Sequence[Fit]) -> FitSolution:
     """Return the solution with blocks so fine that their errors shift no estimate by much."""
     turn, compared = np.zeros(len(fit.names)), False
     for _ in range(MOST_REFINEMENTS + 1):
         shifts = np.zeros((len(problem.blocks), len(fit.names)))
         finer: list[Block | None] = []
-        for own, block, rows in zip(shifts, problem.blocks, problem.rows, strict=True):
+        for block_shifts, block, rows in zip(shifts, problem.blocks, problem.rows, strict=True):
             shift_by = partial(_shifts, problem, fit, block, rows)
             small = partial(_is_small, partial(shift_by, np.zeros(len(fit.names))))
             error = block.error(fit.estimates, fit.residuals[rows] / problem.scale, small)
-            own[:] = shift_by(turn, error, doubts=DOUBTS)
+            block_shifts[:] = shift_by(turn, error, doubts=DOUBTS)
             shift = np.max(meaningful(shift_by(turn, error), fit, block.meaningful))
             better = block.refined(float(shift), error)
             if better and math.isfinite(shift):
@@ -358,13 +363,13 @@ def _refined(problem: FitProblem, fit: Fit, others: Sequence[Fit]) -> FitSolutio
             turn, compared = _turn(fit, before), True
         for block in coarse:
             block.close()
-    return FitSolution(problem, fit, shifts, tuple(others))
+    return FitSolution(problem, fit, shifts, tuple(other_optima))
 
 
 def _checked(solution: FitSolution) -> FitSolution:
     """Return a solution; raise a FitError if it leaves most of a motion, or has most unknowns at bounds."""
-    left = [found for block, fitted in solution.parts for found in block.unexplained(fitted)]
-    unexplained = [f"{name} ({share:.0%})" for name, share in left if share**2 > MOST_UNEXPLAINED]
+    unexplained_shares = [share for block, fitted in solution.fitted_blocks for share in block.unexplained(fitted)]
+    unexplained = [f"{name} ({share:.0%})" for name, share in unexplained_shares if share**2 > MOST_UNEXPLAINED]
     at_bound = [unknown.report[0] for unknown in solution.fit.unknowns if unknown.name in solution.fit.at_bound]
     count = len(solution.fit.names)
     if unexplained:
@@ -380,10 +385,10 @@ def _checked(solution: FitSolution) -> FitSolution:
     return solution
 
 
-def meaningful(shifts: Array, fit: Fit, least: float) -> Array:
-    """Return the sizes (n,) of shifts, in standard errors; 0 where below a part ``least`` of the estimate."""
+def meaningful(shifts: Array, fit: Fit, least_relative: float) -> Array:
+    """Return the sizes (n,) of shifts, in standard errors; 0 where below a part ``least_relative`` of the estimate."""
     sizes = np.abs(shifts)
-    return np.where(sizes * fit.errors <= least * np.abs(fit.values), 0.0, sizes)
+    return np.where(sizes * fit.errors <= least_relative * np.abs(fit.values), 0.0, sizes)
 
 
 def _fitted_again(

@@ -153,13 +153,13 @@ class BeamFit(BlocksResult):
         if np.nanmax([*np.abs(shifts), 0.0]) > MOST_MESH_SHIFT:
             change = np.nan_to_num(shifts * fit.errors)
             moved = [replace(fit, values=np.clip(fit.values + change, fit.lower, fit.upper))]
-        ends = np.array([fit.intervals(level) for fit in (self.fit, *self.solution.others, *moved)])
+        ends = np.array([fit.intervals(level) for fit in (self.fit, *self.solution.other_optima, *moved)])
         return np.stack([np.fmin.reduce(ends[:, :, 0]), np.fmax.reduce(ends[:, :, 1])], axis=1)
 
     @property
     def residuals(self) -> list[Array]:
         """Computed less measured readings of each channel of the motions, in the unit of the sensor."""
-        parts = self.solution.parts
+        parts = self.solution.fitted_blocks
         motions = [(block, fitted) for block, fitted in parts if isinstance(block, MotionBlock)]
         return [rest for block, fitted in motions for rest in block.weights.split(fitted.residuals)]
 
@@ -212,7 +212,7 @@ class BeamFit(BlocksResult):
         notes += self._mesh_warnings
         blocks = [block for block in self.solution.problem.blocks if isinstance(block, MotionBlock | CurveBlock)]
         notes += dict.fromkeys(note for block in blocks for _, record in block.numbered for note in record.notes)
-        for other in self.solution.others:
+        for other in self.solution.other_optima:
             named = [
                 f"{name} {value:.4g} {unit}"
                 for (name, value), unit in zip(other.estimates.items(), own.units, strict=True)

@@ -269,7 +269,7 @@ def _span(curves: Sequence[ResponseRecord]) -> float:
 def _with_noise_of_decays(solution: FitSolution) -> FitSolution:
     """Return a solution whose noise is as in ``fit_decay``, with the scatter between late parts and the rest."""
     solution = replace(solution, fit=without_stated_smoothness(solution.fit))
-    for block, fitted in solution.parts:
+    for block, fitted in solution.fitted_blocks:
         if isinstance(block, DecayBlock):
             ends = fitted.rows.start + np.cumsum([0, *block.series])
             decays = [slice(*pair) for pair in pairwise(ends.tolist())]

@@ -160,10 +160,13 @@ def _local_means(relative: _RelativePower, samples: int, total: float, room: flo
         low, high = np.maximum(k - int(half), 0), np.minimum(k + int(half) + 1, len(k))
         bands.append((relative.power[high] - relative.power[low], relative.room[high] - relative.room[low]))
         half *= 2
-    ones = np.ones(len(k))
-    bands += [(relative.power[-1] * ones, relative.room[-1] * ones), (total * ones, room * ones)]
+    everywhere = np.ones(len(k))
+    bands += [
+        (relative.power[-1] * everywhere, relative.room[-1] * everywhere),
+        (total * everywhere, room * everywhere),
+    ]
     mean, freedom = bands[-1][0] / bands[-1][1], bands[-1][1]
-    lowest, highest, agrees = -np.inf * ones, np.inf * ones, np.ones(len(k), dtype=bool)
+    lowest, highest, agrees = -np.inf * everywhere, np.inf * everywhere, np.ones(len(k), dtype=bool)
     for power, freedom_of_band in bands:
         usable = freedom_of_band > 1.0
         logarithm = np.log(np.maximum(power, np.finfo(float).tiny) / np.maximum(freedom_of_band, 1.0))

@@ -52,19 +52,19 @@ def residual_noise(
     noise_of_stated = stated_noise(residuals[stated], basis[stated], deviation)
     if stated.all():
         return noise_of_stated
-    other, n = ~stated, basis.shape[1]
-    count, leverage = int(np.count_nonzero(other)), float(np.sum(basis[other] ** 2))
-    lengths = [int(np.count_nonzero(of_series)) for of_series in np.split(other, np.cumsum(series)[:-1])]
-    columns, sizes, _ = np.linalg.svd(basis[other], full_matrices=False)
+    others, n = ~stated, basis.shape[1]
+    count, leverage = int(np.count_nonzero(others)), float(np.sum(basis[others] ** 2))
+    lengths = [int(np.count_nonzero(of_series)) for of_series in np.split(others, np.cumsum(series)[:-1])]
+    columns, sizes, _ = np.linalg.svd(basis[others], full_matrices=False)
     rows = (columns * sizes)[:, sizes > UNSEEN]  # the same rows in coordinates of which none is zero
-    noise_of_others = estimated_noise(residuals[other], rows, lengths, None if times is None else times[other])
+    noise_of_others = estimated_noise(residuals[others], rows, lengths, None if times is None else times[others])
     if not noise_of_others.freedom:
         return noise_of_others
     variances = [noise_of_stated.variance, noise_of_others.variance]
     noise = Noise(
-        variance=float(np.average(variances, weights=[len(other) - count, count])),
+        variance=float(np.average(variances, weights=[len(others) - count, count])),
         freedom=n / ((n - leverage) / noise_of_stated.freedom + leverage / noise_of_others.freedom),
-        subsets=((stated, noise_of_stated), (other, noise_of_others)),
+        subsets=((stated, noise_of_stated), (others, noise_of_others)),
         p_value=noise_of_stated.p_value,
         stated_ratio=noise_of_stated.stated_ratio,
     )

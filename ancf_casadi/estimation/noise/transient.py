@@ -54,8 +54,8 @@ def transient_covariance(
         scores = transform(residuals[rows, None] * basis[rows], slots, length)
         products += (scores.conj().T @ (scores * window[:, None])).real / length
     products *= m / (m - np.sum(basis**2))
-    least = np.finfo(float).eps * (float(np.trace(stationary)) + float(residuals @ residuals) / m)
-    root = np.linalg.cholesky(stationary + least * np.eye(n))
+    ridge = np.finfo(float).eps * (float(np.trace(stationary)) + float(residuals @ residuals) / m)
+    root = np.linalg.cholesky(stationary + ridge * np.eye(n))
     inverse = np.linalg.inv(root)
     ratios, directions = np.linalg.eigh(inverse @ products @ inverse.T)
     columns = basis @ (inverse.T @ directions)

@@ -138,8 +138,8 @@ class LogDensity(Displayed):
     @cached_property
     def scale(self) -> Array:
         """Square root (n, n) of the covariance of the coordinates, a lower triangle; columns are changes of them."""
-        own = np.sqrt(np.diag(self.covariance))
-        root = np.linalg.cholesky(self.covariance / np.outer(own, own))
+        errors = np.sqrt(np.diag(self.covariance))
+        root = np.linalg.cholesky(self.covariance / np.outer(errors, errors))
         return np.asarray(root * (self._errors / self.slopes(self.start))[:, None])
 
     @property
@@ -164,12 +164,12 @@ class LogDensity(Displayed):
         InputError
             If the unknowns are not n numbers within their bounds.
         """
-        given = self._each(unknowns, "unknowns")
+        values = self._each(unknowns, "unknowns")
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-            found = self._free(self.fit.coordinates.at(given))
-        if not np.isfinite(found).all():
+            free_coordinates = self._free(self.fit.coordinates.at(values))
+        if not np.isfinite(free_coordinates).all():
             raise InputError("must be within their bounds", "unknowns")
-        return found
+        return free_coordinates
 
     def log_jacobian(self, x: Array) -> float:
         """Return the logarithm of the Jacobian determinant from the coordinates (n,) to the bounded unknowns."""
@@ -236,11 +236,11 @@ class LogDensity(Displayed):
         """Return the logarithm of the likelihood, and its derivatives (m,) by the residuals of measured values."""
         f, d = self.fit.noise.freedom, self.fit.huber
         n = len(self.names) - self._prior_count
-        v, w, basis, weights, least = self._quadratic
+        v, w, basis, weights, least_square = self._quadratic
         r = residuals.ravel()[: len(basis)]
         psi = influence(r, d)[0]
         u = basis.T @ psi / w
-        square = 2 * loss_value(r, d) / (v * w) + float(u @ weights @ u) - least
+        square = 2 * loss_value(r, d) / (v * w) + float(u @ weights @ u) - least_square
         by_residuals = 2 / w * (psi / v + row_weights(r, d) ** 2 * (basis @ (weights @ u)))
         if math.isinf(f):
             return -square / 2, -by_residuals / 2
@@ -280,14 +280,14 @@ class LogDensity(Displayed):
     @cached_property
     def _steps(self) -> Array:
         """Changes (n, b) of all unknowns when each of the b ones at a bound moves inwards by one standard error."""
-        fit, found = self.fit, self.fit.bound_moves(CONFIDENCE_LEVEL)[0] / self.fit.quantile(CONFIDENCE_LEVEL)
-        for step, k in zip(found.T, np.flatnonzero(fit.active_bounds).tolist(), strict=True):
+        fit, moves = self.fit, self.fit.bound_moves(CONFIDENCE_LEVEL)[0] / self.fit.quantile(CONFIDENCE_LEVEL)
+        for step, k in zip(moves.T, np.flatnonzero(fit.active_bounds).tolist(), strict=True):
             if not math.isfinite(step[k]):  # the data do not depend on it
                 step[k] = math.copysign(min(fit.scale[k], fit.upper[k] - fit.lower[k]), step[k])
             # other unknowns stay within their bounds, with a half of the room that they have
             room = np.where(step > 0.0, fit.upper - fit.values, fit.values - fit.lower) / 2
             step *= min(1.0, float(np.min(room[step != 0.0] / np.abs(step[step != 0.0]))))
-        return found
+        return moves
 
     @cached_property
     def _ends(self) -> tuple[Array, Array, Array, Array]:
@@ -318,10 +318,10 @@ class LogDensity(Displayed):
 
     def _each(self, values: Array, where: str) -> Array:
         """Return one number for each unknown (n,)."""
-        given = array(values, where, finite=where != "x")  # samplers may go very far
-        if given.shape != (len(self.names),):
+        numbers = array(values, where, finite=where != "x")  # samplers may go very far
+        if numbers.shape != (len(self.names),):
             raise InputError(f"must be {len(self.names)} numbers, for {', '.join(self.names)}", where)
-        return given
+        return numbers
 
     def _summary(self) -> str:
         return f"of {', '.join(self.names)}; {len(self.fit.residuals)} residuals"

@@ -82,13 +82,13 @@ def sampled(
     expansion = density if density.solution is None else expanded(density)
     seeds = np.random.SeedSequence(seed).spawn(chains)
     tasks = [partial(_chain, density, expansion, draws, child) for child in seeds]
-    found = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="chains")
-    drawn, lp, diverging = (np.array(part) for part in zip(*found, strict=True))
+    results = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="chains")
+    drawn, lp, diverging = (np.array(column) for column in zip(*results, strict=True))
     names, units, of = named
     x = [cs.MX.sym(name) for name in density.names]
-    every = cs.Function("quantities", [cs.vertcat(*x)], [cs.densify(of(*x))])
+    quantities_function = cs.Function("quantities", [cs.vertcat(*x)], [cs.densify(of(*x))])
     points = density.unknowns(np.concatenate(drawn))
-    values = every.map(len(points))(points.T).full().reshape(len(names), chains, draws)
+    values = quantities_function.map(len(points))(points.T).full().reshape(len(names), chains, draws)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of coming changes
         arviz = importlib.import_module("arviz")
@@ -114,21 +114,21 @@ def sampled(
 def largest_r_hat(draws: int, chains: int, count: int) -> float:
     """Return the R-hat beyond which chains have not converged, of the largest of several estimates."""
     freedom = 2 * chains - 1
-    chance = float(scipy.special.chdtri(freedom, UNLUCKY / count)) / freedom
-    return max(LARGEST_R_HAT, math.sqrt(1 + (chance - 1) / (draws / 2)))
+    highest_ratio = float(scipy.special.chdtri(freedom, UNLUCKY / count)) / freedom
+    return max(LARGEST_R_HAT, math.sqrt(1 + (highest_ratio - 1) / (draws / 2)))
 
 
 def _chain(density: LogDensity, expansion: LogDensity, draws: int, seed: np.random.SeedSequence) -> Chain:
     """Return a chain of the exact density."""
     if expansion is density:
         return _nuts(density, draws, seed)
-    found, every = _nuts(expansion, THINNING * draws, seed), slice(THINNING - 1, None, THINNING)
-    own, expected, diverging = found[0][every], found[1][every], found[2][every]
-    exact = np.array([density.value(x) for x in own])
+    trace, thinned = _nuts(expansion, THINNING * draws, seed), slice(THINNING - 1, None, THINNING)
+    coordinates, expected, diverging = trace[0][thinned], trace[1][thinned], trace[2][thinned]
+    exact = np.array([density.value(x) for x in coordinates])
     places = resampled(exact - expected, np.random.default_rng(seed))
     if places is None:
         return _nuts(density, draws, seed)
-    return own[places], exact[places], diverging[places]
+    return coordinates[places], exact[places], diverging[places]
 
 
 def resampled(log_weights: Array, rng: np.random.Generator) -> Index | None:
@@ -164,7 +164,7 @@ def _nuts(density: LogDensity, draws: int, seed: np.random.SeedSequence) -> Chai
                 x = x + ties[:, k] * (density.bounded(x)[k] - y[k] - slopes[k] * (x[k] - start[k]))
         return x, bends
 
-    def density_of(c: Array) -> tuple[float, Array]:
+    def log_density(c: Array) -> tuple[float, Array]:
         x, bends = point(c)
         value, gradient = density.value_and_gradient(x)
         for k, bend in zip(bounded[::-1], bends[::-1], strict=True):
@@ -173,7 +173,7 @@ def _nuts(density: LogDensity, draws: int, seed: np.random.SeedSequence) -> Chai
 
     model = compiled_pyfunc.from_pyfunc(
         n,
-        lambda: density_of,
+        lambda: log_density,
         lambda *_: lambda c: {"c": np.array(c)},
         [np.dtype(float)],
         [(n,)],
@@ -182,13 +182,20 @@ def _nuts(density: LogDensity, draws: int, seed: np.random.SeedSequence) -> Chai
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of coming changes
-        own = int(seed.generate_state(1)[0])
+        sampler_seed = int(seed.generate_state(1)[0])
         trace = nutpie.sample(
-            model, draws=draws, tune=WARM_UP, chains=1, cores=1, seed=own, progress_bar=False, save_warmup=False
+            model,
+            draws=draws,
+            tune=WARM_UP,
+            chains=1,
+            cores=1,
+            seed=sampler_seed,
+            progress_bar=False,
+            save_warmup=False,
         )
-    found = np.array([point(c)[0] for c in trace.posterior["c"].values[0]])
+    coordinates = np.array([point(c)[0] for c in trace.posterior["c"].values[0]])
     stats = trace.sample_stats
-    return found, np.asarray(stats["logp"].values[0]), np.asarray(stats["diverging"].values[0], dtype=bool)
+    return coordinates, np.asarray(stats["logp"].values[0]), np.asarray(stats["diverging"].values[0], dtype=bool)
 
 
 def expanded(density: LogDensity) -> LogDensity:
@@ -249,7 +256,8 @@ def corner_figure(samples: Any) -> Figure:
     if not variables:
         raise InputError("must be the samples that fit.sample() returns", "samples")
     labels = [
-        f"{name}, {own.attrs['units']}" if own.attrs.get("units") else str(name) for name, own in variables.items()
+        f"{name}, {variable.attrs['units']}" if variable.attrs.get("units") else str(name)
+        for name, variable in variables.items()
     ]
-    columns: list[Array] = [np.asarray(own.values, dtype=float).ravel() for own in variables.values()]
+    columns: list[Array] = [np.asarray(variable.values, dtype=float).ravel() for variable in variables.values()]
     return drawn_corner([label.replace("_", " ") for label in labels], columns, SHARES)

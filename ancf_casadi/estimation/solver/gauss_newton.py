@@ -194,5 +194,5 @@ def _step(rows: Array, right: Array, low: Array, high: Array) -> Array:
     """Return the step d (n,) between bounds that minimises |rows d + right|^2."""
     length = np.linalg.norm(rows, axis=0)
     length = np.where(length > 0.0, length, 1.0)
-    found = scipy.optimize.lsq_linear(rows / length, -right, (length * low, length * high), method="bvls")
-    return np.asarray(found.x / length)
+    solution = scipy.optimize.lsq_linear(rows / length, -right, (length * low, length * high), method="bvls")
+    return np.asarray(solution.x / length)

@@ -74,28 +74,28 @@ def least_squares(
     bounds = {"lower": y.lower / y.scale, "upper": y.upper / y.scale}
     began = time.perf_counter()
     if gauss_newton:
-        given: dict[str, Any] = {"huber": huber, "systematic": systematic, "inaccuracy": inaccuracy}
-        given["jacobian"] = None if jacobian is None else jacobian * y.scale
-        minimum, status = _by_steps(evaluate, y.guess / y.scale, bounds, given, advice), "converged"
+        settings: dict[str, Any] = {"huber": huber, "systematic": systematic, "inaccuracy": inaccuracy}
+        settings["jacobian"] = None if jacobian is None else jacobian * y.scale
+        minimum, status = _by_steps(evaluate, y.guess / y.scale, bounds, settings, advice), "converged"
     else:
         minimum, status = _by_ipopt(residuals, evaluate, y, huber, bounds, options, advice)
     seconds = time.perf_counter() - began
-    found, r, jacobian = minimum.z, minimum.residuals, minimum.jacobian
-    near = np.maximum(AT_BOUND, _unseen(r, jacobian, systematic))
-    at_lower, at_upper = found - bounds["lower"] < near, bounds["upper"] - found < near
-    values, active = np.select([at_lower, at_upper], [y.lower, y.upper], found * y.scale), at_lower | at_upper
-    if (active & (values / y.scale != found)).any():
+    z, r, jacobian = minimum.z, minimum.residuals, minimum.jacobian
+    bound_distance = np.maximum(AT_BOUND, _unseen(r, jacobian, systematic))
+    at_lower, at_upper = z - bounds["lower"] < bound_distance, bounds["upper"] - z < bound_distance
+    values, active = np.select([at_lower, at_upper], [y.lower, y.upper], z * y.scale), at_lower | at_upper
+    if (active & (values / y.scale != z)).any():
         r, jacobian = residuals_and_jacobian(evaluate, values / y.scale)
     jacobian, free = jacobian / y.scale, ~active
     if not np.isfinite(jacobian).all():
         raise FitError(f"at the bounds that the estimates reach, the residuals are not finite; {advice or 'move them'}")
     root, condition, weak = _inverse_root(jacobian[:, free])
     if weak.any():
-        which = ", ".join(np.array(names)[free][weak])
-        raise FitError(f"the data do not determine {which}; {advice or 'fix one, or add data'}")
+        undetermined = ", ".join(np.array(names)[free][weak])
+        raise FitError(f"the data do not determine {undetermined}; {advice or 'fix one, or add data'}")
     basis, (psi, w) = jacobian[:, free] @ root, influence(r, huber)
-    known = stated if math.isinf(huber) else None
-    scatter = residual_noise(psi, basis, series, times, known, deviation)
+    stated_rows = stated if math.isinf(huber) else None
+    scatter = residual_noise(psi, basis, series, times, stated_rows, deviation)
     spread = scatter.form(basis) / w**2 + len(r) * systematic**2 * np.eye(len(root))
     covariance = np.full((len(names), len(names)), math.nan)
     covariance[np.ix_(free, free)] = root @ spread @ root.T
@@ -151,8 +151,8 @@ def _by_ipopt(
     z = cs.MX.sym("z", len(y.scale))
     objective = loss(residuals(*y.symbols(cs.vertsplit(cs.DM(y.scale) * z))), huber) / weight
     solution = solve_nlp({"x": z, "f": objective}, y.guess / y.scale, **bounds, options=settings, advice=advice)
-    found = residuals_and_jacobian(evaluate, solution.x)
-    return Minimum(solution.x, *found, solution.iterations, settled=True), solution.status
+    linearisation = residuals_and_jacobian(evaluate, solution.x)
+    return Minimum(solution.x, *linearisation, solution.iterations, settled=True), solution.status
 
 
 def residual_function(residuals: Callable[..., cs.MX], coordinates: Coordinates) -> cs.Function:
@@ -219,5 +219,5 @@ def refitted(fit: Fit, noise: Array) -> Array:
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # IPOPT steps back from a trial that cannot be computed
-        found = least_squares(residuals, started(fit.unknowns, fit.estimates), huber=fit.huber, **fit.settings)
-    return np.array(list(found.estimates.values()))
+        fit_to_noise = least_squares(residuals, started(fit.unknowns, fit.estimates), huber=fit.huber, **fit.settings)
+    return np.array(list(fit_to_noise.estimates.values()))

@@ -132,7 +132,7 @@ class Coordinates:
     def symbols(self, y: Sequence[cs.MX]) -> list[cs.MX]:
         """Return the unknowns as expressions of the coordinates."""
         kinds = zip(y, self.reciprocal.tolist(), self.offset.tolist(), strict=True)
-        return [1 / one - s if inverse else one for one, inverse, s in kinds]
+        return [1 / coordinate - s if inverse else coordinate for coordinate, inverse, s in kinds]
 
     def unknowns(self, y: Array) -> Array:
         """Return the unknowns (n,) at values of the coordinates (n,)."""
@@ -158,14 +158,14 @@ def started(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[Un
     return [replace(u, guess=min(max(values.get(u.name, u.guess), u.lower), u.upper)) for u in unknowns]
 
 
-def with_prior(unknown: Unknown, given: Any) -> Unknown:
+def with_prior(unknown: Unknown, prior: Any) -> Unknown:
     """Return an unknown with a prior: mean and standard deviation, or median, relative one and "log-normal"."""
     where, names = f"priors: {unknown.name}", "(mean, standard deviation)"
-    if not (is_sequence(given) and len(given) == 3):
-        mean, std = two_numbers(given, where, f'{names}, or (median, relative standard deviation, "{LOG_NORMAL}")')
+    if not (is_sequence(prior) and len(prior) == 3):
+        mean, std = two_numbers(prior, where, f'{names}, or (median, relative standard deviation, "{LOG_NORMAL}")')
         return replace(unknown, prior=(mean, positive(std, where)))
-    choice(given[2], [LOG_NORMAL], where)
-    mean, std = (positive(value, where) for value in given[:2])
+    choice(prior[2], [LOG_NORMAL], where)
+    mean, std = (positive(value, where) for value in prior[:2])
     if unknown.lower < 0.0:
         raise InputError(f"may be negative, and a {LOG_NORMAL} quantity may not; give it a lower bound of 0", where)
     return replace(unknown, prior=(mean, std), relative_prior=True)

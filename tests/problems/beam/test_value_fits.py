@@ -151,7 +151,7 @@ class TestDuality:
         models = [given(length, gravity=(0.0, 0.0), tip_mass=0.005) for length in (0.3, 0.4, 0.5)]
         records = [frequencies(m, noise=0.005, seed=k) for k, m in enumerate(models)]
         fit = fitted(records, ["elastic_modulus", "tip_mass", "clamp_stiffness"])
-        assert len(fit.solution.others) == 1
+        assert len(fit.solution.other_optima) == 1
         assert any("fits as well; the intervals cover both optima" in note for note in fit.warnings)
         intervals = fit.intervals()
         assert intervals["tip_mass"][0] == 0.0
@@ -165,7 +165,7 @@ class TestDuality:
         records = [frequencies(m, noise=0.005, seed=k) for k, m in enumerate(models)]
         records.append(static(models[-1], noise=0.005))
         fit = fitted(records, ["elastic_modulus", "tip_mass", "clamp_stiffness"])
-        assert fit.solution.others == ()
+        assert fit.solution.other_optima == ()
         low, high = fit.intervals()["tip_mass"]
         assert 0.0 < low < 0.005 < high
 

@@ -146,7 +146,7 @@ class _Oscillation(BaseMotion):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The amplitude, m."""
-        lower, upper = ((1.0 + part) * self.amplitude for part in (-AMPLITUDE_ACCURACY, AMPLITUDE_ACCURACY))
+        lower, upper = ((1.0 + deviation) * self.amplitude for deviation in (-AMPLITUDE_ACCURACY, AMPLITUDE_ACCURACY))
         return (Parameter("amplitude", self.amplitude, "m", "amplitude of the base motion", lower, upper),)
 
     @property
@@ -342,31 +342,31 @@ class SampledBase(BaseMotion):
         return _held((Piece(float(time[-1]), lambda t, parameters: curve(t)),))
 
 
-def checked_samples(least: int, time: ArrayLike, **samples: Any) -> dict[str, Array]:
-    """Return increasing instants (k,), ``least`` or more, and two checked samples, (k, 2) and (k,), 0 if not given."""
+def checked_samples(fewest: int, time: ArrayLike, **samples: Any) -> dict[str, Array]:
+    """Return increasing instants (k,), ``fewest`` or more, and two checked samples, (k, 2) and (k,), 0 if not given."""
     instants = array(time, "time")
-    if instants.ndim != 1 or instants.size < least:
-        raise InputError(f"needs at least {least} instants", "time")
+    if instants.ndim != 1 or instants.size < fewest:
+        raise InputError(f"needs at least {fewest} instants", "time")
     check_size(instants, "time")
     if (np.diff(instants) <= 0.0).any():
         raise InputError("must increase", "time")
     physical(float(np.ptp(instants)), "time")
-    found = {"time": instants}
+    checked = {"time": instants}
     for (name, values), shape in zip(samples.items(), ((instants.size, 2), instants.shape), strict=True):
-        found[name] = np.zeros(instants.size) if values is None else array(values, name)
-        if found[name].shape != shape:
-            raise InputError(f"must have the shape {shape}, got {found[name].shape}", name)
-    return found
+        checked[name] = np.zeros(instants.size) if values is None else array(values, name)
+        if checked[name].shape != shape:
+            raise InputError(f"must have the shape {shape}, got {checked[name].shape}", name)
+    return checked
 
 
 def pieces_between(pieces: Iterable[Piece], begin: float, end: float) -> list[tuple[Piece, float, float]]:
     """Return the pieces between two instants (s), at least one, each with its own first and last instant."""
-    found: list[tuple[Piece, float, float]] = []
+    between: list[tuple[Piece, float, float]] = []
     for piece in pieces:
-        if piece.end > begin and (begin < end or not found):
-            found.append((piece, begin, min(piece.end, end)))
+        if piece.end > begin and (begin < end or not between):
+            between.append((piece, begin, min(piece.end, end)))
             begin = piece.end
-    return found
+    return between
 
 
 def ramped(steady: Piece, phase: Callable[[cs.MX], cs.MX], ramp: float, end: float) -> tuple[Piece, ...]:

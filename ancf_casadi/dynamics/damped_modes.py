@@ -164,18 +164,18 @@ def damped_modes(
     check_instance(equilibrium, "equilibrium", Equilibrium, NoneType)
     count = whole(count, "count", 1, model.freedoms // 2)
     law = RayleighDamping() if damping is None else damping
-    rest = static_equilibrium(model, loads=law.loads(model.beam)) if equilibrium is None else equilibrium
-    if rest.model != model:
+    equilibrium_at_rest = static_equilibrium(model, loads=law.loads(model.beam)) if equilibrium is None else equilibrium
+    if equilibrium_at_rest.model != model:
         raise InputError("belongs to another model", "equilibrium")
-    inverse, sigma = _inverse(rest, law)
-    found, vectors = _largest(inverse, 2 * model.freedoms, 2 * count + 2)
-    s = sigma + 1 / found
+    inverse, sigma = _inverse(equilibrium_at_rest, law)
+    eigenvalues, vectors = _largest(inverse, 2 * model.freedoms, 2 * count + 2)
+    s = sigma + 1 / eigenvalues
     still = np.abs(s) ** 2 <= 10 * rounding_of(model)
     s = np.where(still, 0.0, np.where(np.abs(s.imag) <= 1e-9 * np.abs(s), s.real, s))
     upper = np.concatenate([np.flatnonzero(still)[::2], np.flatnonzero(~still & (s.imag >= 0.0))])
     order = upper[np.argsort(np.abs(s[upper]), kind="stable")][:count]
     shapes = vectors[: model.freedoms]
-    return DampedModes(rest, s[order], model.moved(shapes[:, order]))
+    return DampedModes(equilibrium_at_rest, s[order], model.moved(shapes[:, order]))
 
 
 @dataclass(frozen=True)
@@ -262,8 +262,8 @@ def critical_load(
     flow = () if damping is None else damping.loads(model.beam)
 
     def at(factor: float) -> DampedModes:
-        rest = primary_equilibrium(model, [*flow, *(load.scaled(factor) for load in acting)])
-        return damped_modes(model, damping, count=min(4, model.freedoms // 2), equilibrium=rest)
+        bent = primary_equilibrium(model, [*flow, *(load.scaled(factor) for load in acting)])
+        return damped_modes(model, damping, count=min(4, model.freedoms // 2), equilibrium=bent)
 
     stable = 0.0
     for unstable in np.linspace(0.0, largest, steps + 1).tolist():
@@ -275,11 +275,11 @@ def critical_load(
         return None
     while unstable - stable > 1e-9 * unstable:
         middle = (stable + unstable) / 2
-        own = at(middle)
-        if own.is_stable:
+        modes_between = at(middle)
+        if modes_between.is_stable:
             stable = middle
         else:
-            unstable, modes = middle, own
+            unstable, modes = middle, modes_between
     growing = modes.eigenvalues[modes.eigenvalues.real.argmax()]
     return CriticalLoad(unstable, "flutter" if growing.imag else "divergence", modes)
 
@@ -315,16 +315,16 @@ def damping_at_rest(model: Model, law: DampingLaw) -> cs.Function:
     return cs.Function("damping_at_rest", [e], [*matrices, cs.densify(terms.modal_coefficients)])
 
 
-def _inverse(rest: Equilibrium, law: DampingLaw) -> tuple[Callable[[Array], Array], float]:
+def _inverse(equilibrium: Equilibrium, law: DampingLaw) -> tuple[Callable[[Array], Array], float]:
     """Return the operator whose eigenvalues are 1/(s - sigma), of vectors or columns, and sigma, 1/s."""
-    model = rest.model
-    _, stiffness, mass = rest.structure.linearisation(rest.exact)
-    _, resistance, d = damping_at_rest(model, law)(rest.coordinates)
+    model = equilibrium.model
+    _, stiffness, mass = equilibrium.structure.linearisation(equilibrium.exact)
+    _, resistance, d = damping_at_rest(model, law)(equilibrium.coordinates)
     local, B = scipy.sparse.csc_array(resistance.sparse()), model.of_free(law.projection(model))
     coefficients = d.full().ravel()
     M, N, sigma = sparse(mass).tocsr(), model.freedoms, float(np.sqrt(shift_of(model, stiffness, mass)))
 
-    def damped(x: Array) -> Array:
+    def damping_force(x: Array) -> Array:
         return np.asarray(local @ x + (B * coefficients) @ (B.T @ x))
 
     storage = np.zeros((3 * BANDWIDTH + 1, N), order="F")
@@ -335,7 +335,7 @@ def _inverse(rest: Equilibrium, law: DampingLaw) -> tuple[Callable[[Array], Arra
 
     def solve(f: Array) -> Array:
         first, second = np.split(f, 2)
-        q = factors.solve(-(M @ second) - damped(first) - sigma * (M @ first))
+        q = factors.solve(-(M @ second) - damping_force(first) - sigma * (M @ first))
         return np.concatenate([q, first + sigma * q])
 
     return solve, sigma

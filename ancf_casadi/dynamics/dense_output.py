@@ -22,7 +22,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import casadi as cs
 import numpy as np
@@ -69,13 +69,13 @@ class Slopes:
     def of_nodes(self) -> scipy.sparse.csr_array:
         """The matrix (s, nodes) of the slopes from positions and slopes of the nodes."""
         model, lengths = self.model, self.model.beam.element_lengths
-        own: Any = lengths
-        values = np.array([np.broadcast_arrays(*hermite_slope(xi, own)) for xi in gauss(2)[0]])  # (2, 4, n)
+        shapes: Any = [hermite_slope(xi, cast(Any, lengths)) for xi in gauss(2)[0]]
+        values = np.array([np.broadcast_arrays(*of_point) for of_point in shapes])  # (2, 4, n)
         rows = np.arange(2 * lengths.size).reshape(-1, 2).T[:, None, :] + model.root
         columns = 2 * (np.arange(lengths.size) + model.root) + np.arange(4)[:, None]
-        entries = [part.ravel() for part in np.broadcast_arrays(values, rows, columns)]
+        entries = [entry.ravel() for entry in np.broadcast_arrays(values, rows, columns)]
         if model.root:
-            entries = [np.append(part, one) for part, one in zip(entries, (1.0, 0, 3), strict=True)]
+            entries = [np.append(entry, of_root) for entry, of_root in zip(entries, (1.0, 0, 3), strict=True)]
         data, *places = entries
         shape = 2 * lengths.size + model.root, model.size // 2
         return scipy.sparse.csr_array((data, np.array(places, dtype=np.int64)), shape=shape)
@@ -83,9 +83,9 @@ class Slopes:
     @cached_property
     def _factors(self) -> Any:
         """Factors of the matrix that takes the nodes to what is known of the base, and the slopes."""
-        known = scipy.sparse.eye_array(2 + self.model.root, self.model.size // 2)
+        base_rows = scipy.sparse.eye_array(2 + self.model.root, self.model.size // 2)
         return scipy.sparse.linalg.splu(
-            scipy.sparse.csc_array(scipy.sparse.vstack([known, self.of_nodes]), dtype=complex)
+            scipy.sparse.csc_array(scipy.sparse.vstack([base_rows, self.of_nodes]), dtype=complex)
         )
 
     def at(self, e: Array) -> Array:
@@ -93,11 +93,11 @@ class Slopes:
         pairs = np.ascontiguousarray(e).view(complex)
         return np.asarray((self.of_nodes @ pairs.reshape(-1, pairs.shape[-1]).T).T.reshape(*e.shape[:-1], -1))
 
-    def nodes(self, known: Array, slopes: Array) -> Array:
-        """Return the coordinates (k, size) from what is known of the base, (k, 2 or 3), and slopes (k, s)."""
-        found = np.ascontiguousarray(self._factors.solve(np.hstack([known, slopes]).T).T)
-        found[:, : known.shape[1]] = known  # without rounding
-        return found.view(float)
+    def nodes(self, base: Array, slopes: Array) -> Array:
+        """Return the coordinates (k, size) from those known of the base, (k, 2 or 3), and slopes (k, s)."""
+        nodes = np.ascontiguousarray(self._factors.solve(np.hstack([base, slopes]).T).T)
+        nodes[:, : base.shape[1]] = base  # without rounding
+        return nodes.view(float)
 
     def weights(self, row: Array) -> tuple[Array, Array]:
         """Return the weights of what is known of the base, and of the slopes, in row . nodes."""
@@ -125,8 +125,8 @@ class Steps:
         result = np.concatenate([coefficients.real, coefficients.imag], axis=2)
         if self.stages is not None and (count := len(self.stages)):
             lengths = np.log(np.abs(self.basis.at(self.stages)))
-            known = np.concatenate([log_z.real[-1 - count : -1, None], lengths], axis=1).swapaxes(0, 1)
-            result[-count:, :, : z.shape[1]] = _polynomials(STAGE_CUBIC, *known)
+            start_and_stages = np.concatenate([log_z.real[-1 - count : -1, None], lengths], axis=1).swapaxes(0, 1)
+            result[-count:, :, : z.shape[1]] = _polynomials(STAGE_CUBIC, *start_and_stages)
         return result
 
     @cached_property
@@ -138,8 +138,8 @@ class Steps:
     def _through_ends(self, values: Array, rates: Array, changes: Array) -> Array:
         """Return the coefficients (m, 6, s) through values and two time derivatives at the ends, (m + 1, s)."""
         h = np.diff(self.instants)[:, None]
-        scaled = [part[side] for side in (slice(-1), slice(1, None)) for part in (values, rates, changes)]
-        return _polynomials(QUINTIC, *(part * h ** (k % 3) for k, part in enumerate(scaled)))
+        scaled = [derivative[side] for side in (slice(-1), slice(1, None)) for derivative in (values, rates, changes)]
+        return _polynomials(QUINTIC, *(derivative * h ** (k % 3) for k, derivative in enumerate(scaled)))
 
     def slopes(self, owners: Index, x: Array, orders: int) -> tuple[Array, Array]:
         """Return the slopes and their time derivatives, (orders, k, s), and the same of the beam's own beginning."""
@@ -149,12 +149,12 @@ class Steps:
         log_length, angle = np.split((terms[0][:, None] @ logarithms)[:, 0], 2, axis=1)
         size = np.exp(log_length)
         z[0].real, z[0].imag = size * np.cos(angle), size * np.sin(angle)
-        rates = [_complex((own[:, None] @ logarithms)[:, 0]) for own in terms[1:]]
+        rates = [_complex((of_order[:, None] @ logarithms)[:, 0]) for of_order in terms[1:]]
         if orders > 1:
             z[1] = z[0] * rates[0]
         if orders > 2:
             z[2] = z[0] * (rates[1] + rates[0] ** 2)
-        return z, np.array([(own[:, None] @ self.beginning[owners])[:, 0] for own in terms])
+        return z, np.array([(of_order[:, None] @ self.beginning[owners])[:, 0] for of_order in terms])
 
     def energies_at(self, owners: Index, x: Array) -> Array:
         """Return the energies (k, 3) at places x in the steps ``owners``."""
@@ -172,9 +172,9 @@ class SegmentSolution:
     count: int  # of the steps of the integrator
 
 
-def _complex(parts: Array) -> Array:
-    """Return complex numbers (k, s) from real and imaginary parts side by side."""
-    real, imaginary = np.split(parts, 2, axis=1)
+def _complex(columns: Array) -> Array:
+    """Return complex numbers (k, s) from real and imaginary columns side by side."""
+    real, imaginary = np.split(columns, 2, axis=1)
     return np.asarray(real + 1j * imaginary)
 
 
@@ -265,7 +265,7 @@ class DenseMotion(MotionSource):
     @cached_property
     def instants(self) -> Array:
         """Beginning and ends of all steps, s."""
-        return np.concatenate([own.instants for own in self.steps]) if self.steps else np.zeros(0)
+        return np.concatenate([segment.instants for segment in self.steps]) if self.steps else np.zeros(0)
 
     def check(self, times: Array) -> None:
         """Refuse instants outside the steps."""
@@ -281,29 +281,29 @@ class DenseMotion(MotionSource):
     def nodes(self, times: Array, orders: int = 1) -> Array:
         """Return coordinates and so on at instants within the steps, see ``MotionSource``."""
         result = np.empty((orders, times.size, self.model.size))
-        for chosen, known, slopes in self._parts(times, orders):
+        for chosen, base, slopes in self._parts(times, orders):
             for order in range(orders):
-                result[order, chosen] = self._basis.nodes(known[order], slopes[order])
+                result[order, chosen] = self._basis.nodes(base[order], slopes[order])
         return result if self.model.held_at_base_alone else self._closed(result, times)
 
     def along(self, row: Array, times: Array, order: int = 0) -> Array:
         """Return weighted sums of the nodes, see ``MotionSource``, from the slopes at once."""
         if not self.model.held_at_base_alone:
             return super().along(row, times, order)
-        of_known, of_slopes = self._basis.weights(row)
+        of_base, of_slopes = self._basis.weights(row)
         result = np.empty(times.size, dtype=complex)
-        for chosen, known, slopes in self._parts(times, order + 1):
+        for chosen, base, slopes in self._parts(times, order + 1):
             # not by BLAS, whose threads change the last digits
-            result[chosen] = np.einsum("kb,b", known[order], of_known) + np.einsum("ks,s", slopes[order], of_slopes)
+            result[chosen] = np.einsum("kb,b", base[order], of_base) + np.einsum("ks,s", slopes[order], of_slopes)
         return result.view(float).reshape(-1, 2)
 
     def base_force(self, times: Array) -> Array:
         """Return the generalized force of the base on the clamped node, (k, 4)."""
         result = np.empty((times.size, NODE))
         for start in range(0, times.size, INSTANTS_TOGETHER):
-            some = times[start : start + INSTANTS_TOGETHER]
-            loads = self._excited(some, EXCITATION)[:, 3 * NODE :]
-            motion = [part.T for part in self.nodes(some, 3)]
+            together = times[start : start + INSTANTS_TOGETHER]
+            loads = self._excited(together, EXCITATION)[:, 3 * NODE :]
+            motion = [nodes.T for nodes in self.nodes(together, 3)]
             result[start : start + INSTANTS_TOGETHER] = self._base_force(*motion, loads.T).full().T
         return result
 
@@ -323,10 +323,10 @@ class DenseMotion(MotionSource):
         if not times.size:
             return
         slack = SAME_TIME * (self.instants[-1] - self.instants[0])
-        ends = [own.instants[-1] for own in self.steps]
-        parts = np.minimum(np.searchsorted(ends, times - slack), len(ends) - 1)
-        for k in np.unique(parts).tolist():
-            steps, inside = self.steps[k], np.flatnonzero(parts == k)
+        ends = [segment.instants[-1] for segment in self.steps]
+        segments = np.minimum(np.searchsorted(ends, times - slack), len(ends) - 1)
+        for k in np.unique(segments).tolist():
+            steps, inside = self.steps[k], np.flatnonzero(segments == k)
             for chosen in np.array_split(inside, inside.size // INSTANTS_TOGETHER + 1):
                 owners = np.searchsorted(steps.instants[1:-1], times[chosen])
                 x = (times[chosen] - steps.instants[owners]) / np.diff(steps.instants)[owners]
@@ -346,12 +346,12 @@ class DenseMotion(MotionSource):
     def _excited(self, times: Array, rows: int) -> Array:
         """Return the first ``rows`` of the excitation at instants, (k, rows)."""
         result = np.empty((times.size, rows))
-        for piece, chosen in self._pieces_of(times):
+        for piece, chosen in self._pieces_at(times):
             function = piece.node if rows == NODE else piece.function
             result[chosen] = function(times[None, chosen])[:rows, :].full().T
         return result
 
-    def _pieces_of(self, times: Array) -> Iterator[tuple[Excitation, Index]]:
+    def _pieces_at(self, times: Array) -> Iterator[tuple[Excitation, Index]]:
         """Yield the smooth pieces of the excitation, and the indices of the instants in each."""
         if not times.size:
             return
@@ -386,8 +386,8 @@ class DenseMotion(MotionSource):
         places = np.concatenate([np.zeros(model.root), model.beam.node_points])
         spread = np.array([np.interp(places, places[supported], unit) for unit in np.eye(supported.size)])
         for order in range(orders):
-            held = model.whole(model.of_free(motion[order].T), bases[order].T).T
-            gaps = (held - motion[order]).reshape(times.size, -1, NODE)[:, supported, :2]
+            supported_motion = model.whole(model.of_free(motion[order].T), bases[order].T).T
+            gaps = (supported_motion - motion[order]).reshape(times.size, -1, NODE)[:, supported, :2]
             if supported.size:
                 moved = np.einsum("ksd,sn->knd", gaps, spread[:, model.root :])
                 motion[order].reshape(times.size, -1, NODE)[:, model.root :, :2] += moved

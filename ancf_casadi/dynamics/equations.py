@@ -73,17 +73,17 @@ def element_function(name: str, element: Element, law: DampingLaw, make: Make) -
         inputs, outputs = [e, e_t, u, e_tt, p, c], [force]
     fixed = name == "resistance" or (name in ("tangents", "lost_power") and make is not as_they_are)
     options: Any = {"is_diff_in": [False] * len(inputs)} if fixed else {}
-    one = cs.Function(name, inputs, [cs.densify(output) for output in outputs], {"cse": True, **options})
-    return make([side_by_side(one, **options)])[0]
+    element_function = cs.Function(name, inputs, [cs.densify(output) for output in outputs], {"cse": True, **options})
+    return make([side_by_side(element_function, **options)])[0]
 
 
-def side_by_side(one: cs.Function, **options: Any) -> cs.Function:
+def side_by_side(function: cs.Function, **options: Any) -> cs.Function:
     """Return the Function of ``ELEMENTS_PER_CALL`` columns that evaluates a Function of one column for each."""
-    columns = [cs.MX.sym(f"x{k}", one.size1_in(k), ELEMENTS_PER_CALL) for k in range(one.n_in())]
-    return cs.Function(one.name(), columns, one.map(ELEMENTS_PER_CALL).call(columns), options)
+    columns = [cs.MX.sym(f"x{k}", function.size1_in(k), ELEMENTS_PER_CALL) for k in range(function.n_in())]
+    return cs.Function(function.name(), columns, function.map(ELEMENTS_PER_CALL).call(columns), options)
 
 
-def mapped(function: cs.Function, *columns: cs.MX) -> list[cs.MX]:
+def map_elements(function: cs.Function, *columns: cs.MX) -> list[cs.MX]:
     """Evaluate a Function from ``side_by_side`` for any number of columns."""
     count, together = columns[0].size2(), function.size2_in(0)
     padding = -count % together
@@ -122,9 +122,9 @@ class Equations:
     def element(self, name: str, group: int) -> cs.Function:
         """Return a Function of the elements of a group (``element_function``); that of a single one is not compiled."""
         if (name, group) not in self._element_functions:
-            own = self.model.groups[group]
-            make = self.make if own.count > 1 else as_they_are
-            self._element_functions[name, group] = element_function(name, own.element, self.law, make)
+            elements = self.model.groups[group]
+            make = self.make if elements.count > 1 else as_they_are
+            self._element_functions[name, group] = element_function(name, elements.element, self.law, make)
         return self._element_functions[name, group]
 
     @property
@@ -140,14 +140,14 @@ class Equations:
     @cached_property
     def _parts(self) -> dict[str, Array]:
         """All inputs of the forces besides the motion, by name."""
-        parts = {
+        values_by_name = {
             "gravity": self.model.beam.gravity,
             "properties": self.model.properties.T.ravel(),
             "law": [parameter.value for parameter in self.law.parameters],
             "projection": self.projection.T.ravel(),
             "lumped": [*self.model.lumped.values()],
         }
-        return {name: np.asarray(values, dtype=float) for name, values in parts.items()}
+        return {name: np.asarray(values, dtype=float) for name, values in values_by_name.items()}
 
     @cached_property
     def parameters(self) -> Array:
@@ -159,9 +159,11 @@ class Equations:
         """Layout of ``parameters``."""
         return Layout.of(**{name: values.size for name, values in self._parts.items()})
 
-    def given(self, **parts: cs.MX) -> cs.MX:
-        """Return ``parameters`` with some parts, by their names in ``layout``, in place of the values of the model."""
-        return cs.vertcat(*({name: cs.MX(cs.DM(values)) for name, values in self._parts.items()} | parts).values())
+    def parameters_with(self, **replacements: cs.MX) -> cs.MX:
+        """Return ``parameters`` with others in place of those of the model, by their names in ``layout``."""
+        return cs.vertcat(
+            *({name: cs.MX(cs.DM(values)) for name, values in self._parts.items()} | replacements).values()
+        )
 
     def balance_for(self, p: cs.MX) -> Balance:
         """Return the terms of the equation of motion for p: gravity, properties and parameters of the law."""
@@ -180,7 +182,7 @@ class Equations:
             lumped=dict(zip(model.lumped, cs.vertsplit(lumped), strict=True)),
         )
 
-    def mapped(
+    def map_elements(
         self, name: str, balance: Balance, *vectors: cs.MX, groups: Mapping[int, Group] | None = None
     ) -> list[list[cs.MX]]:
         """Evaluate an element Function for all elements, from coordinates and so on at all nodes, (4 n + 4, s) each.
@@ -193,7 +195,7 @@ class Equations:
         for k, group in (dict(enumerate(self.model.groups)) if groups is None else groups).items():
             count = states * group.count
             p = cs.repmat(group.properties(balance.properties, balance.lumped), 1, states)
-            results.append(mapped(self.element(name, k), *map(group.gather, vectors), p, cs.repmat(c, 1, count)))
+            results.append(map_elements(self.element(name, k), *map(group.gather, vectors), p, cs.repmat(c, 1, count)))
         return [list(outputs) for outputs in zip(*results, strict=True)]
 
     @cached_property
@@ -282,7 +284,7 @@ class Balance:
     def local(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> cs.MX:
         """Return all forces but the low-rank damping at all nodes, (4 n + 4, s), for loads (3 or 4, s)."""
         equations = self.equations
-        (forces,) = equations.mapped("balance", self, e, e_t, e_tt)
+        (forces,) = equations.map_elements("balance", self, e, e_t, e_tt)
         return equations.model.sum_at_nodes(forces) - load_force(equations.model, equations.place, e, load)
 
     def forces(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> cs.MX:
@@ -293,7 +295,7 @@ class Balance:
     def powers(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> cs.MX:
         """Return the powers lost to damping, supplied by the base and supplied by the load, (3, s), as ``local``."""
         equations = self.equations
-        (by_group,) = equations.mapped("lost_power", self, e, e_t)
+        (by_group,) = equations.map_elements("lost_power", self, e, e_t)
         lost = sum(cs.sum1(cs.reshape(by_element, -1, e.size2())) for by_element in by_group)
         if self.projection.numel():
             lost += self.modal_coefficients.T @ self.modal_velocities(e[2:NODE, :], e_t) ** 2
@@ -303,7 +305,7 @@ class Balance:
     def on_base(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> cs.MX:
         """Return the generalized force of the base on the beam, (4, s), from the same as ``local``."""
         equations, groups = self.equations, self.equations.model.groups_at_base
-        (by_element,) = equations.mapped("balance", self, e, e_t, e_tt, groups=groups)
+        (by_element,) = equations.map_elements("balance", self, e, e_t, e_tt, groups=groups)
         forces = equations.model.sum_at_nodes(by_element, groups.values())
         forces -= load_force(equations.model, equations.place, e, load)
         return equations.model.of_base(
@@ -315,7 +317,7 @@ class Balance:
 
         The entries are in the order of ``Model.entries`` and omit the low-rank part of the damping force.
         """
-        k, d, m = self.equations.mapped("tangents", self, e, e_t)
+        k, d, m = self.equations.map_elements("tangents", self, e, e_t)
         columns = [cs.vertcat(*(cs.reshape(block, -1, e.size2()) for block in blocks)) for blocks in (k, d, m)]
         if (place := self.equations.place) is not None:
             places, stiffness = load_stiffness(self.equations.model, place, e, load)

@@ -83,8 +83,8 @@ class Excitation:
         count = self.parameters.size
         if not (times.size and count):
             return np.zeros((times.size, EXCITATION, count))
-        found = self._derivatives[0](times[None, :], self.parameters).full()  # side by side
-        return np.asarray(found.reshape(EXCITATION, times.size, count).swapaxes(0, 1))
+        jacobians = self._derivatives[0](times[None, :], self.parameters).full()  # side by side
+        return np.asarray(jacobians.reshape(EXCITATION, times.size, count).swapaxes(0, 1))
 
     def derivatives(self, times: Array) -> Array:
         """Return the clamped node and the time derivative of its acceleration, (k, 16), at times (k,)."""
@@ -112,19 +112,21 @@ def excitation_pieces(
     model: Model, base: BaseMotion, load: TipLoad | None, begin: float, end: float, b: Array | None = None
 ) -> list[Excitation]:
     """Return the excitation between two instants (s), piece by piece; b are the parameters of the base, if changed."""
-    moving, loading = (pieces_between(one.pieces(), begin, end) for one in (base, load or NO_LOAD))
+    moving, loading = (pieces_between(motion.pieces(), begin, end) for motion in (base, load or NO_LOAD))
     instants = [begin]
     for instant in sorted(last for *_, last in (*moving, *loading)):
         # of the time considered; pieces of base and load that end so close together end together
         if instant - instants[-1] > 1e-9 * (end - begin):
             instants.append(instant)
     instants[-1] = end
-    values = np.array([own.value for own in base.parameters]) if b is None else b
-    found = []
+    values = np.array([parameter.value for parameter in base.parameters]) if b is None else b
+    pieces = []
     for first, last in itertools.pairwise(instants):
-        own = [next(piece for piece, _, end in pieces if (first + last) / 2 <= end) for pieces in (moving, loading)]
-        found.append(Excitation(model, own[0], own[1], first, last, values))
-    return found
+        overlapping = [
+            next(piece for piece, _, end in pieces if (first + last) / 2 <= end) for pieces in (moving, loading)
+        ]
+        pieces.append(Excitation(model, overlapping[0], overlapping[1], first, last, values))
+    return pieces
 
 
 def clamped_node(model: Model, displacement: cs.MX, t: cs.MX) -> cs.MX:

@@ -153,8 +153,8 @@ class SemiExplicit:
         """Divisors of the force balance, diag(M) S W^2."""
         model = self.equations.model
         diagonal = model.weights**2 * model.mass(model.properties).sparse().diagonal()
-        own = np.bincount(model.free_of[model.weights != 0.0], diagonal[model.weights != 0.0])
-        return cs.MX(cs.DM(own * model.free_scale * self.element_frequency**2))
+        free_mass = np.bincount(model.free_of[model.weights != 0.0], diagonal[model.weights != 0.0])
+        return cs.MX(cs.DM(free_mass * model.free_scale * self.element_frequency**2))
 
     @cached_property
     def _motion(self) -> tuple[cs.MX, cs.MX, cs.MX]:
@@ -168,7 +168,7 @@ class SemiExplicit:
             scale * W**2 * z[:free],
         )
         node = cs.vertsplit(excitation[: 3 * NODE], NODE)
-        e, e_t, e_tt = (model.whole(part, own) for own, part in zip(node, moved, strict=True))
+        e, e_t, e_tt = (model.whole(base, free) for free, base in zip(node, moved, strict=True))
         return e, e_t, e_tt
 
 
@@ -219,7 +219,7 @@ def integrate_by_idas(
         states = np.vstack([x0, result["xf"].full().T])
         unknowns = np.vstack([z0, result["zf"].full().T])
         motions = samples(states.T, unknowns.T, np.linspace(0.0, 1.0, segment.points + 1)[None, :], p)
-        ends = np.array([part.full().T for part in motions]).swapaxes(0, 1)
+        ends = np.array([columns.full().T for columns in motions]).swapaxes(0, 1)
         energies = work + np.vstack([np.zeros(ENERGY_STATES), result["qf"].full().T])
         coefficients = np.zeros((segment.points, 4, ENERGY_STATES))
         coefficients[:, 0], coefficients[:, 1] = energies[:-1], np.diff(energies, axis=0)
@@ -240,26 +240,26 @@ def _printed() -> Iterator[io.StringIO]:
 def _refusal(message: str) -> str:
     """Return one line that names the option refused by CasADi's IDAS interface."""
     reasons = r"Unknown option: .+|Illegal type for .+|Cannot load shared library \S+'|IDA\w+ returned .\w+."
-    said = re.search(reasons, message)
-    return f"CasADi's IDAS interface refuses them: {said[0] if said else message.strip().splitlines()[0]}"
+    reason = re.search(reasons, message)
+    return f"CasADi's IDAS interface refuses them: {reason[0] if reason else message.strip().splitlines()[0]}"
 
 
 def _failure(message: str, segment: Segment) -> SimulationError:
     """Return an error with a message of one line: how and when IDAS failed, a possible cause, and what to try."""
-    said = re.search(r"[Aa]t t = ([-+.\de]+)(?: and h = ([-+.\de]+))?", message)
-    time = segment.start + segment.length * (float(said[1]) if said else 0.0)
-    step = f" with a step of {segment.length * float(said[2]):.1e} s" if said and said[2] else ""
+    instant = re.search(r"[Aa]t t = ([-+.\de]+)(?: and h = ([-+.\de]+))?", message)
+    time = segment.start + segment.length * (float(instant[1]) if instant else 0.0)
+    step = f" with a step of {segment.length * float(instant[2]):.1e} s" if instant and instant[2] else ""
     if "TOO_MUCH_WORK" in message:
-        what = "took too many steps between two samples"
+        failure = "took too many steps between two samples"
         why = "modes of the mesh may vibrate undamped, perhaps after an impact on the clamp or a blow on the tip"
     elif "CONV_FAIL" in message:
-        what = "could not solve the equations of a step"
+        failure = "could not solve the equations of a step"
         why = "the beam may bend more sharply than its elements can follow, or the tolerance may be below rounding"
     else:
-        what = "could not meet the tolerance"
+        failure = "could not meet the tolerance"
         why = "the tolerance may be below rounding, or the clamp may have suffered an impact"
     return SimulationError(
-        f"IDAS {what} at {time:.6g} s{step}: {why}; try method='radau', another tolerance, a little damping "
+        f"IDAS {failure} at {time:.6g} s{step}: {why}; try method='radau', another tolerance, a little damping "
         "proportional to the strain rate, or more elements",
         time,
     )

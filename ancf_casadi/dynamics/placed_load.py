@@ -42,7 +42,7 @@ def load_on_element(model: Model, place: PointLoad, e: cs.MX, load: cs.MX) -> cs
     """Return Q of loads (3 or 4, s) on the element that they act on, (8, s), for its coordinates in s states."""
     index, _ = model.place_at(place.place(model.beam))
     coordinates = model.groups[0].coordinates[index].tolist()
-    shape, slope = (cs.sparsify(part[:, coordinates]) for part in _interpolations(model, place))
+    shape, slope = (cs.sparsify(interpolation[:, coordinates]) for interpolation in _interpolations(model, place))
     x, p = cs.SX.sym("e", len(coordinates), e.shape[1]), cs.SX.sym("load", *load.shape)
     F, h = point_force(slope @ x, p, follower=place.follower)
     force: cs.MX = cs.Function("load", [x, p], [cs.densify(shape.T @ F + slope.T @ h)])(e, load)
@@ -52,15 +52,15 @@ def load_on_element(model: Model, place: PointLoad, e: cs.MX, load: cs.MX) -> cs
 def load_stiffness(model: Model, place: PointLoad, e: cs.MX, load: cs.MX) -> tuple[list[int], cs.MX]:
     """Return the places in ``Model.entries`` of the entries of dQ/de that are not zero, and these entries, (k, s)."""
     index, _ = model.place_at(place.place(model.beam))
-    own, interpolations = model.groups[0].coordinates[index], _interpolations(model, place)
-    shape, slope = (part.full()[:, own] for part in interpolations)
+    coordinates, interpolations = model.groups[0].coordinates[index], _interpolations(model, place)
+    shape, slope = (interpolation.full()[:, coordinates] for interpolation in interpolations)
     weights = np.hstack([np.kron(slope.T, slope.T), np.kron(slope.T, shape.T)][: 1 + place.follower])
     used = np.flatnonzero(weights.any(axis=1))
-    places = own.size**2 * index + used  # ``entries`` start with those of one element of the beam after another
+    places = coordinates.size**2 * index + used  # ``entries`` start with those of one element of the beam after another
     tau, p = cs.SX.sym("tau", 2), cs.SX.sym("p", LOAD_SIZE)
     F, h = point_force(tau, p, follower=place.follower)
     # dh/dtau and, of a follower, dF/dtau, column by column, one below the other
-    by_slope = cs.vertcat(*(cs.vec(cs.jacobian(part, tau)) for part in [h, F][: 1 + place.follower]))
+    by_slope = cs.vertcat(*(cs.vec(cs.jacobian(load_part, tau)) for load_part in [h, F][: 1 + place.follower]))
     derivatives = cs.Function("of_slope", [tau, p], [cs.densify(by_slope)]).map(e.shape[1])
     W = cs.sparsify(cs.DM(weights[used]))
     return places.tolist(), W @ derivatives(interpolations[1] @ e, load[:LOAD_SIZE, :])
@@ -77,9 +77,12 @@ def _travelling_force(model: Model, load: cs.MX) -> cs.MX:
     beam, count = model.beam, model.beam.elements + 1
     lengths, way = beam.element_lengths, cs.repmat(load[LOAD_SIZE, :], count, 1) - cs.DM(beam.node_points)
     position, slope = cs.MX(-1.0), cs.MX(0.0)
-    for sign, own in ((1.0, np.append(lengths, 1.0)), (-1.0, np.append(1.0, lengths))):  # beyond a node, before it
-        of_position, of_slope, *_ = hermite(cs.fmin(cs.fmax(sign * way / cs.DM(own), 0.0), 1.0), 1.0)
-        position, slope = position + of_position, slope + sign * cs.DM(own) * of_slope
+    for sign, segment_lengths in (
+        (1.0, np.append(lengths, 1.0)),
+        (-1.0, np.append(1.0, lengths)),
+    ):  # beyond a node, before it
+        of_position, of_slope, *_ = hermite(cs.fmin(cs.fmax(sign * way / cs.DM(segment_lengths), 0.0), 1.0), 1.0)
+        position, slope = position + of_position, slope + sign * cs.DM(segment_lengths) * of_slope
     forces = [cs.repmat(load[c, :], count, 1) for c in (0, 1)]
     rows = [cs.vec(weights * force).T for weights in (position, slope) for force in forces]
     return cs.vertcat(cs.MX(NODE * model.root, load.shape[1]), cs.reshape(cs.vertcat(*rows), NODE * count, -1))
@@ -93,5 +96,5 @@ def equilibrium_under(
     place = PointLoad(point=travelled[0]) if place is None else place
     if place == TIP:
         return static_equilibrium(model, tip_force=(force_x, force_y), tip_moment=moment, loads=further)
-    own = PointLoad((force_x, force_y), moment, place.point, place.follower)
-    return static_equilibrium(model, loads=[own, *further])
+    load_at_point = PointLoad((force_x, force_y), moment, place.point, place.follower)
+    return static_equilibrium(model, loads=[load_at_point, *further])

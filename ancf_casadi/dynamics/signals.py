@@ -136,7 +136,7 @@ class MotionFunctions(Displayed):
         return len(self.states) // 2
 
     def _summary(self) -> str:
-        names = ", ".join(own.name for own in self.parameters)
+        names = ", ".join(parameter.name for parameter in self.parameters)
         return f"{counted(len(self.states) // 2, 'coordinate')}, parameters {names}"
 
 
@@ -166,9 +166,9 @@ def parameter_signals(equations: Equations) -> tuple[Signal, ...]:
             (f"{name}_{i}", BEAM_UNITS[name].replace("^", ""), f"{name.replace('_', ' ')} of element {i}")
             for name in PROPERTIES
         ]
-    described += [(own.name, own.unit, own.description) for own in equations.law.parameters]
-    given = equations.parameters[: equations.layout["projection"].start]
-    return tuple(Signal(*about, float(value)) for about, value in zip(described, given, strict=True))
+    described += [(parameter.name, parameter.unit, parameter.description) for parameter in equations.law.parameters]
+    parameter_values = equations.parameters[: equations.layout["projection"].start]
+    return tuple(Signal(*about, float(value)) for about, value in zip(described, parameter_values, strict=True))
 
 
 def state_signals(equilibrium: Equilibrium) -> tuple[Signal, ...]:
@@ -177,8 +177,8 @@ def state_signals(equilibrium: Equilibrium) -> tuple[Signal, ...]:
     at_rest = model.of_free(equilibrium.coordinates).tolist()
     for k, value in zip(model.first_moved.tolist(), at_rest, strict=True):
         node, component = divmod(k - NODE * model.root, NODE)
-        name, unit, what = COORDINATES[component] if model.weights[k] == 1.0 else SLIDING
-        coordinates.append(Signal(f"{name}_{node}", unit, f"{what}, of node {node}", value))
+        name, unit, description = COORDINATES[component] if model.weights[k] == 1.0 else SLIDING
+        coordinates.append(Signal(f"{name}_{node}", unit, f"{description}, of node {node}", value))
     return _with_velocities(coordinates)
 
 
@@ -198,7 +198,7 @@ def _with_velocities(coordinates: Sequence[Signal]) -> tuple[Signal, ...]:
 def base_signals() -> tuple[Signal, ...]:
     """Return the motion of the base: displacements and rotation, their velocities and accelerations."""
     return (
-        *(Signal(name, unit, what) for name, unit, what in BASE_SIGNALS),
+        *(Signal(name, unit, description) for name, unit, description in BASE_SIGNALS),
         *(Signal(f"{name}_velocity", f"{unit}/s", f"velocity of {name}") for name, unit, _ in BASE_SIGNALS),
         *(Signal(f"{name}_acceleration", f"{unit}/s2", f"acceleration of {name}") for name, unit, _ in BASE_SIGNALS),
     )

@@ -198,13 +198,13 @@ def _integrate(
             work = work + _impact_work(setup.equations.model, state, piece)
         rate = setup.sample_rate
         points = max(1, math.ceil((piece.end - piece.begin) * rate / SEGMENTS))
-        most = min(points, 250)  # samples per segment
-        segments = list(divide(piece.begin, piece.end, setup.pieces[0].begin, rate, most))
-        given = piece, state, work, segments, use.tolerance, min(largest_step, piece.largest_step)
+        samples = min(points, 250)  # samples per segment
+        segments = list(divide(piece.begin, piece.end, setup.pieces[0].begin, rate, samples))
+        settings = piece, state, work, segments, use.tolerance, min(largest_step, piece.largest_step)
         if use.method == "idas":
-            solutions = integrate_by_idas(setup.equations, *given, options)
+            solutions = integrate_by_idas(setup.equations, *settings, options)
         else:
-            solutions = integrate_by_radau(form, setup.equations.parameters, *given)
+            solutions = integrate_by_radau(form, setup.equations.parameters, *settings)
         for solution in solutions:
             state, work = solution.end, solution.energies
             yield solution
@@ -222,11 +222,12 @@ def _check_steps(done: Sequence[SegmentSolution], most_steps: int, used: str) ->
     """Raise a SimulationError if a run has taken too many steps."""
     steps, last = sum(solution.count for solution in done), done[-1].segment
     if steps > most_steps:
-        other = "method='radau', " if used == "idas" else ""
+        alternative = "method='radau', " if used == "idas" else ""
         raise SimulationError(
             f"the integrator took {steps} steps up to {last.end:g} s, more than {most_steps}, the last of "
             f"them {last.length / done[-1].count:.1e} s long: undamped vibrations of the mesh may keep them short; "
-            f"try {other}a little damping proportional to the strain rate, a larger tolerance, or more most_steps",
+            f"try {alternative}a little damping proportional to the strain rate, a larger tolerance, or more "
+            "most_steps",
             last.end,
         )
 
@@ -268,11 +269,11 @@ def _warn_of_short_elements(model: Model, coordinates: Array) -> None:
     sums = np.insert(np.cumsum(-np.diff(model.end_angles(coordinates))[..., 0], axis=1), 0, 0.0, axis=1)
     bent = float(np.ptp(sums, axis=1).max())
     shortest = float((model.beam.element_lengths / model.beam.thickness).min())
-    least = SHORTEST_PER_BEND * bent
-    if shortest >= least:
+    shortest_allowed = SHORTEST_PER_BEND * bent
+    if shortest >= shortest_allowed:
         return
     warnings.warn(
         f"the beam bends by {bent:.2g} rad, and its shortest element is {shortest:.2g} thicknesses long: below "
-        f"{least:.2g} the motion may be wrong; use fewer elements, or StrainMeasures(axial_points=3)",
+        f"{shortest_allowed:.2g} the motion may be wrong; use fewer elements, or StrainMeasures(axial_points=3)",
         stacklevel=3,
     )

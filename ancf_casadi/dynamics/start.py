@@ -89,7 +89,7 @@ def set_up(
     check_instance(load, "load", TipLoad, NoneType)
     check_instance(start, "start", str, Equilibrium, State)
     duration, sample_rate = physical(duration, "duration"), physical(sample_rate, "sample_rate")
-    base = _base_of(model, start) if base is None else base
+    base = _fixed_base(model, start) if base is None else base
     load = None if load is None else load.along(model.beam)
     law, place = RayleighDamping() if damping is None else damping, TIP if load is None else load.place
     equations = Equations(model, law, make, place)
@@ -125,7 +125,7 @@ def _sample_times(duration: float, sample_rate: float, origin: float) -> Array:
     return times
 
 
-def _base_of(model: Model, start: Start | Equilibrium | State) -> BaseMotion:
+def _fixed_base(model: Model, start: Start | Equilibrium | State) -> BaseMotion:
     """Return a clamp that is fixed at its place in a given state, or at the origin."""
     if not isinstance(start, State) or start.coordinates.shape != (model.size,):
         return FixedBase()
@@ -154,8 +154,8 @@ def initial_state(
                 stacklevel=5,
             )
     elif not is_one_of(start, get_args(Start)):
-        known = ", ".join(get_args(Start))
-        raise InputError(f"must be one of {known}, an Equilibrium or a State, got {shown(start)}", "start")
+        names = ", ".join(get_args(Start))
+        raise InputError(f"must be one of {names}, an Equilibrium or a State, got {shown(start)}", "start")
     node, velocity, _, load = np.split(excitation.at(0.0), [NODE, 2 * NODE, 3 * NODE])
     check_clamp(model, node)
     if isinstance(start, Equilibrium):
@@ -194,8 +194,8 @@ def rigid_motion(model: Model) -> cs.Function:
 
 def _check_state(model: Model, excitation: Array, state: State) -> None:
     """Refuse a state that does not fit the model, stretches the beam, or disagrees with the excitation (16,)."""
-    for name, given in (("coordinates", state.coordinates), ("velocities", state.velocities)):
-        if given.shape != (model.size,) or not np.isfinite(given).all():
+    for name, vector in (("coordinates", state.coordinates), ("velocities", state.velocities)):
+        if vector.shape != (model.size,) or not np.isfinite(vector).all():
             raise InputError(f"the {name} must be {model.size} finite numbers", "start")
     strain = np.abs(axial_strain(model.gauss_slopes(state.coordinates), "engineering")).max()
     if strain > 0.01:  # largest axial strain of a given state; an equilibrium needs no check
@@ -236,9 +236,9 @@ def _warn_of_uneven_stretch(model: Model, state: State) -> None:
     places = np.array([s for index in range(beam.elements) for s in model.gauss_points(index)])
     spans = np.searchsorted(np.sort([support.point for support in beam.supports]), places)
     means = np.array([np.average(strain[spans == span], weights=lengths[spans == span]) for span in np.unique(spans)])
-    held = beam.mass * (math.hypot(*beam.gravity) + np.abs(state.velocities).max() ** 2 / beam.length)
+    held_force = beam.mass * (math.hypot(*beam.gravity) + np.abs(state.velocities).max() ** 2 / beam.length)
     deviation = np.abs(strain - means[np.unique(spans, return_inverse=True)[1]])
-    uneven = np.maximum(deviation - held / stiffness - ROUNDED_STRAIN, 0.0)
+    uneven = np.maximum(deviation - held_force / stiffness - ROUNDED_STRAIN, 0.0)
     strain_energy = float(model.strain_energy(state.coordinates, model.properties))
     bending_energy = strain_energy - float(stiffness * lengths @ strain**2) / 2
     if float(stiffness * lengths @ uneven**2) / 2 > abs(bending_energy):

@@ -81,14 +81,14 @@ class TipLoad(Displayed, ABC):
     @final
     def values(self, times: Array) -> Array:
         """Return the load (k, 3) at instants (k,), s: before a jump there, but after a jump at the first of them."""
-        found = np.zeros((times.size, LOAD_SIZE))
+        loads = np.zeros((times.size, LOAD_SIZE))
         if times.size:
             pieces, t = pieces_between(self.pieces(), times.min(), times.max()), cs.MX.sym("t")
             owners = np.minimum(np.searchsorted([last for *_, last in pieces], times), len(pieces) - 1)
             for k in np.unique(owners).tolist():
                 load = cs.Function("load", [t], [cs.densify(pieces[k][0].at(t, cs.MX(0, 1)))[:LOAD_SIZE]])
-                found[owners == k] = load(times[None, owners == k]).full().T
-        return found
+                loads[owners == k] = load(times[None, owners == k]).full().T
+        return loads
 
 
 @final
@@ -228,12 +228,12 @@ class SampledLoad(TipLoad):
         if not values.any():
             return (_nothing(math.inf),)
         curve, rates = _monotone(time, values), _rates(time, values)
-        marks, found = _marks(time, rates), [_nothing(self.begin)]
+        marks, pieces = _marks(time, rates), [_nothing(self.begin)]
         for begin, end in itertools.pairwise(marks):
             inside = slice(np.searchsorted(time, begin, "right") - 1, np.searchsorted(time, end))
             fastest = float(rates[inside].max())
-            found.append(Piece(end, lambda t, parameters: curve(t), 1 / fastest if fastest else math.inf))
-        return (*found, _nothing(math.inf))
+            pieces.append(Piece(end, lambda t, parameters: curve(t), 1 / fastest if fastest else math.inf))
+        return (*pieces, _nothing(math.inf))
 
 
 @final
@@ -323,10 +323,10 @@ def _monotone(time: Array, values: Array) -> cs.Function:
 
 def _rates(time: Array, values: Array) -> Array:
     """Return the rates of change between samples, (k - 1,), 1/s, relative to the largest force and moment."""
-    parts = [values[:, :2], values[:, 2:]]
-    changes = [np.linalg.norm(np.diff(part, axis=0), axis=1) for part in parts]
-    largest = [np.linalg.norm(part, axis=1).max() for part in parts]
-    relative = [change / most for change, most in zip(changes, largest, strict=True) if most]
+    components = [values[:, :2], values[:, 2:]]
+    changes = [np.linalg.norm(np.diff(component, axis=0), axis=1) for component in components]
+    largest = [np.linalg.norm(component, axis=1).max() for component in components]
+    relative = [change / greatest for change, greatest in zip(changes, largest, strict=True) if greatest]
     return np.asarray(np.max(relative, axis=0) / np.diff(time))
 
 

@@ -66,8 +66,8 @@ def expected_travel(
     position, slope, velocity = excitations[:, :2], excitations[:, 2:NODE], excitations[0, NODE : 2 * NODE]
     travel = np.linalg.norm(position - position[0], axis=1).max()
     turn = np.abs(np.unwrap(np.arctan2(slope[:, 1], slope[:, 0])) - math.atan2(slope[0, 1], slope[0, 0])).max()
-    rest, nodes = _rest(model, excitations[0], place, further), start.coordinates.reshape(-1, NODE)[:, :2]
-    distance = np.linalg.norm(nodes - rest, axis=1).max()
+    rest_positions, nodes = _rest(model, excitations[0], place, further), start.coordinates.reshape(-1, NODE)[:, :2]
+    distance = np.linalg.norm(nodes - rest_positions, axis=1).max()
     arms = nodes - position[0]
     spin = slope[0, 0] * velocity[3] - slope[0, 1] * velocity[2]
     rigid = velocity[:2] + spin * np.column_stack([-arms[:, 1], arms[:, 0]])
@@ -92,7 +92,7 @@ def _rest(model: Model, excitation: Array, place: PointLoad | None, further: Seq
 def checked_excitation(model: Model, pieces: Sequence[Excitation]) -> tuple[Array, Array]:
     """Return instants throughout a motion, (k,), s, and the excitation there, (k, 16), after a check of its size."""
     instants = [np.linspace(piece.begin, piece.end, 1001) for piece in pieces]
-    values = [piece.function(own[None, :]).full().T for piece, own in zip(pieces, instants, strict=True)]
+    values = [piece.function(times[None, :]).full().T for piece, times in zip(pieces, instants, strict=True)]
     times, excitations = np.concatenate(instants), np.vstack(values)
     length, clamp = model.beam.length, excitations[:, : 3 * NODE]
     finite = np.isfinite(clamp).all(axis=1)

@@ -344,7 +344,10 @@ class Trajectory(Motion):
         """Return the axial force at a point, (k,), N, tension positive; see ``position``."""
         (width, thickness, _, modulus), prestress = self.model.properties, np.array(self.model.beam.prestress or [0.0])
         readings = (axial_strains_near(self.model, point, at) for at in (self._interpolated, self._manufactured))
-        strains = [(weight, k, strain - own) for (weight, k, strain), (*_, own) in zip(*readings, strict=True)]
+        strains = [
+            (weight, k, strain - natural_strain)
+            for (weight, k, strain), (*_, natural_strain) in zip(*readings, strict=True)
+        ]
         stresses = ((weight, k, modulus[k] * strain + prestress[k % prestress.size]) for weight, k, strain in strains)
         return np.asarray(sum(weight * (width * thickness)[k] * stress for weight, k, stress in stresses))
 
@@ -366,8 +369,8 @@ class Trajectory(Motion):
         e = cs.MX.sym("e", self.model.size)
         energy = cs.Function("U", [e], [self.model.strain_energy(e, self.model.properties)])
         # samples whose energy is computed together, to limit memory
-        parts = np.array_split(self.coordinates, len(self.time) // 1000 + 1)
-        return np.concatenate([np.empty(0), *(energy(part.T).full().ravel() for part in parts if len(part))])
+        chunks = np.array_split(self.coordinates, len(self.time) // 1000 + 1)
+        return np.concatenate([np.empty(0), *(energy(chunk.T).full().ravel() for chunk in chunks if len(chunk))])
 
     @cached_property
     def potential_energy(self) -> Array:

@@ -51,7 +51,7 @@ def readings(model):
     motion = Runs(problem).function()
     symbols = [cs.MX.sym(name, *motion.size_in(k)) for k, name in enumerate("abcdef")]
     parts = cs.vertsplit(motion(*symbols), model.size)
-    parameters = equations.given(properties=cs.vec(symbols[2]), law=symbols[0], lumped=symbols[3])
+    parameters = equations.parameters_with(properties=cs.vec(symbols[2]), law=symbols[0], lumped=symbols[3])
     sampled = SampledMotion.of(equations, *parts, cs.MX.zeros(3, TIMES.size), parameters)
     outputs = cs.vertcat(*(sampled.read(sensor) for sensor in SENSORS))
     values = [np.array([own.value for own in law.parameters]), np.array([0.02]), model.properties]

@@ -148,22 +148,22 @@ class Runs:
         # relative difference that a solver may cause by rounding; such values are the same
         if self._last is None or not np.allclose(self._last[0], values, rtol=1e-14, atol=0.0):
             self._last = values, self._solve(values)
-        found = self._last[1]
-        if isinstance(found, AncfError):
-            raise found
-        return found
+        run = self._last[1]
+        if isinstance(run, AncfError):
+            raise run
+        return run
 
     @property
     def failure(self) -> AncfError | None:
         """Error of the last run, if it failed."""
-        found = self._last[1] if self._last else None
-        return found if isinstance(found, AncfError) else None
+        run = self._last[1] if self._last else None
+        return run if isinstance(run, AncfError) else None
 
     @property
     def last(self) -> MotionRun | None:
         """The last run; None if it failed, or there is none."""
-        found = self._last[1] if self._last else None
-        return None if isinstance(found, AncfError) else found
+        run = self._last[1] if self._last else None
+        return None if isinstance(run, AncfError) else run
 
     def forward(self, run: MotionRun, directions: Array) -> Array:
         """Return the derivatives along some directions; if these equal the last ones, the derivatives that are kept."""

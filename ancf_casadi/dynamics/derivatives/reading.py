@@ -38,7 +38,7 @@ from ancf_casadi.records.sensor import AT_CLAMP, Sensor
 from ancf_casadi.support.arrays import Array
 
 
-def orders_of(sensor: Sensor) -> int:
+def derivative_orders(sensor: Sensor) -> int:
     """Return the number of time derivatives that a sensor needs: 1 for the coordinates alone."""
     return 3 if sensor.quantity in AT_CLAMP else 1 + sensor.derivatives
 
@@ -104,16 +104,16 @@ class SampledMotion:
         """The moment of the base on the beam about the clamp, (1, s)."""
         x, y, slope_x, slope_y = (self.e[k::NODE, :] for k in range(NODE))
         fx, fy, hx, hy = (self._forces[k::NODE, :] for k in range(NODE))
-        x, y = (part - cs.repmat(part[0, :], part.size1(), 1) for part in (x, y))
-        own = slope_x * hy - slope_y * hx
+        x, y = (positions - cs.repmat(positions[0, :], positions.size1(), 1) for positions in (x, y))
+        nodal_moments = slope_x * hy - slope_y * hx
         base, (_, _, hx, hy) = self.e[2:NODE, :], cs.vertsplit(self._on_base)
-        return self._of_clamp(cs.sum1(x * fy - y * fx + own), base[0, :] * hy - base[1, :] * hx)
+        return self._of_clamp(cs.sum1(x * fy - y * fx + nodal_moments), base[0, :] * hy - base[1, :] * hx)
 
-    def _of_clamp(self, whole: cs.MX, node: cs.MX) -> cs.MX:
+    def _of_clamp(self, of_beam: cs.MX, of_node: cs.MX) -> cs.MX:
         """Return the balance of the whole beam or, at rest, where a load may hold the beam, of the clamped node."""
         still: cs.MX = cs.sum1(self.e_t**2) + cs.sum1(self.e_tt**2) == 0.0
-        found: cs.MX = cs.if_else(still, node, whole)
-        return found
+        balance: cs.MX = cs.if_else(still, of_node, of_beam)
+        return balance
 
     def _strain(self, s: float, distance: float | None) -> cs.MX:
         """Return the strain on the surface, (1, s)."""

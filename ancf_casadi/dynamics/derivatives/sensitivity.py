@@ -46,11 +46,11 @@ from ancf_casadi.dynamics.derivatives.tangent import (
     Tangent,
     forward,
     reverse,
+    sample_motion,
     sample_weights,
-    sampled,
-    samples_of,
+    samples_by_step,
+    shared_tangent,
     stop_if_interrupted,
-    tangent_of,
 )
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, excitation_pieces
@@ -118,8 +118,8 @@ class SensitivityProblem:
         """Compute the motion for the values of theta, b, P, m, s and d, or raise an AncfError if there is none."""
         theta, b, properties, lumped, start_load, shifts = self.layout.split(values)
         model, parameters = self._model(properties, lumped), self.equations.parameters.copy()
-        for name, part in self._parts(values).items():
-            parameters[self.equations.layout[name]] = part
+        for name, values_of_name in self._parts(values).items():
+            parameters[self.equations.layout[name]] = values_of_name
         first, last = self.span or (float(self.times[0]), float(self.times[-1]))
         times = self.times + shifts[self.clocks] if shifts.size else self.times
         if times.max() > last + SAME_TIME * (last - first):
@@ -127,23 +127,23 @@ class SensitivityProblem:
         pieces = excitation_pieces(self.equations.model, self.base, self.load, first, last, b)
         state, start_jacobian = self._first(model, pieces[0], start_load, theta)
         passages: list[Passage] = []
-        left = self.most_steps if most_steps is None else most_steps
+        steps_left = self.most_steps if most_steps is None else most_steps
         for piece in pieces:
-            steps, jacobian, state = self._pass(piece, state, parameters, max(left, 1))
-            samples = samples_of(times, steps, piece.begin, piece.end, first=not passages)
+            steps, jacobian, state = self._pass(piece, state, parameters, max(steps_left, 1))
+            samples = samples_by_step(times, steps, piece.begin, piece.end, first=not passages)
             passages.append(Passage(piece, jacobian, steps, samples))
-            left -= len(steps)
-        rest = np.flatnonzero(times < first - SAME_TIME * (last - first))
+            steps_left -= len(steps)
+        before_start = np.flatnonzero(times < first - SAME_TIME * (last - first))
         weights = sample_weights(passages, times, self.orders + bool(shifts.size))
-        found = sampled(self.maps, passages, weights, times, rest)
+        motion = sample_motion(self.maps, passages, weights, times, before_start)
         return MotionRun(
             parameters=parameters,
             times=times,
-            rest=rest,
+            rest=before_start,
             start_jacobian=start_jacobian,
             passages=passages,
-            samples=found[:, : self.orders],
-            rates=found[:, 1:] if shifts.size else np.zeros(0),
+            samples=motion[:, : self.orders],
+            rates=motion[:, 1:] if shifts.size else np.zeros(0),
             maps=self.maps,
             weights=weights[:, : self.orders],
         )
@@ -152,15 +152,17 @@ class SensitivityProblem:
         """Return the derivatives of the samples, (k, orders, rows, d), along directions of the values, (..., d)."""
         b, shifts = (directions[self.layout[name]] for name in ("base", "shifts"))
         parameters = self.equations.layout.join(directions.shape[1], **self._parts(directions))
-        found = forward(self._tangent, run, run.start_jacobian @ directions, b, parameters)
-        return found + run.rates[..., None] * shifts[self.clocks][:, None, None, :] if shifts.size else found
+        derivatives = forward(self._tangent, run, run.start_jacobian @ directions, b, parameters)
+        return (
+            derivatives + run.rates[..., None] * shifts[self.clocks][:, None, None, :] if shifts.size else derivatives
+        )
 
     def reverse(self, run: MotionRun, weights: Array) -> Array:
         """Return the derivatives (..., d), by the values, of d sums of the samples, weights (k, orders, rows, d)."""
         start, b, parameters = reverse(self._tangent, run, weights)
         direct = self.layout.join(weights.shape[3], base=b)
-        for name, part in self._parts(direct).items():
-            part[:] = parameters[self.equations.layout[name]]
+        for name, derivatives in self._parts(direct).items():
+            derivatives[:] = parameters[self.equations.layout[name]]
         if self.clocks.size:
             np.add.at(direct[self.layout["shifts"]], self.clocks, np.einsum("kon,kond->kd", run.rates, weights))
         return np.asarray(direct + run.start_jacobian.T @ start)
@@ -174,7 +176,7 @@ class SensitivityProblem:
 
     @property
     def _tangent(self) -> Tangent:
-        return tangent_of(self.equations)
+        return shared_tangent(self.equations)
 
     @cached_property
     def _start_jacobians(self) -> tuple[cs.Function, cs.Function]:
@@ -213,11 +215,13 @@ class SensitivityProblem:
             law = self._flowing
             used = len(law.parameters)
             law = law.with_parameters(theta[:used])
-            state, held = held_start(model, self._start_jacobians, load, self._held_at, law)
+            state, start_jacobian = held_start(model, self._start_jacobians, load, self._held_at, law)
             sizes = model.properties.size, len(self.equations.model.lumped), len(START_LOAD_NAMES)
-            given = slice(layout["properties"].start, layout["start"].stop)
-            jacobian[:, :used] = held[:, :used]
-            jacobian[:, given] = held[:, used:][:, np.repeat([True, self.lumped, self.held], sizes)]
+            properties_to_start = slice(layout["properties"].start, layout["start"].stop)
+            jacobian[:, :used] = start_jacobian[:, :used]
+            jacobian[:, properties_to_start] = start_jacobian[:, used:][
+                :, np.repeat([True, self.lumped, self.held], sizes)
+            ]
         if start == "impact":
             return state, jacobian
         moved = self._rigid_motion(state.coordinates, velocity)
@@ -231,7 +235,7 @@ class SensitivityProblem:
     def _parts(self, values: Array) -> dict[str, Array]:
         """Return views of the parts of values, or of directions, that are parameters of the equation of motion."""
         shared = {"law": "damping", "properties": "properties"} | ({"lumped": "lumped"} if self.lumped else {})
-        return {name: values[self.layout[own]] for name, own in shared.items()}
+        return {name: values[self.layout[value_name]] for name, value_name in shared.items()}
 
     def _model(self, properties: Array, lumped: Array) -> Model:
         """Return the beam with other properties."""
@@ -282,14 +286,14 @@ def held_start(
     """
     p, rate = np.split(load, [len(LOAD_NAMES)])
     coordinates = equilibrium_under(model, p, place, law.loads(model.beam)).coordinates
-    theta = np.array([own.value for own in law.parameters])
-    given: Any = coordinates, p, theta, model.properties, *model.lumped.values()
-    found = stiffness, by_p, by_x = jacobians[0](*given)
+    theta = np.array([parameter.value for parameter in law.parameters])
+    point: Any = coordinates, p, theta, model.properties, *model.lumped.values()
+    jacobians_of_forces = stiffness, by_p, by_x = jacobians[0](*point)
     factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse()))
     q_p, q_x = -factors.solve(by_p.full()), -factors.solve(by_x.full())
     velocities = model.moved(q_p @ rate)
-    change = velocities, rate, *(np.zeros_like(x) for x in given[2:])
-    h_q, h_p, h_x = (part.full() for part in jacobians[1](*given, *found, *change))
+    change = velocities, rate, *(np.zeros_like(x) for x in point[2:])
+    h_q, h_p, h_x = (jacobian.full() for jacobian in jacobians[1](*point, *jacobians_of_forces, *change))
     v_p, v_x = -factors.solve(h_q @ q_p + h_p), -factors.solve(h_q @ q_x + h_x)
     return State(coordinates, velocities), np.block([[q_x, q_p, np.zeros_like(q_p)], [v_x, v_p, q_p]])
 
@@ -302,7 +306,9 @@ def start_jacobians(
     e, load, still = cs.MX.sym("e", model.size), cs.MX.sym("load", len(LOAD_NAMES)), cs.MX.zeros(model.size)
     properties, lumped = cs.MX.sym("P", *model.properties.shape), [cs.MX.sym(name) for name in model.lumped]
     equations = Equations(model, law, place=place)
-    parameters = equations.given(law=theta, properties=cs.vec(properties), lumped=cs.vertcat(cs.MX(0, 1), *lumped))
+    parameters = equations.parameters_with(
+        law=theta, properties=cs.vec(properties), lumped=cs.vertcat(cs.MX(0, 1), *lumped)
+    )
     forces = equations.balance(parameters).local(e, still, still, load)
     forces = model.of_free(forces)
     by_x = cs.horzcat(*(cs.jacobian(forces, x) for x in (theta, properties, *lumped)))

@@ -62,7 +62,7 @@ class Passage:
     @cached_property
     def owned(self) -> tuple[Index, Index, Array]:
         """Indices of all samples in the piece, those of their steps, and the lengths of all steps."""
-        owner = np.repeat(np.arange(len(self.steps)), [own.size for own in self.samples])
+        owner = np.repeat(np.arange(len(self.steps)), [samples.size for samples in self.samples])
         return np.concatenate(self.samples), owner, np.array([step.length for step in self.steps])
 
     def stage_jacobians(self) -> Array:
@@ -113,9 +113,9 @@ def sample_weights(passages: Sequence[Passage], times: Array, orders: int) -> Ar
         inside, owner, lengths = passage.owned
         h = lengths[owner]
         x = (times[inside] - np.array([step.start for step in passage.steps])[owner]) / h
-        parts = np.array(powers(x, orders))
+        values = np.array(powers(x, orders))
         scaled = np.array([h**0, h, h**2]) / h ** np.arange(orders)[:, None, None]
-        result[inside] = np.einsum("omk,em,oek->koe", parts, QUINTIC, np.tile(scaled, (1, 2, 1)))
+        result[inside] = np.einsum("omk,em,oek->koe", values, QUINTIC, np.tile(scaled, (1, 2, 1)))
     return result
 
 
@@ -124,7 +124,7 @@ def clamp_jacobians(excitation: Excitation, times: Array, orders: int) -> Array:
     return excitation.jacobians(times)[:, : orders * NODE].reshape(times.size, orders, NODE, -1)
 
 
-def samples_of(times: Array, steps: list[RadauStep], begin: float, end: float, *, first: bool) -> list[Index]:
+def samples_by_step(times: Array, steps: list[RadauStep], begin: float, end: float, *, first: bool) -> list[Index]:
     """Return the indices of the samples in each step of a piece; the ``first`` piece has its first instant too."""
     ends = np.array([step.start + step.length for step in steps])
     slack = SAME_TIME * (end - begin)
@@ -133,11 +133,13 @@ def samples_of(times: Array, steps: list[RadauStep], begin: float, end: float, *
     return [np.flatnonzero(inside & (owner == k)) for k in range(len(steps))]
 
 
-def sampled(maps: tuple[Array, Array], passages: Sequence[Passage], weights: Array, times: Array, rest: Index) -> Array:
+def sample_motion(
+    maps: tuple[Array, Array], passages: Sequence[Passage], weights: Array, times: Array, before_start: Index
+) -> Array:
     """Return the samples at ``times`` (k,) and their time derivatives, (k, orders, rows)."""
     (of_free, of_base), first = maps, passages[0]
     result = np.zeros((*weights.shape[:2], len(of_free)))
-    result[rest, 0] = of_free @ first.steps[0].q + of_base @ first.excitation.at(first.excitation.begin)[:NODE]
+    result[before_start, 0] = of_free @ first.steps[0].q + of_base @ first.excitation.at(first.excitation.begin)[:NODE]
     for passage in passages:
         inside, owner, lengths = passage.owned
         used, owner = np.unique(owner, return_inverse=True)
@@ -203,7 +205,7 @@ class Tangent:
         excitation, p = cs.MX.sym("excitation", EXCITATION), cs.MX.sym("p", self.form.equations.layout.size)
         *node, load = cs.vertsplit(excitation, NODE)
         equations = replace(self.form.equations, make=as_they_are)
-        motion = [equations.model.whole(x, part) for part, x in zip(node, (q, v, a), strict=True)]
+        motion = [equations.model.whole(x, node_motion) for node_motion, x in zip(node, (q, v, a), strict=True)]
         forces = equations.model.of_free(Collocation(equations).balance(*motion, load, p))
         jacobian = cs.horzcat(*(cs.jacobian(forces, x) for x in (q, v, excitation, p)))
         return cs.Function("force_jacobian", [q, v, a, excitation, p], [jacobian])
@@ -239,21 +241,21 @@ class Tangent:
         z, h, u = self._symbols
         du = cs.MX.sym("du", u.numel(), d)
         motion, load = self._motion(z, h, u)
-        whole = [self.form.equations.model.whole(*pair) for pair in motion]
-        (e, e_t, _), balance = whole, self._balance(u)
+        all_nodes = [self.form.equations.model.whole(*pair) for pair in motion]
+        (e, e_t, _), balance = all_nodes, self._balance(u)
         k, damping, m = balance.tangents(e, e_t, load)
         entries = cs.vertcat(cs.vec(k), cs.vec(damping) / h, cs.vec(m) / h**2)
-        product = cs.densify(cs.jtimes(self._residual(motion, whole, balance, u), u, du)) if d else cs.MX(0, 1)
+        product = cs.densify(cs.jtimes(self._residual(motion, all_nodes, balance, u), u, du)) if d else cs.MX(0, 1)
         return cs.Function("linearised", [z, h, u, du], [cs.densify(entries), product], {"is_diff_in": [False] * 4})
 
     def _residual(
-        self, motion: Sequence[tuple[cs.MX, cs.MX]], whole: Sequence[cs.MX], balance: Balance, u: cs.MX
+        self, motion: Sequence[tuple[cs.MX, cs.MX]], all_nodes: Sequence[cs.MX], balance: Balance, u: cs.MX
     ) -> cs.MX:
         """Return R (3 N,), stage by stage, from the motion as of ``stage_motion``, and that of all nodes."""
         form, excitations = self.form, cs.reshape(u[self.layout["excitations"]], EXCITATION, STAGES)
         of_links = [form.links.ends(node, free) for free, node in motion]
-        on_links, further = form.forces(of_links, whole, excitations, balance, form.columns_of(balance))
-        return cs.vec(form.equations.model.of_free(further + form.links.summed(on_links)))
+        on_links, further = form.forces(of_links, all_nodes, excitations, balance, form.element_columns(balance))
+        return cs.vec(form.equations.model.of_free(further + form.links.sum_at_nodes(on_links)))
 
     def factors(self, entries: Array, step: RadauStep, modal_coefficients: Array) -> BandedFactors:
         """Return the factors of G for the entries that ``_linearised`` returns."""
@@ -267,8 +269,8 @@ class Tangent:
     @cached_property
     def _modal_coefficients(self) -> cs.Function:
         parameters = cs.MX.sym("parameters", self.form.equations.layout.size)
-        found = self.form.equations.balance(parameters).modal_coefficients
-        return cs.Function("modal_coefficients", [parameters], [cs.densify(found)])
+        coefficients = self.form.equations.balance(parameters).modal_coefficients
+        return cs.Function("modal_coefficients", [parameters], [cs.densify(coefficients)])
 
     def bound(self, directions: int) -> BoundStep:
         """Return ``_linearised``, bound to arrays."""
@@ -281,7 +283,7 @@ class Tangent:
         """The Functions by their numbers of directions, as far as used."""
         return {}
 
-    def given(self, step: RadauStep, factors: BandedFactors, parameters: Array, weights: Array) -> Array:
+    def adjoint_product(self, step: RadauStep, factors: BandedFactors, parameters: Array, weights: Array) -> Array:
         """Return -R_u^T G^-T w for weights w of the increments, (3 N, d)."""
         residuals = -factors.solve_transposed(weights[self.inverse_order])[self.order]
         bound, columns = self._reverse.at(step, parameters), []
@@ -296,8 +298,8 @@ class Tangent:
         z, h, u = self._symbols
         w = cs.MX.sym("w", len(self.order))
         motion, _ = self._motion(z, h, u)
-        whole = [self.form.equations.model.whole(*pair) for pair in motion]
-        product = cs.densify(cs.jtimes(self._residual(motion, whole, self._balance(u), u), u, w, True))
+        all_nodes = [self.form.equations.model.whole(*pair) for pair in motion]
+        product = cs.densify(cs.jtimes(self._residual(motion, all_nodes, self._balance(u), u), u, w, True))
         return BoundStep(cs.Function("tangent_product", [z, h, u, w], [product], {"is_diff_in": [False] * 4}))
 
     def _band(self, weights: Array) -> scipy.sparse.csc_array:
@@ -306,14 +308,14 @@ class Tangent:
         Weight (i, j) belongs to the derivative of the residual at stage i with respect to the increments at stage j.
         """
         model = self.form.equations.model
-        kept, rows, columns, products = model.free_entries
+        indices, rows, columns, products = model.free_entries
         count = model.entries[0].size
         width, shape = self.bandwidth, (STAGES * self._free, count * STAGES)
         places, entries, values = [], [], []
         for i, j in np.argwhere(weights):
             row, column = self.order[rows + i * self._free], self.order[columns + j * self._free]
             places.append(lapack_place(row, column, width))
-            entries.append(kept + i * count)
+            entries.append(indices + i * count)
             values.append(weights[i, j] * products)
         return scipy.sparse.csc_array(
             (np.concatenate(values), (np.concatenate(places), np.concatenate(entries))),
@@ -338,7 +340,7 @@ class Tangent:
 
 
 @lru_cache(8)
-def tangent_of(equations: Equations) -> Tangent:
+def shared_tangent(equations: Equations) -> Tangent:
     """Return the Functions of the linearised steps under some equations; all motions under them share these."""
     return Tangent(Collocation(replace(equations, make=partial(compiled_together, derivatives=True))))
 
@@ -364,9 +366,9 @@ def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters
         by_first = np.vstack([dq.T, dv.T, excitation.jacobian(excitation.begin) @ b, parameters])
         da = (passage.acceleration_jacobian @ by_first).T
         stages = (passage.stage_jacobians() @ b).reshape(-1, STAGES * EXCITATION, d)
-        for step, samples, given in zip(passage.steps, passage.samples, stages, strict=True):
+        for step, samples, by_stage in zip(passage.steps, passage.samples, stages, strict=True):
             stop_if_interrupted()
-            du[:, layout["q"]], du[:, layout["v"]], du[:, layout["excitations"]] = dq, dv, given.T
+            du[:, layout["q"]], du[:, layout["v"]], du[:, layout["excitations"]] = dq, dv, by_stage.T
             entries, product = bound.at(step, run.parameters)()
             factors = tangent.factors(entries, step, modal_coefficients)
             solved = factors.solve(product.reshape(d, -1)[:, order].T, overwrite=True)
@@ -376,9 +378,9 @@ def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters
             dV = (RADAU.inverse @ dZ) / step.length
             ends = dq, dv, da, dq + dZ[:, -1], dV[:, -1], RADAU.inverse[-1] @ (dV - dv[:, None]) / step.length
             if samples.size:
-                seen = np.array(ends) @ of_free.T  # (6, d, rows)
-                found = run.weights[samples].reshape(-1, 6) @ seen.reshape(6, -1)
-                result[samples] = found.reshape(samples.size, orders, d, -1).swapaxes(2, 3)
+                rows = np.array(ends) @ of_free.T  # (6, d, rows)
+                samples_along = run.weights[samples].reshape(-1, 6) @ rows.reshape(6, -1)
+                result[samples] = samples_along.reshape(samples.size, orders, d, -1).swapaxes(2, 3)
             dq, dv, da = ends[3:]
         if b.size:
             inside = passage.owned[0]
@@ -391,9 +393,9 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
 
     The weights are an array (k, orders, rows, d); the instants of the samples are fixed.
     """
-    d, given_layout, (of_free, of_base) = weights.shape[3], tangent.layout, run.maps
+    d, step_layout, (of_free, of_base) = weights.shape[3], tangent.layout, run.maps
     bound, modal_coefficients = tangent.bound(0), tangent.modal_coefficients(run.parameters)
-    free = given_layout["q"].stop
+    free = step_layout["q"].stop
     first_layout = Layout.of(q=free, v=free, excitation=EXCITATION, parameters=run.parameters.size)
     p, b = np.zeros((run.parameters.size, d)), np.zeros((run.passages[0].excitation.parameters.size, d))
     q = v = np.zeros((free, d))
@@ -411,16 +413,16 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
             velocities[-1] += v
             increments = np.einsum("ji,jkl->ikl", RADAU.inverse, velocities) / step.length
             increments[-1] += q
-            found = tangent.given(step, factors, run.parameters, increments.reshape(-1, d))
-            by_q, by_v, given, parameters = given_layout.split(found)
-            b += np.einsum("sem,sed->md", jacobians, given.reshape(STAGES, EXCITATION, d))
+            adjoint = tangent.adjoint_product(step, factors, run.parameters, increments.reshape(-1, d))
+            by_q, by_v, by_excitation, parameters = step_layout.split(adjoint)
+            b += np.einsum("sem,sed->md", jacobians, by_excitation.reshape(STAGES, EXCITATION, d))
             p += parameters
             q = ends[0] + q + by_q
             v = ends[1] - by_velocities.sum() * a + by_v
             a = ends[2]
-        by_q, by_v, given, parameters = first_layout.split(passage.acceleration_jacobian.T @ a)
+        by_q, by_v, by_excitation, parameters = first_layout.split(passage.acceleration_jacobian.T @ a)
         q, v = q + by_q, v + by_v
-        b += excitation.jacobian(excitation.begin).T @ given
+        b += excitation.jacobian(excitation.begin).T @ by_excitation
         p += parameters
     first, still = run.passages[0], weights[run.rest, 0].sum(axis=0)
     b += first.excitation.jacobian(first.excitation.begin)[:NODE].T @ (of_base.T @ still)
@@ -432,7 +434,7 @@ def _sampled(run: MotionRun, passage: Passage, samples: Index, weights: Array, b
     of_free, of_base = run.maps
     if not samples.size:
         return np.zeros((6, of_free.shape[1], weights.shape[3]))
-    own = weights[samples]  # (s, orders, rows, d)
+    step_weights = weights[samples]  # (s, orders, rows, d)
     jacobians = clamp_jacobians(passage.excitation, run.times[samples], weights.shape[1])
-    b += np.einsum("soim,isod->md", jacobians, np.tensordot(of_base.T, own, (1, 2)))
-    return np.asarray(np.einsum("soe,isod->eid", run.weights[samples], np.tensordot(of_free.T, own, (1, 2))))
+    b += np.einsum("soim,isod->md", jacobians, np.tensordot(of_base.T, step_weights, (1, 2)))
+    return np.asarray(np.einsum("soe,isod->eid", run.weights[samples], np.tensordot(of_free.T, step_weights, (1, 2))))

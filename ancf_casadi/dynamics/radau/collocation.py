@@ -45,7 +45,7 @@ import casadi as cs
 import numpy as np
 import scipy.sparse.linalg
 
-from ancf_casadi.dynamics.equations import Balance, Equations, mapped
+from ancf_casadi.dynamics.equations import Balance, Equations, map_elements
 from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.placed_load import load_force, load_on_element
 from ancf_casadi.dynamics.radau.elimination import BLOCK, LINK
@@ -88,9 +88,9 @@ class Collocation:
     @cached_property
     def columns(self) -> cs.Function:
         """(parameters) -> properties and constants of the elements of the beam, one column per element and stage."""
-        return _function("columns", [self._symbols.parameters], [*self.columns_of(self._balance)])
+        return _function("columns", [self._symbols.parameters], [*self.element_columns(self._balance)])
 
-    def columns_of(self, balance: Balance) -> tuple[cs.MX, cs.MX]:
+    def element_columns(self, balance: Balance) -> tuple[cs.MX, cs.MX]:
         """Return the outputs of ``columns``."""
         group = self.equations.model.groups[0]
         properties = group.properties(balance.properties, balance.lumped)
@@ -107,7 +107,7 @@ class Collocation:
         s = self._symbols
         increments, turns, *motion = self._advance()
         on_links, further = self._forces(motion, self._whole(motion))
-        corrections = self._solved(on_links, further[:, 1:], turns)
+        corrections = self._solution(on_links, further[:, 1:], turns)
         size = cs.norm_2(cs.vec(s.weights * corrections))
         return _function("stages", [*vars(s).values()], [corrections, increments, turns, size])
 
@@ -122,13 +122,13 @@ class Collocation:
         s, a = self._symbols, cs.MX.sym("a", self.equations.free)
         nodes = cs.MX.sym("nodes", NODE * (STAGES + 1), self.links.count + 1)
         increments, _, *motion = self._advance()
-        whole = self._whole(motion)
-        powers = self._balance.powers(whole[0], whole[1], whole[2], s.excitations[3 * NODE :, :])
+        all_nodes = self._whole(motion)
+        powers = self._balance.powers(all_nodes[0], all_nodes[1], all_nodes[2], s.excitations[3 * NODE :, :])
         v, last, twice = self.links.places(s.v), RADAU.inverse[-1], RADAU.inverse[-1] @ RADAU.inverse
-        velocity = _combined(last, increments) / s.h
-        acceleration = (_combined(twice, increments) / s.h - last.sum() * v) / s.h
+        velocity = _combination(last, increments) / s.h
+        acceleration = (_combination(twice, increments) / s.h - last.sum() * v) / s.h
         end = [s.q + self.links.free(increments[-NODE:, :]), *map(self.links.free, (velocity, acceleration))]
-        error = self._error(increments, v, self.links.places(a), motion, whole)
+        error = self._error(increments, v, self.links.places(a), motion, all_nodes)
         size = math.sqrt(STAGES) * cs.norm_2(cs.vec(s.weights[:NODE, :] * error))
         outputs = [
             self.links.nodes(nodes[-NODE:, :], s.excitations[:NODE, :], motion[0]),
@@ -138,23 +138,25 @@ class Collocation:
         ]
         return _function("finish", [*vars(s).values(), a, nodes], outputs)
 
-    def _error(self, increments: cs.MX, v: cs.MX, a: cs.MX, motion: Sequence[cs.MX], whole: Sequence[cs.MX]) -> cs.MX:
+    def _error(
+        self, increments: cs.MX, v: cs.MX, a: cs.MX, motion: Sequence[cs.MX], all_nodes: Sequence[cs.MX]
+    ) -> cs.MX:
         """Return the estimated error (4, links), turned back, from Z, the first v and a (4, links), and the motion."""
         s, equations, embedded = self._symbols, self.equations, RADAU.embedded
         balance, real, root = self._balance, RADAU.gamma / s.h, equations.model.root
-        deviation = v / real + _combined(embedded, increments)
-        change = _combined(embedded @ RADAU.inverse, increments) / s.h - embedded.sum() * v
+        deviation = v / real + _combination(embedded, increments)
+        change = _combination(embedded @ RADAU.inverse, increments) / s.h - embedded.sum() * v
         deviations = [deviation, real * deviation + a / real + change]
         columns = [x[-LINK:, root:] for x in motion[:2]]
         columns += [self.links.both(x)[:, root:] for x in deviations]
         numbers = s.properties[:, ::STAGES], s.constants[:, ::STAGES]
-        (force,) = mapped(equations.element("resistance", 0), *columns, *numbers)
+        (force,) = map_elements(equations.element("resistance", 0), *columns, *numbers)
         further = cs.MX(equations.model.size, 1)
         if self._others or self._low_rank:
-            e, e_t, *_ = (x[:, -1] for x in whole)
+            e, e_t, *_ = (x[:, -1] for x in all_nodes)
             u, w = (cs.vertcat(cs.MX.zeros(NODE), cs.vec(x)) for x in deviations)
             if self._others:
-                (by_element,) = equations.mapped("resistance", balance, e, e_t, u, w, groups=self._others)
+                (by_element,) = equations.map_elements("resistance", balance, e, e_t, u, w, groups=self._others)
                 further += equations.model.sum_at_nodes(by_element, self._others.values())
             if self._low_rank:
                 further += balance.of_low_rank(s.excitations[2:NODE, -1], u)
@@ -163,7 +165,7 @@ class Collocation:
         forces = cs.sparsify(cs.DM(np.kron(at_stages, np.eye(LINK)))) @ (real * force)
         on_links = cs.horzcat(cs.MX(LINK * STAGES, root), forces) if root else forces
         on_nodes = self.links.node_by_node(real * further @ cs.DM(at_stages).T)[:, 1:]
-        return self._solved(on_links, on_nodes, self.links.last_turns(s.turns))[:NODE, :]
+        return self._solution(on_links, on_nodes, self.links.last_turns(s.turns))[:NODE, :]
 
     @cached_property
     def factors(self) -> cs.Function:
@@ -189,9 +191,9 @@ class Collocation:
         """
         s, ratio = self._symbols, cs.MX.sym("ratio")
         nodes = cs.MX.sym("nodes", NODE * (STAGES + 1), self.links.count + 1)
-        known = np.concatenate([[0.0], RADAU.nodes])
+        instants = np.concatenate([[0.0], RADAU.nodes])
         x = cs.SX.sym("ratio")
-        weights = [cs.vertcat(*_lagrange(known, 1 + c * x)[1:]) for c in RADAU.nodes.tolist()]
+        weights = [cs.vertcat(*_lagrange(instants, 1 + c * x)[1:]) for c in RADAU.nodes.tolist()]
         increments = self.links.extrapolate(
             nodes, cs.Function("weights", [x], [cs.horzcat(*weights)])(ratio), s.excitations[: 3 * NODE, :]
         )
@@ -201,7 +203,7 @@ class Collocation:
         """Return the accelerations a in a state (q, v) under an excitation (16,)."""
         position, velocity, acceleration, load = np.split(excitation, [NODE, 2 * NODE, 3 * NODE])
         model = self.equations.model
-        motion = [model.whole(*parts) for parts in ((q, position), (v, velocity), (0 * q, acceleration))]
+        motion = [model.whole(*state) for state in ((q, position), (v, velocity), (0 * q, acceleration))]
         forces = model.of_free(self.balance(*motion, load, parameters).full().ravel())
         return np.asarray(scipy.sparse.linalg.spsolve(self.mass(parameters).sparse(), -forces))
 
@@ -239,45 +241,45 @@ class Collocation:
     def _whole(self, motion: Sequence[cs.MX]) -> list[cs.MX]:
         """Return e, e_t and e_tt (4 n + 4, 3) at the stages from those of the links (24, links)."""
         base = cs.vertsplit(self._symbols.excitations[: 3 * NODE, :], NODE)
-        return [self.links.whole(node, both) for node, both in zip(base, motion, strict=True)]
+        return [self.links.whole(node, of_links) for node, of_links in zip(base, motion, strict=True)]
 
-    def _forces(self, motion: Sequence[cs.MX], whole: Sequence[cs.MX]) -> tuple[cs.MX, cs.MX]:
+    def _forces(self, motion: Sequence[cs.MX], all_nodes: Sequence[cs.MX]) -> tuple[cs.MX, cs.MX]:
         """Return the outputs of ``forces`` for the symbols of a step, those on all nodes as columns (12, nodes)."""
         s = self._symbols
-        on_links, further = self.forces(motion, whole, s.excitations, self._balance, (s.properties, s.constants))
+        on_links, further = self.forces(motion, all_nodes, s.excitations, self._balance, (s.properties, s.constants))
         return on_links, self.links.node_by_node(further)
 
     def forces(
         self,
         motion: Sequence[cs.MX],
-        whole: Sequence[cs.MX],
+        all_nodes: Sequence[cs.MX],
         excitations: cs.MX,
         balance: Balance,
         columns: tuple[cs.MX, cs.MX],
     ) -> tuple[cs.MX, cs.MX]:
         """Return the forces on both nodes of each link (24, links), and others on all nodes (4 n + 4, 3).
 
-        ``motion`` are e, e_t and e_tt of the links (24, links) at the stages, and ``whole`` those of all nodes.
+        ``motion`` are e, e_t and e_tt of the links (24, links) at the stages, and ``all_nodes`` those of all nodes.
         """
         equations, model, root = self.equations, self.equations.model, self.equations.model.root
         load = excitations[3 * NODE :, :]
         coordinates = [cs.reshape(x[:, root:] if root else x, LINK, -1) for x in motion]
-        (forces,) = mapped(equations.element("balance", 0), *coordinates, *columns)
+        (forces,) = map_elements(equations.element("balance", 0), *coordinates, *columns)
         forces, further = cs.reshape(forces, LINK * STAGES, -1), cs.MX(model.size, STAGES)
         if place := equations.place:
             index, _ = model.place_at(place.place(model.beam))
             at_load = cs.reshape(motion[0][:, index + root], LINK, STAGES)
             forces[:, index] -= cs.vec(load_on_element(model, place, at_load, load))
         else:
-            further -= load_force(model, None, whole[0], load)
+            further -= load_force(model, None, all_nodes[0], load)
         if self._others:
-            (by_element,) = equations.mapped("balance", balance, *whole, groups=self._others)
+            (by_element,) = equations.map_elements("balance", balance, *all_nodes, groups=self._others)
             further += model.sum_at_nodes(by_element, self._others.values())
         if self._low_rank:
-            further += balance.of_low_rank(excitations[2:NODE, :], whole[1])
+            further += balance.of_low_rank(excitations[2:NODE, :], all_nodes[1])
         return cs.horzcat(cs.MX(LINK * STAGES, root), forces) if root else forces, further
 
-    def _solved(self, on_links: cs.MX, further: cs.MX, turns: cs.MX) -> cs.MX:
+    def _solution(self, on_links: cs.MX, further: cs.MX, turns: cs.MX) -> cs.MX:
         """Return the solution dW for forces on the links and further ones on their second nodes."""
         s, links = self._symbols, self.links
         return links.substitute(links.reduce(on_links, further, turns, s.outer), s.inner)
@@ -319,7 +321,7 @@ def first_equal(form: Collocation) -> Collocation:
     return form
 
 
-def _combined(weights: Array, columns: cs.MX) -> cs.MX:
+def _combination(weights: Array, columns: cs.MX) -> cs.MX:
     """Return the weighted sums (4, links) of the values at the stages (12, links)."""
     return cs.sparsify(cs.DM(np.kron(weights, np.eye(NODE)))) @ columns
 

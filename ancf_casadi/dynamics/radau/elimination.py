@@ -23,7 +23,7 @@ from ancf_casadi.mechanics.nodes import NODE
 
 BLOCK = NODE**2  # entries of a block
 LINK = 2 * NODE  # coordinates of the two nodes that a link joins
-PARTS = (slice(0, 1), slice(1, 3))  # columns of the real system, and of the complex one
+SYSTEMS = (slice(0, 1), slice(1, 3))  # columns of the real system, and of the complex one
 
 Complex = list[cs.SX]  # the real part of a matrix, or its real and imaginary parts
 
@@ -54,32 +54,32 @@ def eliminate() -> cs.Function:
         outer.append([bp])
         inner.append([inverse, from_next])
     inputs = [beyond, *(cs.vec(x) for x in (k, d, m)), rates]
-    outputs = [_column(parts) for parts in (carried, outer, inner)]
+    outputs = [_column(blocks) for blocks in (carried, outer, inner)]
     return cs.Function("eliminate", inputs, outputs, {"cse": True})
 
 
 def reduce(r: cs.SX, outer: cs.SX, beyond: cs.SX) -> cs.SX:
     """Return f_k (4, 3) from r_k, the second output of ``eliminate`` (48,), and f_k+1."""
-    columns = [_minus(_parts(r, part), _times(bp, _parts(beyond, part)))
-               for part, (bp,) in zip(PARTS, _matrices(outer, 1), strict=True)]  # fmt: skip
-    return cs.horzcat(*(x for parts in columns for x in parts))
+    columns = [_minus(_components(r, system), _times(bp, _components(beyond, system)))
+               for system, (bp,) in zip(SYSTEMS, _matrices(outer, 1), strict=True)]  # fmt: skip
+    return cs.horzcat(*(x for column in columns for x in column))
 
 
 def substitute(f: cs.SX, inner: cs.SX, before: cs.SX) -> cs.SX:
     """Return x_k (4, 3) from f_k, the third output of ``eliminate`` (96,), and x_k-1."""
-    columns = [_times(p, _minus(_parts(f, part), _times(c, _parts(before, part))))
-               for part, (p, c) in zip(PARTS, _matrices(inner, 2), strict=True)]  # fmt: skip
-    return cs.horzcat(*(x for parts in columns for x in parts))
+    columns = [_times(p, _minus(_components(f, system), _times(c, _components(before, system))))
+               for system, (p, c) in zip(SYSTEMS, _matrices(inner, 2), strict=True)]  # fmt: skip
+    return cs.horzcat(*(x for column in columns for x in column))
 
 
-def _parts(vectors: cs.SX, columns: slice) -> Complex:
+def _components(vectors: cs.SX, columns: slice) -> Complex:
     return cs.horzsplit(vectors[:, columns])
 
 
 def _matrices(column: cs.SX, count: int) -> list[list[Complex]]:
     """Return the real and the complex blocks in a column, as many of each."""
-    blocks = iter([cs.reshape(part, NODE, NODE) for part in cs.vertsplit(column, BLOCK)])
-    return [[[next(blocks) for _ in range(parts)] for _ in range(count)] for parts in (1, 2)]
+    blocks = iter([cs.reshape(block, NODE, NODE) for block in cs.vertsplit(column, BLOCK)])
+    return [[[next(blocks) for _ in range(components)] for _ in range(count)] for components in (1, 2)]
 
 
 def _column(systems: Sequence[Sequence[Complex]]) -> cs.SX:
@@ -108,8 +108,8 @@ def _inverse(a: Complex) -> Complex:
     first, last = slice(0, size // 2), slice(size // 2, size)
     a11, a12, a21, a22 = ([x[i, j] for x in a] for i in (first, last) for j in (first, last))
     inverse = _inverse(a11)
-    left, right = _times(a21, inverse), _times(inverse, a12)
-    schur = _inverse(_minus(a22, _times(left, a12)))
-    below, beside = _times(schur, left), _times(right, schur)
-    above = [x + y for x, y in zip(inverse, _times(right, below), strict=True)]
+    a21_inverse, inverse_a12 = _times(a21, inverse), _times(inverse, a12)
+    schur = _inverse(_minus(a22, _times(a21_inverse, a12)))
+    below, beside = _times(schur, a21_inverse), _times(inverse_a12, schur)
+    above = [x + y for x, y in zip(inverse, _times(inverse_a12, below), strict=True)]
     return [cs.blockcat([[p, -q], [-r, s]]) for p, q, r, s in zip(above, beside, below, schur, strict=True)]

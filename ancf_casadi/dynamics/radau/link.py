@@ -68,7 +68,7 @@ def _advance(kind: Kind) -> cs.Function:
     w, turns, z, q, v, reference, l, supports = _columns(VALUES, VALUES, VALUES, NODE, NODE, NODE, 1, 2 * BLOCK)
     before, turned_before = (_of_stages(x) for x in cs.vertsplit(carried[: 2 * VALUES], VALUES))
     motion_before = cs.vertsplit(cs.reshape(carried[2 * VALUES : -NODE], VALUES, STAGES), NODE)
-    N, G = _matrices_of(supports)
+    N, G = _support_matrices(supports)
     link = _Link.of(kind, l)
 
     corrections = _of_stages(w) @ cs.DM(RADAU.transform).T
@@ -87,14 +87,14 @@ def _advance(kind: Kind) -> cs.Function:
     if kind != "element":
         of_base = cs.vertsplit(cs.reshape(base, 3 * NODE, STAGES), NODE)
         motion = [x + G @ b for x, b in zip(motion, of_base, strict=True)]
-    both = [cs.vertcat(first, second) for first, second in zip(motion_before, motion, strict=True)]
+    motion_of_both = [cs.vertcat(first, second) for first, second in zip(motion_before, motion, strict=True)]
     angles = turns
     if link:
         start = link.directions(cs.vertcat(carried[-NODE:], reference))
-        angles = cs.vertcat(*(_angles(start, stage) for stage in cs.horzsplit(link.directions(both[0]))))
+        angles = cs.vertcat(*(_angles(start, stage) for stage in cs.horzsplit(link.directions(motion_of_both[0]))))
     passed = cs.vertcat(*map(cs.vec, (corrections, turned, cs.vertcat(*motion))), reference)
     inputs = [carried, w, turns, z, q, v, reference, l, *([] if kind == "element" else [supports]), h, base]
-    return _function("advance", kind, inputs, [passed, cs.vec(increments), angles, *map(cs.vec, both)])
+    return _function("advance", kind, inputs, [passed, cs.vec(increments), angles, *map(cs.vec, motion_of_both)])
 
 
 def _reduce(kind: Kind) -> cs.Function:
@@ -106,7 +106,7 @@ def _reduce(kind: Kind) -> cs.Function:
     carried = cs.SX.sym("carried", 4 * VALUES)
     forces, further, turns, outer, l, supports = _columns(2 * VALUES, VALUES, VALUES, 3 * BLOCK, 1, 2 * BLOCK)
     beyond, total, turned, eliminated = (_of_stages(x) for x in cs.vertsplit(carried, VALUES))
-    N, _ = _matrices_of(supports)
+    N, _ = _support_matrices(supports)
     link = _Link.of(kind, l)
 
     on_link, before = cs.reshape(forces, LINK, STAGES), cs.SX.zeros(NODE, STAGES)
@@ -129,7 +129,7 @@ def _extrapolate(kind: Kind) -> cs.Function:
     motion, l, supports = _columns(NODE * instants, 1, 2 * BLOCK)
     weights, base = cs.SX.sym("weights", STAGES, STAGES), cs.SX.sym("base", 3 * VALUES)
     first, second = (cs.reshape(x, NODE, instants) for x in (carried[:-VALUES], motion))
-    N, G = _matrices_of(supports)
+    N, G = _support_matrices(supports)
     link = _Link.of(kind, l)
 
     changes = second[:, 1:] - cs.repmat(second[:, 0], 1, STAGES)
@@ -214,13 +214,13 @@ def _turned(pairs: cs.SX, turns: cs.SX, sign: float) -> cs.SX:
 
 def _angles(first: cs.SX, second: cs.SX) -> cs.SX:
     """Return cosines and sines of the angles from two vectors to two others."""
-    parts = []
+    rows = []
     for k in (0, 2):
         x, y, u, v = first[k], first[k + 1], second[k], second[k + 1]
         cosine, sine = x * u + y * v, x * v - y * u
         size = cs.sqrt(cosine**2 + sine**2)
-        parts += [cosine / size, sine / size]
-    return cs.vertcat(*parts)
+        rows += [cosine / size, sine / size]
+    return cs.vertcat(*rows)
 
 
 def _continued_pairs(pairs: cs.SX, weights: cs.SX) -> cs.SX:
@@ -246,9 +246,9 @@ def _columns(*sizes: int) -> list[cs.SX]:
     return [cs.SX.sym("x", size) for size in sizes]
 
 
-def _matrices_of(supports: cs.SX) -> tuple[cs.SX, cs.SX]:
+def _support_matrices(supports: cs.SX) -> tuple[cs.SX, cs.SX]:
     """Return the parts of N and G that belong to the second node of a link, from a column of ``Links._supports``."""
-    N, G = (cs.reshape(part, NODE, NODE) for part in cs.vertsplit(supports, BLOCK))
+    N, G = (cs.reshape(block, NODE, NODE) for block in cs.vertsplit(supports, BLOCK))
     return N, G
 
 

@@ -120,15 +120,15 @@ class Links:
         model = self.model
         if model.held_at_base_alone and not model.root and len(model.groups) == 1:
             return cs.reshape(entries, LINK**2, -1)
-        kept, rows, columns, products = model.free_entries
+        indices, rows, columns, products = model.free_entries
         rows, columns = model.first_moved[rows], model.first_moved[columns]
         link = np.maximum(rows, columns) // NODE - 1
         row, column = rows - NODE * link, columns - NODE * link
         target = LINK**2 * link + LINK * column + row
         diagonal = np.zeros(LINK**2 * self.count)
-        held = np.setdiff1d(np.arange(NODE, model.size), model.first_moved)
-        diagonal[LINK**2 * (held // NODE - 1) + (LINK + 1) * (NODE + held % NODE)] = unit
-        incidence = cs.DM.triplet(target.tolist(), kept.tolist(), cs.DM(products), diagonal.size, entries.numel())
+        held_rows = np.setdiff1d(np.arange(NODE, model.size), model.first_moved)
+        diagonal[LINK**2 * (held_rows // NODE - 1) + (LINK + 1) * (NODE + held_rows % NODE)] = unit
+        incidence = cs.DM.triplet(target.tolist(), indices.tolist(), cs.DM(products), diagonal.size, entries.numel())
         return cs.reshape(incidence @ entries + cs.DM(diagonal), LINK**2, -1)
 
     @cached_property
@@ -142,48 +142,48 @@ class Links:
         link, stage, row = np.indices((self.count, STAGES, LINK))
         return np.asarray(row + NODE * link + self.model.size * stage)
 
-    def whole(self, base: cs.MX, both: cs.MX) -> cs.MX:
+    def whole(self, base: cs.MX, ends: cs.MX) -> cs.MX:
         """Return values at all nodes, (4 n + 4, 3), from those of the base, (4, 3), and of both nodes of each link."""
-        return cs.vertcat(base, _picked(both, self._seconds.transpose(1, 0, 2), NODE * self.count))
+        return cs.vertcat(base, _pick(ends, self._seconds.transpose(1, 0, 2), NODE * self.count))
 
-    def nodes(self, first: cs.MX, base: cs.MX, both: cs.MX) -> cs.MX:
-        """Return coordinates at the start and the stages (16, nodes); ``base`` and ``both`` are those at the stages."""
-        known = cs.vertcat(cs.vec(first), cs.vec(base), cs.vec(both))
+    def nodes(self, first: cs.MX, base: cs.MX, ends: cs.MX) -> cs.MX:
+        """Return coordinates at the start and the stages (16, nodes); ``base`` and ``ends`` are those at the stages."""
+        values = cs.vertcat(cs.vec(first), cs.vec(base), cs.vec(ends))
         starts = np.arange(NODE * (self.count + 1)).reshape(-1, 1, NODE)
         at_base = starts.size + np.arange(VALUES).reshape(1, STAGES, NODE)
         beyond = starts.size + VALUES + self._seconds
         places = np.concatenate([starts, np.concatenate([at_base, beyond])], axis=1)
-        return _picked(known, places, NODE * (STAGES + 1))
+        return _pick(values, places, NODE * (STAGES + 1))
 
     def both(self, values: cs.MX) -> cs.MX:
         """Return values at both nodes of each link (8, links), 0 at the base, from those at the second ones."""
         places = NODE * np.arange(self.count)[:, None] + np.arange(LINK)
-        return _picked(cs.horzcat(cs.MX.zeros(NODE, 1), values), places, LINK)
+        return _pick(cs.horzcat(cs.MX.zeros(NODE, 1), values), places, LINK)
 
     def last_turns(self, turns: cs.MX) -> cs.MX:
         """Return the turns to the last stage, in place of those to all stages."""
         places = VALUES * np.arange(self.count)[:, None] + VALUES - NODE + np.tile(np.arange(NODE), STAGES)
-        return _picked(turns, places, VALUES)
+        return _pick(turns, places, VALUES)
 
-    def summed(self, both: cs.MX) -> cs.MX:
+    def sum_at_nodes(self, ends: cs.MX) -> cs.MX:
         """Return the sums at all nodes (4 n + 4, 3) of values at both nodes of the links (24, links)."""
         target, size = self._in_whole.ravel().tolist(), self.model.size * STAGES
         places = cs.DM.triplet(target, [*range(len(target))], cs.DM.ones(len(target)), size, len(target))
-        return cs.reshape(places @ cs.vec(both), self.model.size, STAGES)
+        return cs.reshape(places @ cs.vec(ends), self.model.size, STAGES)
 
     def ends(self, base: cs.MX, free: cs.MX) -> cs.MX:
         """Return values at both nodes of each link (24, links) from those of the base (4, 3) and the free (N, 3)."""
         model = self.model
         if not model.held_at_base_alone:
-            return _picked(model.whole(free, base), self._in_whole, LINK * STAGES)
+            return _pick(model.whole(free, base), self._in_whole, LINK * STAGES)
         stage, row = np.divmod(self._in_whole, model.size)
         behind = NODE * STAGES + model.freedoms * stage + row - NODE
         places = np.where(row < NODE, NODE * stage + row, behind)  # no rows are stacked: that would transpose them
-        return _picked(cs.vertcat(cs.vec(base), cs.vec(free)), places, LINK * STAGES)
+        return _pick(cs.vertcat(cs.vec(base), cs.vec(free)), places, LINK * STAGES)
 
     def node_by_node(self, values: cs.MX) -> cs.MX:
         """Return columns (12, nodes) from values at some nodes, (4 nodes, 3)."""
-        return _picked(values, np.argsort(_stage_order(values.size1() // NODE)), VALUES)
+        return _pick(values, np.argsort(_stage_order(values.size1() // NODE)), VALUES)
 
     def _pass(self, name: str, carried: cs.MX, columns: Sequence[cs.MX], shared: Sequence[cs.MX] = ()) -> list[cs.MX]:
         """Evaluate a Function of all links, one after the other, and return its results side by side."""
@@ -200,7 +200,7 @@ class Links:
                 carried, *results = self._along(name, carried, along, mesh_columns, shared)
             by_segment.append(results)
         ordered = by_segment[::-1] if back else by_segment
-        return [cs.horzcat(*parts) for parts in zip(*ordered, strict=True)]
+        return [cs.horzcat(*results) for results in zip(*ordered, strict=True)]
 
     def _along(
         self,
@@ -217,13 +217,13 @@ class Links:
         """
         function, back, before = self._functions[name], name in TO_BASE, name == "eliminate"
         count = columns[0].size2()
-        if more := -count % ELEMENTS_PER_CALL:
+        if filling_count := -count % ELEMENTS_PER_CALL:
             copied = slice(1) if before else slice(count - 1, count)
-            filling = [cs.repmat(x[:, copied], 1, more) for x in (*columns, *mesh_columns)]
+            filling = [cs.repmat(x[:, copied], 1, filling_count) for x in (*columns, *mesh_columns)]
             if name == "reduce":
                 filling[: len(columns)] = [cs.MX.zeros(x.shape) for x in filling[: len(columns)]]
             pairs = zip((*columns, *mesh_columns), filling, strict=True)
-            padded = [cs.horzcat(*((other, x) if before else (x, other))) for x, other in pairs]
+            padded = [cs.horzcat(*((added, x) if before else (x, added))) for x, added in pairs]
         else:
             padded = [*columns, *mesh_columns]
         calls = list(zip(*(cs.horzsplit(x, ELEMENTS_PER_CALL) for x in padded), strict=True))
@@ -231,19 +231,19 @@ class Links:
         for arguments in calls[:: -1 if back else 1]:
             carried, *results = function(carried, *arguments, *shared)
             by_call.append(results)
-        joined = [cs.horzcat(*parts) for parts in zip(*by_call[:: -1 if back else 1], strict=True)]
-        kept = slice(more, None) if before else slice(count)
-        return [carried, *(x[:, kept] if more else x for x in joined)]
+        joined = [cs.horzcat(*results) for results in zip(*by_call[:: -1 if back else 1], strict=True)]
+        real_links = slice(filling_count, None) if before else slice(count)
+        return [carried, *(x[:, real_links] if filling_count else x for x in joined)]
 
     @cached_property
     def _functions(self) -> dict[str, cs.Function]:
         """The compiled Functions of ``ELEMENTS_PER_CALL`` links, by name."""
         links = {name: link_function(name, "element" if name in ALIKE else self.kind) for name in SHARED}
-        chained = [_chained(links[name], shared, back=name in TO_BASE) for name, shared in SHARED.items()]
+        chained = [_chain(links[name], shared, back=name in TO_BASE) for name, shared in SHARED.items()]
         return dict(zip(SHARED, self.make(chained), strict=True))
 
 
-def _chained(link: cs.Function, shared: int, *, back: bool) -> cs.Function:
+def _chain(link: cs.Function, shared: int, *, back: bool) -> cs.Function:
     """Return the Function of ``ELEMENTS_PER_CALL`` links that passes the first input from link to link."""
     sizes = [link.size1_in(k) for k in range(link.n_in())]
     first_shared = len(sizes) - shared
@@ -264,6 +264,6 @@ def _stage_order(nodes: int) -> Index:
     return np.arange(VALUES * nodes).reshape(nodes, STAGES, NODE).transpose(1, 0, 2).ravel()
 
 
-def _picked(x: cs.MX, places: Index, rows: int) -> cs.MX:
+def _pick(x: cs.MX, places: Index, rows: int) -> cs.MX:
     """Return entries of x as a matrix with ``rows`` rows; places count down the columns, in x and in the result."""
     return cs.reshape(cs.vec(cs.densify(x)).nz[places.ravel().tolist()], rows, -1)

@@ -111,14 +111,14 @@ class StepControl:
     length: float = 0.0  # of the last step, s; 0 before the first step
     error: float = 1.0  # of the last step, relative to the tolerance
 
-    def trial_length(self, left: float, largest_step: float) -> float:
-        """Return the length of the step to try, s, given the time ``left``, so that no tiny last step remains."""
+    def trial_length(self, remaining: float, largest_step: float) -> float:
+        """Return the length of the step to try, s, given the time ``remaining``, so that no tiny last step remains."""
         h = min(self.proposal, largest_step)
-        return left if h > (1 - SAME_TIME) * left else min(h, left / 2)
+        return remaining if h > (1 - SAME_TIME) * remaining else min(h, remaining / 2)
 
-    def not_converged(self, h: float, *, kept: bool) -> StepControl:
-        """Return the state after Newton's method failed: new matrices if it had kept some, else half the length."""
-        if kept:
+    def not_converged(self, h: float, *, old_matrices: bool) -> StepControl:
+        """Return the state after Newton's method failed: new matrices if they were old, else half the length."""
+        if old_matrices:
             return replace(self, proposal=h, keep=False)
         return replace(self, proposal=h / 2, keep=False, largest_growth=AFTER_FAILURE)
 

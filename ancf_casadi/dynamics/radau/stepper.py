@@ -49,17 +49,17 @@ def integrate_by_radau(
     stepper = Stepper(form, parameters, piece, start, tolerance, largest_step, work)
     slopes = Slopes(form.equations.model)
     for segment in segments:
-        kept = [stepper.end, *(stepper.end for _ in stepper.steps_to(segment.end))]
-        count = len(kept) - 1
-        steps = _polynomials_of(slopes, kept, first=stepper.steps == count) if count else None
+        ends = [stepper.end, *(stepper.end for _ in stepper.steps_to(segment.end))]
+        count = len(ends) - 1
+        steps = _step_polynomials(slopes, ends, first=stepper.steps == count) if count else None
         yield SegmentSolution(segment, steps, stepper.state, stepper.work, count)
 
 
-def _polynomials_of(
-    slopes: Slopes, kept: Sequence[tuple[float, Array, Array, Array, Array, Array]], *, first: bool
+def _step_polynomials(
+    slopes: Slopes, step_ends: Sequence[tuple[float, Array, Array, Array, Array, Array]], *, first: bool
 ) -> Steps:
     """Return the steps between ends as of ``Stepper.end``; ``first``: whether the first one begins the piece."""
-    instants, free, bases, nodes, energies, added = (np.array(values) for values in zip(*kept, strict=True))
+    instants, free, bases, nodes, energies, added = (np.array(values) for values in zip(*step_ends, strict=True))
     ends = slopes.model.whole(np.moveaxis(free, -1, 0), np.moveaxis(bases.reshape(-1, 3, NODE), -1, 0))
     energies = np.concatenate([energies[1:, None], added[1:]], axis=1)
     stages = np.moveaxis(nodes[1 + first :, :, 1:], 1, 2)
@@ -114,9 +114,9 @@ class Stepper:
         a[:] = form.accelerations(q, v, first, parameters)
 
         self._finish = Buffered(form.finish, *arrays.of_stages, a, arrays.nodes)
-        known = arrays.time, arrays.length, arrays.ratio, arrays.nodes
+        trial_inputs = arrays.time, arrays.length, arrays.ratio, arrays.nodes
         self._predict = Buffered(
-            _trial(form.prediction, piece.function), *known, outputs=[arrays.excitations, arrays.increments]
+            _trial(form.prediction, piece.function), *trial_inputs, outputs=[arrays.excitations, arrays.increments]
         )
 
     @property
@@ -144,8 +144,8 @@ class Stepper:
         it adds.
         """
         newton = self.newton
-        kept = newton.end.copy(), newton.excitations[-1, : 3 * NODE].copy(), newton.nodes.copy()
-        return self.now, *kept, self._energies, self._added[:-1]
+        copies = newton.end.copy(), newton.excitations[-1, : 3 * NODE].copy(), newton.nodes.copy()
+        return self.now, *copies, self._energies, self._added[:-1]
 
     @property
     def work(self) -> Array:
@@ -168,13 +168,13 @@ class Stepper:
             h = control.trial_length(self._piece.end - self.now, self._largest_step)
             if not h > 1e-11 * max(1.0, self.now):  # s; after the first second, relative to the time
                 raise SimulationError(_failure("could not continue", self.now, h), self.now)
-            kept = control.keep and h == control.length
+            keeps_matrices = control.keep and h == control.length
             self._begin(h)
-            if not kept:
+            if not keeps_matrices:
                 newton.factorise()
             iterations = newton.converge()
             if not iterations:
-                control = control.not_converged(h, kept=kept)
+                control = control.not_converged(h, old_matrices=keeps_matrices)
                 continue
             nodes, end, norm, added = self._finish()
             error = norm.item()

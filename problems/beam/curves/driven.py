@@ -136,4 +136,6 @@ def _readings(
     motion = reduced_motion(reduced.projection, q, v, u[:BASE_SIZE, :], gravity)
     parts = motion.parts, motion.part_rates, motion.part_accelerations(a)
     e, e_t, e_tt = (motion.nodal(*part, u[3 * k : 3 * k + 2, :]) for k, part in enumerate(parts))
-    return SampledMotion.of(equations, e, e_t, e_tt, u[BASE_SIZE:, :], equations.given(law=law)).read(record.sensor)
+    return SampledMotion.of(equations, e, e_t, e_tt, u[BASE_SIZE:, :], equations.parameters_with(law=law)).read(
+        record.sensor
+    )

@@ -26,7 +26,7 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.derivatives.differentiable import Runs
-from ancf_casadi.dynamics.derivatives.reading import SampledMotion, orders_of
+from ancf_casadi.dynamics.derivatives.reading import SampledMotion, derivative_orders
 from ancf_casadi.dynamics.derivatives.sensitivity import SensitivityProblem
 from ancf_casadi.dynamics.derivatives.tangent import MotionRun
 from ancf_casadi.dynamics.equations import Equations
@@ -159,7 +159,7 @@ class MotionBlock(Block):
         found = []
         law = cs.vertcat(cs.MX(0, 1), *(given.get(own.name, cs.MX(own.value)) for own in self.damping.parameters))
         properties, lumped = _properties(self, given)
-        parameters = self.equations.given(properties=cs.vec(properties), law=law, lumped=lumped)
+        parameters = self.equations.parameters_with(properties=cs.vec(properties), law=law, lumped=lumped)
         for (number, record), (runs, motion) in zip(self.numbered, self._motions, strict=True):
             times, series = _clocks(record)
             shifts = _shifts(number, record, series, given)
@@ -356,7 +356,7 @@ def _problem(block: MotionBlock, record: MotionRecord) -> SensitivityProblem:
         times=times if record.has_unknown_times else times - record.release_bounds[0] + record.origin,
         tolerance=block.tolerance,
         held=bool(block.load),
-        orders=max(orders_of(channel.sensor) for channel in record.own_channels),
+        orders=max(derivative_orders(channel.sensor) for channel in record.own_channels),
         clocks=places if record.has_unknown_times else places[:0],
         span=(record.origin, record.end),
         lumped=_has_lumped(block),

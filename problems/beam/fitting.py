@@ -59,7 +59,14 @@ from problems.beam.motions.block import MotionBlock, motion_block
 from problems.beam.motions.marker_record import MarkerRecord, motion_record
 from problems.beam.motions.record import MotionRecord
 from problems.beam.motions.weights import coarse_tolerance
-from problems.beam.properties import CLAMP_STIFFNESS, first_values, is_property, owners_of, property_unknown, with_clamp
+from problems.beam.properties import (
+    CLAMP_STIFFNESS,
+    first_values,
+    is_property,
+    property_owners,
+    property_unknown,
+    with_clamp,
+)
 from problems.beam.result import BeamFit, law_name
 from problems.beam.unknowns import (
     BASE_AMPLITUDE,
@@ -67,13 +74,13 @@ from problems.beam.unknowns import (
     LOADS,
     NATURAL_FREQUENCIES,
     Bounds,
-    mode_of,
+    mode_at_peak,
     of_curves,
     of_law,
     of_motions,
-    restricted,
     sought_frequencies,
     starts,
+    with_bounds_and_priors,
 )
 from problems.beam.values.records import FrequencyRecord, PropertyRecord, StaticRecord, ValueBlock
 
@@ -178,13 +185,13 @@ def fit_beam(
     settings: Any = {"unknowns": unknowns, "fixed": fixed, "bounds": bounds, "priors": priors, "robust": robust,
                      "tolerance": tolerance, "modes": modes, "harmonics": harmonics}  # fmt: skip
     with counter("fit", shown=flag(progress, "progress")), bends_allowed():
-        problem, given, first = beam_problem(model, records, damping, **settings)
+        problem, start_model, first = beam_problem(model, records, damping, **settings)
         only_values = all(isinstance(block, ValueBlock) for block in problem.blocks)
         motions = [(block.model, block.numbered) for block in problem.blocks if isinstance(block, MotionBlock)]
         solution = solve(problem, starts(problem.unknowns, first, motions, only_values=only_values))
     again = partial(fit_beam, model, damping=damping, **settings)
     law = damping or SumOfLaws(())
-    return BeamFit(solution.fit, solution, given=given, guess=law, first=first, again=again)
+    return BeamFit(solution.fit, solution, given=start_model, guess=law, first=first, again=again)
 
 
 def beam_problem(
@@ -209,20 +216,23 @@ def beam_problem(
     """
     check_instance(model, "model", Model)
     check_instance(damping, "damping", DampingLaw, NoneType)
-    motions, curves, values = _sorted(records)
-    for name, given in (("bounds", bounds), ("priors", priors)):
-        check_instance(given, name, Mapping, NoneType)
+    motions, curves, values = _sort_records(records)
+    for name, mapping in (("bounds", bounds), ("priors", priors)):
+        check_instance(mapping, name, Mapping, NoneType)
     robust = flag(robust, "robust")
     tolerance = None if tolerance is None else positive(tolerance, "tolerance")
     law = damping or SumOfLaws(())
-    wanted = _wanted(unknowns, motions, curves, values)
-    every: Sequence[Any] = (*motions, *curves, *values)
-    found = {id(one): one for one in (model, *(record.model or model for record in every))}  # of all configurations
-    clamped = with_clamp(list(found.values())) if CLAMP_STIFFNESS in wanted else found.values()
-    models = dict(zip(found, clamped, strict=True))
+    wanted = _unknown_names(unknowns, motions, curves, values)
+    all_records: Sequence[Any] = (*motions, *curves, *values)
+    configurations = {
+        id(configuration): configuration
+        for configuration in (model, *(record.model or model for record in all_records))
+    }  # of all configurations
+    clamped = with_clamp(list(configurations.values())) if CLAMP_STIFFNESS in wanted else configurations.values()
+    models = dict(zip(configurations, clamped, strict=True))
     first = first_values(list(models.values()), [name for name in wanted if is_property(name)])
-    for one in models.values():
-        owners_of(one.beam, tuple(first))  # check
+    for configuration in models.values():
+        property_owners(configuration.beam, tuple(first))  # check
     frequencies = sought_frequencies(model) if curves else np.zeros(0)
     listed = [
         *of_law(damping, fixed),
@@ -232,26 +242,26 @@ def beam_problem(
     ]
     if not listed:
         raise InputError("nothing is to be estimated; name properties, or free a parameter of the law", "unknowns")
-    own = tuple(restricted(listed, bounds or {}, priors or {}))
+    bounded = tuple(with_bounds_and_priors(listed, bounds or {}, priors or {}))
     blocks: list[Block] = []
-    for one, numbered in _configured(motions, model, models, apart):
+    for configuration, numbered in _by_configuration(motions, model, models, apart):
         load = tuple(name.removeprefix("start_") for name in LOADS if name in wanted)
-        coarse = max(coarse_tolerance([record for _, record in numbered], one.beam.length), tolerance or 0.0)
+        coarse = max(coarse_tolerance([record for _, record in numbered], configuration.beam.length), tolerance or 0.0)
         settings: Any = {"load": load, "tolerance": coarse, "wanted": tolerance, "robust": robust}
-        blocks.append(motion_block(one, numbered, law, first, **settings))
-    for one, numbered in _configured(curves, model, models, apart):
+        blocks.append(motion_block(configuration, numbered, law, first, **settings))
+    for configuration, numbered in _by_configuration(curves, model, models, apart):
         # modes of the reduced model above the highest that a response curve is about
-        enough = max(mode_of(record, frequencies) for record in curves) + 1 + 2
-        count = enough if modes is None else whole(modes, "modes", 1, one.freedoms)
-        number, names = whole(harmonics, "harmonics", 1), [unknown.name for unknown in own]
-        block = curve_block(one, numbered, law, names, first, modes=count, harmonics=number)
+        enough = max(mode_at_peak(record, frequencies) for record in curves) + 1 + 2
+        count = enough if modes is None else whole(modes, "modes", 1, configuration.freedoms)
+        number, names = whole(harmonics, "harmonics", 1), [unknown.name for unknown in bounded]
+        block = curve_block(configuration, numbered, law, names, first, modes=count, harmonics=number)
         blocks.append(block if apart else block.checked(frequencies))
     shared, numbers = Counter(record.name for record in values), Counter[str]()
     for record in values:
         numbers[record.name] += 1
         repeated = str(numbers[record.name]) if shared[record.name] > 1 else ""
         blocks.append(ValueBlock(record.with_model(models[id(record.model)]), first, repeated))
-    return FitProblem(tuple(blocks), own, robust), models[id(model)], first
+    return FitProblem(tuple(blocks), bounded, robust), models[id(model)], first
 
 
 @lasting_interrupts()
@@ -302,28 +312,28 @@ def compare_laws(
     laws = instances(laws, "laws", DampingLaw)
     tasks = [partial(fit_beam, model, records, law, **settings) for law in laws]
     fits: list[Any] = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="laws")
-    terms = tuple(tuple(own.name for own in law.parameters) for law in laws)
+    terms = tuple(tuple(parameter.name for parameter in law.parameters) for law in laws)
     return LawComparison(tuple(law_name(law) for law in laws), tuple(fits), terms)
 
 
-def _sorted(
+def _sort_records(
     records: Any,
 ) -> tuple[tuple[MotionRecord, ...], tuple[ResponseRecord, ...], tuple[PropertyRecord, ...]]:
     """Return the motions, the response curves and the records of values."""
-    given = instances(records if is_sequence(records) else [records], "records", object)
+    record_list = instances(records if is_sequence(records) else [records], "records", object)
     motions, curves, values = [], [], []
-    for one in given:
-        if isinstance(one, ResponseRecord):
-            if one.excitation_unit:
+    for record in record_list:
+        if isinstance(record, ResponseRecord):
+            if record.excitation_unit:
                 raise InputError(
-                    f"{one.label}: needs base or load in place of excitation_unit; or use fit_mode", "records"
+                    f"{record.label}: needs base or load in place of excitation_unit; or use fit_mode", "records"
                 )
-            curves.append(one)
-        elif isinstance(one, PropertyRecord):
-            values.append(one)
+            curves.append(record)
+        elif isinstance(record, PropertyRecord):
+            values.append(record)
         else:
-            motions.append(motion_record(one))
-    stated = {one.stds is not None for one in values}
+            motions.append(motion_record(record))
+    stated = {record.stds is not None for record in values}
     if len(stated) > 1:
         raise InputError("some have standard deviations and some have none; give them for all, or for none", "records")
     if stated == {False} and (motions or curves):
@@ -333,7 +343,9 @@ def _sorted(
     return tuple(motions), tuple(curves), tuple(values)
 
 
-def _wanted(unknowns: Any, motions: Sequence[Any], curves: Sequence[Any], values: Sequence[Any]) -> tuple[str, ...]:
+def _unknown_names(
+    unknowns: Any, motions: Sequence[Any], curves: Sequence[Any], values: Sequence[Any]
+) -> tuple[str, ...]:
     """Return the names of the unknowns besides those of the law and of the sensors."""
     if unknowns is None:
         return () if not curves else ("elastic_modulus",) if motions or values else (NATURAL_FREQUENCIES,)
@@ -360,7 +372,7 @@ def _wanted(unknowns: Any, motions: Sequence[Any], curves: Sequence[Any], values
     return names
 
 
-def _configured(
+def _by_configuration(
     records: Sequence[Any], model: Model, models: Mapping[int, Model], apart: bool
 ) -> list[tuple[Model, list[Any]]]:
     """Return each configuration, or each record, with its records, numbered from 1 among all of their kind."""

@@ -57,39 +57,41 @@ def is_property(name: str) -> bool:
     return name in PROPERTY_UNITS or GROUP.fullmatch(name) is not None or bool(lumped_kind(name))
 
 
-def kind_of(name: str) -> str:
+def changed_property(name: str) -> str:
     """Return the property that an unknown changes, without the elements; lumped ones keep their number."""
     kind = name.partition("[")[0]
     return DRIVEN_BY.get(kind, kind)
 
 
-def unit_of(name: str) -> str:
+def property_unit(name: str) -> str:
     """Return the SI unit of a property."""
     return PROPERTY_UNITS[lumped_kind(name) or name.partition("[")[0]]
 
 
-def elements_of(name: str, beam: Beam) -> slice:
+def named_elements(name: str, beam: Beam) -> slice:
     """Return the elements that a name means: all, or those in brackets, whose parts a finer mesh has."""
-    found = GROUP.fullmatch(name)
-    if not found:
+    match = GROUP.fullmatch(name)
+    if not match:
         return slice(0, beam.elements)
-    first, parts = int(found[2]), beam.parts if isinstance(beam, SplitBeam) else 1
-    last, elements = int(found[3] or first), beam.elements // parts
+    first, parts_per_element = int(match[2]), beam.parts if isinstance(beam, SplitBeam) else 1
+    last, elements = int(match[3] or first), beam.elements // parts_per_element
     if not 1 <= first <= last <= elements:
         raise InputError(f"must name elements from 1 to {elements}, the first before the last", name)
-    return slice(parts * (first - 1), parts * last)
+    return slice(parts_per_element * (first - 1), parts_per_element * last)
 
 
-def value_of(beam: Beam, name: str) -> float:
+def property_value(beam: Beam, name: str) -> float:
     """Return a property or a combination of a beam, SI units; the mean over its elements, 0 of what it has not."""
     if lumped_kind(name):
         return lumped_value(beam, name)
     kind = name.partition("[")[0]
-    powers = [np.array(getattr(beam, one)) ** power for one, power in PROPERTY_POWERS.get(kind, {kind: 1}).items()]
-    return float(CONSTANTS.get(kind, 1.0) * np.mean(np.prod(powers, axis=0)[elements_of(name, beam)]))
+    powers = [
+        np.array(getattr(beam, factor)) ** power for factor, power in PROPERTY_POWERS.get(kind, {kind: 1}).items()
+    ]
+    return float(CONSTANTS.get(kind, 1.0) * np.mean(np.prod(powers, axis=0)[named_elements(name, beam)]))
 
 
-def owners_of(beam: Beam, names: Sequence[str]) -> Index:
+def property_owners(beam: Beam, names: Sequence[str]) -> Index:
     """Return which of unknown properties each property of a beam changes with, (4 n + lumped,); -1 for none.
 
     The properties are in the order of ``structure_properties``; a beam may lack some of the lumped ones.
@@ -98,45 +100,47 @@ def owners_of(beam: Beam, names: Sequence[str]) -> Index:
         check_curvature(beam)
     owners = np.full(len(PROPERTIES) * beam.elements + len(beam.lumped), -1)
     for k, name in enumerate(names):
-        own = property_rows(beam, kind_of(name), elements_of(name, beam))
-        if (owners[own] >= 0).any():
-            other = names[int(owners[own].max())]
-            raise InputError(f"{name} changes the same property as {other}; estimate one or the other", "unknowns")
-        owners[own] = k
+        rows = property_rows(beam, changed_property(name), named_elements(name, beam))
+        if (owners[rows] >= 0).any():
+            earlier = names[int(owners[rows].max())]
+            raise InputError(f"{name} changes the same property as {earlier}; estimate one or the other", "unknowns")
+        owners[rows] = k
     for name in set(names) & set(PROPERTY_POWERS):
-        rivals = sorted(set(map(kind_of, names)) & set(PROPERTY_POWERS[name]) - {DRIVEN_BY[name]})
+        rivals = sorted(set(map(changed_property, names)) & set(PROPERTY_POWERS[name]) - {DRIVEN_BY[name]})
         if rivals:
             raise InputError(f"{name} contains {', '.join(rivals)}; estimate one or the other", "unknowns")
     return owners
 
 
-def scaled(properties: Array, owners: Index, factors: Array) -> tuple[Array, Array]:
+def scale_properties(properties: Array, owners: Index, factors: Array) -> tuple[Array, Array]:
     """Return properties, possibly followed by others, times the factors (p,), and their Jacobian by the factors."""
-    found, directions = properties.copy(), np.zeros((len(properties), len(factors)))
-    own = np.flatnonzero(owners >= 0)
-    directions[own, owners[own]] = properties[own]
-    found[own] *= factors[owners[own]]
-    return found, directions
+    scaled_properties, directions = properties.copy(), np.zeros((len(properties), len(factors)))
+    changed = np.flatnonzero(owners >= 0)
+    directions[changed, owners[changed]] = properties[changed]
+    scaled_properties[changed] *= factors[owners[changed]]
+    return scaled_properties, directions
 
 
 def scaled_model(model: Model, owners: Index, factors: Array) -> Model:
     """Return a model with the factors (p,) on its properties."""
     if (factors == 1.0).all():
         return model
-    return changed_model(model, scaled(structure_properties(model), owners, factors)[0])
+    return changed_model(model, scale_properties(structure_properties(model), owners, factors)[0])
 
 
 def with_clamp(models: Sequence[Model]) -> list[Model]:
     """Return the models with a first stiffness for each clamp that is rigid: that of another one, or 10 E I/L."""
-    elastic = [one.beam.clamp_stiffness for one in models if math.isfinite(one.beam.clamp_stiffness)]
+    elastic = [model.beam.clamp_stiffness for model in models if math.isfinite(model.beam.clamp_stiffness)]
     # first clamp stiffness if the clamp is rigid, in units of E I/L
     first = elastic[0] if elastic else 10.0 * _clamp_unit(models)
-    return [clamped(one, first) for one in models]
+    return [with_clamp_stiffness(model, first) for model in models]
 
 
-def clamped(model: Model, first: float) -> Model:
+def with_clamp_stiffness(model: Model, first: float) -> Model:
     """Return a model with a stiffness of its clamp if that is rigid; as it is if it has no clamp."""
-    rigid = math.isinf(model.beam.clamp_stiffness) and any(isinstance(one, Clamp) for one in model.beam.supports)
+    rigid = math.isinf(model.beam.clamp_stiffness) and any(
+        isinstance(support, Clamp) for support in model.beam.supports
+    )
     return Model(model.beam.with_(clamp_stiffness=first), model.measures) if rigid else model
 
 
@@ -144,15 +148,15 @@ def first_values(models: Sequence[Model], names: Sequence[str]) -> dict[str, flo
     """Return the first value of each unknown property, SI units; check that all models are of the same beam."""
     first = {}
     for name in dict.fromkeys((*PROPERTIES, *names)):
-        values = [value_of(one.beam, name) for one in models]
+        values = [property_value(model.beam, name) for model in models]
         values = [value for value in values if value]
         if not values:
-            what = name.replace("_", " ")
-            raise InputError(f"no beam has a {what} to estimate; give one of the models a first value", name)
+            words = name.replace("_", " ")
+            raise InputError(f"no beam has a {words} to estimate; give one of the models a first value", name)
         if max(values) - min(values) > SAME_PROPERTY * max(map(abs, values)):
             raise InputError(
                 f"the records must be of the same beam, but their models have a {name} from {min(values):g} to "
-                f"{max(values):g} {unit_of(name)}",
+                f"{max(values):g} {property_unit(name)}",
                 "records",
             )
         first[name] = values[0]
@@ -178,9 +182,9 @@ def property_unknown(name: str, first: float, models: Sequence[Model]) -> Unknow
         lower, upper = first / MOST_FACTOR, first * MOST_FACTOR
     stiffness = (kind or name.partition("[")[0]) in STIFFNESSES
     offset = FIXITY * _clamp_unit(models) if kind == CLAMP_STIFFNESS else 0.0
-    return Unknown(name, first, abs(first), lower, upper, unit_of(name), offset=offset if stiffness else None)
+    return Unknown(name, first, abs(first), lower, upper, property_unit(name), offset=offset if stiffness else None)
 
 
 def _clamp_unit(models: Sequence[Model]) -> float:
     """Return E I/L of the shortest beam, N m/rad."""
-    return max(value_of(one.beam, "bending_stiffness") / one.beam.length for one in models)
+    return max(property_value(model.beam, "bending_stiffness") / model.beam.length for model in models)

@@ -36,12 +36,12 @@ from problems.beam.properties import (
     PROPERTY_POWERS,
     PROPERTY_UNITS,
     SAME_PROPERTY,
-    clamped,
-    kind_of,
-    owners_of,
+    changed_property,
+    property_owners,
+    property_unit,
+    property_value,
     scaled_model,
-    unit_of,
-    value_of,
+    with_clamp_stiffness,
 )
 from problems.beam.unknowns import load_name, loads
 from problems.beam.values.records import PropertyRecord, ValueBlock
@@ -90,7 +90,9 @@ class BeamFit(BlocksResult):
     @property
     def law(self) -> DampingLaw:
         """The law with the estimated parameters."""
-        return self.guess.with_parameters([self.estimates.get(own.name, own.value) for own in self.guess.parameters])
+        return self.guess.with_parameters(
+            [self.estimates.get(parameter.name, parameter.value) for parameter in self.guess.parameters]
+        )
 
     @cached_property
     def model(self) -> Model:
@@ -106,23 +108,24 @@ class BeamFit(BlocksResult):
             If ``model`` is not a model, or is of another beam.
         """
         check_instance(model, "model", Model)
-        own = self._started(model)
-        return scaled_model(own, owners_of(own.beam, tuple(self.first)), self._factors)
+        started_model = self._start_model(model)
+        return scaled_model(started_model, property_owners(started_model.beam, tuple(self.first)), self._factors)
 
     @property
     def _factors(self) -> Array:
         """Estimated over first values of the unknown properties."""
         return np.array([self.estimates[name] / value for name, value in self.first.items()])
 
-    def _started(self, model: Model) -> Model:
+    def _start_model(self, model: Model) -> Model:
         """Return a model with the first stiffness of the clamp, if that is unknown and the clamp of the model rigid."""
         if CLAMP_STIFFNESS in self.first:
-            model = clamped(model, self.first[CLAMP_STIFFNESS])
+            model = with_clamp_stiffness(model, self.first[CLAMP_STIFFNESS])
         for name, first in self.first.items():
-            own = value_of(model.beam, name)
-            if own and abs(own - first) > SAME_PROPERTY * abs(first):
+            value = property_value(model.beam, name)
+            if value and abs(value - first) > SAME_PROPERTY * abs(first):
                 raise InputError(
-                    f"is {own:g} {unit_of(name)} in this model; it is an unknown of the fit, which began at {first:g}",
+                    f"is {value:g} {property_unit(name)} in this model; it is an unknown of the fit, which began at "
+                    f"{first:g}",
                     name,
                 )
         return model
@@ -130,21 +133,25 @@ class BeamFit(BlocksResult):
     @property
     def combinations(self) -> dict[str, tuple[float, float]]:
         """Bending stiffness and mass per length with their standard errors, if an unknown changes them."""
-        changing, found = {kind_of(name) for name in self.first}, {}
+        changing, combinations = {changed_property(name) for name in self.first}, {}
         for name, powers in PROPERTY_POWERS.items():
-            own = [one for one in self.first if "[" not in one and kind_of(one) in powers]
-            if name in self.first or not changing & set(powers) or len(own) < len(changing & set(powers)):
+            exponents = {
+                unknown: powers[changed_property(unknown)]
+                for unknown in self.first
+                if "[" not in unknown and changed_property(unknown) in powers
+            }
+            if name in self.first or not changing & set(powers) or len(exponents) < len(changing & set(powers)):
                 continue
 
-            def ratio(*x: cs.MX, own: list[str] = own, powers: Mapping[str, int] = powers) -> cs.MX:
+            def ratio(*x: cs.MX, exponents: Mapping[str, int] = exponents) -> cs.MX:
                 values = dict(zip(self.fit.names, x, strict=True))
-                factors = [(values[one] / self.first[one]) ** powers[kind_of(one)] for one in own]
+                factors = [(values[unknown] / self.first[unknown]) ** power for unknown, power in exponents.items()]
                 return cs.vertcat(cs.mtimes([cs.MX(1.0), *factors]))
 
-            value, error = (float(part[0]) for part in self.fit.derived(ratio))
-            first = value_of(self.given.beam, name)
-            found[name] = first * value, first * error
-        return found
+            value, error = (float(output[0]) for output in self.fit.derived(ratio))
+            first = property_value(self.given.beam, name)
+            combinations[name] = first * value, first * error
+        return combinations
 
     def _ends(self, level: float) -> Array:
         """Return the intervals, over all optima that fit, and over the estimate without the error of the mesh."""
@@ -159,9 +166,9 @@ class BeamFit(BlocksResult):
     @property
     def residuals(self) -> list[Array]:
         """Computed less measured readings of each channel of the motions, in the unit of the sensor."""
-        parts = self.solution.fitted_blocks
-        motions = [(block, fitted) for block, fitted in parts if isinstance(block, MotionBlock)]
-        return [rest for block, fitted in motions for rest in block.weights.split(fitted.residuals)]
+        fitted_blocks = self.solution.fitted_blocks
+        motions = [(block, fitted) for block, fitted in fitted_blocks if isinstance(block, MotionBlock)]
+        return [residuals for block, fitted in motions for residuals in block.weights.split(fitted.residuals)]
 
     @cached_property
     def responses(self) -> list[Array]:
@@ -202,26 +209,26 @@ class BeamFit(BlocksResult):
     @property
     def scatter(self) -> float:
         """Standard deviation of the residuals: in standard deviations, or relative for values that have none."""
-        rest, freedom = self.fit.residuals / self.solution.problem.scale, self.fit.degrees_of_freedom
-        return math.sqrt(float(np.sum(rest**2)) / freedom) if freedom else math.nan
+        residuals, freedom = self.fit.residuals / self.solution.problem.scale, self.fit.degrees_of_freedom
+        return math.sqrt(float(np.sum(residuals**2)) / freedom) if freedom else math.nan
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the estimates, one sentence each."""
-        own, notes = self.fit, [self._rigid(note) for note in super().warnings]
+        fit, notes = self.fit, [self._rigid(note) for note in super().warnings]
         notes += self._mesh_warnings
         blocks = [block for block in self.solution.problem.blocks if isinstance(block, MotionBlock | CurveBlock)]
         notes += dict.fromkeys(note for block in blocks for _, record in block.numbered for note in record.notes)
-        for other in self.solution.other_optima:
+        for optimum in self.solution.other_optima:
             named = [
                 f"{name} {value:.4g} {unit}"
-                for (name, value), unit in zip(other.estimates.items(), own.units, strict=True)
+                for (name, value), unit in zip(optimum.estimates.items(), fit.units, strict=True)
             ]
             notes.append(
                 f"{', '.join(named)} fits as well; the intervals cover both optima. Fix one of the unknowns, or add a "
                 "record that separates them"
             )
-        if not own.noise.freedom or not own.degrees_of_freedom:
+        if not fit.noise.freedom or not fit.degrees_of_freedom:
             notes.append("there are no more values than unknowns, so nothing shows their uncertainty; measure more")
         notes += [
             f"the records leave {name} open: the relative standard error of this product of powers is {error:.2g}"
@@ -260,11 +267,11 @@ class BeamFit(BlocksResult):
         blocks = [block for block in self.solution.problem.blocks if isinstance(block, MotionBlock) and block.load]
         if not blocks:
             raise InputError("was not estimated; name components, as start_force_x, among the unknowns", "start")
-        block, one = next((b, r) for b in blocks for number, r in b.numbered if number == record + 1)
-        found = self.estimates
-        load = [found.get(load_name(name, record + 1), value) for name, value in loads(one)]
+        block, motion = next((b, r) for b in blocks for number, r in b.numbered if number == record + 1)
+        estimates = self.estimates
+        load = [estimates.get(load_name(name, record + 1), value) for name, value in loads(motion)]
         model = self.configured(block.model)
-        law = flowing(self.law, model, one.start)
+        law = flowing(self.law, model, motion.start)
         return held_start(model, start_jacobians(model, law=law), np.array(load), law=law)[0]
 
     def predict(self, record: Any) -> RecordPrediction:
@@ -301,33 +308,33 @@ class BeamFit(BlocksResult):
         >>> max(prediction.relative_errors.values()) < 1e-3
         True
         """
-        return self._block_of(record).predicted(self.fit, self.kind)
+        return self._record_block(record).predicted(self.fit, self.kind)
 
-    def _block_of(self, record: Any) -> Block:
+    def _record_block(self, record: Any) -> Block:
         """Return another record as a block; none of the unknowns belongs to it alone."""
         blocks, none = self.solution.problem.blocks, 0
         if isinstance(record, PropertyRecord):
-            return ValueBlock(record.with_model(self._started(record.model)), self.first)
-        one = record if isinstance(record, ResponseRecord) else motion_record(record)
-        model = self._started(one.model or self.given)
-        if isinstance(one, ResponseRecord):
+            return ValueBlock(record.with_model(self._start_model(record.model)), self.first)
+        other_record = record if isinstance(record, ResponseRecord) else motion_record(record)
+        model = self._start_model(other_record.model or self.given)
+        if isinstance(other_record, ResponseRecord):
             curves = [block for block in blocks if isinstance(block, CurveBlock)]
             modes, harmonics = max(((block.modes, block.harmonics) for block in curves), default=(3, 5))
             names, law = self.fit.names, self.guess
-            return curve_block(model, [(none, one)], law, names, self.first, modes=modes, harmonics=harmonics)
+            return curve_block(model, [(none, other_record)], law, names, self.first, modes=modes, harmonics=harmonics)
         motions = [block for block in blocks if isinstance(block, MotionBlock)]
         tolerance = min([ACCURATE, *(block.tolerance for block in motions)])
-        own = motion_block(model, [(none, one)], self.guess, self.first, tolerance=tolerance)
+        block = motion_block(model, [(none, other_record)], self.guess, self.first, tolerance=tolerance)
         # the noise of the same sensor in the fit is more certain than that from a few samples
-        noise, pairs = sensor_noise(blocks), zip(own.sensors, own.weights.deviations.tolist(), strict=True)
+        noise, pairs = sensor_noise(blocks), zip(block.sensors, block.weights.deviations.tolist(), strict=True)
         deviations = [channel.std or noise.get(channel.sensor, deviation) for channel, deviation in pairs]
-        return replace(own, weights=replace(own.weights, deviations=np.array(deviations)))
+        return replace(block, weights=replace(block.weights, deviations=np.array(deviations)))
 
     def table(self) -> Table:
         """Return the estimates with units, standard errors and 95 % intervals; notes say what each record shows."""
-        own = super().table()
+        table = super().table()
         notes = [
-            *own.notes,
+            *table.notes,
             *(
                 f"{name} {value:.5g} {PROPERTY_UNITS[name]}, standard error {error:.2g}"
                 for name, (value, error) in self.combinations.items()
@@ -335,7 +342,7 @@ class BeamFit(BlocksResult):
             *(f"{name}: relative standard error {error:.2g}" for name, error in self._products),
             self._mesh_line,
         ]
-        return replace(own, notes=notes)
+        return replace(table, notes=notes)
 
     @property
     def _mesh_line(self) -> str:
@@ -358,7 +365,7 @@ class BeamFit(BlocksResult):
         return {
             **super().to_dict(),
             "law": law_name(self.guess),
-            "first": {name: {"value": value, "unit": unit_of(name)} for name, value in self.first.items()},
+            "first": {name: {"value": value, "unit": property_unit(name)} for name, value in self.first.items()},
             "combinations": {
                 name: {"value": value, "unit": PROPERTY_UNITS[name], "standard_error": known(error)}
                 for name, (value, error) in self.combinations.items()
@@ -372,4 +379,6 @@ class BeamFit(BlocksResult):
 def law_name(law: DampingLaw) -> str:
     """Return the name of a law with those of its parameters."""
     terms = law.laws if isinstance(law, SumOfLaws) else (law,)
-    return " + ".join(f"{type(term).__name__}({', '.join(own.name for own in term.parameters)})" for term in terms)
+    return " + ".join(
+        f"{type(term).__name__}({', '.join(parameter.name for parameter in term.parameters)})" for term in terms
+    )

@@ -54,7 +54,7 @@ from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.record import Channel, MotionRecord
-from problems.beam.properties import CLAMP_STIFFNESS, value_of
+from problems.beam.properties import CLAMP_STIFFNESS, property_value
 from problems.beam.values.records import FrequencyRecord, ValueBlock
 from problems.beam.values.response import place
 
@@ -92,43 +92,45 @@ def frequency_name(mode: int) -> str:
 def loads(record: MotionRecord) -> list[tuple[str, float]]:
     """Return the load at the start of a record, zero where it is unknown, and zero for its rate, by name."""
     start = record.start
-    known = (*start.tip_force, start.tip_moment) if isinstance(start, Equilibrium) else (0.0,) * len(LOAD_NAMES)
-    return list(zip(START_LOAD_NAMES, (*known, *(0.0,) * len(LOAD_NAMES)), strict=True))
+    components = (*start.tip_force, start.tip_moment) if isinstance(start, Equilibrium) else (0.0,) * len(LOAD_NAMES)
+    return list(zip(START_LOAD_NAMES, (*components, *(0.0,) * len(LOAD_NAMES)), strict=True))
 
 
 def of_law(law: DampingLaw | None, fixed: Sequence[str]) -> list[Unknown]:
     """Return the parameters of a law that are not fixed."""
     parameters = law.parameters if law else ()
     choices(fixed, [parameter.name for parameter in parameters], "fixed")
-    return [_of_parameter(own.name, own) for own in parameters if own.name not in fixed]
+    return [_of_parameter(parameter.name, parameter) for parameter in parameters if parameter.name not in fixed]
 
 
 def of_curves(wanted: Sequence[str], frequencies: Array, records: Sequence[ResponseRecord]) -> list[Unknown]:
     """Return the factors on the natural frequencies (Hz) of the modes of response curves, and on their levels."""
-    found, modes = [], [mode_of(record, frequencies) for record in records]
+    factors, modes = [], [mode_at_peak(record, frequencies) for record in records]
     for mode in sorted(set(modes)) if NATURAL_FREQUENCIES in wanted else ():
-        own = [record for record, one in zip(records, modes, strict=True) if one == mode]
-        guess = _peak(min(own, key=lambda record: float(record.amplitudes.max()))) / float(frequencies[mode])
+        of_mode = [record for record, record_mode in zip(records, modes, strict=True) if record_mode == mode]
+        guess = _peak(min(of_mode, key=lambda record: float(record.amplitudes.max()))) / float(frequencies[mode])
         limits = (1.0 - FREQUENCY_RANGE) * guess, (1.0 + FREQUENCY_RANGE) * guess
-        found.append(Unknown(frequency_name(mode), guess, 1e-3, *limits))  # scale of a frequency, relative
+        factors.append(Unknown(frequency_name(mode), guess, 1e-3, *limits))  # scale of a frequency, relative
     names = [COMMON] if COMMON in wanted else []
     names += [f"excitation_{k}" for k in range(1, len(records) + 1)] if EACH in wanted else []
     limits = 1.0 - EXCITATION_RANGE, 1.0 + EXCITATION_RANGE
-    return found + [Unknown(name, 1.0, 0.01, *limits) for name in names]  # scale of an excitation without a prior
+    return factors + [Unknown(name, 1.0, 0.01, *limits) for name in names]  # scale of an excitation without a prior
 
 
 def of_motions(wanted: Sequence[str], model: Model, records: Sequence[MotionRecord]) -> list[Unknown]:
     """Return the unknowns of motions: amplitudes of their bases, loads at the start, sensors."""
-    found = []
+    unknowns = []
     for k, record in enumerate(records, start=1):
         if BASE_AMPLITUDE in wanted:
-            found += [_of_parameter(base_name(own.name, k), own) for own in record.own_base.parameters]
-        found += _of_load(k, record, [name for name in LOADS if name in wanted], model)
-        found += _of_sensors(k, record, model)
-    return found
+            unknowns += [
+                _of_parameter(base_name(parameter.name, k), parameter) for parameter in record.own_base.parameters
+            ]
+        unknowns += _of_load(k, record, [name for name in LOADS if name in wanted], model)
+        unknowns += _of_sensors(k, record, model)
+    return unknowns
 
 
-def mode_of(record: ResponseRecord, frequencies: Array) -> int:
+def mode_at_peak(record: ResponseRecord, frequencies: Array) -> int:
     """Return the mode, from 0, whose natural frequency is nearest to that of the largest response of a record."""
     return nearest_mode(_peak(record), frequencies)
 
@@ -143,25 +145,25 @@ def sought_frequencies(model: Model) -> Array:
     return natural_modes(model, count=min(12, model.freedoms)).frequencies
 
 
-def restricted(unknowns: Sequence[Unknown], bounds: Bounds, priors: Priors) -> list[Unknown]:
+def with_bounds_and_priors(unknowns: Sequence[Unknown], bounds: Bounds, priors: Priors) -> list[Unknown]:
     """Return the unknowns with the bounds and the priors that the user gave."""
     names = {unknown.name for unknown in unknowns}
     check_keys(dict(bounds), set(), names, "bounds")
     check_keys(dict(priors), set(), names, "priors")
-    found = []
-    for one in unknowns:
-        own = with_prior(one, priors[one.name]) if one.name in priors else one
-        if one.name in bounds:
-            lower, upper = two_numbers(bounds[one.name], f"bounds: {one.name}")
-            if not lower <= one.guess <= upper:
+    restricted_unknowns = []
+    for unknown in unknowns:
+        with_priors = with_prior(unknown, priors[unknown.name]) if unknown.name in priors else unknown
+        if unknown.name in bounds:
+            lower, upper = two_numbers(bounds[unknown.name], f"bounds: {unknown.name}")
+            if not lower <= unknown.guess <= upper:
                 raise InputError(
-                    f"the first value {one.guess:g} is not within [{lower:g}, {upper:g}]", f"bounds: {one.name}"
+                    f"the first value {unknown.guess:g} is not within [{lower:g}, {upper:g}]", f"bounds: {unknown.name}"
                 )
-            if one.offset is not None:
-                lower = max(lower, one.lower / 100)  # a stiffness of zero has no reciprocal
-            own = replace(own, lower=lower, upper=upper)
-        found.append(own)
-    return found
+            if unknown.offset is not None:
+                lower = max(lower, unknown.lower / 100)  # a stiffness of zero has no reciprocal
+            with_priors = replace(with_priors, lower=lower, upper=upper)
+        restricted_unknowns.append(with_priors)
+    return restricted_unknowns
 
 
 def _of_parameter(name: str, parameter: Parameter) -> Unknown:
@@ -190,31 +192,31 @@ def _of_load(number: int, record: MotionRecord, wanted: Sequence[str], model: Mo
             "record, or estimate no rates",
             "load",
         )
-    scales, found = _load_scales(model), []
+    scales, components = _load_scales(model), []
     for name, value in loads(record):
         if f"start_{name}" in wanted:
             unit = f"N{' m' * ('moment' in name)}{'/s' * name.endswith('rate')}"
-            found.append(Unknown(load_name(name, number), value, abs(value) or scales[name], unit=unit))
-    return found
+            components.append(Unknown(load_name(name, number), value, abs(value) or scales[name], unit=unit))
+    return components
 
 
 def _of_sensors(number: int, record: MotionRecord, model: Model) -> list[Unknown]:
     """Return the unknown release of a record, view of its camera, and offset and zero of each channel."""
-    found = []
+    unknowns = []
     if isinstance(record.release_time, tuple):
-        found.append(_between(f"release_{number}", record.release_time, "s"))
+        unknowns.append(_between(f"release_{number}", record.release_time, "s"))
     for name, limits, _, unit in record.camera.unknowns if record.camera else ():
         if limits:
-            found.append(_between(f"{name}_{number}", limits, unit))
+            unknowns.append(_between(f"{name}_{number}", limits, unit))
     for j, channel in enumerate(record.own_channels, start=1):
         if channel.offset:
-            found.append(_between(f"offset_{number}_{j}", channel.offset, "s"))
+            unknowns.append(_between(f"offset_{number}_{j}", channel.offset, "s"))
         if channel.zero:
-            found.append(_between(f"zero_{number}_{j}", channel.zero, channel.sensor.unit))
+            unknowns.append(_between(f"zero_{number}_{j}", channel.zero, channel.sensor.unit))
         elif channel.sensor.quantity == "displacement":
             guess = _origin_guess(channel, model)
-            found.append(Unknown(f"zero_{number}_{j}", guess, LOAD_SCALE * model.beam.length, unit="m"))
-    return found
+            unknowns.append(Unknown(f"zero_{number}_{j}", guess, LOAD_SCALE * model.beam.length, unit="m"))
+    return unknowns
 
 
 def _between(name: str, limits: tuple[float, float], unit: str) -> Unknown:
@@ -231,7 +233,7 @@ def _origin_guess(channel: Channel, model: Model) -> float:
 
 
 def _load_scales(model: Model) -> dict[str, float]:
-    stiffness, mass = (value_of(model.beam, name) for name in ("bending_stiffness", "mass_per_length"))
+    stiffness, mass = (property_value(model.beam, name) for name in ("bending_stiffness", "mass_per_length"))
     length = model.beam.length
     sizes = LOAD_SCALE * stiffness / length**2 * np.array([1.0, 1.0, length])
     # angular frequency of a cantilever over (E I/(mu L^4))^1/2
@@ -251,15 +253,19 @@ def starts(
     For values alone, a soft clamp and a tip mass have a second one; ``motions`` are those of each configuration.
     """
     listed = []
-    for one in unknowns:
-        second = {"tip_mass": OTHER_START * one.guess, CLAMP_STIFFNESS: one.guess / OTHER_START}.get(one.name)
-        listed.append([{}] if second is None or not only_values else [{}, {one.name: second}])
-    found = [{name: value for part in parts for name, value in part.items()} for parts in product(*listed)]
+    for unknown in unknowns:
+        second = {"tip_mass": OTHER_START * unknown.guess, CLAMP_STIFFNESS: unknown.guess / OTHER_START}.get(
+            unknown.name
+        )
+        listed.append([{}] if second is None or not only_values else [{}, {unknown.name: second}])
+    guesses = [
+        {name: value for choice in combination for name, value in choice.items()} for combination in product(*listed)
+    ]
     try:
-        nearer = _of_frequencies([one for one in unknowns if one.name in first], first, motions)
+        nearer = _of_frequencies([unknown for unknown in unknowns if unknown.name in first], first, motions)
     except AncfError:  # no equilibrium, or no fit: the first values remain
         nearer = {}
-    return [nearer, *found] if nearer else found
+    return [nearer, *guesses] if nearer else guesses
 
 
 def _of_frequencies(
@@ -287,22 +293,28 @@ def _of_frequencies(
         blocks.append(ValueBlock(record, first))
     if slip <= MOST_SLIP:
         return {}
-    near = tuple(replace(one, prior=one.prior or (one.guess, abs(one.guess))) for one in properties)
-    return dict(solve(FitProblem(tuple(blocks), near)).fit.estimates)
+    with_weak_priors = tuple(
+        replace(unknown, prior=unknown.prior or (unknown.guess, abs(unknown.guess))) for unknown in properties
+    )
+    return dict(solve(FitProblem(tuple(blocks), with_weak_priors)).fit.estimates)
 
 
 def _decays(record: MotionRecord) -> list[tuple[float, float]]:
     """Return frequency, Hz, and duration, s, of the free decay in each channel that shows one of its own."""
     driven: list[BaseMotion | TipLoad] = [record.own_base, *([record.load] if record.load else [])]
-    ends = [[piece.end for piece in one.pieces() if math.isfinite(piece.end)] for one in driven]
+    ends = [[piece.end for piece in motion.pieces() if math.isfinite(piece.end)] for motion in driven]
     if not ends[0] and not isinstance(record.own_base, FixedBase):
         return []
     release = max([record.origin, *chain(*ends)]) - record.origin + sum(record.release_bounds) / 2
-    found = []
+    decays = []
     for channel in record.own_channels:
         try:
             guess = first_guess(channel.measurement, release_time=release)
         except InputError:  # no decay is long enough, or nothing oscillates
             continue
-        found.append((guess.ω / (2 * math.pi), guess.duration))
-    return [one for one in found if not any(abs(one[0] / (2.0 * other) - 1.0) < DOUBLED for other, _ in found)]
+        decays.append((guess.ω / (2 * math.pi), guess.duration))
+    return [
+        decay
+        for decay in decays
+        if not any(abs(decay[0] / (2.0 * frequency) - 1.0) < DOUBLED for frequency, _ in decays)
+    ]

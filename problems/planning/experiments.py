@@ -43,7 +43,7 @@ from problems.beam.fitting import beam_problem
 from problems.beam.motions.block import MotionBlock, motion_block, sensor_noise
 from problems.beam.motions.record import MotionRecord
 from problems.beam.motions.weights import first_weights as motion_weights
-from problems.beam.properties import owners_of
+from problems.beam.properties import property_owners
 from problems.beam.result import BeamFit
 from problems.beam.unknowns import COMMON, sought_frequencies
 from problems.beam.values.records import PropertyRecord, ValueBlock
@@ -228,7 +228,7 @@ def _expected(
 def _with_values(block: Block, guesses: Mapping[str, float]) -> tuple[Template, Block]:
     """Return the record of a block, and the block, with values computed at the guesses of the unknowns."""
     if isinstance(block, ValueBlock):
-        respond = block.record.response(owners_of(block.record.model.beam, tuple(block.first)))
+        respond = block.record.response(property_owners(block.record.model.beam, tuple(block.first)))
         values = filled(block.record, respond(np.ones(len(block.first)))[0])
         return values, replace(block, record=values)
     if isinstance(block, CurveBlock):

@@ -32,13 +32,13 @@ from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.tables import known
 from ancf_casadi.vibration.equilibrium import largest_bend
 from problems.beam.curves.checks import checked
-from problems.beam.curves.driven import Driven, analysed, driven, shapes, small_response
+from problems.beam.curves.driven import Driven, driven, fourier_coefficients, shapes, small_response
 from problems.beam.curves.points import CurvePoints, Measured, PointMotion, closest, motion_from_rest
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.curves.response_block import ResponseBlock, first_weights
 from problems.beam.mesh import split_law, split_model
-from problems.beam.properties import ELASTIC, SIGNED, owners_of, scaled_model, value_of
-from problems.beam.unknowns import frequency_name, mode_of
+from problems.beam.properties import ELASTIC, SIGNED, property_owners, property_value, scaled_model
+from problems.beam.unknowns import frequency_name, mode_at_peak
 
 MODULUS = ("elastic_modulus", "bending_stiffness")  # the strain energy of all elements is proportional to each
 DIFFERENCE = 1e-4  # relative change of a property for its derivative
@@ -77,17 +77,20 @@ class CurveBlock(ResponseBlock):
 
     def motions(self, values: Mapping[str, float]) -> list[CurvePoints]:
         """Return the motions closest to the points of each record, for values of the unknowns by name."""
-        s, beams, found = self.shared(values), self.driven(values) if self.of_model else self._constant, []
+        s, beams, by_record = self.shared(values), self.driven(values) if self.of_model else self._constant, []
         for k, (record, points) in enumerate(zip(self.records, self.measured(values), strict=True)):
-            own: list[PointMotion] = []
+            of_record: list[PointMotion] = []
             for j, point in enumerate(points.each()):
                 try:
-                    own.append(_motion(beams[k], point, s, self.last[k][j] if self.last else None))
+                    of_record.append(_motion(beams[k], point, s, self.last[k][j] if self.last else None))
                 except NumericsError as error:
                     raise NumericsError(f"{record.label}, {record.f[j]:.6g} Hz: {error}") from None
-            found.append(own)
-        self.last[:] = found
-        return [(np.array([one.values for one in own]), np.array([one.slopes for one in own])) for own in found]
+            by_record.append(of_record)
+        self.last[:] = by_record
+        return [
+            (np.array([motion.values for motion in of_record]), np.array([motion.slopes for motion in of_record]))
+            for of_record in by_record
+        ]
 
     def sensitivities(self, values: Mapping[str, float]) -> list[Array]:
         """Return the derivatives by the unknowns of amplitude, phase and excess of the level, (m, 3, n) each."""
@@ -96,29 +99,30 @@ class CurveBlock(ResponseBlock):
             step = DIFFERENCE * (self.first if lumped_kind(name) in SIGNED else values)[name]
             ends = [self.reduction({**values, name: values[name] + side * step}) for side in (1, -1)]
             neighbours.append((self.names.index(name), 2 * step, ends))
-        found = []
+        sensitivities = []
         for motions, (number, record) in zip(self.last, self.numbered, strict=True):
             changes = self._changes(motions, record, s, neighbours)
             if factor := self.excitation(number):
                 changes[:, 2, self.names.index(factor)] -= record.a
-            found.append(changes)
-        return found
+            sensitivities.append(changes)
+        return sensitivities
 
     def _changes(
         self, motions: Sequence[PointMotion], record: ResponseRecord, s: Array, neighbours: Sequence[Neighbours]
     ) -> Array:
         """Return the derivatives of amplitude, phase and level of m motions at the same amplitude, (m, 3, n)."""
         directions, balance = self.shared_directions, motions[0].point.family.balance
-        given = [(own.point.coefficients, own.point.setting) for own in motions]
-        forces = np.array([balance.by_parameters(*own, directions) for own in given])
-        polar = np.array([own.reading[2] @ directions for own in motions])
-        samples = [np.hstack(parts) for parts in zip(*(balance.motion(*own) for own in given), strict=True)]
+        states = [(motion.point.coefficients, motion.point.setting) for motion in motions]
+        forces = np.array([balance.by_parameters(*state, directions) for state in states])
+        polar = np.array([motion.reading[2] @ directions for motion in motions])
+        samples = [np.hstack(arrays) for arrays in zip(*(balance.motion(*state) for state in states), strict=True)]
         for place, width, ends in neighbours:
-            (F_above, above), (F_below, below) = (analysed(end, record, balance.fourier, samples, s) for end in ends)
+            at_ends = [fourier_coefficients(end, record, balance.fourier, samples, s) for end in ends]
+            (F_above, above), (F_below, below) = at_ends
             forces[:, :, place] = (F_above - F_below)[:, balance.allowed] / width
             polar[:, 0, place] = (abs(above) - abs(below)) / width
             polar[:, 1, place] = np.angle(above * below.conj()) / width
-        return np.array([own.sensitivities(*pair) for own, *pair in zip(motions, forces, polar, strict=True)])
+        return np.array([motion.sensitivities(*pair) for motion, *pair in zip(motions, forces, polar, strict=True)])
 
     def error(self, values: Mapping[str, float], residuals: Array, small: Callable[[Array], bool]) -> Array:
         """Return the error of residuals, from one mode and two harmonics more."""
@@ -133,21 +137,21 @@ class CurveBlock(ResponseBlock):
         numbered, notes = [], list[str]()
         s = self.shared({})
         for (number, record), system in zip(self.numbered, self.driven({}), strict=True):
-            own = float(frequencies[mode_of(record, frequencies)])
+            natural_frequency = float(frequencies[mode_at_peak(record, frequencies)])
             try:
-                computed = small_response(system, record, own, s)
+                computed = small_response(system, record, natural_frequency, s)
             except NumericsError:  # without damping there is no response at the resonance
                 computed = None
             if computed is not None:
-                record, found = checked(record, computed)
-                notes += found
+                record, record_notes = checked(record, computed)
+                notes += record_notes
             numbered.append((number, record))
         return replace(self, numbered=tuple(numbered), notes=tuple(notes))
 
     def finer(self) -> Self:
         """Return the block with one mode and two harmonics more."""
-        most = self.model.freedoms
-        size = {"modes": min(self.modes + 1, most), "harmonics": self.harmonics + 2}
+        most_modes = self.model.freedoms
+        size = {"modes": min(self.modes + 1, most_modes), "harmonics": self.harmonics + 2}
         return replace(self, **size, refinements=self.refinements + 1, before=self)  # type: ignore[arg-type]
 
     def largest_bend(self, values: Mapping[str, float]) -> float:
@@ -163,20 +167,20 @@ class CurveBlock(ResponseBlock):
 
     def account(self, fitted: Fitted) -> Account:
         """Return errors of the amplitudes, the effects of truncation and levels, and points without a stable motion."""
-        own, worst = super().account(fitted), meaningful(fitted.shifts, fitted.fit, LEAST_SHIFT)
+        account, worst = super().account(fitted), meaningful(fitted.shifts, fitted.fit, LEAST_SHIFT)
         truncation = (
             f"{self.modes} modes with {self.harmonics} harmonics; one mode and two harmonics more shift no "
             f"estimate by more than {np.abs(fitted.shifts).max():.2g} standard errors"
         )
         names, by_levels = fitted.fit.names, self._level_shifts(fitted)
-        notes = [*self.notes, *self._shift_warnings(worst, by_levels, names), *own.warnings]
-        data = own.data | {
+        notes = [*self.notes, *self._shift_warnings(worst, by_levels, names), *account.warnings]
+        data = account.data | {
             "modes": self.modes,
             "harmonics": self.harmonics,
             "truncation_shifts": [known(shift) for shift in fitted.shifts.tolist()],
             "level_shifts": [known(shift) for shift in by_levels.tolist()],
         }
-        return Account([*own.lines, truncation], notes, data)
+        return Account([*account.lines, truncation], notes, data)
 
     def _level_shifts(self, fitted: Fitted) -> Array:
         """Return the shift of each estimate if all levels are larger by ``LEVEL_ERROR``, in standard errors."""
@@ -207,23 +211,26 @@ class CurveBlock(ResponseBlock):
         """Return the driven beam of each record, for values of the unknowns by name."""
         reduced = self.reduction(values)
         kinds: dict[Any, Driven] = {}  # records that differ in size alone share their Functions
-        found = []
+        beams = []
         for record in self.records:
             kind = record.sensor, record.load, record.base and record.base.direction
             kinds[kind] = kinds.get(kind) or driven(reduced, record, self.harmonics)
-            found.append(replace(kinds[kind], drive=beam_drive(record.base, record.load)))
-        return found
+            beams.append(replace(kinds[kind], drive=beam_drive(record.base, record.load)))
+        return beams
 
     def reduction(self, values: Mapping[str, float]) -> Reduction:
         """Return the reduction of the beam for values of the unknowns by name."""
-        factors = [values.get(name, one) / one if name in self.of_model else 1.0 for name, one in self.first.items()]
+        factors = [
+            values.get(name, first_value) / first_value if name in self.of_model else 1.0
+            for name, first_value in self.first.items()
+        ]
         model = scaled_model(self.model, self._owners, np.array(factors))
         first = _reduced(self.model, self.modes, self.law)
         return first if model is self.model else rebuilt(first, model)
 
     @cached_property
     def _owners(self) -> Index:
-        return owners_of(self.model.beam, tuple(self.first))
+        return property_owners(self.model.beam, tuple(self.first))
 
     @property
     def of_model(self) -> tuple[str, ...]:
@@ -231,20 +238,23 @@ class CurveBlock(ResponseBlock):
         terms, beam = self.law.laws if isinstance(self.law, SumOfLaws) else (self.law,), self.model.beam
         free = not any(lumped_kind(name) in ELASTIC for name in beam.lumped)
         free = free and all(isinstance(term, WITHOUT_MODULUS) for term in terms)
-        without = {*(MODULUS if free else ()), *(name for name in self.first if not value_of(beam, name))}
+        without = {*(MODULUS if free else ()), *(name for name in self.first if not property_value(beam, name))}
         return tuple(name for name in self.first if name not in without)
 
     @cached_property
     def _places(self) -> dict[str, tuple[int, float]]:
         """Place of each possible unknown in s (``driven``), and the derivative of s by it."""
-        names = [*(own.name for own in self.law.parameters), *(frequency_name(k) for k in range(self.modes))]
+        names = [
+            *(parameter.name for parameter in self.law.parameters),
+            *(frequency_name(k) for k in range(self.modes)),
+        ]
         moduli = [name for name in MODULUS if name in self.first and name not in self.of_model]
         places = {name: (k, 1.0) for k, name in enumerate(names)}
         return places | {name: (len(names), 1 / self.first[name]) for name in moduli}
 
     def shared(self, values: Mapping[str, float]) -> Array:
         """Return the unknowns s of the equation of motion (``driven``), for values by name."""
-        s = np.array([*(own.value for own in self.law.parameters), *np.ones(self.modes + 1)])
+        s = np.array([*(parameter.value for parameter in self.law.parameters), *np.ones(self.modes + 1)])
         for name in self._places.keys() & values.keys():
             place, slope = self._places[name]
             s[place] = slope * values[name]
@@ -278,11 +288,16 @@ def curve_block(
     harmonics: int,
 ) -> CurveBlock:
     """Return response curves as a block with first weights, which knows those of the unknowns that matter to it."""
-    weights, known = first_weights([record for _, record in numbered]), {*first, *(own.name for own in law.parameters)}
-    own = tuple(name for name in names if name in known or name.startswith(("frequency_", "excitation")))
-    most = model.freedoms
+    weights, names_of_model = (
+        first_weights([record for _, record in numbered]),
+        {*first, *(parameter.name for parameter in law.parameters)},
+    )
+    block_names = tuple(
+        name for name in names if name in names_of_model or name.startswith(("frequency_", "excitation"))
+    )
+    most_modes = model.freedoms
     return CurveBlock(
-        tuple(numbered), own, weights=weights, model=model, law=law, first=first, modes=min(modes, most),
+        tuple(numbered), block_names, weights=weights, model=model, law=law, first=first, modes=min(modes, most_modes),
         harmonics=harmonics,
     )  # fmt: skip
 

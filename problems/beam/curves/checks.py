@@ -46,16 +46,19 @@ def seen_mode(record: ResponseRecord) -> SeenMode | None:
     h, A = record.complex_values / record.a, record.amplitudes / record.amplitudes.max()
     W = 2 * math.pi * record.f
     middle, size = float(np.median(W)), float(np.median(np.abs(h)))
-    t, g, one, none = W / middle, size / h, np.ones(len(h)), np.zeros(len(h))
-    real = np.array([one, A, none, -g.real, g.imag])
-    imaginary = np.array([none, none, 2 * t, -g.imag, -g.real])
+    t, g, ones, zeros = W / middle, size / h, np.ones(len(h)), np.zeros(len(h))
+    real = np.array([ones, A, zeros, -g.real, g.imag])
+    imaginary = np.array([zeros, zeros, 2 * t, -g.imag, -g.real])
     weights = np.tile(1 / np.abs(g), 2)
     rows = np.hstack([real, imaginary]).T * weights[:, None]
     scale = np.linalg.norm(rows, axis=0)
-    target = np.append(t**2 - 1, none) * weights
+    target = np.append(t**2 - 1, zeros) * weights
     x, *_ = np.linalg.lstsq(rows / scale, target)
-    rest, inverse = target - rows / scale @ x, np.linalg.pinv(rows / scale)
-    x, covariance = x / scale, inverse @ inverse.T / np.outer(scale, scale) * float(rest @ rest) / (len(rest) - 5)
+    residuals, inverse = target - rows / scale @ x, np.linalg.pinv(rows / scale)
+    x, covariance = (
+        x / scale,
+        inverse @ inverse.T / np.outer(scale, scale) * float(residuals @ residuals) / (len(residuals) - 5),
+    )
     c, C = float(x[2]), complex(x[3], x[4])
     across = np.array([-C.imag, C.real]) / max(abs(C), 1e-300)
     certain = abs(c) > SIGN_CERTAIN * math.sqrt(covariance[2, 2])
@@ -69,14 +72,14 @@ def oriented(record: ResponseRecord, expected: float) -> tuple[ResponseRecord, s
     """Return a record whose phases count from its excitation, and a note if they did not; ``expected`` is that of C."""
     if record.measured_phases is None:
         return record, None
-    seen = seen_mode(record)
-    if seen is None:
+    mode = seen_mode(record)
+    if mode is None:
         if not phase_locked(record, expected + math.pi):
             return record, None
         mirrored, turn = False, 2  # a quarter turn ahead at all points: the resonance, reversed
     else:
-        mirrored, turn = seen.mirrored, round(math.remainder(expected - seen.phase, 2 * math.pi) / (math.pi / 2))
-        tilt = math.remainder(expected - seen.phase - turn * math.pi / 2, 2 * math.pi)
+        mirrored, turn = mode.mirrored, round(math.remainder(expected - mode.phase, 2 * math.pi) / (math.pi / 2))
+        tilt = math.remainder(expected - mode.phase - turn * math.pi / 2, 2 * math.pi)
         if abs(tilt) > LARGEST_TILT or (not mirrored and turn == 0):
             return record, None
     phases = (-1.0 if mirrored else 1.0) * record.measured_phases + turn * math.pi / 2
@@ -94,12 +97,12 @@ def _phase_note(record: ResponseRecord, mirrored: bool, turn: int) -> str:
     """Return what the phases count from, and what was done."""
     unit = record.excitation_unit or ("m" if record.base else "N")
     name = EXCITATION_NAMES[unit]
-    parts = ["the phases are lags; their sign was changed"] if mirrored else []
+    changes = ["the phases are lags; their sign was changed"] if mirrored else []
     if turn:
         source = {1: "rate of the ", -1: "integral of the "}.get(turn, "negative ") + name
         change = {1: "90 degrees were added", -1: "90 degrees were subtracted"}.get(turn, "180 degrees were added")
-        parts.append(f"the phases count from the {source}; {change}")
-    return "; ".join(parts)
+        changes.append(f"the phases count from the {source}; {change}")
+    return "; ".join(changes)
 
 
 def checked(record: ResponseRecord, model: ResponseRecord) -> tuple[ResponseRecord, list[str]]:
@@ -108,9 +111,9 @@ def checked(record: ResponseRecord, model: ResponseRecord) -> tuple[ResponseReco
     if expected is None:
         return record, []
     turned, note = oriented(record, expected.phase)
-    notes, seen = [note] if note else [], seen_mode(turned)
-    if seen is not None:
-        ratio = seen.size / expected.size * (expected.omega / seen.omega) ** 2
+    notes, mode = [note] if note else [], seen_mode(turned)
+    if mode is not None:
+        ratio = mode.size / expected.size * (expected.omega / mode.omega) ** 2
         if max(ratio, 1 / ratio) > LEVELS_APART:
             notes.append(f"{record.label}: {_level_note(ratio, 'that of the model')}")
     return turned, notes
@@ -118,21 +121,23 @@ def checked(record: ResponseRecord, model: ResponseRecord) -> tuple[ResponseReco
 
 def level_notes(records: Sequence[ResponseRecord], factors: Sequence[ComplexArray | Array]) -> list[str]:
     """Return notes about records whose response per level differs by orders of magnitude from that of the others."""
-    pairs = [(one, seen_mode(one), factor) for one, factor in zip(records, factors, strict=True)]
-    sizes = [(one, seen.size / float(np.median(np.abs(factor)))) for one, seen, factor in pairs if seen is not None]
+    pairs = [(record, seen_mode(record), factor) for record, factor in zip(records, factors, strict=True)]
+    sizes = [
+        (record, mode.size / float(np.median(np.abs(factor)))) for record, mode, factor in pairs if mode is not None
+    ]
     notes = []
-    for unit in {one.excitation_unit for one, _ in sizes}:
-        own = [(one, size) for one, size in sizes if one.excitation_unit == unit]
-        middle = sorted(size for _, size in own)[len(own) // 2]
-        for one, size in own:
+    for unit in {record.excitation_unit for record, _ in sizes}:
+        of_unit = [(record, size) for record, size in sizes if record.excitation_unit == unit]
+        middle = sorted(size for _, size in of_unit)[len(of_unit) // 2]
+        for record, size in of_unit:
             ratio = max(size / middle, middle / size)
             if ratio > LEVELS_APART:
-                notes.append(f"{one.label}: {_level_note(size / middle, 'that of the other records')}")
+                notes.append(f"{record.label}: {_level_note(size / middle, 'that of the other records')}")
     return notes
 
 
-def _level_note(ratio: float, other: str) -> str:
+def _level_note(ratio: float, reference: str) -> str:
     close = [text for value, text in UNIT_RATIOS.items() if abs(math.log(max(ratio, 1 / ratio) / value)) < 0.3]
-    return f"its response per level is {ratio:.3g} times {other}; check the unit of its levels" + "".join(
+    return f"its response per level is {ratio:.3g} times {reference}; check the unit of its levels" + "".join(
         f" ({text}?)" for text in close
     )

@@ -75,31 +75,34 @@ def driven(reduced: Reduction, record: ResponseRecord, harmonics: int) -> Driven
 def small_response(driven: Driven, record: ResponseRecord, frequency: float, s: Array) -> ResponseRecord:
     """Return the response to a small level about a natural frequency (Hz), at the spacing of the points of a record."""
     peak = record.f[int(np.argmax(record.amplitudes / record.a))]
-    values, found = record.f / peak * frequency, []
+    values, amplitudes = record.f / peak * frequency, []
     for f in values.tolist():
         curve, slight = driven.curve(2 * math.pi * f, s), 1e-9 * driven.drive.amplitude
         response = linear_response(curve.balance, 2 * math.pi * f)
         z = curve.joined(response[0] + slight * response[1], replace(curve.setting, amplitude=slight))
         amplitude, phase = driven.read(curve, z)[0]
-        found.append(amplitude / 1e-9 * np.exp(1j * phase))
-    return ResponseRecord(values, np.array(found), sensor=record.sensor, base=record.base, load=record.load)
+        amplitudes.append(amplitude / 1e-9 * np.exp(1j * phase))
+    return ResponseRecord(values, np.array(amplitudes), sensor=record.sensor, base=record.base, load=record.load)
 
 
-def analysed(
+def fourier_coefficients(
     reduced: Reduction, record: ResponseRecord, series: Fourier, motions: Sequence[Array], s: Array
 ) -> tuple[Array, ComplexArray]:
     """Return F (m, 2 H + 1, n) and Y exp(i phi) (m,) of a reduced beam for samples of q, v, a and u of m motions."""
-    q, v, a, u, p = (cs.DM(part) for part in (*motions, s))
+    q, v, a, u, p = (cs.DM(array) for array in (*motions, s))
     balance = reduced_forces(reduced, TIP, True, q, v, a, u, p)[0]
     h = _readings(reduced, record, q, v, a, u, p[: len(reduced.law.parameters)])
-    R, read = (cs.evalf(cs.MX(part)).full().reshape(part.size1(), -1, series.samples) for part in (balance, h))
+    R, read = (
+        cs.evalf(cs.MX(expression)).full().reshape(expression.size1(), -1, series.samples)
+        for expression in (balance, h)
+    )
     sine, cosine = np.einsum("as,ms->am", series.analysis[[2, 1]], read[0])
     return np.einsum("as,nms->man", series.analysis, R), sine + 1j * cosine
 
 
 def shapes(reduced: Reduction, motions: Sequence[Sequence[Array]]) -> Array:
     """Return the nodal coordinates (k, size) for samples of q, v, a and u of several motions."""
-    q, v, _, u = (cs.DM(np.hstack(part)) for part in zip(*motions, strict=True))
+    q, v, _, u = (cs.DM(np.hstack(samples)) for samples in zip(*motions, strict=True))
     motion = reduced_motion(reduced.projection, q, v, u[:BASE_SIZE, :], cs.DM(reduced.model.beam.gravity))
     coordinates: Array = cs.evalf(cs.MX(motion.nodal(*motion.parts, u[:2, :]))).full().T
     return coordinates
@@ -110,7 +113,7 @@ def _reading(reduced: Reduction, record: ResponseRecord, drive: Drive, series: F
     n, laws = reduced.count, len(reduced.law.parameters)
     z, omega, s = cs.MX.sym("z", n * series.size + 1), cs.MX.sym("omega"), cs.MX.sym("s", laws + n + 1)
     C = cs.reshape(z[:-1], n, series.size)
-    q, v, a = (cs.mtimes(C, cs.DM(part.T)) for part in (series.basis, series.slope, series.curvature))
+    q, v, a = (cs.mtimes(C, cs.DM(basis.T)) for basis in (series.basis, series.slope, series.curvature))
     u = drive.expression(series.phases, omega, z[-1])
     law = cs.repmat(s[:laws], 1, series.samples)
     h = _sensor(reduced, record).map(series.samples)(q, omega * v, omega**2 * a, u, law)
@@ -134,8 +137,8 @@ def _readings(
     """Return the readings of the sensor, (1, N), for samples that are numbers or symbols."""
     equations, gravity = Equations(reduced.model, reduced.law), cs.DM(reduced.model.beam.gravity)
     motion = reduced_motion(reduced.projection, q, v, u[:BASE_SIZE, :], gravity)
-    parts = motion.parts, motion.part_rates, motion.part_accelerations(a)
-    e, e_t, e_tt = (motion.nodal(*part, u[3 * k : 3 * k + 2, :]) for k, part in enumerate(parts))
+    by_order = motion.parts, motion.part_rates, motion.part_accelerations(a)
+    e, e_t, e_tt = (motion.nodal(*of_order, u[3 * k : 3 * k + 2, :]) for k, of_order in enumerate(by_order))
     return SampledMotion.of(equations, e, e_t, e_tt, u[BASE_SIZE:, :], equations.parameters_with(law=law)).read(
         record.sensor
     )

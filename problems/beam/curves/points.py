@@ -71,29 +71,29 @@ class Measured:
         """True if the phase was measured."""
         return not np.isnan(self.values[..., 1]).any()
 
-    def distance(self, found: Array) -> Array:
+    def distance(self, values: Array) -> Array:
         """Return amplitude, phase and level of motions less those measured, in standard deviations, (..., 3)."""
-        rest, turn = found - self.values, 2 * math.pi
-        rest[..., 1] = rest[..., 1] - turn * np.round(rest[..., 1] / turn) if self.has_phase else 0.0
-        return np.asarray(rest / self.deviations)
+        difference, turn = values - self.values, 2 * math.pi
+        difference[..., 1] = difference[..., 1] - turn * np.round(difference[..., 1] / turn) if self.has_phase else 0.0
+        return np.asarray(difference / self.deviations)
 
-    def step(self, values: Array, slopes: Array, bends: Array, least: float) -> tuple[Array, Array]:
+    def step(self, values: Array, slopes: Array, bends: Array, least_share: float) -> tuple[Array, Array]:
         """Return Newton's steps of the parameter of a curve to the closest motions, and their sizes in deviations.
 
         The motions have the values and their first and second derivatives, (..., 3).  The second derivative of half the
-        squared distance counts as no less than ``least`` times that of a straight curve.
+        squared distance counts as no less than ``least_share`` times that of a straight curve.
         """
-        rest, slope = self.distance(values), slopes / self.deviations
+        difference, slope = self.distance(values), slopes / self.deviations
         if not self.has_phase:
             slope[..., 1] = 0.0
         square = np.sum(slope**2, axis=-1)
-        second = np.maximum(square + np.sum(bends / self.deviations * rest, axis=-1), least * square)
-        step = -np.sum(slope * rest, axis=-1) / second
+        second = np.maximum(square + np.sum(bends / self.deviations * difference, axis=-1), least_share * square)
+        step = -np.sum(slope * difference, axis=-1) / second
         return step, np.abs(step) * np.sqrt(square)
 
     def each(self) -> list[Measured]:
         """Return the points of a record."""
-        return [Measured(*own) for own in zip(np.atleast_1d(self.omega), self.values, self.deviations, strict=True)]
+        return [Measured(*point) for point in zip(np.atleast_1d(self.omega), self.values, self.deviations, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +142,10 @@ class PointMotion:
 
     def moved(self, along: float) -> PointMotion:
         """Return the motion on the curve whose amplitude is larger by about a step; raise NotFound if there is none."""
-        own = self.bordered
-        return PointMotion(self.driven, point_at(own.family, own.z + along * self.tangent, own.row, own))
+        bordered = self.bordered
+        return PointMotion(
+            self.driven, point_at(bordered.family, bordered.z + along * self.tangent, bordered.row, bordered)
+        )
 
     def _changed(self, forces: Array, amplitudes: Array) -> Array:
         """Return the changes (d + 1, k) of z that change the balance (d, k) and the amplitude (k,)."""
@@ -161,7 +163,7 @@ def motion_from_rest(driven: Driven, measured: Measured, s: Array) -> PointMotio
     if not amplitude > 0.0:
         raise NumericsError("the sensor does not move")
 
-    def reached(point: Point) -> float:
+    def amplitude_at(point: Point) -> float:
         return float(driven.read(point.family, point.z)[0][0])
 
     for share in FIRST_SHARES:
@@ -170,22 +172,22 @@ def motion_from_rest(driven: Driven, measured: Measured, s: Array) -> PointMotio
             first = small_motion_at(curve.balance, measured.omega, response, level, size, math.inf)
         except NumericsError:
             continue
-        if abs(reached(first) / (share * goal) - 1) <= 0.1:
+        if abs(amplitude_at(first) / (share * goal) - 1) <= 0.1:
             break
     else:
         raise NumericsError("no small motion near rest is found")
 
     def longest(point: Point, tangent: Array) -> float:
-        (found, _), by_z, _ = driven.read(point.family, point.z)
+        (amplitude_there, _), by_z, _ = driven.read(point.family, point.z)
         rate = float(by_z[0] @ (tangent * point.family.scale))
-        return (goal - found) / rate if rate > 0.0 else math.inf
+        return (goal - amplitude_there) / rate if rate > 0.0 else math.inf
 
     # the search for the closest point needs the amplitude to a few per cent
-    step = crossing(first, first.row, lambda point: reached(point) / goal - 0.98, math.inf, longest)
+    step = crossing(first, first.row, lambda point: amplitude_at(point) / goal - 0.98, math.inf, longest)
     if step is None:
         raise NumericsError(f"the response cannot be followed to the amplitude {goal:.3g}")
-    found = PointMotion(driven, step.end)
-    return found if found.level > 0.0 else _half_period_later(found)
+    motion = PointMotion(driven, step.end)
+    return motion if motion.level > 0.0 else _half_period_later(motion)
 
 
 def _half_period_later(motion: PointMotion) -> PointMotion:
@@ -196,53 +198,53 @@ def _half_period_later(motion: PointMotion) -> PointMotion:
     return PointMotion(motion.driven, family.at(z, motion.point.row))
 
 
-def closest(driven: Driven, measured: Measured, s: Array, near: PointMotion) -> PointMotion:
+def closest(driven: Driven, measured: Measured, s: Array, start: PointMotion) -> PointMotion:
     """Return the motion closest to a measured point, from one nearby, by steps that each reduce the distance.
 
     The curvature l'' is that of the last two points, and counts where it increases the second derivative.
     """
     try:
-        here = _again(driven, driven.curve(measured.omega, s), near)
+        motion = _again(driven, driven.curve(measured.omega, s), start)
     except NotFound:
         raise NumericsError("Newton's method does not converge to a steady motion") from None
     bends = np.zeros(3)
     for _ in range(MOST_STEPS):
-        values, slopes = here.values, here.slopes
+        values, slopes = motion.values, motion.slopes
         along, size = map(float, measured.step(values, slopes, bends, 1.0))
         if size <= POINTS_CLOSE:
-            return here
+            return motion
         # longest step along the curve, relative to the amplitude, and as a phase, rad
         farthest = min(0.2 * values[0], 0.3 / max(abs(slopes[1]), np.finfo(float).tiny))
-        here = _nearer(measured, here, math.copysign(min(abs(along), farthest), along))
-        moved = float(here.values[0] - values[0])
-        bends[2] = (here.slopes[2] - slopes[2]) / moved if moved else 0.0
+        motion = _nearer(measured, motion, math.copysign(min(abs(along), farthest), along))
+        moved = float(motion.values[0] - values[0])
+        bends[2] = (motion.slopes[2] - slopes[2]) / moved if moved else 0.0
     raise NumericsError("the motion closest to the measured point is not found")
 
 
-def _again(driven: Driven, curve: Family, near: PointMotion) -> PointMotion:
+def _again(driven: Driven, curve: Family, start: PointMotion) -> PointMotion:
     """Return the motion on a curve near one on another, which may have fewer modes and harmonics."""
 
-    def padded(vector: Array) -> Array:
-        own, setting = near.point.family.split(vector)
+    def pad(vector: Array) -> Array:
+        coefficients, setting = start.point.family.split(vector)
         C = np.zeros((curve.balance.fourier.size, curve.balance.system.size))
-        C[: len(own), : own.shape[1]] = own
+        C[: len(coefficients), : coefficients.shape[1]] = coefficients
         return curve.joined(C, setting)
 
-    z, row = padded(near.point.z), padded(near.bordered.row)
-    curve = replace(curve, size=near.point.family.size)
-    return PointMotion(driven, point_at(curve, z, row, near.point if len(z) == len(near.point.z) else None))
+    z, row = pad(start.point.z), pad(start.bordered.row)
+    curve = replace(curve, size=start.point.family.size)
+    return PointMotion(driven, point_at(curve, z, row, start.point if len(z) == len(start.point.z) else None))
 
 
-def _nearer(measured: Measured, here: PointMotion, along: float) -> PointMotion:
+def _nearer(measured: Measured, motion: PointMotion, along: float) -> PointMotion:
     """Return the motion after a step of the amplitude, which is halved until the distance decreases."""
-    distance = float(np.sum(measured.distance(here.values) ** 2))
+    distance = float(np.sum(measured.distance(motion.values) ** 2))
     for _ in range(12):  # halvings of a step along the curve
         try:
-            found = here.moved(along)
+            trial = motion.moved(along)
         except NotFound:
-            found = None
+            trial = None
         # relative increase of a squared distance that counts as none
-        if found is not None and float(np.sum(measured.distance(found.values) ** 2)) <= distance * (1 + 1e-9):
-            return found
+        if trial is not None and float(np.sum(measured.distance(trial.values) ** 2)) <= distance * (1 + 1e-9):
+            return trial
         along /= 2
     raise NumericsError("the curve cannot be followed to the measured point")

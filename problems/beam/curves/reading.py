@@ -46,27 +46,27 @@ def only_function(functions: Sequence[SpectralFunction], path: str) -> SpectralF
     if not functions:
         raise InputError("has no column of amplitudes", path)
     if len(functions) > 1:
-        columns = listed([one.channel for one in functions])
+        columns = listed([function.channel for function in functions])
         raise InputError(f"has {len(functions)} columns of amplitudes, {columns}; choose with --column", path)
     return functions[0]
 
 
-def told_levels(found: SpectralContents) -> RecordedChannel | None:
+def level_column(contents: SpectralContents) -> RecordedChannel | None:
     """Return the column of the levels: the one that says so, or the only one of forces beside other amplitudes."""
-    told = [channel for part, channel in found.columns if part == "level"]
-    sizes = [channel for part, channel in found.columns if part in ("", "amplitude", "real")]
-    if not told and len(sizes) > 1:
-        told = [channel for channel in sizes if channel.unit and channel.unit.quantity == "force"]
-    if len(told) > 1:
-        raise InputError(f"the level may be column {listed(told)}; choose with --level", found.path)
-    return told[0] if told else None
+    levels = [channel for column_kind, channel in contents.columns if column_kind == "level"]
+    sizes = [channel for column_kind, channel in contents.columns if column_kind in ("", "amplitude", "real")]
+    if not levels and len(sizes) > 1:
+        levels = [channel for channel in sizes if channel.unit and channel.unit.quantity == "force"]
+    if len(levels) > 1:
+        raise InputError(f"the level may be column {listed(levels)}; choose with --level", contents.path)
+    return levels[0] if levels else None
 
 
-def reading_of(
-    channel: RecordedChannel, given: Unit | None, sensor: Sensor | None, *, for_beam: bool
+def amplitude_reading(
+    channel: RecordedChannel, unit: Unit | None, sensor: Sensor | None, *, for_beam: bool
 ) -> tuple[float, Sensor]:
     """Return the factor of the amplitudes to the unit of the sensor, and the sensor; a beam reads no signals."""
-    factor, read_by = sensor_of(channel, given, sensor)
+    factor, read_by = sensor_of(channel, unit, sensor)
     if for_beam and read_by.quantity == "signal":
         raise InputError(f"the reading is in {read_by.unit}, which no sensor of a beam has; give its scale", "unit")
     return factor, read_by
@@ -78,8 +78,8 @@ def excitation_at_one(
     """Return base or load at level 1, and the levels as multiples of it."""
     drive = None if base is None and load is None else beam_drive(base, load)
     if drive is None and (levels is None or quantity not in (*RATES, "force")):
-        what = "has no levels of the excitation" if levels is None else "has levels that are no motion and no force"
-        raise InputError(f"{what}; give the base motion (base) or the tip load (load) that excites the beam")
+        reason = "has no levels of the excitation" if levels is None else "has levels that are no motion and no force"
+        raise InputError(f"{reason}; give the base motion (base) or the tip load (load) that excites the beam")
     if levels is None or not quantity:
         return base, load, levels
     if drive is not None and quantity not in EXCITED_BY[drive.unit]:
@@ -95,15 +95,15 @@ def excitation_at_one(
     return base, load, sizes / drive.amplitude
 
 
-def level_unit_of(quantity: str, given: ExcitationUnit) -> ExcitationUnit:
+def si_level_unit(quantity: str, excitation_unit: ExcitationUnit) -> ExcitationUnit:
     """Return the SI unit of the levels of a file: that of the file, or the given one if the file has none."""
-    found = LEVEL_UNITS.get(quantity, given)
-    if not found:
+    unit = LEVEL_UNITS.get(quantity, excitation_unit)
+    if not unit:
         raise InputError(
             "is missing, and the file does not tell the unit of its levels; state it, for a command in a table "
             "[[curves]]",
             "excitation_unit",
         )
-    if given not in ("", found):
-        raise InputError(f"is {given}, but the levels of the file are in {found}", "excitation_unit")
-    return found
+    if excitation_unit not in ("", unit):
+        raise InputError(f"is {excitation_unit}, but the levels of the file are in {unit}", "excitation_unit")
+    return unit

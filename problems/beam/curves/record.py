@@ -50,11 +50,11 @@ from ancf_casadi.support.inputs import array, check_instance, choice, complex_ar
 from ancf_casadi.support.tables import Displayed, counted, spread
 from problems.beam.curves.reading import (
     ExcitationUnit,
+    amplitude_reading,
     excitation_at_one,
-    level_unit_of,
+    level_column,
     only_function,
-    reading_of,
-    told_levels,
+    si_level_unit,
 )
 
 TIP_DISPLACEMENT = Sensor("displacement")
@@ -227,47 +227,50 @@ class ResponseRecord(Displayed):
             None if text is None else known_unit(text, name)
             for text, name in ((unit, "unit"), (level_unit, "level_unit"))
         )
-        found = read_spectral(path, frequency, layout=layout, progress=progress)
-        found = found.only("--level", ["level"], level).only("--phase", ["phase"], phase)
-        found = found.only("--column", ["amplitude", "real", ""], column)
-        told = told_levels(found)
-        if told is not None:
-            found = found.only("--level", ["level"], told.number)
-        function = only_function(functions_of(found, phase_unit), found.path)
-        with located(f"{found.path}: column {function.channel.label}"):
-            factor, read_by = reading_of(function.channel, own_unit, sensor, for_beam=excitation_unit is None)
+        contents = read_spectral(path, frequency, layout=layout, progress=progress)
+        contents = contents.only("--level", ["level"], level).only("--phase", ["phase"], phase)
+        contents = contents.only("--column", ["amplitude", "real", ""], column)
+        levels_column = level_column(contents)
+        if levels_column is not None:
+            contents = contents.only("--level", ["level"], levels_column.number)
+        function = only_function(functions_of(contents, phase_unit), contents.path)
+        with located(f"{contents.path}: column {function.channel.label}"):
+            factor, read_by = amplitude_reading(function.channel, own_unit, sensor, for_beam=excitation_unit is None)
         values = factor * function.values
-        notes = [*found.notes, *(() if own_unit else unit_notes([function.channel]))]
-        levels, quantity, present = None, "", np.isfinite(found.frequencies) & np.isfinite(values)
-        if told is not None:
-            own = level_own or told.unit
-            levels, quantity = sine_amplitudes(told) * (own.factor if own else 1.0), own.quantity if own else ""
-            notes += () if own else unit_notes([told])
+        notes = [*contents.notes, *(() if own_unit else unit_notes([function.channel]))]
+        levels, quantity, present = None, "", np.isfinite(contents.frequencies) & np.isfinite(values)
+        if levels_column is not None:
+            levels_unit = level_own or levels_column.unit
+            levels, quantity = (
+                sine_amplitudes(levels_column) * (levels_unit.factor if levels_unit else 1.0),
+                levels_unit.quantity if levels_unit else "",
+            )
+            notes += () if levels_unit else unit_notes([levels_column])
             present &= np.isfinite(levels)
             levels = levels[present]
         if not present.any():
-            raise InputError("has no row with a frequency and an amplitude", found.path)
+            raise InputError("has no row with a frequency and an amplitude", contents.path)
         if not present.all():
             notes.append(f"{int((~present).sum())} rows with a gap are left out")
-        frequencies = found.frequencies[present]
-        with located(found.path):
+        frequencies = contents.frequencies[present]
+        with located(contents.path):
             if excitation_unit is None:
                 base, load, levels = excitation_at_one(frequencies, levels, quantity, base, load)
             else:
-                excitation_unit = level_unit_of(quantity, excitation_unit)
-        given: dict[str, Any] = {
+                excitation_unit = si_level_unit(quantity, excitation_unit)
+        arguments: dict[str, Any] = {
             "frequencies": frequencies,
             "values": values[present],
             "sensor": read_by,
             "base": base,
             "load": load,
             "levels": levels,
-            "name": Path(found.path).name,
+            "name": Path(contents.path).name,
             "excitation_unit": excitation_unit or "",
-            "notes": tuple(f"{Path(found.path).name}: {note}" for note in notes),
+            "notes": tuple(f"{Path(contents.path).name}: {note}" for note in notes),
         }
-        with located(found.path):
-            return cls(**(given | settings))
+        with located(contents.path):
+            return cls(**(arguments | settings))
 
     def _check_excitation(self) -> None:
         """Check that there is one excitation, and that a relative reading has a base."""
@@ -299,18 +302,18 @@ class ResponseRecord(Displayed):
             if phases is not None:
                 raise InputError("belong to real values; complex values have their own", "phases")
             values, phases = np.abs(measured), np.angle(measured)
-        kept = {"frequencies": frequencies, "values": positive_array(values, "values")}
+        arrays = {"frequencies": frequencies, "values": positive_array(values, "values")}
         if phases is not None:
-            kept["phases"] = array(phases, "phases")
-        kept["levels"] = positive_array(np.ones(frequencies.size) if self.levels is None else self.levels, "levels")
-        for name, value in kept.items():
+            arrays["phases"] = array(phases, "phases")
+        arrays["levels"] = positive_array(np.ones(frequencies.size) if self.levels is None else self.levels, "levels")
+        for name, value in arrays.items():
             if value.shape != frequencies.shape:
                 raise InputError(f"must be {frequencies.size} numbers, one per frequency, got {value.shape}", name)
             object.__setattr__(self, name, value)
         for name in ("amplitude_std", "phase_std", "level_std"):
-            given = getattr(self, name)
-            if given is not None:
-                object.__setattr__(self, name, positive_array(given, name, frequencies.shape))
+            deviations = getattr(self, name)
+            if deviations is not None:
+                object.__setattr__(self, name, positive_array(deviations, name, frequencies.shape))
 
     def _check_order(self) -> None:
         """Check that the frequencies run in the direction of the sweep."""
@@ -362,17 +365,19 @@ class ResponseRecord(Displayed):
     @cached_property
     def stds(self) -> Array:
         """Standard deviations of amplitudes, phases and levels, given or proportional, (3, m)."""
-        held = 0.1 * CURVE_ERROR  # what is controlled is known ten times as well as what is measured
+        controlled = 0.1 * CURVE_ERROR  # what is controlled is known ten times as well as what is measured
         floor = AMPLITUDE_FLOOR * self.amplitudes.max()
         amplitude = (
-            np.hypot(CURVE_ERROR * self.amplitudes, floor) if self.control == "excitation" else held * self.amplitudes
+            np.hypot(CURVE_ERROR * self.amplitudes, floor)
+            if self.control == "excitation"
+            else controlled * self.amplitudes
         )
-        level = (held if self.control == "excitation" else CURVE_ERROR) * self.a
+        level = (controlled if self.control == "excitation" else CURVE_ERROR) * self.a
         phase = np.hypot(CURVE_ERROR, floor / self.amplitudes)
-        given = self.amplitude_std, self.phase_std, self.level_std
+        stated = self.amplitude_std, self.phase_std, self.level_std
         return np.array([
-            usual if own is None else np.asarray(own)
-            for own, usual in zip(given, (amplitude, phase, level), strict=True)
+            usual if deviation is None else np.asarray(deviation)
+            for deviation, usual in zip(stated, (amplitude, phase, level), strict=True)
         ])  # fmt: skip
 
     def _summary(self) -> str:

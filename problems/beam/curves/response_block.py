@@ -64,9 +64,9 @@ def first_weights(records: Sequence[ResponseRecord]) -> SeriesWeights:
     lengths, kinds = list[int](), list[tuple[Any, ...]]()
     for record in records:
         measured = record.level_std if record.control == "response" else record.amplitude_std
-        known = measured is not None, record.phase_std is not None
+        is_stated = measured is not None, record.phase_std is not None
         for row in range(1 if record.phases is None else 2):
-            kinds.append((known[row], record.sensor, record.control, known, row))
+            kinds.append((is_stated[row], record.sensor, record.control, is_stated, row))
             lengths.append(record.f.size)
     groups = alike(kinds)
     return SeriesWeights(
@@ -74,7 +74,7 @@ def first_weights(records: Sequence[ResponseRecord]) -> SeriesWeights:
         deviations=np.ones(len(lengths)),
         floors=np.full(len(lengths), 1e-6),  # below this factor, residuals are those of the computation
         groups=groups,
-        known=tuple(kinds[own[0]][0] for own in groups),
+        known=tuple(kinds[group[0]][0] for group in groups),
     )
 
 
@@ -119,9 +119,9 @@ class ResponseBlock(Block):
         """Reason why a motion was not found."""
         return self._differentiable.failure
 
-    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
+    def residuals(self, unknowns: Mapping[str, cs.MX]) -> cs.MX:
         """Return the residuals (m,) for unknowns by name."""
-        return self._differentiable(cs.vertcat(*(given[name] for name in self.names)))
+        return self._differentiable(cs.vertcat(*(unknowns[name] for name in self.names)))
 
     @cached_property
     def _differentiable(self) -> Differentiable:
@@ -137,12 +137,12 @@ class ResponseBlock(Block):
         """Return the residuals (m,), and their Jacobian (m, n) by the unknowns of the block, for values by name."""
         motions, points = self.motions(values), self.measured(values)
         residuals, jacobians = [], []
-        for record, (found, by_parameter), point, change in zip(
+        for record, (values_of_motions, by_parameter), point, change in zip(
             self.records, motions, points, self.sensitivities(values), strict=True
         ):
-            kept = across(by_parameter / point.deviations, record.control == "response", point.has_phase)
-            residuals.append(np.einsum("mij,mj->im", kept, point.distance(found)).ravel())
-            slopes = np.einsum("mij,mjn->imn", kept, change / point.deviations[:, :, None])
+            projections = across(by_parameter / point.deviations, record.control == "response", point.has_phase)
+            residuals.append(np.einsum("mij,mj->im", projections, point.distance(values_of_motions)).ravel())
+            slopes = np.einsum("mij,mjn->imn", projections, change / point.deviations[:, :, None])
             jacobians.append(slopes.reshape(-1, len(self.names)))
         return np.concatenate(residuals), np.concatenate(jacobians)
 
@@ -152,65 +152,69 @@ class ResponseBlock(Block):
 
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:
         """Return computed amplitudes, and phases if they were measured, without standard errors."""
-        found = []
-        for record, (own, _) in zip(self.records, self.motions(fitted.values), strict=True):
-            values = own[:, :2].T
+        channels = []
+        for record, (motion_values, _) in zip(self.records, self.motions(fitted.values), strict=True):
+            values = motion_values[:, :2].T
             prefix = f"{record.label}: " if len(self.records) > 1 else ""
             own_channels = response_channels(record, values, np.full(values.shape, math.nan), prefix)
-            found += own_channels if record.measured_phases is not None else own_channels[:1]
-        return found
+            channels += own_channels if record.measured_phases is not None else own_channels[:1]
+        return channels
 
     def predicted(self, fit: Fit, kind: str) -> RecordPrediction:
         """Return amplitudes and phases at the levels of the only record, which decide (``FREE``)."""
         free, (record,), values = replace(self, looseness=FREE), self.records, fit.estimates
         try:
-            (found, by_parameter), changes = free.motions(values)[0], free.sensitivities(values)[0]
+            (motion_values, by_parameter), changes = free.motions(values)[0], free.sensitivities(values)[0]
         except NumericsError as error:
             raise FitError(f"the response cannot be predicted: {error}") from None
         places = [fit.names.index(name) for name in self.names]
         along = -changes[:, 2] / by_parameter[:, [2]]  # change of the parameter of the curve at the same level
         jacobian = np.zeros((2, len(along), len(fit.names)))
         for k in range(2):
-            own = changes[:, k] + by_parameter[:, [k]] * along
-            jacobian[k][:, places] = own * fit.coordinates.slopes(fit.values)[places]
-        errors = np.nan_to_num([fit.errors_of(own) for own in jacobian])
+            at_level = changes[:, k] + by_parameter[:, [k]] * along
+            jacobian[k][:, places] = at_level * fit.coordinates.slopes(fit.values)[places]
+        errors = np.nan_to_num([fit.errors_of(rows) for rows in jacobian])
         (point,) = free.measured(values)
-        beyond = np.abs(found[:, 2] / point.values[:, 2] - 1) > 1e-4  # relative, of levels that are the same
+        beyond = np.abs(motion_values[:, 2] / point.values[:, 2] - 1) > 1e-4  # relative, of levels that are the same
         notes = (
             f"{np.count_nonzero(beyond)} of {len(beyond)} points lie beyond a jump of the predicted curve, the first "
             f"at {record.f[beyond][0]:.5g} Hz; their predictions are those at the jump",
         ) if beyond.any() else ()  # fmt: skip
-        channels = response_channels(record, found[:, :2].T, np.where(beyond, math.nan, errors))
+        channels = response_channels(record, motion_values[:, :2].T, np.where(beyond, math.nan, errors))
         return RecordPrediction(kind, tuple(channels), notes=notes)
 
     def unexplained(self, fitted: Fitted) -> list[tuple[str, float]]:
         """Return the share of the response per level, root mean square, that the curves of each record leave."""
-        found, values = [], fitted.values
-        for record, (own, _), points in zip(self.records, self.motions(values), self.measured(values), strict=True):
-            phases: tuple[Array | float, ...] = (own[:, 1], points.values[:, 1]) if points.has_phase else (0.0, 0.0)
-            computed, measured = (
-                part[:, 0] / part[:, 2] * np.exp(1j * phase)
-                for part, phase in zip((own, points.values), phases, strict=True)
+        shares, values = [], fitted.values
+        for record, (motion_values, _), points in zip(
+            self.records, self.motions(values), self.measured(values), strict=True
+        ):
+            phases: tuple[Array | float, ...] = (
+                (motion_values[:, 1], points.values[:, 1]) if points.has_phase else (0.0, 0.0)
             )
-            found.append(
+            computed, measured = (
+                triple[:, 0] / triple[:, 2] * np.exp(1j * phase)
+                for triple, phase in zip((motion_values, points.values), phases, strict=True)
+            )
+            shares.append(
                 (record.label, root_mean_square(np.abs(computed - measured)) / root_mean_square(np.abs(measured)))
             )
-        return found
+        return shares
 
     def account(self, fitted: Fitted) -> Account:
         """Return range and error of each record, and points without a stable motion."""
         lines, notes, records, values = [], list[str](), [], fitted.values
-        for record, (own, slopes), points in zip(
+        for record, (motion_values, slopes), points in zip(
             self.records, self.motions(values), self.measured(values), strict=True
         ):
             if record.control == "response":
                 # the level that the measured amplitude needs, to first order
-                level = own[:, 2] + slopes[:, 2] / slopes[:, 0] * (record.amplitudes - own[:, 0])
+                level = motion_values[:, 2] + slopes[:, 2] / slopes[:, 0] * (record.amplitudes - motion_values[:, 0])
                 name, error = "level", root_mean_square(level / record.a - 1)
             else:
-                name, error = "amplitude", root_mean_square(own[:, 0] / record.amplitudes - 1)
+                name, error = "amplitude", root_mean_square(motion_values[:, 0] / record.amplitudes - 1)
                 # standard deviations of a level beyond which the level of a point has no motion
-                away = np.abs(points.distance(own)[:, 2]) > 5.0
+                away = np.abs(points.distance(motion_values)[:, 2]) > 5.0
                 notes += _branch_warnings(record, away, (slopes[:, 2] < 0.0) & ~away)
             size = record.f.size
             lines.append(
@@ -226,7 +230,7 @@ class ResponseBlock(Block):
 
     def measured(self, values: Mapping[str, float]) -> list[Measured]:
         """Return the points of each record, with the levels that belong to values of the unknowns by name."""
-        found = []
+        points = []
         factors = iter(self.weights.deviations.tolist())
         for number, record in self.numbered:
             amplitude = next(factors)
@@ -235,8 +239,8 @@ class ResponseBlock(Block):
             factor = values.get(self.excitation(number) or "", 1.0)
             phases = np.full(record.f.size, math.nan) if record.measured_phases is None else record.measured_phases
             rows = np.array([record.amplitudes, phases, factor * record.a]).T
-            found.append(Measured(2 * math.pi * record.f, rows, deviations))
-        return found
+            points.append(Measured(2 * math.pi * record.f, rows, deviations))
+        return points
 
 
 def response_channels(record: ResponseRecord, values: Array, errors: Array, prefix: str = "") -> list[PredictedChannel]:
@@ -246,15 +250,26 @@ def response_channels(record: ResponseRecord, values: Array, errors: Array, pref
     if record.measured_phases is not None:
         phases = measured + np.angle(np.exp(1j * (phases - measured)))
     labels, quantity = tuple(f"{f:.6g} Hz" for f in record.f.tolist()), record.sensor.quantity
-    parts: tuple[tuple[str, str, Array, Array, float | Array], ...] = (
+    quantities: tuple[tuple[str, str, Array, Array, float | Array], ...] = (
         ("amplitude", record.sensor.unit, record.amplitudes, amplitudes, record.amplitudes),
         ("phase", "rad", measured, phases, 1.0),
     )
     return [
-        PredictedChannel(prefix + name, unit, own, computed, error, record.f, "frequency, Hz", std, size, labels,
-                         f"{quantity} {name}")
-        for (name, unit, own, computed, size), error, std in zip(parts, errors, record.stds[:2], strict=True)
-    ]  # fmt: skip
+        PredictedChannel(
+            prefix + name,
+            unit,
+            data,
+            computed,
+            error,
+            record.f,
+            "frequency, Hz",
+            std,
+            size,
+            labels,
+            f"{quantity} {name}",
+        )
+        for (name, unit, data, computed, size), error, std in zip(quantities, errors, record.stds[:2], strict=True)
+    ]
 
 
 def across(slopes: Array, response_controlled: bool, has_phase: bool) -> Array:
@@ -264,9 +279,11 @@ def across(slopes: Array, response_controlled: bool, has_phase: bool) -> Array:
     u = slopes * np.array([1.0, float(has_phase), 1.0])
     u = u / np.linalg.norm(u, axis=1, keepdims=True)
     u = np.where((u @ e < -0.5)[:, None], -u, u)  # u . e below which -u takes the place of u
-    both = u + e
+    bisector = u + e
     rotations = (
-        np.eye(3) - both[:, :, None] * both[:, None, :] / (1 + u @ e)[:, None, None] + 2 * e[:, None] * u[:, None]
+        np.eye(3)
+        - bisector[:, :, None] * bisector[:, None, :] / (1 + u @ e)[:, None, None]
+        + 2 * e[:, None] * u[:, None]
     )
     return np.asarray(rotations[:, [row for row in rows if has_phase or row != 1]])
 

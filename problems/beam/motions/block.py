@@ -43,7 +43,7 @@ from ancf_casadi.support.arrays import Array, Index, root_mean_square
 from ancf_casadi.support.tables import known
 from ancf_casadi.vibration.equilibrium import largest_bend
 from problems.beam.mesh import split_law, split_model, split_record
-from problems.beam.motions.record import Channel, MotionRecord, labels_of, titles_of
+from problems.beam.motions.record import Channel, MotionRecord, channel_labels, record_titles
 from problems.beam.motions.weights import (
     ACCURATE,
     ERROR_ORDER,
@@ -56,7 +56,7 @@ from problems.beam.motions.weights import (
     first_weights,
     tighter,
 )
-from problems.beam.properties import owners_of
+from problems.beam.properties import property_owners
 from problems.beam.unknowns import base_name, load_name, loads
 
 MOST_STEP_RATIO = 20.0  # most steps of a run, relative to the first run
@@ -128,62 +128,70 @@ class MotionBlock(Block):
         if self.before and self.before.tolerance == self.tolerance:
             return list(self.before._motions)
         runs = [Runs(_problem(self, record), MOST_STEP_RATIO) for record in self.records]
-        return [(one, one.function()) for one in runs]
+        return [(run, run.function()) for run in runs]
 
     @property
     def failure(self) -> str:
         """Reason why a motion could not be computed."""
-        return next((f"the last motion tried: {one.failure}" for one, _ in self._motions if one.failure), "")
+        return next((f"the last motion tried: {run.failure}" for run, _ in self._motions if run.failure), "")
 
     def close(self) -> None:
         """Forget the last runs, which are large."""
-        for one, _ in self._motions:
-            one.forget()
+        for run, _ in self._motions:
+            run.forget()
         for name in ("_finer", "rough"):
             if name in self.__dict__:  # it was used
                 self.__dict__[name].close()
 
-    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
+    def residuals(self, unknowns: Mapping[str, cs.MX]) -> cs.MX:
         """Return the residuals, record by record and channel by channel."""
-        parts, computed = [], self._readings(given)
-        for channel, own, deviation in zip(self.sensors, computed, self.weights.deviations.tolist(), strict=True):
-            rest = own - cs.DM(channel.measurement.values)
+        residuals, computed = [], self._readings(unknowns)
+        for channel, reading, deviation in zip(self.sensors, computed, self.weights.deviations.tolist(), strict=True):
+            difference = reading - cs.DM(channel.measurement.values)
             if channel.sensor.quantity == "slope":  # the same angle, however often the beam turned
-                rest = cs.atan2(cs.sin(rest), cs.cos(rest))
-            parts.append(rest / deviation)
-        found: cs.MX = cs.vertcat(*parts)
-        return found
+                difference = cs.atan2(cs.sin(difference), cs.cos(difference))
+            residuals.append(difference / deviation)
+        all_residuals: cs.MX = cs.vertcat(*residuals)
+        return all_residuals
 
-    def _readings(self, given: Mapping[str, cs.MX]) -> list[cs.MX]:
+    def _readings(self, unknowns: Mapping[str, cs.MX]) -> list[cs.MX]:
         """Return the computed readings of each channel of each record, (k, 1) each."""
-        found = []
-        law = cs.vertcat(cs.MX(0, 1), *(given.get(own.name, cs.MX(own.value)) for own in self.damping.parameters))
-        properties, lumped = _properties(self, given)
+        readings = []
+        law = cs.vertcat(
+            cs.MX(0, 1),
+            *(unknowns.get(parameter.name, cs.MX(parameter.value)) for parameter in self.damping.parameters),
+        )
+        properties, lumped = _properties(self, unknowns)
         parameters = self.equations.parameters_with(properties=cs.vec(properties), law=law, lumped=lumped)
         for (number, record), (runs, motion) in zip(self.numbered, self._motions, strict=True):
             times, series = _clocks(record)
-            shifts = _shifts(number, record, series, given)
-            base = [given.get(base_name(own.name, number), cs.MX(own.value)) for own in record.own_base.parameters]
+            shifts = _shifts(number, record, series, unknowns)
+            base = [
+                unknowns.get(base_name(parameter.name, number), cs.MX(parameter.value))
+                for parameter in record.own_base.parameters
+            ]
             inputs = [law, cs.vertcat(cs.MX(0, 1), *base), properties]
             if _has_lumped(self):
                 inputs.append(lumped)
             if self.load:
-                inputs.append(cs.vertcat(*(given.get(load_name(name, number), cs.MX(p)) for name, p in loads(record))))
+                inputs.append(
+                    cs.vertcat(*(unknowns.get(load_name(name, number), cs.MX(p)) for name, p in loads(record)))
+                )
             if record.has_unknown_times:
                 inputs.append(cs.vertcat(*shifts))
-            ends = [0, *np.cumsum([one.size for one in times]).tolist()]
+            ends = [0, *np.cumsum([instants.size for instants in times]).tolist()]
             sampled = []
             rows = runs.problem.rows.tolist()
             places = cs.DM(cs.Sparsity.triplet(self.model.size, len(rows), rows, [*range(len(rows))]))
-            for part, shift, own_times in zip(cs.horzsplit(motion(*inputs), ends), shifts, times, strict=True):
-                orders = [places @ own for own in cs.vertsplit(part, len(rows))]
-                e, e_t, e_tt = [*orders, *[cs.MX(0, part.size2())] * (3 - len(orders))]
+            for samples, shift, own_times in zip(cs.horzsplit(motion(*inputs), ends), shifts, times, strict=True):
+                orders = [places @ of_order for of_order in cs.vertsplit(samples, len(rows))]
+                e, e_t, e_tt = [*orders, *[cs.MX(0, samples.size2())] * (3 - len(orders))]
                 load = _load_at(record.load, own_times, shift)
-                sampled.append(SampledMotion.of(_loaded(self.equations, record), e, e_t, e_tt, load, parameters))
+                sampled.append(SampledMotion.of(_at_load(self.equations, record), e, e_t, e_tt, load, parameters))
             for j, (channel, place) in enumerate(zip(record.own_channels, series, strict=True), start=1):
-                zero = given.get(f"zero_{number}_{j}", cs.MX(0.0))
-                found.append((_seen(number, record, channel, sampled[place], given) + zero).T)
-        return found
+                zero = unknowns.get(f"zero_{number}_{j}", cs.MX(0.0))
+                readings.append((_channel_reading(number, record, channel, sampled[place], unknowns) + zero).T)
+        return readings
 
     def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
         """Return the block with the standard deviations that residuals show; a first tolerance is refined anyway."""
@@ -227,8 +235,8 @@ class MotionBlock(Block):
         finer, tolerance = self._finer, tighter(self.tolerance, excess)
         if not self.wanted and tolerance < finer.tolerance / 2:
             finer = replace(self, tolerance=tolerance, before=self)
-        least = (finer.tolerance / self.tolerance) ** LEAST_ORDER
-        return replace(finer, expected=least * error, before=finer)
+        reduction = (finer.tolerance / self.tolerance) ** LEAST_ORDER
+        return replace(finer, expected=reduction * error, before=finer)
 
     @cached_property
     def rough(self) -> Self:
@@ -238,8 +246,10 @@ class MotionBlock(Block):
     def largest_bend(self, values: Mapping[str, float]) -> float:
         """Return the largest bend of an element at the steps of the motions, rad."""
         self.rough.computed(values)
-        found = [runs.last for runs, _ in self.rough._motions]
-        return max([largest_bend(self.model, _coordinates(self.model, run)) for run in found if run], default=math.nan)
+        last_runs = [runs.last for runs, _ in self.rough._motions]
+        return max(
+            [largest_bend(self.model, _coordinates(self.model, run)) for run in last_runs if run], default=math.nan
+        )
 
     def split(self) -> Self:
         """Return the same motions with each element in two halves."""
@@ -249,28 +259,39 @@ class MotionBlock(Block):
 
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:
         """Return measured and computed readings of each channel."""
-        parts = [self.weights.split(part) for part in (fitted.residuals, fitted.errors)]
-        pairs = zip(titles_of(self.numbered), self.records, strict=True)
-        titles = [title for title, record in pairs for _ in record.own_channels]
+        residuals, errors = (self.weights.split(standardised) for standardised in (fitted.residuals, fitted.errors))
+        of_records = zip(record_titles(self.numbered), self.records, strict=True)
+        titles = [title for title, record in of_records for _ in record.own_channels]
+        labels, deviations = channel_labels(self.numbered), self.weights.deviations.tolist()
+        rows = zip(labels, self.sensors, residuals, errors, titles, deviations, strict=True)
         return [
-            PredictedChannel(label, one.sensor.unit, one.measurement.values, one.measurement.values + rest, error,
-                             one.measurement.time, TIME_AXIS, deviation, float(np.std(one.measurement.values)),
-                             diagram=f"{title}{one.sensor.quantity}")
-            for label, one, rest, error, deviation, title in zip(
-                labels_of(self.numbered), self.sensors, *parts, self.weights.deviations.tolist(), titles, strict=True
+            PredictedChannel(
+                label,
+                channel.sensor.unit,
+                channel.measurement.values,
+                channel.measurement.values + residual,
+                error,
+                channel.measurement.time,
+                TIME_AXIS,
+                noise,
+                float(np.std(channel.measurement.values)),
+                diagram=f"{title}{channel.sensor.quantity}",
             )
-        ]  # fmt: skip
+            for label, channel, residual, error, title, noise in rows
+        ]
 
     def predicted(self, fit: Fit, kind: str) -> RecordPrediction:
         """Return the readings of the record at the estimates of a fit; the mean error of displacements is zero."""
-        found = super().predicted(fit, kind)
+        prediction = super().predicted(fit, kind)
         channels = [
-            replace(one, predicted=one.predicted - float(np.mean(one.residuals)))
-            if channel.sensor.quantity == "displacement"
-            else one
-            for one, channel in zip(found.channels, self.sensors, strict=True)
+            replace(
+                predicted_channel, predicted=predicted_channel.predicted - float(np.mean(predicted_channel.residuals))
+            )
+            if sensor_channel.sensor.quantity == "displacement"
+            else predicted_channel
+            for predicted_channel, sensor_channel in zip(prediction.channels, self.sensors, strict=True)
         ]
-        return replace(found, channels=tuple(channels))
+        return replace(prediction, channels=tuple(channels))
 
     def account(self, fitted: Fitted) -> Account:
         """Return residuals and noise of each channel, and the effect of the integration error."""
@@ -281,9 +302,9 @@ class MotionBlock(Block):
         ]
         if len(self.weights.groups) > 1:
             lines += [
-                f"{one.name}: root mean square residual {one.rms_error:.3g} {one.unit}".rstrip()
-                + f", weighted by 1/{one.noise:.3g}"
-                for one in channels
+                f"{channel.name}: root mean square residual {channel.rms_error:.3g} {channel.unit}".rstrip()
+                + f", weighted by 1/{channel.noise:.3g}"
+                for channel in channels
             ]
         lines.append(
             f"the standard errors allow for a systematic error of {MODEL_STD:.0e} of the travel of each channel"
@@ -291,8 +312,8 @@ class MotionBlock(Block):
         data = {
             "kind": "motion",
             "channels": [
-                {"channel": one.name, "unit": one.unit, "std": one.noise, "rms_error": one.rms_error}
-                for one in channels
+                {"channel": channel.name, "unit": channel.unit, "std": channel.noise, "rms_error": channel.rms_error}
+                for channel in channels
             ],
             "tolerance": self.tolerance,
             "integration_shifts": [known(shift) for shift in fitted.shifts.tolist()],
@@ -335,8 +356,8 @@ def motion_block(
 def sensor_noise(blocks: Sequence[Block]) -> dict[Sensor, float]:
     """Return the standard deviation of the noise of each sensor of the motions among blocks."""
     motions = [block for block in blocks if isinstance(block, MotionBlock)]
-    pairs = [zip(own.sensors, own.weights.deviations.tolist(), strict=True) for own in motions]
-    return {channel.sensor: deviation for own in pairs for channel, deviation in own}
+    pairs = [zip(block.sensors, block.weights.deviations.tolist(), strict=True) for block in motions]
+    return {channel.sensor: deviation for of_block in pairs for channel, deviation in of_block}
 
 
 def _decrease(block: MotionBlock, finer: MotionBlock) -> float:
@@ -347,9 +368,9 @@ def _decrease(block: MotionBlock, finer: MotionBlock) -> float:
 def _problem(block: MotionBlock, record: MotionRecord) -> SensitivityProblem:
     """Return the motion of a record with its derivatives."""
     series = _clocks(record)[0]
-    times, places = np.concatenate(series), np.repeat(np.arange(len(series)), [one.size for one in series])
+    times, places = np.concatenate(series), np.repeat(np.arange(len(series)), [instants.size for instants in series])
     return SensitivityProblem(
-        equations=_loaded(block.equations, record),
+        equations=_at_load(block.equations, record),
         base=record.own_base,
         load=None if record.load is None else record.load.along(block.model.beam),
         start=record.start,
@@ -370,13 +391,13 @@ def _sampled_rows(block: MotionBlock, record: MotionRecord) -> Index:
     e, e_t, e_tt = motion = [cs.MX.sym(name, size) for name in ("e", "e_t", "e_tt")]
     load = cs.MX.sym("load", LOAD_SIZE)
     sampled = SampledMotion.of(equations, e, e_t, e_tt, load, cs.MX(cs.DM(equations.parameters)))
-    seen = [_seen(1, record, channel, sampled, {}) for channel in record.own_channels]
-    readings = cs.Function("readings", [cs.vertcat(*motion), load], [cs.vertcat(*seen)])
+    of_channels = [_channel_reading(1, record, channel, sampled, {}) for channel in record.own_channels]
+    readings = cs.Function("readings", [cs.vertcat(*motion), load], [cs.vertcat(*of_channels)])
     columns = readings.jac_sparsity(0, 0).get_triplet()[1]
     return np.unique(np.array(columns) % size)
 
 
-def _loaded(equations: Equations, record: MotionRecord) -> Equations:
+def _at_load(equations: Equations, record: MotionRecord) -> Equations:
     """Return the equations with the load of a record at its place."""
     if record.load is None or record.load.place == equations.place:
         return equations
@@ -389,23 +410,23 @@ def _clocks(record: MotionRecord) -> tuple[list[Array], list[int]]:
     shared: list[bool] = []
     places = []
     for channel in record.own_channels:
-        own = channel.measurement.time
-        same = [k for k, one in enumerate(times) if shared[k] and np.array_equal(one, own)]
+        channel_times = channel.measurement.time
+        same = [k for k, instants in enumerate(times) if shared[k] and np.array_equal(instants, channel_times)]
         if not same or channel.offset:
             same = [len(times)]
-            times.append(own)
+            times.append(channel_times)
             shared.append(channel.offset is None)
         places.append(same[0])
     return times, places
 
 
-def _shifts(number: int, record: MotionRecord, series: Sequence[int], given: Mapping[str, cs.MX]) -> list[cs.MX]:
+def _shifts(number: int, record: MotionRecord, series: Sequence[int], unknowns: Mapping[str, cs.MX]) -> list[cs.MX]:
     """Return the times that lead from the clock of each series to that of the base motion, s."""
-    release = given.get(f"release_{number}", cs.MX(sum(record.release_bounds) / 2))
+    release = unknowns.get(f"release_{number}", cs.MX(sum(record.release_bounds) / 2))
     shifts = [record.origin - release] * (max(series) + 1)
     for j, place in enumerate(series, start=1):
-        if f"offset_{number}_{j}" in given:
-            shifts[place] = shifts[place] - given[f"offset_{number}_{j}"]
+        if f"offset_{number}_{j}" in unknowns:
+            shifts[place] = shifts[place] - unknowns[f"offset_{number}_{j}"]
     return shifts
 
 
@@ -414,14 +435,14 @@ def _has_lumped(block: MotionBlock) -> bool:
     return bool(set(block.first) & set(block.model.lumped))
 
 
-def _properties(block: MotionBlock, given: Mapping[str, cs.MX]) -> tuple[cs.MX, cs.MX]:
+def _properties(block: MotionBlock, unknowns: Mapping[str, cs.MX]) -> tuple[cs.MX, cs.MX]:
     """Return the properties of the elements, (4, n), and the lumped ones that the beam has."""
-    values, owners = block.model.properties, owners_of(block.model.beam, tuple(block.first))
-    factors = [*(given[name] / first for name, first in block.first.items()), cs.MX(1.0)]  # the last for the place -1
+    values, owners = block.model.properties, property_owners(block.model.beam, tuple(block.first))
+    factors = [*(unknowns[name] / first for name, first in block.first.items()), cs.MX(1.0)]  # last: for the place -1
     rows = owners[: values.size].reshape(values.shape)
     scaled = [
-        cs.DM(own).T * (cs.horzcat(*(factors[k] for k in row)) if row.max() >= 0 else factors[-1])
-        for own, row in zip(values, rows, strict=True)
+        cs.DM(of_elements).T * (cs.horzcat(*(factors[k] for k in row)) if row.max() >= 0 else factors[-1])
+        for of_elements, row in zip(values, rows, strict=True)
     ]
     pairs = zip(block.model.lumped.values(), owners[values.size :].tolist(), strict=True)
     lumped = [value * factors[k] for value, k in pairs]
@@ -431,7 +452,7 @@ def _properties(block: MotionBlock, given: Mapping[str, cs.MX]) -> tuple[cs.MX, 
 def _coordinates(model: Model, run: MotionRun) -> Array:
     """Return the coordinates at the steps of a motion, (s, size)."""
     pairs = [(step.q, passage.excitation.at(step.start)[:NODE]) for passage in run.passages for step in passage.steps]
-    free, base = (np.array(part).T for part in zip(*pairs, strict=True))
+    free, base = (np.array(column).T for column in zip(*pairs, strict=True))
     return model.whole(free, base).T
 
 
@@ -440,22 +461,22 @@ def _load_at(load: TipLoad | None, times: Array, shift: cs.MX) -> cs.MX:
     if load is None:
         return cs.MX.zeros(LOAD_SIZE, times.size)
     t = cs.MX.sym("t")
-    *others, last = load.pieces()
+    *earlier_pieces, last = load.pieces()
     value = last.at(t, cs.MX(0, 1))
-    for piece in reversed(others):
+    for piece in reversed(earlier_pieces):
         value = cs.if_else(t <= piece.end, piece.at(t, cs.MX(0, 1)), value)
     return cs.Function("load", [t], [cs.densify(value)[:LOAD_SIZE]]).map(times.size)(cs.DM(times).T + shift)
 
 
-def _seen(
-    number: int, record: MotionRecord, channel: Channel, sampled: SampledMotion, given: Mapping[str, cs.MX]
+def _channel_reading(
+    number: int, record: MotionRecord, channel: Channel, sampled: SampledMotion, unknowns: Mapping[str, cs.MX]
 ) -> cs.MX:
     """Return the readings of a channel, without its zero, (1, s); positions as the camera sees them."""
     camera = record.camera
     if camera is None or channel.sensor.quantity != "position":
         return sampled.read(channel.sensor)
-    scale, turn, *origin = (given.get(f"{name}_{number}", cs.MX(guess)) for name, _, guess, _ in camera.unknowns)
+    scale, turn, *origin = (unknowns.get(f"{name}_{number}", cs.MX(guess)) for name, _, guess, _ in camera.unknowns)
     x, y = (sampled.read(Sensor("position", channel.sensor.point, axis)) for axis in ((1.0, 0.0), (0.0, 1.0)))
-    seen = scale * (cs.cos(turn) * x - cs.sin(turn) * y), scale * (cs.sin(turn) * x + cs.cos(turn) * y)
+    in_picture = scale * (cs.cos(turn) * x - cs.sin(turn) * y), scale * (cs.sin(turn) * x + cs.cos(turn) * y)
     dx, dy = channel.sensor.unit_direction
-    return dx * (origin[0] + seen[0]) + dy * (origin[1] + seen[1])
+    return dx * (origin[0] + in_picture[0]) + dy * (origin[1] + in_picture[1])

@@ -145,20 +145,22 @@ class Camera(Displayed):
         if self.origin is not None:
             if not is_sequence(self.origin) or len(self.origin) != 2:
                 raise InputError(f"must be two pairs of bounds, of x and of y, got {shown(self.origin)}", "origin")
-            x, y = (pair(part, "origin") for part in self.origin)
+            x, y = (pair(bounds, "origin") for bounds in self.origin)
             object.__setattr__(self, "origin", (x, y))
 
     @property
     def unknowns(self) -> tuple[tuple[str, Bounds | None, float, str], ...]:
         """Name, bounds (None if known), guess and unit of scale, rotation, x and y of the origin."""
         x, y = self.origin or (None, None)
-        given = (
+        unknowns = (
             ("camera_scale", self.scale, 1.0, ""),
             ("camera_rotation", self.rotation, 0.0, "rad"),
             ("camera_x", x, 0.0, "m"),
             ("camera_y", y, 0.0, "m"),
         )
-        return tuple((name, limits, sum(limits) / 2 if limits else usual, unit) for name, limits, usual, unit in given)
+        return tuple(
+            (name, limits, sum(limits) / 2 if limits else usual, unit) for name, limits, usual, unit in unknowns
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,8 +223,8 @@ class MotionRecord(Displayed):
         check_instance(self.model, "model", Model, NoneType)
         if not is_sequence(self.channels) or not len(self.channels):
             raise InputError("must be a sequence of Channel or Measurement; put it in a list", "channels")
-        for one in self.channels:
-            check_instance(one, "channels", Channel, Measurement)
+        for channel in self.channels:
+            check_instance(channel, "channels", Channel, Measurement)
         check_instance(self.base, "base", BaseMotion, NoneType)
         check_instance(self.start, "start", str, Equilibrium, State)
         check_instance(self.camera, "camera", Camera, NoneType)
@@ -233,16 +235,16 @@ class MotionRecord(Displayed):
             else number(self.release_time, "release_time")
         )
         object.__setattr__(self, "release_time", release)
-        channels = (one if isinstance(one, Channel) else Channel(one) for one in self.channels)
+        channels = (channel if isinstance(channel, Channel) else Channel(channel) for channel in self.channels)
         object.__setattr__(self, "channels", tuple(map(self._without_jumps, channels)))
         self._check_times()
-        if self.camera and not any(one.sensor.quantity == "position" for one in self.own_channels):
+        if self.camera and not any(channel.sensor.quantity == "position" for channel in self.own_channels):
             raise InputError("there are no positions for it; give the channels of the camera as positions", "camera")
 
     @property
     def own_channels(self) -> tuple[Channel, ...]:
         """The sensors."""
-        return tuple(one for one in self.channels if isinstance(one, Channel))
+        return tuple(channel for channel in self.channels if isinstance(channel, Channel))
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -262,7 +264,7 @@ class MotionRecord(Displayed):
     @property
     def has_unknown_times(self) -> bool:
         """True if the release, or an offset of a channel, is unknown."""
-        return isinstance(self.release_time, tuple) or any(one.offset for one in self.own_channels)
+        return isinstance(self.release_time, tuple) or any(channel.offset for channel in self.own_channels)
 
     @property
     def origin(self) -> float:
@@ -272,35 +274,42 @@ class MotionRecord(Displayed):
     @property
     def end(self) -> float:
         """Last instant of the motion that a channel may see, s, on the clock of the base motion."""
-        ends = [one.measurement.time[-1] - (one.offset or (0.0, 0.0))[0] for one in self.own_channels]
+        ends = [channel.measurement.time[-1] - (channel.offset or (0.0, 0.0))[0] for channel in self.own_channels]
         return self.origin + float(max(ends)) - self.release_bounds[0]
 
     @property
     def earliest(self) -> float:
         """First instant that a channel may see, s, from the start of the motion."""
-        begins = [one.measurement.time[0] - (one.offset or (0.0, 0.0))[1] for one in self.own_channels]
+        begins = [channel.measurement.time[0] - (channel.offset or (0.0, 0.0))[1] for channel in self.own_channels]
         return float(min(begins)) - self.release_bounds[1]
 
     def _without_jumps(self, channel: Channel) -> Channel:
         """Return a channel without the samples that may be on either side of a jump of its readings."""
-        (early, late), (least, most) = self.release_bounds, channel.offset or (0.0, 0.0)
-        if channel.sensor.quantity not in JUMPING or late + most == early + least:
+        (early, late), (least_offset, largest_offset) = self.release_bounds, channel.offset or (0.0, 0.0)
+        if channel.sensor.quantity not in JUMPING or late + largest_offset == early + least_offset:
             return channel
-        one = channel.measurement
+        measurement = channel.measurement
         ends = [piece.end for piece in self.own_base.pieces() if math.isfinite(piece.end)]
-        first, last = (one.time - shift + self.origin for shift in (late + most, early + least))
+        first, last = (
+            measurement.time - shift + self.origin for shift in (late + largest_offset, early + least_offset)
+        )
         clear = np.all([(last < jump) | (first > jump) for jump in (self.origin, *ends)], axis=0)
         if np.count_nonzero(clear) < 2:
             raise InputError(
                 f"leave too few samples of {channel.label} that are certain; narrow the bounds", "release_time"
             )
-        return replace(channel, measurement=Measurement(one.time[clear], one.values[clear], one.name, one.sensor))
+        return replace(
+            channel,
+            measurement=Measurement(
+                measurement.time[clear], measurement.values[clear], measurement.name, measurement.sensor
+            ),
+        )
 
     def _check_times(self) -> None:
-        count = sum(one.measurement.time.size for one in self.own_channels)
+        count = sum(channel.measurement.time.size for channel in self.own_channels)
         if count < FEWEST_SAMPLES:
             raise InputError(f"needs at least {FEWEST_SAMPLES} samples, got {count}", "channels")
-        if not any(np.ptp(one.measurement.values) for one in self.own_channels):
+        if not any(np.ptp(channel.measurement.values) for channel in self.own_channels):
             raise InputError("are constant; nothing moves", "channels")
         if not self.end > self.origin:
             raise InputError(
@@ -319,22 +328,22 @@ class MotionRecord(Displayed):
             )
 
     def _summary(self) -> str:
-        samples = sum(len(one.measurement.time) for one in self.own_channels)
+        samples = sum(len(channel.measurement.time) for channel in self.own_channels)
         name = f"{self.name!r}, " if self.name else ""
         return f"{name}{counted(len(self.channels), 'channel')}, {counted(samples, 'sample')}, {self.own_base!r}"
 
 
-def titles_of(numbered: Sequence[tuple[int, MotionRecord]]) -> list[str]:
+def record_titles(numbered: Sequence[tuple[int, MotionRecord]]) -> list[str]:
     """Return the title of each record, the beginning of the labels of its channels: its name, or its number."""
     several = len(numbered) > 1
     titles = [record.name or f"record {k}" * (several or k > 1) for k, record in numbered]
     return [f"{title}, " if title else "" for title in titles]
 
 
-def labels_of(numbered: Sequence[tuple[int, MotionRecord]]) -> list[str]:
+def channel_labels(numbered: Sequence[tuple[int, MotionRecord]]) -> list[str]:
     """Return a distinct label of each channel of records: its name if the measurement has one."""
     labels = []
-    for title, (_, record) in zip(titles_of(numbered), numbered, strict=True):
+    for title, (_, record) in zip(record_titles(numbered), numbered, strict=True):
         for channel in record.own_channels:
             name = channel.measurement.name
             labels.append(f"{title}{name}: {channel.label}" if name else f"{title}{channel.label}")
@@ -352,6 +361,6 @@ def pair(bounds: Any, where: str) -> Bounds:
 
 def _keep_bounds(record: Channel | Camera, name: str) -> None:
     """Validate bounds that may be missing, and keep them as a pair."""
-    given = getattr(record, name)
-    if given is not None:
-        object.__setattr__(record, name, pair(given, name))
+    bounds = getattr(record, name)
+    if bounds is not None:
+        object.__setattr__(record, name, pair(bounds, name))

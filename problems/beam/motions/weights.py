@@ -62,9 +62,9 @@ def first_weights(records: Sequence[MotionRecord], *, robust: bool = False) -> S
     """Return the weights of records, from the third differences of the samples where the noise is not given."""
     channels = [channel for record in records for channel in record.own_channels]
     groups = alike(  # the positions in a record share a standard deviation, and any other channel has its own
-        number if one.sensor.quantity == "position" and one.std is None else (number, k)
+        number if channel.sensor.quantity == "position" and channel.std is None else (number, k)
         for number, record in enumerate(records)
-        for k, one in enumerate(record.own_channels)
+        for k, channel in enumerate(record.own_channels)
     )
     for group in groups:
         first = channels[group[0]]
@@ -76,8 +76,8 @@ def first_weights(records: Sequence[MotionRecord], *, robust: bool = False) -> S
             )
     lengths = np.array([channel.measurement.time.size for channel in channels])
     travels = np.array([float(channel.measurement.values.std()) for channel in channels])
-    for own in map(list, groups):
-        travels[own] = math.sqrt(float(lengths[own] @ travels[own] ** 2) / float(lengths[own].sum()))
+    for shared in map(list, groups):
+        travels[shared] = math.sqrt(float(lengths[shared] @ travels[shared] ** 2) / float(lengths[shared].sum()))
     weights = SeriesWeights(
         lengths=lengths,
         deviations=np.array([channel.std or 1.0 for channel in channels]),
@@ -85,11 +85,11 @@ def first_weights(records: Sequence[MotionRecord], *, robust: bool = False) -> S
         groups=groups,
         known=tuple(channels[group[0]].std is not None for group in groups),
     )
-    found = weights.improved([third_differences(channel) for channel in channels], robust=robust)
-    if not found.deviations.all():
-        label = channels[int(np.argmin(found.deviations))].label
+    first_weights = weights.improved([third_differences(channel) for channel in channels], robust=robust)
+    if not first_weights.deviations.all():
+        label = channels[int(np.argmin(first_weights.deviations))].label
         raise InputError(f"{label} is constant; leave it out, or give Channel(std=...)", "channels")
-    return found
+    return first_weights
 
 
 def third_differences(channel: Channel) -> Array:
@@ -97,12 +97,12 @@ def third_differences(channel: Channel) -> Array:
     time, values = channel.measurement.time, channel.measurement.values
     if time.size < 4:
         return np.zeros(0)
-    times, samples = (np.lib.stride_tricks.sliding_window_view(part, 4) for part in (time, values))
+    times, samples = (np.lib.stride_tricks.sliding_window_view(column, 4) for column in (time, values))
     span = times[:, 3] - times[:, 0]
     # largest duration of four successive samples, relative to the median: no gap is among them
-    kept = span <= 1.5 * np.median(span)
-    times, samples = times[kept], samples[kept]
-    gaps = (times[:, :, None] - times[:, None, :]) / span[kept][:, None, None] + np.eye(4)
+    without_gaps = span <= 1.5 * np.median(span)
+    times, samples = times[without_gaps], samples[without_gaps]
+    gaps = (times[:, :, None] - times[:, None, :]) / span[without_gaps][:, None, None] + np.eye(4)
     weights = 1 / gaps.prod(axis=2)
     return np.asarray((weights * samples).sum(axis=1) / np.linalg.norm(weights, axis=1))
 
@@ -110,7 +110,7 @@ def third_differences(channel: Channel) -> Array:
 def coarse_tolerance(records: Sequence[MotionRecord], length: float) -> float:
     """Return the first tolerance for records of a beam of a length (m)."""
     channels = [channel for record in records for channel in record.own_channels]
-    travels = [float(one.measurement.values.std()) for one in channels if one.sensor.quantity in LENGTHS]
+    travels = [float(channel.measurement.values.std()) for channel in channels if channel.sensor.quantity in LENGTHS]
     return min(COARSE, COARSE_PER_TRAVEL * max(travels) / length) if travels else COARSE_WITHOUT_POSITIONS
 
 

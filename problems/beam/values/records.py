@@ -47,7 +47,7 @@ from ancf_casadi.vibration.equilibrium import bends_allowed, largest_bend
 from ancf_casadi.vibration.modes import natural_modes, rigid_modes, unit_doubt
 from ancf_casadi.vibration.statics import stable_position
 from problems.beam.mesh import split_model
-from problems.beam.properties import owners_of, scaled_model
+from problems.beam.properties import property_owners, scaled_model
 from problems.beam.values.response import Respond, modal_response, place, readings, static_response
 
 ACCURACY = 1e-6  # relative accuracy of computed values; in standard deviations if these are given
@@ -226,13 +226,13 @@ class StaticRecord(PropertyRecord):
 
     @property
     def _described(self) -> list[tuple[str, str, float]]:
-        found: list[tuple[str, str, float]] = []  # the place is the size of the total force, N
+        described: list[tuple[str, str, float]] = []  # the place is the size of the total force, N
         for number, case in enumerate(self.cases, start=1):
             size = float(np.hypot(*np.sum([(0.0, 0.0), *(load.force for load in case)], axis=0)))
             for sensor in self.columns:
                 label = f"case {number}: {sensor.quantity} at {place(self.model, sensor):g} m"
-                found.append((label, sensor.quantity, size))
-        return [found[k] for k in self.present.tolist()]
+                described.append((label, sensor.quantity, size))
+        return [described[k] for k in self.present.tolist()]
 
     def response(self, owners: Index) -> Respond:
         """Return the function from factors on the properties to the computed values (m,) and their Jacobian (m, p)."""
@@ -285,19 +285,21 @@ class FrequencyRecord(PropertyRecord):
         """Validate, and keep arrays."""
         check_instance(self.model, "model", Model)
         check_instance(self.name, "name", str)
-        found = array(self.frequencies, "frequencies")
-        if found.ndim != 1 or not found.size:
+        frequencies = array(self.frequencies, "frequencies")
+        if frequencies.ndim != 1 or not frequencies.size:
             raise InputError("must be a sequence of frequencies", "frequencies")
-        for value in found.tolist():
+        for value in frequencies.tolist():
             physical(value, "frequencies")
-        given = rigid_modes(self.model) + np.arange(1, found.size + 1) if self.modes is None else self.modes
-        if not is_sequence(given):
-            raise InputError(f"must be numbers of modes, got {shown(given)}", "modes")
-        modes = tuple(whole(k, "modes", 1, self.model.freedoms) for k in given)
-        if len(modes) != found.size or any(b <= a for a, b in pairwise(modes)):
-            raise InputError(f"must be {found.size} ascending numbers, one per frequency, got {modes}", "modes")
-        deviation = _deviations(self.std, found)
-        for name, value in {"frequencies": found, "modes": modes, "std": deviation}.items():
+        mode_numbers = (
+            rigid_modes(self.model) + np.arange(1, frequencies.size + 1) if self.modes is None else self.modes
+        )
+        if not is_sequence(mode_numbers):
+            raise InputError(f"must be numbers of modes, got {shown(mode_numbers)}", "modes")
+        modes = tuple(whole(k, "modes", 1, self.model.freedoms) for k in mode_numbers)
+        if len(modes) != frequencies.size or any(b <= a for a, b in pairwise(modes)):
+            raise InputError(f"must be {frequencies.size} ascending numbers, one per frequency, got {modes}", "modes")
+        deviation = _deviations(self.std, frequencies)
+        for name, value in {"frequencies": frequencies, "modes": modes, "std": deviation}.items():
             object.__setattr__(self, name, value)
 
     @property
@@ -327,25 +329,25 @@ def _cases(loads: object, model: Model) -> tuple[tuple[PointLoad, ...], ...]:
         raise InputError("must be a sequence with the load, or the loads, of each case", "loads")
     cases = []
     for case in loads:  # type: ignore[attr-defined]
-        own = (case,) if isinstance(case, PointLoad) else tuple(case) if is_sequence(case) else (case,)
-        for load in own:
+        case_loads = (case,) if isinstance(case, PointLoad) else tuple(case) if is_sequence(case) else (case,)
+        for load in case_loads:
             check_instance(load, "loads", PointLoad)
             with located("loads"):
                 load.place(model.beam)
-        cases.append(own)
+        cases.append(case_loads)
     return tuple(cases)
 
 
-def _deviations(given: ArrayLike | None, values: Array) -> Array | None:
+def _deviations(std: ArrayLike | None, values: Array) -> Array | None:
     """Return a standard deviation for each value; None if none is given."""
     present = np.isfinite(values)
     if not present.any() or np.isinf(values).any():
         raise InputError("must be finite, or nan if not measured, with at least one measured", "values")
-    if given is None:
+    if std is None:
         if (values[present] == 0.0).any():
             raise InputError("is needed, because a value of 0 has no relative error", "std")
         return None
-    return positive_array(given, "std", values.shape)
+    return positive_array(std, "std", values.shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -384,9 +386,9 @@ class ValueBlock(Block):
         """Reason why the values could not be computed, or contradict the model; empty if there is none."""
         return self._computed.failure or self.record.doubt
 
-    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
+    def residuals(self, unknowns: Mapping[str, cs.MX]) -> cs.MX:
         """Return computed less measured values over their standard deviations, or relative errors, (m,)."""
-        factors = cs.vertcat(cs.MX(0, 1), *(given[name] / first for name, first in self.first.items()))
+        factors = cs.vertcat(cs.MX(0, 1), *(unknowns[name] / first for name, first in self.first.items()))
         return (self._computed(factors) - cs.DM(self.record.measured)) / cs.DM(self.record.scatter)
 
     @cached_property
@@ -396,7 +398,7 @@ class ValueBlock(Block):
 
     @property
     def _owners(self) -> Index:
-        return owners_of(self.record.model.beam, tuple(self.first))
+        return property_owners(self.record.model.beam, tuple(self.first))
 
     def largest_bend(self, values: Mapping[str, float]) -> float:
         """Return the largest bend of an element in the equilibria of the record, rad."""
@@ -410,18 +412,29 @@ class ValueBlock(Block):
 
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:
         """Return measured and computed values, a channel for each quantity."""
-        record, rest = self.record, fitted.residuals * self.record.scatter
+        record, residuals = self.record, fitted.residuals * self.record.scatter
         errors, labels = fitted.errors * record.scatter, np.array(record.labels)
-        kinds, found = np.array(record.quantities), []
+        kinds, channels = np.array(record.quantities), []
         for quantity, unit in dict(zip(record.quantities, record.units, strict=True)).items():
-            own = kinds == quantity
-            measured = record.measured[own]
-            name = self.title if own.all() else f"{self.title}, {quantity}"
-            found.append(
-                PredictedChannel(name, unit, measured, measured + rest[own], errors[own], record.places[own],
-                                 record.axis, math.nan, np.abs(measured), tuple(labels[own].tolist()), quantity)
-            )  # fmt: skip
-        return found
+            selected = kinds == quantity
+            measured = record.measured[selected]
+            name = self.title if selected.all() else f"{self.title}, {quantity}"
+            channels.append(
+                PredictedChannel(
+                    name,
+                    unit,
+                    measured,
+                    measured + residuals[selected],
+                    errors[selected],
+                    record.places[selected],
+                    record.axis,
+                    math.nan,
+                    np.abs(measured),
+                    tuple(labels[selected].tolist()),
+                    quantity,
+                )
+            )
+        return channels
 
     def account(self, fitted: Fitted) -> Account:
         """Return measured and computed values."""

@@ -33,7 +33,7 @@ from ancf_casadi.vibration.equilibrium import Equilibrium, neighbour
 from ancf_casadi.vibration.modal_state import ModalState, coordinate_derivatives, follow, followed_modes, gradient
 from ancf_casadi.vibration.modes import natural_modes
 from ancf_casadi.vibration.statics import stable_position, static_equilibrium
-from problems.beam.properties import scaled, scaled_model
+from problems.beam.properties import scale_properties, scaled_model
 
 Respond = Callable[[Array], tuple[Array, Array]]  # factors (p,) -> values (m,) and their Jacobian (m, p)
 
@@ -45,7 +45,7 @@ def modal_response(model: Model, numbers: Index, owners: Index) -> Respond:
     standard = followed_modes(natural_modes(model, count=int(numbers.max()) + 1), numbers)
 
     def respond(factors: Array) -> tuple[Array, Array]:
-        properties, directions = scaled(standard.properties, owners, factors)
+        properties, directions = scale_properties(standard.properties, owners, factors)
         state = follow(standard, properties)
         count = len(numbers)
         of_eigenvalues = gradient(state, np.eye(count), np.zeros((count, model.size, count)))
@@ -69,8 +69,8 @@ def static_response(
     from_rest = np.array([float(tared or sensor.quantity == "displacement") for sensor in sensors])
 
     def respond(factors: Array) -> tuple[Array, Array]:
-        found = [_read_at_rest(model, read, rest, owners, factors) for rest in equilibria]
-        values, jacobians = (np.array(part) for part in zip(*found, strict=True))
+        readings_by_case = [_read_at_rest(model, read, equilibrium, owners, factors) for equilibrium in equilibria]
+        values, jacobians = (np.array(column) for column in zip(*readings_by_case, strict=True))
         values = values[1:] - from_rest * values[0]
         jacobians = jacobians[1:] - from_rest[:, None] * jacobians[0]
         return values.ravel()[present], jacobians.reshape(values.size, len(factors))[present]
@@ -79,19 +79,19 @@ def static_response(
 
 
 def _read_at_rest(
-    model: Model, read: cs.Function, rest: Equilibrium, owners: Index, factors: Array
+    model: Model, read: cs.Function, equilibrium: Equilibrium, owners: Index, factors: Array
 ) -> tuple[Array, Array]:
     """Return the readings in one case, (k,), and their Jacobian, (k, p), from the equilibrium of the given beam."""
-    own, directions = scaled(rest.structure.properties, owners, factors)
-    structure = replace(rest.structure, properties=own)
-    at = neighbour(structure, rest.exact)
+    changed_properties, directions = scale_properties(equilibrium.structure.properties, owners, factors)
+    structure = replace(equilibrium.structure, properties=changed_properties)
+    at = neighbour(structure, equilibrium.exact)
     if at is None:
-        at = stable_position(scaled_model(model, owners, factors), rest.all_loads)
+        at = stable_position(scaled_model(model, owners, factors), equilibrium.all_loads)
     state = ModalState(structure, at, np.arange(0), np.zeros(0), np.zeros((model.size, 0)))
     dq = coordinate_derivatives(state, directions)
     force, change = _base_forces(state, dq, directions)
     size = len(owners)
-    y, by_e, by_force, by_p = (part.full() for part in read(at.coordinates, force, own[:size]))
+    y, by_e, by_force, by_p = (output.full() for output in read(at.coordinates, force, changed_properties[:size]))
     return y.ravel(), by_e @ dq + by_force @ change + by_p @ directions[:size]
 
 
@@ -99,11 +99,11 @@ def _base_forces(state: ModalState, dq: Array, directions: Array) -> tuple[Array
     """Return the generalized forces on the base, (4,), and their derivatives, (4, N)."""
     size = state.model.size
     force, change = np.zeros((size, 1)), np.zeros(dq.shape)
-    for part in state.structure.parts:
-        own, by_coordinate, by_property, _ = per_element(part.balance.linearisation, *state.inputs(part))
-        force += scatter(part.coordinates, own, size)
-        moved = by_coordinate @ dq[part.coordinates] + by_property @ directions[part.properties]
-        change += scatter(part.coordinates, moved, size)
+    for elements in state.structure.parts:
+        forces, by_coordinate, by_property, _ = per_element(elements.balance.linearisation, *state.inputs(elements))
+        force += scatter(elements.coordinates, forces, size)
+        moved = by_coordinate @ dq[elements.coordinates] + by_property @ directions[elements.properties]
+        change += scatter(elements.coordinates, moved, size)
     return state.model.of_base(force)[:, 0], state.model.of_base(change)
 
 
@@ -115,8 +115,8 @@ def readings(model: Model, sensors: Sequence[Sensor]) -> cs.Function:
     """
     for sensor in sensors:
         if sensor.quantity not in STATIC_QUANTITIES:
-            known = ", ".join(STATIC_QUANTITIES)
-            raise InputError(f"{sensor.quantity} has no reading at rest; use one of {known}", "sensors")
+            quantities = ", ".join(STATIC_QUANTITIES)
+            raise InputError(f"{sensor.quantity} has no reading at rest; use one of {quantities}", "sensors")
         if sensor.frame != "inertial":
             raise InputError("the direction must be in the laboratory (frame='inertial') at rest", "sensors")
     sizes = {"e": model.size, "f": NODE, "p": structure_properties(model).size}

@@ -27,7 +27,7 @@ from ancf_casadi.support.tables import Table, known, to_json
 from ancf_casadi.vibration.equilibrium import bends_allowed
 from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.fitting import compare_laws, fit_beam
-from problems.beam.properties import kind_of, value_of
+from problems.beam.properties import changed_property, property_value
 from problems.beam.result import BeamFit
 from problems.beam.values.records import FrequencyRecord
 from problems.spec.file import StudyFile
@@ -177,7 +177,7 @@ def fitted(file: StudyFile) -> Finding:
     return replace(
         finding,
         guess=BeamSpec.of(fit.given.beam),
-        errors={kind_of(name): _error(fit, name) for name in fit.first if "[" not in name},
+        errors={changed_property(name): _error(fit, name) for name in fit.first if "[" not in name},
         frequency_errors=tuple(errors.tolist()),
     )
 
@@ -185,7 +185,7 @@ def fitted(file: StudyFile) -> Finding:
 def _error(fit: BeamFit, name: str) -> float:
     """Return the standard error of the property that an unknown changes, SI units; nan if unknown."""
     relative = fit.standard_errors[name] / fit.estimates[name] if fit.estimates[name] else math.nan
-    return relative * value_of(fit.model.beam, kind_of(name))
+    return relative * property_value(fit.model.beam, changed_property(name))
 
 
 def _estimates(unknowns: Sequence[Mapping[str, Any]]) -> Table:

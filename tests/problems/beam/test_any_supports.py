@@ -30,7 +30,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from problems import Channel, FrequencyRecord, MotionRecord, StaticRecord, fit_beam
-from problems.beam.properties import owners_of, scaled_model
+from problems.beam.properties import property_owners, scaled_model
 
 STRIP = {"length": 0.5, "width": 20e-3, "thickness": 1e-3, "density": 7850.0, "elements": 8, "axis": (1.0, 0.0)}
 WEIGHTS = ((), (PointLoad.hung(5e-3, point=0.3),), (PointLoad.hung(15e-3, point=0.3),))
@@ -239,7 +239,7 @@ def test_derivatives_by_all_lumped_properties_agree_with_other_beams(model, kind
     if kind == "static":
         sensors = [Sensor("position", 0.25, (0.0, 1.0)), Sensor("force"), Sensor("moment"), Sensor("strain", 0.2)]
         record = StaticRecord(model, [(), (PointLoad((0.1, -0.2), point=0.33),)], np.ones((2, 4)), sensors)
-    owners, ones = owners_of(model.beam, names), np.ones(len(names))
+    owners, ones = property_owners(model.beam, names), np.ones(len(names))
     values, jacobian = record.response(owners)(ones)
     for k, step in enumerate(2e-3 * np.eye(len(names))):
         ends = [record.with_model(scaled_model(model, owners, ones + sign * step)) for sign in (1, -1)]

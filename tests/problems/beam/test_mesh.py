@@ -25,7 +25,7 @@ from ancf_casadi.mechanics.beam import SplitBeam
 from ancf_casadi.vibration.equilibrium import largest_bend
 from problems import FrequencyRecord, MarkerRecord, MotionRecord, ResponseRecord, StaticRecord, fit_beam
 from problems.beam.mesh import split_law, split_model, split_record
-from problems.beam.properties import elements_of
+from problems.beam.properties import named_elements
 from tests.problems.beam.response_curves import noisy, swept
 
 TRUE, GUESS, FINE = 4.2e9, 4.0e9, 24
@@ -188,7 +188,7 @@ def test_split_beam_is_the_same_beam():
     np.testing.assert_allclose(fine.beam.node_points[::2], coarse.beam.node_points)
     np.testing.assert_allclose(np.diff(fine.beam.node_points).reshape(-1, 2).sum(axis=1), coarse.beam.element_lengths)
     assert fine.beam.mass == pytest.approx(coarse.beam.mass)
-    assert elements_of("thickness[2:3]", fine.beam) == slice(2, 6)
+    assert named_elements("thickness[2:3]", fine.beam) == slice(2, 6)
     assert fine.beam.thickness[2:4] == (3e-4, 3e-4)
     assert isinstance(fine.beam.with_(tip_mass=1e-3), SplitBeam)
 

@@ -18,7 +18,7 @@ from ancf_casadi import (
 )
 from ancf_casadi.records.sensor import Sensor
 from problems import ResponseRecord
-from problems.beam.curves.driven import analysed, driven
+from problems.beam.curves.driven import driven, fourier_coefficients
 from problems.beam.curves.points import Measured, closest, motion_from_rest
 
 MODES = 2
@@ -71,7 +71,7 @@ def test_derivatives_of_balance_and_reading_agree_with_differences(model, law, s
     np.testing.assert_allclose((polar[0] - polar[1]) / (2 * h), expected, rtol=1e-4, atol=1e-7)
     reduced = reduce_model(model, modes=MODES, damping=law)
     motions = [np.hstack(pair) for pair in zip(*(curve.balance.motion(*curve.split(z)) for _, z in ends), strict=True)]
-    F, numbers = analysed(reduced, record, beam.fourier, motions, s)
+    F, numbers = fourier_coefficients(reduced, record, beam.fourier, motions, s)
     for k, (_, z) in enumerate(ends):
         exact, (size, phase) = curve.residual(z), beam.read(curve, z)[0]
         np.testing.assert_allclose(F[k][curve.balance.allowed], exact, atol=1e-11 * abs(exact).max())

@@ -6,7 +6,7 @@ import pytest
 
 from ancf_casadi import Beam, InputError, Model, PointLoad, Sensor, natural_modes
 from problems import FrequencyRecord, StaticRecord
-from problems.beam.properties import owners_of
+from problems.beam.properties import property_owners
 from problems.beam.values.records import ValueBlock
 from tests.problems.beam.truth import FACTORS, ONES, respond
 
@@ -62,7 +62,7 @@ class TestReadings:
 
     def test_readings_of_a_beam_without_unknowns_have_a_jacobian_without_columns(self, lying):
         record = StaticRecord(Model(lying()), [PointLoad((0.0, -0.5))], [0.01], Sensor("displacement", direction=UP))
-        values, jacobian = record.response(owners_of(record.model.beam, ()))(np.zeros(0))
+        values, jacobian = record.response(property_owners(record.model.beam, ()))(np.zeros(0))
         assert values.shape == (1,) and jacobian.shape == (1, 0)
 
     def test_force_moment_and_strain_at_a_bent_beam_follow_from_the_balance_of_forces(self, lying):

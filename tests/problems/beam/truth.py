@@ -3,7 +3,7 @@
 import numpy as np
 
 from ancf_casadi.mechanics.lumped import PROPERTIES
-from problems.beam.properties import owners_of, scaled_model
+from problems.beam.properties import property_owners, scaled_model
 
 FACTORS = (*PROPERTIES, "tip_mass", "clamp_stiffness")
 ONES = np.ones(len(FACTORS))
@@ -17,10 +17,10 @@ def scores(fit, truth):
 
 def respond(record):
     """Return the function from factors on all properties to the values of a record and their Jacobian."""
-    return record.response(owners_of(record.model.beam, FACTORS))
+    return record.response(property_owners(record.model.beam, FACTORS))
 
 
 def changed(model, **factors):
     """Return a model with factors on its properties by name."""
     values = np.array([factors.get(name, 1.0) for name in FACTORS])
-    return scaled_model(model, owners_of(model.beam, FACTORS), values)
+    return scaled_model(model, property_owners(model.beam, FACTORS), values)

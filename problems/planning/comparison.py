@@ -151,7 +151,7 @@ def plan_comparison(
         choice(name, tuple(candidates), "counts")
         whole(count, f"counts: {name}", 0)
     lists = {name: {name: 1} for name in candidates}
-    if any(one != numbers for one in lists.values()):
+    if any(list != numbers for list in lists.values()):
         lists[TOGETHER] = numbers
     tasks = [partial(_expected, model, candidates, laws, k, lists, settings) for k in range(len(laws))]
     parts = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="laws")
@@ -171,7 +171,7 @@ def _expected(
     """Return what each list of records shows if one law is true."""
     planned = plan(model, candidates, laws[truth], **settings)
     exact = dict(zip(planned.names, planned.records, strict=True))
-    terms, found = [[own.name for own in law.parameters] for law in laws], {}
+    terms, found = [[parameter.name for parameter in law.parameters] for law in laws], {}
     for name, counts in lists.items():
         records: list[Any] = [exact[one] for one, count in counts.items() for _ in range(count)]
         problem = beam_problem(model, records, laws[truth], **settings)[0]

@@ -30,7 +30,7 @@ def plan_figure(plans: Mapping[str, Plan]) -> Figure:
     motions = [name for name, one in zip(first.names, first.expected, strict=True) if not np.isnan(one.times).any()]
     motions = motions[:MOST_MOTIONS]
     placed = [name for name in motions if len(first.over_places(name)[0]) > 1]
-    names = [*dict.fromkeys(name for one in plans.values() for name in one.names), TOGETHER]
+    names = [*dict.fromkeys(name for plan in plans.values() for name in plan.names), TOGETHER]
     heights = [1.1 + 0.28 * len(names), *[2.8] * len(motions)]
     figure = Figure(figsize=(9.0, sum(heights)), layout="constrained")
     parts = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights).ravel()
@@ -51,7 +51,7 @@ def plan_figure(plans: Mapping[str, Plan]) -> Figure:
 @literal_text
 def comparison_plan_figure(results: Mapping[str, PlannedComparison]) -> Figure:
     """Draw the probability of the right choice for each candidate, with a marker per pair of laws and result."""
-    names = list(dict.fromkeys(name for one in results.values() for name in one.right))
+    names = list(dict.fromkeys(name for result in results.values() for name in result.right))
     lines: dict[str, dict[int, float]] = {}
     for label, one in results.items():
         for (name, truth, rival), found in one.expected.items():

@@ -132,7 +132,7 @@ def plan(
         apart=True,
     )  # fmt: skip
     common = {*first, COMMON, *(own.name for own in (damping.parameters if damping else ()))}
-    listed = [replace(one, guess=1.0) if _is_frequency(one) else one for one in problem.unknowns]
+    listed = [replace(unknown, guess=1.0) if _is_frequency(unknown) else unknown for unknown in problem.unknowns]
     shared = [one for one in listed if one.name in common or _is_frequency(one)]
     if not shared:
         raise InputError("there is nothing that records share; name properties, or free the law", "unknowns")
@@ -149,7 +149,7 @@ def plan(
         tasks[k] = partial(_expected, names[k], block, tuple(shared), tuple(own), growth)
     in_order = [tasks[k] for k in range(len(names))]
     found = run_all(in_order, executor=executor, jobs=jobs, progress=progress, title="candidates")
-    costs = tuple(one.cost for one in candidates.values())
+    costs = tuple(candidate.cost for candidate in candidates.values())
     records, expected = (tuple(part) for part in zip(*found, strict=True))
     return Plan(tuple(names), costs, tuple(shared), records, expected, _prior(shared, before), model)
 
@@ -176,13 +176,13 @@ def _templates(candidates: Mapping[str, PlannedRecord], model: Model, before: Be
     for name, candidate in candidates.items():
         one = candidate.template
         if isinstance(one, MotionRecord):
-            channels = [replace(own, std=own.std or noise.get(own.sensor)) for own in one.own_channels]
+            channels = [replace(channel, std=channel.std or noise.get(channel.sensor)) for channel in one.own_channels]
             one = replace(one, channels=channels)
         if isinstance(one, ResponseRecord):  # its standard deviations have defaults
             away = np.abs(np.log(one.f[:, None] / sought_frequencies(model))).min(axis=1)
             found.append(replace(one, values=one.a / (LINEAR_SHARE + away)))
             continue
-        stds: Sequence[Any] = [own.std for own in one.own_channels] if isinstance(one, MotionRecord) else [one.stds]
+        stds: Sequence[Any] = [channel.std for channel in one.own_channels] if isinstance(one, MotionRecord) else [one.stds]
         if any(std is None for std in stds):
             raise InputError("is needed: nothing else tells the noise", f"candidates: {name}: std")
         found.append(one)
@@ -195,7 +195,7 @@ def _expected(
     """Return a candidate with computed values, and how its residuals depend on shared and its own unknowns."""
     unknowns = [*shared, *own]
     y = Coordinates.of(unknowns)
-    guesses = {one.name: one.guess for one in unknowns}
+    guesses = {unknown.name: unknown.guess for unknown in unknowns}
     try:
         record, block = _with_values(block, guesses)
         jacobian = block.linearised(unknowns, y.guess)[1]
@@ -206,9 +206,9 @@ def _expected(
         kind = InputError if isinstance(error, InputError) else FitError
         raise kind(f"the candidate {name!r} cannot be computed: {error}") from None
     known = [
-        np.eye(len(unknowns))[k] * (y.slopes(y.guess) * y.scale)[k] / one.prior_std
-        for k, one in enumerate(unknowns)
-        if one.prior and k >= len(shared)
+        np.eye(len(unknowns))[k] * (y.slopes(y.guess) * y.scale)[k] / unknown.prior_std
+        for k, unknown in enumerate(unknowns)
+        if unknown.prior and k >= len(shared)
     ]
     lengths, times, places = block.series, np.full(len(jacobian), math.nan), [math.nan] * len(block.series)
     if isinstance(block, MotionBlock):

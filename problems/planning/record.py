@@ -108,8 +108,8 @@ class PlannedRecord(Displayed):
         time = np.arange(1 + round(duration * sample_rate)) / sample_rate
         stds = [None] * len(own) if std is None else positive_array(std, "std", (len(own),)).tolist()
         channels = [
-            Channel(Measurement(time, time, sensor=sensor), one, offset, zero)
-            for sensor, one in zip(own, stds, strict=True)
+            Channel(Measurement(time, time, sensor=sensor), std, offset, zero)
+            for sensor, std in zip(own, stds, strict=True)
         ]
         return cls(MotionRecord(channels, **settings), cost)
 
@@ -211,7 +211,7 @@ def filled(template: R, values: Array) -> R:
         readings[found.present] = values
         found = replace(found, values=readings.reshape(np.shape(found.values)))
     elif isinstance(found, MotionRecord):
-        ends = np.cumsum([one.measurement.time.size for one in found.own_channels])[:-1]
+        ends = np.cumsum([channel.measurement.time.size for channel in found.own_channels])[:-1]
         pairs = zip(found.own_channels, np.split(values, ends), strict=True)
         channels = [replace(one, measurement=replace(one.measurement, values=own)) for one, own in pairs]
         found = replace(found, channels=channels)

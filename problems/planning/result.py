@@ -75,12 +75,12 @@ class Plan(Reported):
     @property
     def guess(self) -> dict[str, float]:
         """Guess of each unknown by name."""
-        return {one.name: one.guess for one in self.unknowns}
+        return {unknown.name: unknown.guess for unknown in self.unknowns}
 
     @property
     def units(self) -> dict[str, str]:
         """Unit of each unknown by name."""
-        return {one.name: one.unit for one in self.unknowns}
+        return {unknown.name: unknown.unit for unknown in self.unknowns}
 
     @cached_property
     def design(self) -> Design:
@@ -216,7 +216,7 @@ class Plan(Reported):
         record, others = self._motion(name, counts)
         points = np.unique(record.places)
         parts = [record.of_series(np.flatnonzero(record.places == point).tolist()) for point in points]
-        return points, self._named([self.design.errors(others + own) for own in parts])
+        return points, self._named([self.design.errors(others + part) for part in parts])
 
     def over_time(self, name: str, counts: Mapping[str, float] | None = None) -> tuple[Array, dict[str, Array]]:
         """Return the standard errors if a motion ended earlier, at up to 60 instants.
@@ -284,7 +284,7 @@ class Plan(Reported):
         """Return the result for JSON: SI units, None for unknown values."""
         data = {
             "kind": self.kind,
-            "unknowns": [{"name": one.name, "guess": one.guess, "unit": one.unit} for one in self.unknowns],
+            "unknowns": [{"name": unknown.name, "guess": unknown.guess, "unit": unknown.unit} for unknown in self.unknowns],
             "candidates": [
                 {"name": name, "cost": cost, "standard_errors": self.errors_of({name: 1})}
                 for name, cost in zip(self.names, self.costs, strict=True)
@@ -346,4 +346,4 @@ class Plan(Reported):
 
 def heads_of(unknowns: Sequence[Unknown]) -> list[str]:
     """Return each unknown with the unit of its relative standard error."""
-    return [f"{one.name}, {'%' if one.guess else one.unit or '1'}" for one in unknowns]
+    return [f"{unknown.name}, {'%' if unknown.guess else unknown.unit or '1'}" for unknown in unknowns]

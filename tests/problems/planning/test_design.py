@@ -23,11 +23,11 @@ def random_design(seed, count=6, n=3):
     return design(np.einsum("kri,krj->kij", rows, rows), rng.uniform(0.5, 2.0, count), 1e-3 * np.eye(n))
 
 
-def expected(jacobian, shared, known=None):
+def expected(jacobian, shared, prior_jacobian=None):
     m, columns = jacobian.shape
-    known = np.zeros((0, columns)) if known is None else known
+    prior_jacobian = np.zeros((0, columns)) if prior_jacobian is None else prior_jacobian
     times = np.tile(np.arange(m // 2) / 10.0, 2)
-    return ExpectedRecord(jacobian, shared, known, (m // 2, m // 2), np.array([0.1, 0.2]), times, 1e-9, 1.0)
+    return ExpectedRecord(jacobian, shared, prior_jacobian, (m // 2, m // 2), np.array([0.1, 0.2]), times, 1e-9, 1.0)
 
 
 def test_d_optimal_shares_of_a_parabola_are_a_third_at_the_ends_and_the_middle():
@@ -67,20 +67,20 @@ def test_exchange_finds_the_best_of_all_lists(seed, goal):
 
 
 def test_a_limit_of_repetitions_is_kept():
-    counts = random_design(0).counts(8.0, None, most=1)
+    counts = random_design(0).counts(8.0, None, most_each=1)
     assert counts.max() == 1
 
 
 def test_own_unknowns_are_marginalised_with_their_priors():
     rng = np.random.default_rng(0)
-    jacobian, known = rng.standard_normal((40, 5)), np.array([[0.0, 0.0, 0.0, 2.0, 0.0]])
-    whole = jacobian.T @ jacobian + known.T @ known
+    jacobian, prior_jacobian = rng.standard_normal((40, 5)), np.array([[0.0, 0.0, 0.0, 2.0, 0.0]])
+    whole = jacobian.T @ jacobian + prior_jacobian.T @ prior_jacobian
     covariance = np.linalg.inv(whole)[:3, :3]
-    record = expected(jacobian, 3, known)
+    record = expected(jacobian, 3, prior_jacobian)
     assert np.linalg.inv(record.information) == pytest.approx(covariance)
-    half = jacobian[:20].T @ jacobian[:20] + known.T @ known
-    assert np.linalg.inv(record.of_series([0])) == pytest.approx(np.linalg.inv(half)[:3, :3])
-    assert record.until(np.array([0.9, 1.9]))[-1] == pytest.approx(record.information)
+    half = jacobian[:20].T @ jacobian[:20] + prior_jacobian.T @ prior_jacobian
+    assert np.linalg.inv(record.series_information([0])) == pytest.approx(np.linalg.inv(half)[:3, :3])
+    assert record.informations_until(np.array([0.9, 1.9]))[-1] == pytest.approx(record.information)
 
 
 def test_an_undetermined_unknown_of_a_record_costs_no_information_but_its_own():

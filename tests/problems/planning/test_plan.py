@@ -153,7 +153,7 @@ def test_sensor_places_are_the_best_of_all(release):
     record = release.expected[0]
 
     def loss(pair):
-        return -np.linalg.slogdet(record.of_series(list(pair)))[1]
+        return -np.linalg.slogdet(record.series_information(list(pair)))[1]
 
     best = min(combinations(range(4), 2), key=loss)
     assert release.places("release", 2) == tuple(record.places[list(best)])

@@ -42,7 +42,7 @@ def factors(matched: Beam, beam: Beam) -> np.ndarray:
 
 
 def frequencies(beam: Beam, changed: np.ndarray, count: int) -> np.ndarray:
-    return natural_modes(Model(DesignSpace(beam).changed(changed)), count=count).frequencies
+    return natural_modes(Model(DesignSpace(beam).changed_beam(changed)), count=count).frequencies
 
 
 def central_differences(function, x: np.ndarray, step: float) -> np.ndarray:

@@ -55,7 +55,7 @@ from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.callbacks import Differentiable, kept
 from ancf_casadi.support.tall import tall_qr
 from problems.decay.limitations import IMPRECISE, MOST_ORDER
-from problems.frf.modal_sum import LARGEST_RATIO, RESIDUAL_POWERS, TrialFit, stacked
+from problems.frf.modal_sum import LARGEST_RATIO, RESIDUAL_POWERS, TrialFit, stack_parts
 from problems.frf.record import FrfRecord, moving_mean
 
 FRF_ADVICE = "give approximate frequencies, ask for fewer modes, or choose a band"
@@ -73,7 +73,7 @@ def refine(start: TrialFit) -> tuple[TrialFit, Fit]:
         unknowns.append(Unknown(f"damping_ratio_{mode}", *next(numbers), lower=0.0, upper=LARGEST_RATIO))
 
     def projected(x: Array) -> tuple[Array, Array]:
-        trial = start.moved(x)
+        trial = start.with_modes(x)
         return trial.weighted_residuals, trial.jacobian
 
     k, count = start.values.shape
@@ -85,7 +85,7 @@ def refine(start: TrialFit) -> tuple[TrialFit, Fit]:
         "advice": FRF_ADVICE,
     }
     fit = least_squares(lambda *x: residuals(cs.vertcat(*x)), unknowns, **settings)
-    return start.moved(fit.values), fit
+    return start.with_modes(fit.values), fit
 
 
 def inflation(trial: TrialFit, fit: Fit) -> float:
@@ -94,7 +94,7 @@ def inflation(trial: TrialFit, fit: Fit) -> float:
     return (samples - len(fit.names)) / (samples - trial.parameters)
 
 
-def corrected(trial: TrialFit, fit: Fit) -> Fit:
+def correct_covariance(trial: TrialFit, fit: Fit) -> Fit:
     """Return a fit with a covariance that allows for the fitted coefficients and for noise that functions share."""
     free = ~fit.active_bounds
     covariance = inflation(trial, fit) * fit.covariance
@@ -105,19 +105,19 @@ def corrected(trial: TrialFit, fit: Fit) -> Fit:
         inverse = np.linalg.inv(scaled)
         eigenvalues, vectors = np.linalg.eigh((scatter + scatter.T) / 2)
         root = (vectors * np.sqrt(np.maximum(eigenvalues, 0.0))) @ vectors.T
-        larger = root @ (np.eye(len(root)) + _shared(trial, q)) @ root
+        larger = root @ (np.eye(len(root)) + _shared_noise(trial, q)) @ root
         covariance[np.ix_(free, free)] = inverse @ larger @ inverse.T
     return replace(fit, covariance=covariance)
 
 
-def _shared(trial: TrialFit, basis: Array) -> Array:
+def _shared_noise(trial: TrialFit, basis: Array) -> Array:
     """Return X, as far as it is positive, for an orthonormal basis of the columns of J (N, n)."""
     k, count = trial.values.shape
     residuals = trial.weights * trial.residuals / np.sqrt(np.maximum(1 - trial.leverage, LEAST_REMAINDER))
     fitted = trial.weights * trial.fitted
     level = float(np.mean(np.abs(residuals) ** 2))
-    parts = basis.reshape(count, 2, k, -1)
-    columns = parts[:, 0] + 1j * parts[:, 1]
+    blocks = basis.reshape(count, 2, k, -1)
+    columns = blocks[:, 0] + 1j * blocks[:, 1]
     x = np.zeros((basis.shape[1], basis.shape[1]))
     for first in range(count):
         for second in range(first):
@@ -136,15 +136,16 @@ def _shared(trial: TrialFit, basis: Array) -> Array:
 def coefficient_covariance(trial: TrialFit, fit: Fit, function: int) -> Array:
     """Return the covariance of the coefficients of a function, numbered from 0, (c, c), by a corrected fit."""
     (q, triangle), k = trial.factors[function], len(trial.values)
-    own = slice(2 * k * function, 2 * k * (function + 1))
+    rows = slice(2 * k * function, 2 * k * (function + 1))
     scatter = fit.noise.variance * np.eye(len(triangle))
     if fit.noise.spectra:
         padded = np.zeros((len(fit.residuals), q.shape[1]))
-        padded[own] = q
-        scatter = sum((s.form(padded) for s in fit.noise.spectra if own.start <= s.rows.start < own.stop), 0 * scatter)
+        padded[rows] = q
+        spectra = [spectrum for spectrum in fit.noise.spectra if rows.start <= spectrum.rows.start < rows.stop]
+        scatter = sum((spectrum.form(padded) for spectrum in spectra), 0 * scatter)
     inverse, free = np.linalg.inv(triangle), ~fit.active_bounds
     slopes = trial.model.slopes(trial.frequencies, trial.ratios, trial.coefficients[:, function, None])[0]
-    change = -inverse @ (q.T @ stacked(trial.weights[:, function, None] * slopes))[:, free]
+    change = -inverse @ (q.T @ stack_parts(trial.weights[:, function, None] * slopes))[:, free]
     shared = change @ fit.covariance[np.ix_(free, free)] @ change.T
     return np.asarray(inflation(trial, fit) * inverse @ scatter @ inverse.T + shared)
 
@@ -152,17 +153,17 @@ def coefficient_covariance(trial: TrialFit, fit: Fit, function: int) -> Array:
 def limitations(trial: TrialFit, fit: Fit) -> list[str]:
     """Return the limitations of a fit, one sentence each."""
     f, notes = trial.model.frequencies, []
-    for k, (own, ζ) in enumerate(zip(trial.frequencies.tolist(), trial.ratios.tolist(), strict=True), start=1):
-        width = 2 * ζ * own
-        place = int(np.clip(np.searchsorted(f, own), 1, len(f) - 1))
+    for k, (frequency, ζ) in enumerate(zip(trial.frequencies.tolist(), trial.ratios.tolist(), strict=True), start=1):
+        width = 2 * ζ * frequency
+        place = int(np.clip(np.searchsorted(f, frequency), 1, len(f) - 1))
         spacing = float(f[place] - f[place - 1])
         if width < 3.0 * spacing:  # fewer than three lines in the half-power bandwidth
             notes.append(
                 f"mode {k}: its half-power bandwidth of {width:.3g} Hz holds few frequencies, which are {spacing:.3g} "
                 "Hz apart; leakage in the measurement may add to the damping, and a finer resolution would show it"
             )
-        if own - width / 2 < f[0] or own + width / 2 > f[-1]:
-            notes.append(f"mode {k}: its resonance at {own:.4g} Hz is at the end of the band; widen the band")
+        if frequency - width / 2 < f[0] or frequency + width / 2 > f[-1]:
+            notes.append(f"mode {k}: its resonance at {frequency:.4g} Hz is at the end of the band; widen the band")
         error = fit.standard_errors[f"damping_ratio_{k}"]
         if error > IMPRECISE * ζ:
             notes.append(
@@ -186,16 +187,16 @@ def limitations(trial: TrialFit, fit: Fit) -> list[str]:
 
 def harmonics_notes(frequencies: Array) -> list[str]:
     """Return a note for each mode at whole multiples of whose frequency others lie; frequencies ascend."""
-    notes, named = [], set[int]()
+    notes, listed = [], set[int]()
     for k, base in enumerate(frequencies.tolist()):
         orders = np.round(frequencies / base)
-        near = np.abs(frequencies / (np.maximum(orders, 1.0) * base) - 1.0) < HARMONIC_DISTANCE
+        is_multiple = np.abs(frequencies / (np.maximum(orders, 1.0) * base) - 1.0) < HARMONIC_DISTANCE
         multiples = [
-            j for j in np.flatnonzero(near & (orders > 1.0) & (orders <= MOST_ORDER)).tolist() if j not in named
+            j for j in np.flatnonzero(is_multiple & (orders > 1.0) & (orders <= MOST_ORDER)).tolist() if j not in listed
         ]
-        if k in named or not multiples:
+        if k in listed or not multiples:
             continue
-        named.update(multiples)
+        listed.update(multiples)
         places = ", ".join(f"{frequencies[j]:.4g} Hz (mode {j + 1}, {orders[j]:.0f} times)" for j in multiples)
         notes.append(
             f"multiples of the {base:.4g} Hz of mode {k + 1} are listed as modes: {places}; they may be harmonics of "
@@ -204,7 +205,7 @@ def harmonics_notes(frequencies: Array) -> list[str]:
     return notes
 
 
-def given_deviations(record: FrfRecord) -> Array:
+def stated_deviations(record: FrfRecord) -> Array:
     """Return the standard deviations (k, F) that a record states, up to a common factor; else those for a first fit."""
     if record.std is not None:
         return record.std.reshape(-1, len(record.frequencies)).T

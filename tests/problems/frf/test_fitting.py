@@ -527,7 +527,7 @@ def test_bins_are_few_and_lose_three_percent_of_the_precision_at_most():
     triangles, values = [], modal_sum(f, [(15.0, 0.01, (1.0,))])[0].T
     for model in (lines, bins):
         weights = np.ones((len(model.bin_sizes), 1))
-        jacobian = TrialFit(model, model.binned(values), weights, own, ratio).jacobian
+        jacobian = TrialFit(model, model.bin_means(values), weights, own, ratio).jacobian
         triangles.append(np.linalg.inv(np.linalg.qr(jacobian, mode="r")))
     all_lines, means = (np.linalg.norm(triangle, axis=1) for triangle in triangles)
     assert (means < 1.03 * all_lines).all()

@@ -102,8 +102,8 @@ class RayleighFit(LeastSquaresResult):
             if difference > 3.0:  # standard deviations
                 notes.append(
                     f"mode {k + 1}, {self.frequencies[k]:.6g} Hz: the fitted damping ratio {self.ratios[k]:.3g} "
-                    f"differs from the measured {self.measured[k]:.3g} by {difference:.1f} standard deviations; use modal "
-                    "damping to match every mode"
+                    f"differs from the measured {self.measured[k]:.3g} by {difference:.1f} standard deviations; use "
+                    "modal damping to match every mode"
                 )
         return tuple(notes)
 

@@ -6,12 +6,13 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from ancf_casadi import Measurement, ModalDamping, QuadraticDamping, RayleighDamping, natural_modes
+from ancf_casadi import Measurement, natural_modes
 from ancf_casadi.decay.closed_forms import quadratic_decay
 from ancf_casadi.estimation.agreement import Agreement
 from problems import fit_decay
 from problems.paper.combined_law import ModeCoefficients, drag_constants, fit_combined_law, ratio_curves
 from problems.study.kinds.decays import unbounded_coefficients
+from problems.study.step import LawChoice
 
 RATIOS = np.array([0.006, 0.0025, 0.0026, 0.0022, 0.0027])
 ETA2 = 0.11
@@ -45,14 +46,13 @@ def test_drag_constants_are_those_of_the_true_modes(modes):
 def test_coefficients_without_errors_return_the_truth(modes):
     exact = [
         ModeCoefficients(f, 4 * math.pi * f * ratio, c * ETA2, 1e-12 * np.eye(2))
-        for f, ratio, c in zip(modes.frequencies, RATIOS, drag_constants(modes), strict=True)
+        for f, ratio, c in zip(modes.frequencies.tolist(), RATIOS, drag_constants(modes), strict=True)
     ]
     found = fit_combined_law(exact, modes)
     assert found.ratios == pytest.approx(RATIOS)
     assert found.eta2 == pytest.approx(ETA2)
-    assert found.law(modes).damping_ratios(modes, np.full(5, 0.02)) == pytest.approx(
-        RATIOS + 4 * drag_constants(modes) * ETA2 * 0.02 / (3 * np.pi)
-    )
+    (ratios,) = ratio_curves(found.choice, modes, [0.02])
+    assert ratios == pytest.approx(RATIOS + 4 * drag_constants(modes) * ETA2 * 0.02 / (3 * np.pi))
 
 
 @pytest.mark.slow
@@ -141,12 +141,12 @@ def test_a_fit_at_its_bound_gives_a_pair_as_if_it_had_none():
 
 def test_curves_of_the_laws_are_straight_in_the_amplitude(modes):
     laws = {
-        "modal": ModalDamping(modes, PRINTED),
-        "proportional": RayleighDamping(0.228, 3.18e-5),
-        "quadratic": QuadraticDamping(0.15, 0.11),
-        "modal + quadratic": ModalDamping(modes, RATIOS) + QuadraticDamping(eta2=ETA2),
+        "modal": ({"law": "modal", "ratios": PRINTED},),
+        "proportional": ({"law": "rayleigh", "alpha": 0.228, "beta": 3.18e-5},),
+        "quadratic": ({"law": "quadratic", "eta1": 0.15, "eta2": 0.11},),
+        "modal + quadratic": ({"law": "modal", "ratios": RATIOS.tolist()}, {"law": "quadratic", "eta2": ETA2}),
     }
-    curves = {name: ratio_curves(law, modes, [0.0, 0.01, 0.04]) for name, law in laws.items()}
+    curves = {name: ratio_curves(LawChoice(name, terms), modes, [0.0, 0.01, 0.04]) for name, terms in laws.items()}
     assert curves["modal"] == pytest.approx(np.tile(PRINTED, (3, 1)))
     assert curves["proportional"][0] == pytest.approx(curves["proportional"][2])
     slope = 4 * ETA2 * drag_constants(modes) / (3 * np.pi)

@@ -13,11 +13,11 @@ from problems.paper.effects import (
     Envelope,
     characteristics,
     crossing,
-    displaced,
+    displace_tip,
     peaks,
     ratios_over_time,
     simulate_decay,
-    tuned,
+    tune_beam,
 )
 
 TIME = np.linspace(0.0, 15.0, 3001)
@@ -36,7 +36,7 @@ def decay(paper_beam):
 
 
 def test_a_tuned_beam_has_the_frequency_and_no_weight(paper_beam):
-    beam = tuned(paper_beam(4, elastic_modulus=(200e9, 210e9, 190e9, 220e9)), 5.0)
+    beam = tune_beam(paper_beam(4, elastic_modulus=(200e9, 210e9, 190e9, 220e9)), 5.0)
     assert natural_modes(Model(beam), count=1).frequencies[0] == pytest.approx(5.0)
     assert beam.gravity == (0.0, 0.0)
     assert beam.elastic_modulus[3] / beam.elastic_modulus[2] == pytest.approx(220 / 190)
@@ -45,7 +45,7 @@ def test_a_tuned_beam_has_the_frequency_and_no_weight(paper_beam):
 @pytest.mark.parametrize("axis", [(0.0, -1.0), (1.0, 0.0), (-0.6, 0.8)])
 def test_a_decay_starts_in_mode_1_without_stretching_the_beam(paper_beam, axis):
     modes = natural_modes(Model(paper_beam(10, axis=axis, gravity=(0.0, 0.0))), count=3)
-    start = displaced(modes, 0.076)
+    start = displace_tip(modes, 0.076)
     across = start.tip @ np.array([-axis[1], axis[0]])
     assert abs(across) == pytest.approx(0.076)
     own, *others = (abs(modes.modal_coordinate(start.coordinates, mode)) for mode in range(3))
@@ -57,7 +57,7 @@ def test_a_decay_starts_in_mode_1_without_stretching_the_beam(paper_beam, axis):
 
 def test_for_a_small_amplitude_the_start_is_mode_1_alone(paper_beam):
     modes = natural_modes(Model(paper_beam(20, gravity=(0.0, 0.0))), count=3)
-    start = displaced(modes, 1e-3)
+    start = displace_tip(modes, 1e-3)
     own, *others = (abs(modes.modal_coordinate(start.coordinates, mode)) for mode in range(3))
     assert max(others) < 2e-4 * own
 

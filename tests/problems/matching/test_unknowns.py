@@ -50,8 +50,8 @@ class TestDesignSpace:
         for k in range(space.size):
             step = np.zeros(space.size)
             step[k] = 0.25
-            found = (space.properties(m + step) - space.properties(m - step)) / 0.5
-            assert found == pytest.approx(space.directions[:, k], rel=1e-9, abs=1e-9)
+            slope = (space.properties(m + step) - space.properties(m - step)) / 0.5
+            assert slope == pytest.approx(space.directions[:, k], rel=1e-9, abs=1e-9)
 
     def test_random_points_are_within_the_bounds_and_fill_them(self, space):
         generator = np.random.default_rng(2)

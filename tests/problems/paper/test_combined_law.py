@@ -28,14 +28,14 @@ def modes(weightless):
     return natural_modes(weightless)
 
 
-def drawn(modes, rng, eta2=ETA2, ratios=RATIOS):
+def draw_coefficients(modes, rng, eta2=ETA2, ratios=RATIOS):
     """Coefficients of five modes with the errors of real fits, drawn about a truth with one or five eta2."""
     means = np.column_stack([2 * modes.angular_frequencies * ratios, drag_constants(modes) * eta2])
-    found = []
+    coefficients = []
     for frequency, mean, error, rho in zip(modes.frequencies, means, ERRORS, CORRELATIONS, strict=True):
         covariance = np.outer(error, error) * [[1.0, rho], [rho, 1.0]]
-        found.append(ModeCoefficients(frequency, *rng.multivariate_normal(mean, covariance), covariance))
-    return found
+        coefficients.append(ModeCoefficients(frequency, *rng.multivariate_normal(mean, covariance), covariance))
+    return coefficients
 
 
 def test_drag_constants_are_those_of_the_true_modes(modes):
@@ -48,10 +48,10 @@ def test_coefficients_without_errors_return_the_truth(modes):
         ModeCoefficients(f, 4 * math.pi * f * ratio, c * ETA2, 1e-12 * np.eye(2))
         for f, ratio, c in zip(modes.frequencies.tolist(), RATIOS, drag_constants(modes), strict=True)
     ]
-    found = fit_combined_law(exact, modes)
-    assert found.ratios == pytest.approx(RATIOS)
-    assert found.eta2 == pytest.approx(ETA2)
-    (ratios,) = ratio_curves(found.choice, modes, [0.02])
+    fit = fit_combined_law(exact, modes)
+    assert fit.ratios == pytest.approx(RATIOS)
+    assert fit.eta2 == pytest.approx(ETA2)
+    (ratios,) = ratio_curves(fit.choice, modes, [0.02])
     assert ratios == pytest.approx(RATIOS + 4 * drag_constants(modes) * ETA2 * 0.02 / (3 * np.pi))
 
 
@@ -60,10 +60,10 @@ def test_estimates_are_unbiased_and_intervals_cover_the_truth_in_95_percent_of_d
     rng, truth = np.random.default_rng(3), np.append(RATIOS, ETA2)
     scores, rejected = [], 0
     for _ in range(1000):
-        found = fit_combined_law(drawn(modes, rng), modes)
-        estimates = np.append(found.ratios, found.eta2)
-        scores.append((estimates - truth) / np.array(found.errors))
-        rejected += not found.explains_all_modes
+        fit = fit_combined_law(draw_coefficients(modes, rng), modes)
+        estimates = np.append(fit.ratios, fit.eta2)
+        scores.append((estimates - truth) / np.array(fit.errors))
+        rejected += not fit.explains_all_modes
     covered = (np.abs(scores) < 1.96).mean(axis=0)
     assert abs(np.mean(scores, axis=0)).max() < 0.12
     assert (covered > 0.93).all() and (covered < 0.97).all()
@@ -72,10 +72,10 @@ def test_estimates_are_unbiased_and_intervals_cover_the_truth_in_95_percent_of_d
 
 def test_different_drag_of_the_modes_is_rejected_and_enlarges_the_errors(modes):
     different = np.array([0.11, 0.06, 0.05, 0.05, 0.05])
-    found = [fit_combined_law(drawn(modes, np.random.default_rng(k), different), modes) for k in range(20)]
-    assert sum(not one.explains_all_modes for one in found) >= 18
-    (first, *_) = [one for one in found if not one.explains_all_modes]
-    same = fit_combined_law(drawn(modes, np.random.default_rng(0)), modes)
+    fits = [fit_combined_law(draw_coefficients(modes, np.random.default_rng(k), different), modes) for k in range(20)]
+    assert sum(not fit.explains_all_modes for fit in fits) >= 18
+    (first, *_) = [fit for fit in fits if not fit.explains_all_modes]
+    same = fit_combined_law(draw_coefficients(modes, np.random.default_rng(0)), modes)
     factor = math.sqrt(first.chi_squared / first.degrees_of_freedom)
     assert first.errors[-1] == pytest.approx(factor * same.errors[-1])
     assert "one eta2 does not explain all modes (chi-squared" in first.warnings[0]
@@ -84,24 +84,26 @@ def test_different_drag_of_the_modes_is_rejected_and_enlarges_the_errors(modes):
 
 def test_the_common_eta2_and_its_test_are_the_weighted_mean_of_the_modes(modes):
     """The linear ratios are free, so eta2 and Q follow from eta2_n/c_n and their errors alone."""
-    measured = drawn(modes, np.random.default_rng(7))
-    found, constants = fit_combined_law(measured, modes), drag_constants(modes)
-    own = np.array([one.eta2 for one in measured]) / constants
-    errors = np.sqrt([one.covariance[1, 1] for one in measured]) / constants
-    mean = Agreement("eta2", "1/m", own, errors)
+    measured = draw_coefficients(modes, np.random.default_rng(7))
+    fit, constants = fit_combined_law(measured, modes), drag_constants(modes)
+    beam_eta2 = np.array([mode.eta2 for mode in measured]) / constants
+    errors = np.sqrt([mode.covariance[1, 1] for mode in measured]) / constants
+    mean = Agreement("eta2", "1/m", beam_eta2, errors)
     weights = errors**-2
-    assert found.eta2 == pytest.approx(weights @ own / weights.sum())
-    assert found.errors[-1] == pytest.approx(weights.sum() ** -0.5)
-    assert found.probability == pytest.approx(mean.probability)
-    assert found.degrees_of_freedom == 4
+    assert fit.eta2 == pytest.approx(weights @ beam_eta2 / weights.sum())
+    assert fit.errors[-1] == pytest.approx(weights.sum() ** -0.5)
+    assert fit.probability == pytest.approx(mean.probability)
+    assert fit.degrees_of_freedom == 4
 
 
 def test_a_ratio_that_would_be_negative_is_at_its_bound_and_reported(modes):
-    measured = drawn(modes, np.random.default_rng(1), ratios=np.array([-0.002, 0.0025, 0.0026, 0.0022, 0.0027]))
-    found = fit_combined_law(measured, modes)
-    assert found.ratios[0] == 0.0
-    assert math.isnan(found.errors[0])
-    assert found.warnings[0] == "ratio1 is at its bound 0; the other standard errors take it as known"
+    measured = draw_coefficients(
+        modes, np.random.default_rng(1), ratios=np.array([-0.002, 0.0025, 0.0026, 0.0022, 0.0027])
+    )
+    fit = fit_combined_law(measured, modes)
+    assert fit.ratios[0] == 0.0
+    assert math.isnan(fit.errors[0])
+    assert fit.warnings[0] == "ratio1 is at its bound 0; the other standard errors take it as known"
 
 
 @pytest.mark.slow
@@ -113,14 +115,14 @@ def test_table_4_has_no_common_drag_coefficient(modes):
         clean = quadratic_decay(cs.DM(time), *map(cs.DM, (2 * math.pi * f, eta1, eta2, e0, 0.0))).full().ravel()
         fits.append(fit_decay(time, clean + 2e-4 * rng.standard_normal(time.size), law="quadratic"))
     measured = [ModeCoefficients(fit.frequency, *unbounded_coefficients(fit)) for fit in fits]
-    for one, fit in zip(measured, fits, strict=True):
-        assert (one.eta1, one.eta2) == pytest.approx((fit.eta1, fit.eta2), rel=1e-4)
-        error = np.sqrt(np.diag(one.covariance))
+    for coefficients, fit in zip(measured, fits, strict=True):
+        assert (coefficients.eta1, coefficients.eta2) == pytest.approx((fit.eta1, fit.eta2), rel=1e-4)
+        error = np.sqrt(np.diag(coefficients.covariance))
         assert error == pytest.approx([fit.standard_errors["eta1"], fit.standard_errors["eta2"]], rel=1e-3)
-        assert one.covariance[0, 1] / error.prod() == pytest.approx(fit.correlation, abs=1e-4)
-    found = fit_combined_law(measured, modes)
-    assert not found.explains_all_modes
-    assert found.verdict.startswith("One eta2 does not explain all modes: chi-squared")
+        assert coefficients.covariance[0, 1] / error.prod() == pytest.approx(fit.correlation, abs=1e-4)
+    combined = fit_combined_law(measured, modes)
+    assert not combined.explains_all_modes
+    assert combined.verdict.startswith("One eta2 does not explain all modes: chi-squared")
 
 
 @pytest.mark.slow
@@ -134,7 +136,7 @@ def test_a_fit_at_its_bound_gives_a_pair_as_if_it_had_none():
         bounds += "eta2" in fit.at_bound
         pairs.append(ModeCoefficients(fit.frequency, *unbounded_coefficients(fit)))
     assert 15 < bounds < 45
-    scores = np.array([[one.eta1 - 0.2, one.eta2] / np.sqrt(np.diag(one.covariance)) for one in pairs])
+    scores = np.array([[pair.eta1 - 0.2, pair.eta2] / np.sqrt(np.diag(pair.covariance)) for pair in pairs])
     assert abs(scores.mean(axis=0)).max() < 3 / math.sqrt(60)
     assert scores.std(axis=0) == pytest.approx([1.0, 1.0], abs=0.3)
 

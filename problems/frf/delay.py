@@ -27,18 +27,18 @@ from problems.frf.modal_sum import RESIDUAL_POWERS, TrialFit, quick_fit, stack_p
 from problems.frf.selection import VERY_STRONG
 
 DELAY_GRID = np.arange(-80, 81)  # delays in tenths of a period of the band
-MINIMA_REFINED = 3  # minima of the sum of squares
+MINIMA_REFINED = 3  # number of minima of the sum of squares that are refined
 
 
 def remove_delay(values: ComplexArray, frequencies: Array, delay: float) -> ComplexArray:
-    """Return functions (..., k) at frequencies, Hz, without a delay, s."""
+    """Remove a delay, s, from functions (..., k) at frequencies, Hz."""
     return np.asarray(values * np.exp(2j * np.pi * frequencies * delay))
 
 
 def remaining_delay(fit: TrialFit, *, required: bool = False) -> float:
     """Return the delay, s, that explains the functions of a fit clearly better than its residual terms do; 0 if none.
 
-    Without ``sought``, a fit with the fewest residual terms and residuals like noise has none.
+    Unless a delay is ``required``, a fit with the fewest residual terms and residuals like noise has none.
     """
     lines = fit.model.frequencies
     like_noise = concentration(fit.weighted_residuals, *fit.series) <= MOST_CONCENTRATION
@@ -80,7 +80,7 @@ def _squares(fit: TrialFit) -> float:
 
 
 def _phase_delay(fit: TrialFit, largest: float) -> float:
-    """Return the delay, s, up to a largest one, without which the modal constants of a fit are the most real."""
+    """Return the delay, s, up to a largest one, whose removal makes the modal constants of a fit the most real."""
     constants = fit.model.constants(fit.frequencies, fit.ratios, fit.coefficients)
     sizes = np.linalg.norm(constants, axis=1)[:, None]
     turns = 2j * np.pi * (fit.frequencies * np.sqrt(1 - fit.ratios**2))[:, None]

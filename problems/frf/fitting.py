@@ -21,7 +21,7 @@ from problems.frf.refinement import FRF_ADVICE, stated_deviations
 from problems.frf.result import FrfFit, refine_result
 from problems.frf.selection import MOST_FRF_MODES, Selection, bins, candidate_poles, poles_near, select_modes
 
-MOST_DELAYS = 4  # corrections of the delay
+MOST_DELAYS = 4  # largest number of corrections of the delay
 
 
 @lasting_interrupts()
@@ -111,7 +111,7 @@ def fit_frf(
 
 
 def _fit_modes(record: FrfRecord, guesses: Array | None, mode_count: int | None) -> tuple[TrialFit, list[str]]:
-    """Return the fit of the modes of a record with weights that have settled, and the notes of their selection."""
+    """Select and fit the modes of a record until the weights settle; return the fit and notes of the selection."""
     values = record.columns
     model = ModalSum.of(record.frequencies, record.kind, RESIDUAL_POWERS[0])
     modes = mode_count or 0

@@ -55,11 +55,12 @@ RESIDUAL_POWERS = tuple(
 LARGEST_RATIO = 0.999
 LEAST_SCALE = 1e-4  # damping ratio that sets the scale of nearly undamped modes
 SOLVER_TOLERANCE = 1e-9
+LEAST_COLUMN = 1e-10  # least relative norm of a column beside the others
 
 
 @dataclass(frozen=True, eq=False)
 class ModalSum:
-    """The functions of the coefficients, at given frequencies."""
+    """Frequency response functions as a linear model of the coefficients, at given frequencies."""
 
     frequencies: Array  # (k,), Hz
     derivatives: int  # the power d
@@ -144,7 +145,7 @@ def stack_parts(values: ComplexArray) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class TrialFit:
-    """Some modes, and the fit of all coefficients with them."""
+    """The linear fit of all coefficients for given frequencies and damping ratios of modes."""
 
     model: ModalSum
     values: ComplexArray  # measured, one column per function, (k, F)
@@ -245,7 +246,7 @@ class TrialFit:
 
     @property
     def effective_samples(self) -> float:
-        """Number of residuals with white noise that would determine the modes as well."""
+        """Number of residuals with white noise that would determine the modes equally well."""
         k, count = self.values.shape
         noise = estimated_noise(self.weighted_residuals, self._basis, *self.series)
         return float(2 * k * count / max(noise.growth, 1.0))
@@ -282,5 +283,4 @@ def quick_fit(start: TrialFit, tolerance: float = SOLVER_TOLERANCE) -> TrialFit 
         return None
     fit = fit_at(solution.x.tobytes())
     columns = [np.abs(np.diag(triangle)) / np.linalg.norm(triangle, axis=0) for _, triangle in fit.factors]
-    # least relative norm of a column beside the others
-    return fit if np.min(columns) > 1e-10 and np.linalg.norm(fit.jacobian, axis=0).all() else None
+    return fit if np.min(columns) > LEAST_COLUMN and np.linalg.norm(fit.jacobian, axis=0).all() else None

@@ -26,6 +26,7 @@ from ancf_casadi.support.inputs import array, check_instance, choice, complex_ar
 from ancf_casadi.support.tables import Displayed, counted, spread
 
 LEAST_LINES = 8
+SCATTER_LINES = 12  # lines on either side over which the scatter of repeated measurements is averaged
 KINDS_OF_UNITS: dict[tuple[str, str], FrfKind] = {
     ("length", "force"): "receptance",
     ("velocity", "force"): "mobility",
@@ -249,8 +250,7 @@ class FrfRecord(Displayed):
                 raise InputError("differ in frequencies, kind or shape", "records")
         values = np.array([run.values for run in runs])
         variance = (np.abs(values - values.mean(axis=0)) ** 2).sum(axis=0) / (len(runs) - 1) / len(runs)
-        # lines on either side over which the scatter of repeated measurements is averaged
-        smooth = np.apply_along_axis(moving_mean, 2, variance, 12)
+        smooth = np.apply_along_axis(moving_mean, 2, variance, SCATTER_LINES)
         if not (smooth > 0.0).all():
             raise InputError("are equal, so their scatter is zero; give one of them", "records")
         return cls(
@@ -283,7 +283,7 @@ class FrfRecord(Displayed):
         return self.values.reshape(-1, len(self.frequencies)).T
 
     def between(self, low: float, high: float) -> FrfRecord:
-        """Return the part in a band of frequencies, Hz; one with fewer than eight of them raises an ``InputError``."""
+        """Return the record within a band of frequencies, Hz; fewer than eight of them raise an ``InputError``."""
         inside = (self.frequencies >= low) & (self.frequencies <= high)
         if np.count_nonzero(inside) < LEAST_LINES:
             raise InputError(f"has fewer than {LEAST_LINES} frequencies of the record", "band")
@@ -308,7 +308,7 @@ class FrfRecord(Displayed):
 
 
 def _limit_coherence(coherence: Array) -> tuple[Array, list[str]]:
-    """Return coherences between 0 and 1, and notes: in percent if most are above 1; those beyond the limits at them."""
+    """Convert coherences in percent, clip them to 0 and 1, and return them with notes of these changes."""
     notes = []
     if np.nanmedian(coherence) > 1.5 and np.nanmax(coherence) < 101.0:
         coherence = coherence / 100.0

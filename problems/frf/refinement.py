@@ -62,11 +62,16 @@ FRF_ADVICE = "give approximate frequencies, ask for fewer modes, or choose a ban
 LOG_BOUNDS = (-30.0, 30.0)  # of the logarithm of B/A, relative to the first guess
 LEAST_STD = 1e-6  # standard deviation, relative to the median of the function
 LEAST_REMAINDER = 0.05  # least 1 - h
-HARMONIC_DISTANCE = 3e-3  # relative, of a mode from a multiple of another one that may be its harmonic
+SIGNIFICANT_SHARE = 8.0  # least squared size of alpha and beta, in their standard errors; 1 in 3000 by chance
+FEWEST_LINES = 3.0  # least number of lines in the half-power bandwidth
+COHERENCE_LINES = 4  # lines on either side over which a variance from the coherence is averaged
+SLOW_VALUES = 100  # complex values in each mean of g, times their relative variance
+CHANCE = 1e-4  # probability below which differences of the means in g are not due to chance
+HARMONIC_DISTANCE = 3e-3  # largest relative distance of a harmonic from a multiple of the frequency of a mode
 
 
 def refine(start: TrialFit) -> tuple[TrialFit, Fit]:
-    """Return the modes that fit best, from a start, and the fit of their frequencies and damping ratios, in turn."""
+    """Refine the modes of a start; return them, and the fit of their frequencies and damping ratios in turn."""
     unknowns, numbers = [], zip(start.bounded.tolist(), start.scales.tolist(), strict=True)
     for mode in range(1, len(start.frequencies) + 1):
         unknowns.append(Unknown(f"frequency_{mode}", *next(numbers), lower=0.0, unit="Hz"))
@@ -95,7 +100,7 @@ def inflation(trial: TrialFit, fit: Fit) -> float:
 
 
 def correct_covariance(trial: TrialFit, fit: Fit) -> Fit:
-    """Return a fit with a covariance that allows for the fitted coefficients and for noise that functions share."""
+    """Correct the covariance of a fit for the fitted coefficients and for noise that functions share."""
     free = ~fit.active_bounds
     covariance = inflation(trial, fit) * fit.covariance
     if trial.values.shape[1] > 1 and free.any() and fit.residual_rms > 0.0:
@@ -125,8 +130,7 @@ def _shared_noise(trial: TrialFit, basis: Array) -> Array:
             relative = fitted[:, first] * fitted[:, second].conj()
             q = np.linalg.qr(np.column_stack([np.ones(k), relative / np.linalg.norm(relative)]))[0]
             share = q.conj().T @ product
-            # squared size of alpha and beta, in their standard errors, from which they count; 1 in 3000 by chance
-            share[np.abs(share) ** 2 < 8.0] = 0.0
+            share[np.abs(share) ** 2 < SIGNIFICANT_SHARE] = 0.0
             if share.any():
                 x += 2 * ((columns[first].conj() * (q @ share)[:, None]).T @ columns[second]).real
     eigenvalues, vectors = np.linalg.eigh((x + x.T) / 2)
@@ -157,7 +161,7 @@ def limitations(trial: TrialFit, fit: Fit) -> list[str]:
         width = 2 * ζ * frequency
         place = int(np.clip(np.searchsorted(f, frequency), 1, len(f) - 1))
         spacing = float(f[place] - f[place - 1])
-        if width < 3.0 * spacing:  # fewer than three lines in the half-power bandwidth
+        if width < FEWEST_LINES * spacing:
             notes.append(
                 f"mode {k}: its half-power bandwidth of {width:.3g} Hz holds few frequencies, which are {spacing:.3g} "
                 "Hz apart; leakage in the measurement may add to the damping, and a finer resolution would show it"
@@ -186,7 +190,7 @@ def limitations(trial: TrialFit, fit: Fit) -> list[str]:
 
 
 def harmonics_notes(frequencies: Array) -> list[str]:
-    """Return a note for each mode at whole multiples of whose frequency others lie; frequencies ascend."""
+    """Return a note for each mode that has others at multiples of its frequency; frequencies ascend."""
     notes, listed = [], set[int]()
     for k, base in enumerate(frequencies.tolist()):
         orders = np.round(frequencies / base)
@@ -214,8 +218,7 @@ def stated_deviations(record: FrfRecord) -> Array:
     coherence = np.clip(record.coherence, 1e-6, 1.0)
     variance = np.abs(record.values) ** 2 * (1 - coherence) / coherence
     rows = variance.reshape(-1, len(record.frequencies))
-    # lines on either side over which a variance from the coherence is averaged
-    smooth = np.sqrt(np.array([moving_mean(row, 4) for row in rows]).T)
+    smooth = np.sqrt(np.array([moving_mean(row, COHERENCE_LINES) for row in rows]).T)
     floor = np.median(smooth, axis=0)
     return np.asarray(np.maximum(smooth, 1e-3 * np.where(floor > 0.0, floor, 1.0)))
 
@@ -261,11 +264,10 @@ def _slow_factor(ratio: Array) -> Array:
     scatter = float(np.var(ratio / ratio.mean())) if ratio.any() else 0.0
     if not scatter:
         return np.ones(len(ratio))
-    half = max(math.ceil(100 * min(scatter, 1.0) / 2), 3)  # complex values that a mean in g contains at least
+    half = max(math.ceil(SLOW_VALUES * min(scatter, 1.0) / 2), 3)
     blocks = len(ratio) // (2 * half + 1)
     if blocks < 2:
         return np.ones(len(ratio))
     means = np.array([block.mean() for block in np.array_split(ratio, blocks)])
     excess = float(np.sum((means / ratio.mean() - 1) ** 2)) * len(ratio) / blocks / scatter
-    # probability of means in g that differ so much by chance
-    return moving_mean(ratio, half) if excess > chdtri(blocks - 1, 1e-4) else np.ones(len(ratio))
+    return moving_mean(ratio, half) if excess > chdtri(blocks - 1, CHANCE) else np.ones(len(ratio))

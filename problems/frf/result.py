@@ -34,6 +34,7 @@ from problems.frf.refinement import (
 from problems.matching.measured_modes import MeasuredModes
 
 GREY = "#b0b0b0"
+MOST_DRAWN = 4  # functions in a figure; of more, those with the largest residuals
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +74,7 @@ class FrfFit(LeastSquaresResult):
     notes: tuple[str, ...] = ()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle without the functions of CasADi, which are made again."""
+        """Pickle without the functions of CasADi, which the other process derives again."""
         return refine_result, (self.record, self.refinement, self.notes, self.again)
 
     @property
@@ -263,7 +264,7 @@ class FrfFit(LeastSquaresResult):
 
 
 def refine_result(record: FrfRecord, start: TrialFit, notes: tuple[str, ...], again: Callable[[Any], Any]) -> FrfFit:
-    """Return the result of a fit from a start."""
+    """Refine a start, and return the result of the fit."""
     trial, fit = refine(start)
     return FrfFit(correct_covariance(trial, fit), record, trial, fit, notes, again=again)
 
@@ -286,7 +287,7 @@ def frf_figure(fits: Mapping[str, FrfFit]) -> Figure:
     measured = record.columns.T
     fitted = fit.synthesised().reshape(measured.shape)
     misfit = np.linalg.norm(fitted - measured, axis=1) / np.linalg.norm(measured, axis=1)
-    drawn = np.sort(np.argsort(misfit)[::-1][:4]).tolist()  # functions; of more, those with the largest residuals
+    drawn = np.sort(np.argsort(misfit)[::-1][:MOST_DRAWN]).tolist()
     columns = [
         [
             Curve("measured", record.frequencies, measured[k], MEASURED),

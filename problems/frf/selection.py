@@ -45,10 +45,15 @@ from ancf_casadi.support.tall import inner, tall_qr, tall_times, tall_triangle
 from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, TrialFit, quick_fit, stack_parts
 from problems.frf.refinement import fitted_deviations
 
-VERY_STRONG = 10.0  # difference of BIC that leaves no doubt
+VERY_STRONG = 10.0  # difference of BIC that is very strong evidence
 RATIO_RANGE = (1e-5, 0.6)  # least and largest damping ratio of a candidate
 RATIO_GRID = (3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.25)  # damping ratios to try at a given frequency
 POLE_WIDTHS, POLE_DISTANCE = 0.3, 2e-3  # distance of equal poles, relative to their half-width, and to their frequency
+LEAST_ORDERS, LEAST_ORDER_SHARE = 4, 0.25  # orders at which a recurring pole occurs, and their share of all orders
+LEAST_BANDWIDTH = 0.1  # half-power bandwidth of a mode, in distances of lines
+LARGEST_MODE_RATIO = 0.5  # damping ratio beyond which a pole is no mode
+EQUAL_POLES = 0.2  # distance of two poles, in half-power half-widths, below which they are one mode
+TRIED_CANDIDATES = 3  # candidates that are tried before the modes count as complete
 MODULE = "sdypy.EMA"
 MOST_FRF_MODES = 20
 TRIAL_TOLERANCE = 1e-6  # of trial fits, relative; a mode that is needed changes the sum of squares by 1e-3 and more
@@ -61,7 +66,7 @@ LINES_PER_BANDWIDTH = 5.0  # half-power bandwidth, in bins
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Possible modes."""
+    """Poles that may be modes."""
 
     frequencies: Array  # natural frequencies, Hz, (c,)
     ratios: Array  # damping ratios, (c,)
@@ -69,7 +74,7 @@ class Candidates:
 
 
 def candidate_poles(frequencies: Array, values: ComplexArray) -> Candidates:
-    """Return the poles of all orders in the band, and those among them that recur."""
+    """Find the poles of all orders in the band, and those that recur."""
     ema = library(MODULE, "finds the poles", "sdypy-EMA, or give approximate frequencies", "sdypy-EMA")
     f, rows = _interpolate_lines(frequencies, values.T)
     order = max(2, min(40, len(f) // 3))  # at least three lines per order
@@ -98,8 +103,7 @@ def _find_recurring(frequencies: Array, ratios: Array, orders: Index) -> Index:
     order_counts = np.array([len(np.unique(orders[row])) for row in is_near])
     recurring: list[int] = []
     for k in np.argsort(-order_counts, kind="stable").tolist():
-        # a recurring pole occurs at four orders, and at a quarter of all
-        if order_counts[k] < max(4, 0.25 * (orders.max() + 1)):
+        if order_counts[k] < max(LEAST_ORDERS, LEAST_ORDER_SHARE * (orders.max() + 1)):
             break
         if (distance[k, recurring] > width[k] + POLE_DISTANCE * frequencies[k]).all():
             recurring.append(k)
@@ -140,14 +144,14 @@ class SecondPole:
     frequency: float  # of the second pole, Hz
 
     def is_near(self, fit: TrialFit, mode: int) -> bool:
-        """Return whether the pole is one of a mode of a fit, by its position."""
+        """Return whether the pole belongs to a mode of a fit, by its frequency."""
         f = float(fit.frequencies[mode])
         return abs(self.mode - f) < f * float(fit.ratios[mode])
 
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """The functions and the rules of a choice."""
+    """The functions, their standard deviations, and the rules by which modes are chosen."""
 
     values: ComplexArray  # measured, one column per function, (k, F)
     deviations: Array  # their standard deviations, as given by the record, or to begin with, (k, F)
@@ -156,7 +160,7 @@ class Selection:
     count: int | None  # of the modes; if None, as many as are needed, each distinct from noise by its damping alone
 
     def fit(self, model: ModalSum, f: Array, ζ: Array, deviations: Array | None = None) -> TrialFit | None:
-        """Return the fit of some modes, without those that are dropped; None if it fails."""
+        """Fit modes, and drop those that are not distinct; return None if the fit fails."""
         weights = 1 / (self.deviations if deviations is None else deviations)
         while self.has_room(model, len(f)):
             fit = quick_fit(TrialFit(model, self.values, weights, f, ζ), TRIAL_TOLERANCE)
@@ -207,17 +211,15 @@ class Selection:
         return bool(gain > threshold)
 
     def _distinct_modes(self, fit: TrialFit) -> Mask:
-        """Return which modes of a fit are not dropped."""
+        """Return True for the modes of a fit within the band, visible at its lines, and different from one another."""
         f, ζ, lines = fit.frequencies, fit.ratios, fit.model.frequencies
         is_distinct = (f >= lines[0]) & (f <= lines[-1])
         if self.count is None:
             place = np.clip(np.searchsorted(lines, f), 1, len(lines) - 1)
-            # a mode has a tenth of the distance of two lines as half-power bandwidth, and no heavy damping
-            is_distinct &= (2 * ζ * f > 0.1 * (lines[place] - lines[place - 1])) & (ζ < 0.5)
+            is_distinct &= (2 * ζ * f > LEAST_BANDWIDTH * (lines[place] - lines[place - 1])) & (ζ < LARGEST_MODE_RATIO)
         poles = f * (-ζ + 1j * np.sqrt(1 - ζ**2))
         width = np.maximum(f * ζ, np.finfo(float).tiny)
-        # distance of two modes, in half-power half-widths, below which they are one
-        close = np.abs(poles[:, None] - poles) < 0.2 * np.minimum(width[:, None], width)
+        close = np.abs(poles[:, None] - poles) < EQUAL_POLES * np.minimum(width[:, None], width)
         return np.asarray(is_distinct & ~np.tril(close, -1).any(axis=1))
 
 
@@ -238,7 +240,7 @@ def bins(frequencies: Array, candidates: Candidates) -> Index | None:
 
 
 def select_modes(selection: Selection, model: ModalSum) -> tuple[TrialFit, list[str]]:
-    """Return the fit of the modes that the functions show, or of the given number, and notes of poles that are none."""
+    """Choose and fit the modes that the functions show, or a given number; return the fit and notes of second poles."""
     for powers in RESIDUAL_POWERS:
         larger_model = replace(model, powers=powers)
         if selection.has_room(larger_model, len(selection.candidates.recurring) or (selection.count or 1)):
@@ -258,7 +260,7 @@ def select_modes(selection: Selection, model: ModalSum) -> tuple[TrialFit, list[
 
 
 def second_poles_note(second_poles: Sequence[SecondPole]) -> list[str]:
-    """Return one note that names all second poles; none if there are none."""
+    """Return one note that names all second poles; an empty list without any."""
     if not second_poles:
         return []
     places = ", ".join(f"near {pole.mode:.4g} Hz (second pole at {pole.frequency:.4g} Hz)" for pole in second_poles)
@@ -269,7 +271,7 @@ def second_poles_note(second_poles: Sequence[SecondPole]) -> list[str]:
 
 
 def _merge_second_poles(selection: Selection, best: TrialFit, second_poles: list[SecondPole]) -> TrialFit:
-    """Return the fit without the second poles of modes, which are added to the list."""
+    """Remove the second poles of modes from a fit, and add them to the list."""
     while (pair := _find_second_pole(best)) is not None:
         f, ζ = np.delete(best.frequencies, pair[1]), np.delete(best.ratios, pair[1])
         fewer = selection.fit(best.model, f, ζ, selection.estimate_deviations(best))
@@ -294,7 +296,7 @@ def _find_second_pole(fit: TrialFit) -> tuple[int, int] | None:
 
 
 def _start_fit(selection: Selection, model: ModalSum) -> TrialFit:
-    """Return the fit of the recurring poles, of as many as can be fitted."""
+    """Fit the recurring poles, as many as possible."""
     candidates = selection.candidates
     chosen = candidates.recurring[:MOST_FRF_MODES]
     while len(chosen):
@@ -306,7 +308,7 @@ def _start_fit(selection: Selection, model: ModalSum) -> TrialFit:
 
 
 def _remove_modes(selection: Selection, best: TrialFit) -> TrialFit:
-    """Return the fit without the modes that it does not need, or with the most important ones."""
+    """Remove modes that are not needed, or those beyond a given number, the least important first."""
     while len(best.frequencies) > (selection.count or 0):
         weakest = int(np.argmin(_importance(best)))
         f, ζ = np.delete(best.frequencies, weakest), np.delete(best.ratios, weakest)
@@ -320,7 +322,7 @@ def _remove_modes(selection: Selection, best: TrialFit) -> TrialFit:
 
 
 def _importance(fit: TrialFit) -> Array:
-    """Return the sum of squares of the residuals that each mode explains, beside the others."""
+    """Return the increase of the sum of squares of the residuals when the terms of each mode are left out."""
     importance = np.zeros(len(fit.frequencies))
     for (_, triangle), c in zip(fit.factors, fit.coefficients.T, strict=True):
         inverse = np.linalg.inv(triangle)
@@ -363,7 +365,7 @@ def _add_candidates(selection: Selection, best: TrialFit, second_poles: list[Sec
 
 
 def _rank_candidates(fit: TrialFit, frequencies: Array, ratios: Array) -> list[int]:
-    """Return the positions of modes that explain most of the residuals, best first, each apart from those before."""
+    """Return the positions of the candidates that explain most of the residuals, best first, close ones once."""
     level = np.sqrt(np.median(fit.weights**2, axis=0))
     residuals = stack_parts(fit.residuals * level)
     q = tall_qr(stack_parts(fit.columns))[0]
@@ -379,6 +381,6 @@ def _rank_candidates(fit: TrialFit, frequencies: Array, ratios: Array) -> list[i
         # distance of two different candidates, in sums of half-power half-widths
         if (np.abs(frequencies[k] - frequencies[ranked]) > width[k] + width[ranked]).all():
             ranked.append(k)
-        if len(ranked) == 3:  # candidates that are tried before the modes count as complete
+        if len(ranked) == TRIED_CANDIDATES:
             break
     return ranked

@@ -40,14 +40,16 @@ from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.assembly import structure_properties
 from problems.matching.unknowns import PAPER_UNKNOWNS, Global, PerElement, PropertyUnknown, Smooth, check_bounds
 
-SMALLEST_FACTOR = 1e-7  # factor: a property never vanishes
+SMALLEST_FACTOR = 1e-7  # least factor, so that no property vanishes
 WEIGHT = 1e-8  # a change of 1 in one factor costs as much as a relative frequency error of 1e-4
+GUESS_ROUNDING = 1e-12  # excess of a guess over its bound that is rounding
+SMOOTHNESS = 50.0  # default weight of smoothness relative to that of least change
 PATCHES = 20.0  # c of PerElement: a fraction 1/c of the beam counts as a global property
 
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """The N unknowns m of a beam, the F factors that follow, one per global property or element, and their bounds."""
+    """The N unknowns m of a beam, the F factors that they determine, one per global property or element, and bounds."""
 
     beam: Beam  # the given beam
     unknowns: tuple[PropertyUnknown, ...] = PAPER_UNKNOWNS
@@ -174,7 +176,7 @@ class DesignSpace:
         return lower - self.changes(m), upper - self.changes(m)
 
     def from_factors(self, values: Array, otherwise: float) -> Array:
-        """Return values (F,) of the factors for the unknowns that are such factors, and a number for others, (N,)."""
+        """Return values (F,) of the factors by unknown, (N,), with a default for unknowns that are no factors."""
         unknown_values = np.full(self.size, otherwise)
         unknown_values[self.map[self.single].argmax(axis=1)] = values[self.single]
         return unknown_values
@@ -194,7 +196,7 @@ class DesignSpace:
             raise InputError(f"needs {self.size} values, one per unknown, got {m.size}", "guess")
         below, above = self.room(m)
         excess = np.maximum(below, -above)
-        if excess.max() > 1e-12:  # more than rounding
+        if excess.max() > GUESS_ROUNDING:
             k = int(excess.argmax())
             low, value, high = (1 + self.changes(m)[k] + room for room in (below[k], 0.0, above[k]))
             raise InputError(
@@ -285,6 +287,5 @@ class Smoothness(LeastChange):
     def matrix(self, space: DesignSpace, default: float = math.nan) -> Array:
         """Return the matrix of the quadratic form, (N, N), with the given or else the default weight."""
         steps = scipy.linalg.block_diag(*(np.diff(shape, axis=0) for shape in space.shapes))
-        # default weight of smoothness relative to that of least change
-        weight = 50.0 * default if self.weight is None else self.weight
+        weight = SMOOTHNESS * default if self.weight is None else self.weight
         return np.asarray(weight * space.beam.elements * steps.T @ steps + LeastChange().matrix(space, default))

@@ -59,6 +59,7 @@ from problems.matching.result import FrequencyMatch
 from problems.matching.unknowns import PAPER_UNKNOWNS, PropertyUnknown
 
 TIE_WEIGHT = 1e-6  # weight of p in worst-error: a mean square change of 1 costs as much as an error of TIE_WEIGHT/2
+SAME_OPTIMUM = (1e-3, 1e-6)  # largest difference of objectives of the same optimum, relative and absolute
 MATCHING_OPTIONS: dict[str, Any] = {
     "no_nlp_grad": True,  # CasADi would differentiate the callbacks twice, and cannot
     "ipopt.tol": 1e-8,
@@ -166,6 +167,7 @@ def match_frequencies(
     if not optima:
         raise next(attempt for attempt in attempts if isinstance(attempt, NumericsError))
     best = min(optima, key=lambda optimum: optimum.objective)
+    tolerance = SAME_OPTIMUM[0] * best.objective + SAME_OPTIMUM[1]
     m, free = best.x[: space.size], space.single
     multipliers = np.empty(len(free))
     multipliers[free] = np.abs(space.map[free] @ best.bound_multipliers[: space.size])
@@ -189,8 +191,7 @@ def match_frequencies(
         multipliers=multipliers,
         identifiability=Identifiability(matching, m),
         starts=starts,
-        # largest relative difference of objectives that count as the same optimum
-        reached=sum(optimum.objective - best.objective <= 1e-3 * best.objective + 1e-6 for optimum in optima),
+        reached=sum(optimum.objective <= best.objective + tolerance for optimum in optima),
         failed=starts - len(optima),
         again=partial(_again, beam, **settings),
     )

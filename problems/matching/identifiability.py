@@ -1,4 +1,4 @@
-"""Properties of a beam that the measured modes determine, and those that they leave open.
+"""Properties of a beam that the measured modes determine, and those that they do not.
 
 With the Jacobian J of the residuals by the unknowns m at the optimum, the singular value decomposition J = U S V^T
 separates the combinations that the data determine, the rows of V^T with a nonzero singular value, from the null space
@@ -36,6 +36,7 @@ from problems.matching.response import Matching
 from problems.matching.unknowns import Global
 
 RANK_TOLERANCE = 1e-6  # times the largest singular value; smaller ones count as zero
+NULL_SHARE = 1e-6  # relative part of a factor in the null space below which the data determine the factor
 BOUND_ROUNDING = 1e-9  # excess over a bound that may be due to rounding
 # order of the columns in the row reduction of the exponents
 PROPERTY_ORDER = ("elastic_modulus", "thickness", "density", "width")  # and then the lumped ones
@@ -85,7 +86,7 @@ class Identifiability:
 
     @cached_property
     def spread(self) -> Array:
-        """Least and greatest value of each factor among the beams that fit the data equally well, (F, 2)."""
+        """Least and greatest value of each factor over the beams that fit the data equally well, (F, 2)."""
         lower, upper = self.room
         if self.rank == self.space.size:
             return np.column_stack([self.factors, self.factors])
@@ -157,8 +158,7 @@ class Identifiability:
         covariance = rows @ self.covariance @ rows.T
         _, directions, determined = self._spectrum
         undetermined = directions[:, ~determined]
-        # relative part of a factor in the null space, below which the data determine the factor
-        is_determined = np.linalg.norm(rows @ undetermined, axis=1) < 1e-6 * np.linalg.norm(rows, axis=1)
+        is_determined = np.linalg.norm(rows @ undetermined, axis=1) < NULL_SHARE * np.linalg.norm(rows, axis=1)
         return np.where(np.outer(is_determined, is_determined) & self.matching.noisy, covariance, math.nan)
 
     @property
@@ -191,7 +191,7 @@ class Identifiability:
 
     @cached_property
     def exponents(self) -> tuple[tuple[str, ...], Array]:
-        """The G global unknowns, and the exponents, (r, G), of the products that the data determine, all else held."""
+        """The G global unknowns, and the exponents (r, G) of the products that the data determine, all else fixed."""
         global_names = {unknown.name for unknown in self.space.unknowns if isinstance(unknown, Global)}
         names = tuple(name for name in PROPERTY_ORDER if name in global_names)
         names += tuple(sorted(global_names.difference(names)))

@@ -23,7 +23,7 @@ from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.inputs import is_sequence, numbers, physical, positive, shown
 from ancf_casadi.support.tables import Displayed, counted, spread
 
-SMALLEST_STD = 1e-12  # relative standard deviation
+SMALLEST_STD = 1e-12  # least relative standard deviation
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,8 @@ from problems.matching.design_space import WEIGHT, DesignSpace, LeastChange
 from problems.matching.measured_modes import MeasuredModes
 
 Objective = Literal["least-squares", "worst-error"]
+FURTHER_MODES = 6  # modes searched for a measured shape, beyond twice the number of shapes
+LEAST_MAC = 0.5  # MAC below which a mode of the beam is not the measured one
 
 
 @dataclass(frozen=True)
@@ -61,8 +63,7 @@ class Matching:
         model = Model(self.space.beam)
         count, rigid = self.measured.count, rigid_modes(model)
         if self.measured.shapes:
-            # modes searched for a measured shape, beyond twice the number of shapes
-            count = min(2 * count + 6, model.freedoms - rigid)
+            count = min(2 * count + FURTHER_MODES, model.freedoms - rigid)
         return natural_modes(model, count=rigid + count)
 
     @cached_property
@@ -83,7 +84,7 @@ class Matching:
         mac = self.measured.mac(self.observer @ self.standard_modes.shapes)
         targets, modes = scipy.optimize.linear_sum_assignment(-mac)
         for target, mode in zip(targets.tolist(), modes.tolist(), strict=True):
-            if mac[target, mode] < 0.5:  # MAC below which a mode of the beam is not the measured one
+            if mac[target, mode] < LEAST_MAC:
                 raise InputError(
                     f"no mode of the beam has the shape of target {target + 1} "
                     f"({self.measured.frequencies[target]:g} Hz): the largest MAC is {mac[target].max():.2f}. Check "
@@ -175,7 +176,7 @@ class Matching:
         return np.asarray(self.space.given_values[rows, None] * self.space.map[rows])
 
     def _observations(self, m: Array) -> Array:
-        """Return x: the eigenvalues, the displacements of the points mode by mode, the properties with priors."""
+        """Return x: eigenvalues, displacements of the points mode by mode, and properties with priors."""
         state = self.state(m)
         prior_properties = [p.guess for p in self.priors] + self._prior_derivatives @ (m - self.space.standard)
         return np.concatenate([state.eigenvalues, (self.observer @ state.shapes).T.ravel(), prior_properties])

@@ -27,6 +27,10 @@ from problems.matching.measured_modes import MeasuredModes
 from problems.matching.response import Matching
 
 MOST_NAMES = 6  # largest number of bounds that a warning names
+PREFERENCE_ERROR = 1e-5  # largest relative error that a preference leaves if the targets can be met
+LARGEST_DEVIATION = 3.0  # error in standard deviations beyond which a target is out of reach
+LIMITING_MULTIPLIER = 0.01  # least multiplier of a limiting bound, relative to the largest
+SAME_SHAPE = 0.9  # MAC below which two shapes differ visibly
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,10 +127,8 @@ class FrequencyMatch(FitResult):
     def out_of_reach(self) -> bool:
         """True if no beam within the bounds has the measured frequencies."""
         if not self.matching.noisy:
-            # largest relative error that a preference leaves if the targets can be met
-            return self.max_relative_error > 1e-5
-        # error in standard deviations beyond which a target is out of reach
-        return bool(np.abs(self.relative_errors / self.matching.measured.relative_std).max() > 3.0)
+            return self.max_relative_error > PREFERENCE_ERROR
+        return bool(np.abs(self.relative_errors / self.matching.measured.relative_std).max() > LARGEST_DEVIATION)
 
     @cached_property
     def at_bound(self) -> tuple[str, ...]:
@@ -247,11 +249,10 @@ class FrequencyMatch(FitResult):
 
     @property
     def holding(self) -> tuple[tuple[str, float], ...]:
-        """Active bounds that keep the beam from fitting better, with their multipliers in descending order."""
+        """Active bounds that limit the fit, with their multipliers in descending order."""
         costs = self._named(self.multipliers)
         active = sorted(((name, costs[name]) for name in self.at_bound), key=lambda pair: -pair[1])
-        # least multiplier of a limiting bound, relative to the largest
-        return tuple((name, cost) for name, cost in active if cost > 0.01 * active[0][1])
+        return tuple((name, cost) for name, cost in active if cost > LIMITING_MULTIPLIER * active[0][1])
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -288,7 +289,7 @@ class FrequencyMatch(FitResult):
                     f"the shape of target {target} is closer to mode {best} than to mode {mode}, which was followed "
                     f"(MAC {row.max():.2f} and {mac:.2f})"
                 )
-            elif mac < 0.9:  # MAC below which two shapes differ visibly
+            elif mac < SAME_SHAPE:
                 notes.append(f"the shape of target {target} differs from mode {mode}: their MAC is only {mac:.2f}")
         if self.reached < self.starts:
             failed = f"; {self.failed} did not converge" if self.failed else ""

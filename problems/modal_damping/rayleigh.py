@@ -44,6 +44,8 @@ from ancf_casadi.support.figures import COMPUTED, MEASURED, Figure, literal_text
 from ancf_casadi.support.inputs import is_sequence, numbers, physical, shown
 from ancf_casadi.support.tables import Table, known
 
+LARGEST_DEVIATION = 3.0  # difference from a measured ratio, in standard deviations, beyond which there is a warning
+
 
 @dataclass(frozen=True, eq=False)
 class RayleighFit(LeastSquaresResult):
@@ -99,7 +101,7 @@ class RayleighFit(LeastSquaresResult):
         ]
         for k, deviation in enumerate(self.ratio_std or ()):
             difference = abs(self.ratios[k] - self.measured[k]) / deviation
-            if difference > 3.0:  # standard deviations
+            if difference > LARGEST_DEVIATION:
                 notes.append(
                     f"mode {k + 1}, {self.frequencies[k]:.6g} Hz: the fitted damping ratio {self.ratios[k]:.3g} "
                     f"differs from the measured {self.measured[k]:.3g} by {difference:.1f} standard deviations; use "

@@ -38,14 +38,14 @@ LEAST_FACTOR = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class ModeDecay:
-    """A free decay of the mode, and its fit alone."""
+    """A free decay of the mode, and the separate fit of this decay."""
 
     label: str
-    record: Measurement  # from the release on, as it is fitted
+    record: Measurement  # from the release on
     model: DecayModel
     unknown_names: tuple[str, ...]  # unknowns of the curve, in the order of the model
     separate_fit: DecayFit
-    step: float  # to which the record was rounded, 0 if it was not
+    step: float  # resolution of the record, 0 if its values are not rounded
 
     def rounding(self, values: Mapping[str, float]) -> Array:
         """Return the errors (m, 4) of rounding, for values of the unknowns by name."""
@@ -97,7 +97,7 @@ class DecayBlock(Block):
         return residuals
 
     def unexplained(self, fitted: Fitted) -> list[tuple[str, float]]:
-        """Return the share of each oscillation, root mean square, that the curve leaves; white noise is none."""
+        """Return the unexplained share of each oscillation, root mean square; white noise does not count."""
         shares = []
         for decay, residuals in zip(self.decays, self.weights.split(fitted.residuals), strict=True):
             motion = float(np.var(decay.record.values + residuals))
@@ -106,7 +106,7 @@ class DecayBlock(Block):
         return shares
 
     def account(self, fitted: Fitted) -> Account:
-        """Return size and residual of each decay, and what its own fit says of the record."""
+        """Return size and residual of each decay, and the notes of its separate fit."""
         lines, notes, data = [], [], []
         for decay, residuals in zip(self.decays, self.weights.split(fitted.residuals), strict=True):
             unit, separate_fit, residual_rms = decay.record.sensor.unit, decay.separate_fit, root_mean_square(residuals)
@@ -163,7 +163,7 @@ class SmoothnessBlock(Block):
         return changes / float(self.weights.deviations[0])
 
     def account(self, fitted: Fitted) -> Account:
-        """Return nothing: a result says nothing of a prior that all smooth laws have."""
+        """Return an empty account: all smooth laws have this prior, and results do not mention it."""
         return Account()
 
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:
@@ -172,7 +172,7 @@ class SmoothnessBlock(Block):
 
 
 def smoothness_block(terms: SmoothTerms) -> SmoothnessBlock:
-    """Return the prior of a smooth law with the standard deviation to begin with."""
+    """Return the prior of a smooth law with its first standard deviation."""
     count = len(terms.names)
     weights = SeriesWeights(
         np.array([count]), np.array([terms.first]), np.array([terms.least]), groups=((0,),), known=(False,)
@@ -181,13 +181,13 @@ def smoothness_block(terms: SmoothTerms) -> SmoothnessBlock:
 
 
 def least_deviation(record: Measurement) -> float:
-    """Return the standard deviation below which the residuals of a decay are rounding."""
+    """Return the standard deviation of residuals that rounding alone explains."""
     rounding = rounding_error([record]) * math.sqrt(len(record.time))
     return math.hypot(NOISE_FREE * float(np.std(record.values)), rounding)
 
 
 def decay_block(decays: Sequence[ModeDecay]) -> DecayBlock:
-    """Return decays as a block, whose first weights are the residuals of each decay alone."""
+    """Return decays as a block; its first weights follow from the residuals of the separate fits."""
     # the noise of fewer samples is smaller
     shares = [round(decay.separate_fit.fitted_samples / decay.separate_fit.samples, 3) for decay in decays]
     groups = alike((decay.record.sensor.quantity, share) for decay, share in zip(decays, shares, strict=True))
@@ -201,7 +201,7 @@ def decay_block(decays: Sequence[ModeDecay]) -> DecayBlock:
 def mode_decay(
     number: int, record: Measurement, separate_fit: DecayFit, model: DecayModel, law_names: Sequence[str]
 ) -> ModeDecay:
-    """Return a decay as its fit alone used it; the names of the unknowns of its release end with its number."""
+    """Return a decay with its separate fit; the names of the unknowns of its release end with its number."""
     names = tuple(name if name in law_names else f"{name}_{number}" for name in separate_fit.fit.names)
     label = record.name or f"decay {number}"
     model = replace(model, sensor=record.sensor)
@@ -209,7 +209,7 @@ def mode_decay(
 
 
 def release_unknowns(decay: ModeDecay, law_names: Sequence[str]) -> list[Unknown]:
-    """Return the unknowns of a release and its record, from the fit alone."""
+    """Return the unknowns of a release and its record, with the values of the separate fit."""
     pairs = zip(decay.unknown_names, decay.separate_fit.fit.unknowns, strict=True)
     return [
         replace(unknown, name=name, guess=decay.separate_fit.fit[unknown.name])
@@ -225,7 +225,7 @@ class ModeCurveBlock(ResponseBlock):
     model: DecayModel  # laws of the mode, without an equilibrium
     law_names: tuple[str, ...]
     constants: tuple[str, ...]  # name of the modal constant of each record
-    given_constants: Mapping[str, float]  # modal constants that are given, by name
+    given_constants: Mapping[str, float]  # given modal constants by name
 
     systematic = 10 * POINTS_CLOSE  # error of the closest points: without noise, it ends the fit
 

@@ -20,8 +20,7 @@ from problems.beam.curves.record import ResponseRecord
 from problems.mode.oscillator import motion_amplitudes, motions_at, response_curve
 from problems.mode.result import ModeFit
 
-GRID = 240  # frequencies and amplitudes at which levels are computed
-ONE_LEVEL = 0.02  # relative range of levels that count as one
+GRID = 240  # number of frequencies and of amplitudes at which levels are computed
 
 
 @literal_text
@@ -110,16 +109,14 @@ def _draw_branches(
 
 
 def _controlled_at(frequencies: Array, record: ResponseRecord) -> Array:
-    """Return the controlled quantity at frequencies: its mean, or interpolated values if it varies."""
-    control = _controlled_quantity(record)
-    if np.ptp(control) <= ONE_LEVEL * control.mean():
-        return np.full(len(frequencies), control.mean())
+    """Return the controlled quantity at frequencies, interpolated between its means at the measured frequencies."""
     measured_frequencies, owners = np.unique(record.f, return_inverse=True)
-    return np.interp(frequencies, measured_frequencies, np.bincount(owners, control) / np.bincount(owners))
+    means = np.bincount(owners, _controlled_quantity(record)) / np.bincount(owners)
+    return np.interp(frequencies, measured_frequencies, means)
 
 
 def _continuous(phase: Array, record: ResponseRecord) -> Array:
-    """Return phases on the turn around the middle of the measured ones."""
+    """Return phases within half a turn of the median of the measured phases."""
     assert record.measured_phases is not None
     middle = float(np.median(record.measured_phases))
     return np.asarray(middle + np.angle(np.exp(1j * (phase - middle))))

@@ -257,7 +257,7 @@ def _mode_problem(
 
 
 def _solve_smoothness(solution: FitSolution) -> FitSolution:
-    """Return the solution with the sizes of the changes of smooth laws that its residuals show."""
+    """Repeat the fit until the standard deviations of the changes of smooth laws settle."""
     smoothness = _smoothness(solution)
     for _ in range(MOST_TURNS if smoothness.size else 0):
         before, problem = smoothness, solution.problem
@@ -284,7 +284,7 @@ def _span(curves: Sequence[ResponseRecord]) -> float:
 
 
 def _with_noise_of_decays(solution: FitSolution) -> FitSolution:
-    """Return a solution whose noise is as in ``fit_decay``, with the scatter between late parts and the rest."""
+    """Return the solution with the noise of ``fit_decay``, which allows for differences of late parts of the decays."""
     solution = replace(solution, fit=without_stated_smoothness(solution.fit))
     for block, fitted in solution.parts:
         if isinstance(block, DecayBlock):
@@ -299,7 +299,7 @@ def _with_noise_of_decays(solution: FitSolution) -> FitSolution:
 
 
 def _with_first_weights(block: ModeCurveBlock, start: Mapping[str, float]) -> ModeCurveBlock:
-    """Return curves with standard deviations as large as residuals at a start, for the accuracy of the first fit."""
+    """Return curves with standard deviations as large as the residuals at a start, which set the accuracy of a fit."""
     try:
         size = max(root_mean_square(block.at(start)[0]), 1.0)
     except NumericsError:
@@ -321,6 +321,6 @@ def _start_values(
 
 
 def _start_guess(model: DecayModel, start: Mapping[str, float]) -> DecayGuess:
-    """Return the mode of a start as the guess of a decay."""
+    """Return the guess of a decay for the mode of a start."""
     (ratio,), (frequency,) = law_at(model, np.array([model.reference]), start)
     return mode_guess(2 * math.pi * frequency, max(ratio, LEAST_RATIO), model.reference)

@@ -62,9 +62,10 @@ from problems.decay.solution import simpler_models, smooth_values
 from problems.decay.start import SHAPES
 
 POINTS_CLOSE_ENOUGH = 1e-3  # the same, where rounding keeps further steps from shrinking
-LONGEST_STEP = 0.2  # of log A
-LEAST_RATIO = 1e-5  # damping ratio that a start assumes at least, for the scales of the unknowns
-EXPONENT_STARTS = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)  # of the power law
+MOST_HALVINGS = 20
+NO_INCREASE = 1e-9  # increase of a squared distance that counts as none, relative and absolute
+LEAST_RATIO = 1e-5  # least damping ratio of a start, for the scales of the unknowns
+EXPONENT_STARTS = (0.0, 1.0, 2.0, 3.0)  # exponents of the power law from which a fit may start
 
 Points = tuple[Array, Array, ComplexArray]  # W, A and g = G/h of m points, (m,)
 
@@ -130,11 +131,10 @@ def closest_motions(
         if closest.all():
             return (g, slopes), by_x
         last_size = size
-        step = np.where(closest, 0.0, np.clip(step, -LONGEST_STEP, LONGEST_STEP))
-        for _ in range(20):  # halvings
+        step = np.where(closest, 0.0, step)
+        for _ in range(MOST_HALVINGS):
             g, slopes, curvatures, by_x = motions_at(curve, np.exp(log_a + step), x)
-            # increase of a squared distance that counts as none, relative and absolute
-            worse = np.sum(points.distance(g) ** 2, axis=1) > squared_distance * (1 + 1e-9) + 1e-9
+            worse = np.sum(points.distance(g) ** 2, axis=1) > squared_distance * (1 + NO_INCREASE) + NO_INCREASE
             if not worse.any():
                 break
             step = np.where(worse, step / 2, step)
@@ -147,7 +147,7 @@ def closest_motions(
 
 
 def relative_motion(record: ResponseRecord) -> ComplexArray:
-    """Return the motion A exp(i psi) relative to the base (m,), about that if the phases were not measured."""
+    """Return the motion A exp(i psi) relative to the base (m,), approximate if no phases were measured."""
     omega, derivatives = 2 * math.pi * record.f, record.sensor.derivatives
     amplitudes = record.amplitudes / omega**derivatives
     if record.measured_phases is not None:
@@ -160,7 +160,7 @@ def relative_motion(record: ResponseRecord) -> ComplexArray:
 
 
 def motion_amplitudes(record: ResponseRecord) -> Array:
-    """Return the amplitudes A (m,) of the motion relative to the base, about those if the phases were not measured."""
+    """Return the amplitudes A (m,) of the motion relative to the base, approximate if no phases were measured."""
     return np.asarray(np.abs(relative_motion(record)))
 
 
@@ -171,7 +171,7 @@ def reading_factor(record: ResponseRecord) -> ComplexArray:
 
 
 def balance_points(records: Sequence[ResponseRecord]) -> Points:
-    """Return the points of records with one kind of level; of g the modulus alone counts if it has no phase."""
+    """Return the points (W, A, g) of records whose levels have the same unit."""
     points = []
     for record in records:
         W, motion = 2 * math.pi * record.f, relative_motion(record)
@@ -181,7 +181,7 @@ def balance_points(records: Sequence[ResponseRecord]) -> Points:
 
 
 def mode_guess(omega: float, ratio: float, amplitude: float) -> DecayGuess:
-    """Return the mode as the guess of a decay, which gives unknowns their scales and first values."""
+    """Return the guess of a decay for a mode, which gives unknowns their scales and first values."""
     length = 1 / (ratio * omega)
     return DecayGuess(0, "", length, length, omega, ratio, amplitude, 0.0, ())
 
@@ -252,7 +252,7 @@ def _regression(
 
 
 def median_modal_constant(model: DecayModel, points: Points, values: Mapping[str, float]) -> float:
-    """Return the modal constant of points by values of the laws: the median of those of the points."""
+    """Return the median of the modal constants that the points have under given laws."""
     omega, amplitude, g = points
     ratio, frequency = law_at(model, amplitude, values)
     square = (2 * math.pi * frequency) ** 2 - omega**2

@@ -1,4 +1,4 @@
-"""The result of a fit of one mode: its laws, modal constants, and what decays and response curves say of them."""
+"""The result of a fit of one mode: its laws, modal constants and uncertainties."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from problems.mode.decays import ModeCurveBlock, mode_curve_block
 from problems.mode.oscillator import reading_factor
 
 MODE_QUANTITIES = tuple(name for name in DECAY_QUANTITIES if name not in OF_RECORD)
-USUAL_PARTICIPATION = (0.05, 20.0)  # of a mode that its base drives; beyond, the unit of the levels is in doubt
+USUAL_PARTICIPATION = (0.05, 20.0)  # range of the participation of a mode; beyond, check the unit of the levels
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +143,7 @@ class ModeFit(BlocksResult):
         return tuple(self._reported(agreement) for agreement in super().agreements)
 
     def _reported(self, agreement: Agreement) -> Agreement:
-        """Return an agreement on an unknown as one on the quantity that reports print in its place."""
+        """Convert an agreement on an unknown to the quantity that reports print in its place."""
         name, unit, factor = self.fit.unknowns[self.fit.names.index(agreement.name)].report
         return replace(
             agreement, name=name, unit=unit, values=agreement.values * factor, errors=agreement.errors * factor
@@ -229,5 +229,5 @@ class ModeFit(BlocksResult):
 
 
 def _renamed(name: str) -> str:
-    """Return the name of a quantity of a release in reports."""
+    """Return the name of an unknown in reports: the amplitude of a release in place of e0."""
     return name.replace("e0_", "amplitude_") if name.startswith("e0_") else name

@@ -173,7 +173,7 @@ def _expect_choices(
     lists: Mapping[str, Mapping[str, int]],
     settings: Mapping[str, Any],
 ) -> dict[tuple[str, int, int], Expectation]:
-    """Return what each list of records shows if one law is true."""
+    """Return the expected choice between a true law and each other law for each list of records."""
     planned = plan(model, candidates, laws[truth], **settings)
     exact = dict(zip(planned.names, planned.records, strict=True))
     terms, expectations = [[parameter.name for parameter in law.parameters] for law in laws], {}

@@ -51,14 +51,14 @@ from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.tall import tall_triangle
 
-UNUSED = 1e-6  # share of a budget below which the interior-point method means none
-PROGRESS = 1e-9  # decrease of a loss, relative, that counts as an improvement
-SHARE_OPTIONS = {"ipopt.tol": 1e-11, "ipopt.mu_strategy": "adaptive", "ipopt.bound_relax_factor": 0.0}
+UNUSED = 1e-6  # share of a budget that the interior-point method returns in place of zero
+PROGRESS = 1e-9  # least relative decrease of a loss that counts as an improvement
+SHARE_OPTIONS = {"ipopt.tol": 1e-11}
 
 
 @dataclass(frozen=True, eq=False)
 class ExpectedRecord:
-    """A record as it is expected: how its residuals, in standard deviations, depend on the unknowns."""
+    """Expected record: the dependence of its residuals, in standard deviations, on the unknowns."""
 
     jacobian: Array  # by n unknowns that records share and q of its own, in units of their scales, (m, n + q)
     shared: int  # n
@@ -94,6 +94,7 @@ class ExpectedRecord:
         return np.array(informations)
 
     def _marginal(self, triangles: Sequence[Array]) -> Array:
+        """Return the information of some series on the shared unknowns, with the own unknowns marginalised."""
         rows = np.vstack([*(triangle / math.sqrt(self.growth) for triangle in triangles), self.prior_jacobian])
         shared, own_columns = rows[:, : self.shared], rows[:, self.shared :]
         norms = np.linalg.norm(own_columns, axis=0)
@@ -104,7 +105,7 @@ class ExpectedRecord:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """Candidate records, of which a list is to be made."""
+    """Candidate records, and the criteria by which lists of them are chosen."""
 
     informations: Array  # (c, n, n)
     prior: Array  # information of priors and of earlier records, (n, n)
@@ -131,7 +132,7 @@ class Design:
         return np.asarray(np.einsum("...kk,k->...", np.linalg.inv(information), goal))
 
     def _regularised(self, information: Array) -> Array:
-        """Return an information that can be inverted."""
+        """Return the information plus a negligible one, which makes it invertible."""
         return np.asarray(information + self.negligible**2 * np.eye(len(self.prior)))
 
     def gains(self, amounts: Array, goal: Array | None) -> Array:
@@ -174,7 +175,7 @@ class Design:
         return min(lists, key=lambda counts: float(self.loss(self.total(counts), goal)))
 
     def _fill(self, counts: Array, budget: float, goal: Array | None, limit: Array) -> Array:
-        """Return a list with as many further records as the budget allows, the best per cost first."""
+        """Add records to a list until the budget is spent, the largest decrease of the loss per cost first."""
         counts = counts.copy()
         while True:
             remaining = budget * (1 + PROGRESS) - counts @ self.costs
@@ -186,7 +187,7 @@ class Design:
             counts[possible[np.argmax(decrease / self.costs[possible])]] += 1
 
     def _exchange(self, counts: Array, budget: float, goal: Array | None, limit: Array) -> Array:
-        """Return a list that no exchange of one or two records for one or two others improves."""
+        """Exchange one or two records of a list for one or two others, as long as this improves the list."""
         singles, (i, j) = np.eye(len(counts)), np.triu_indices(len(counts))
         changes = np.vstack([singles, singles[i] + singles[j]])
         gained = np.tensordot(changes, self.informations, 1)
@@ -207,7 +208,7 @@ class Design:
 
 
 def best_subset(count: int, size: int, loss: Callable[[tuple[int, ...]], float]) -> tuple[int, ...]:
-    """Return the ``count`` of the numbers from 0 to ``size`` - 1 with a small loss, by addition and exchange."""
+    """Return ``count`` of the numbers from 0 to ``size`` - 1 that have a small loss, by addition and exchange."""
     chosen: tuple[int, ...] = ()
     for _ in range(count):
         chosen = min(((*chosen, k) for k in range(size) if k not in chosen), key=loss)

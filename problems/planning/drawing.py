@@ -14,8 +14,8 @@ from ancf_casadi.vibration.statics import static_equilibrium
 from problems.planning.comparison import PlannedComparison
 from problems.planning.result import TOGETHER, Plan, column_headings
 
-MOST_MOTIONS = 3  # whose errors are drawn against duration and place
-LARGEST_DRAWN = 1e3  # relative standard error, %, beyond which a candidate as good as leaves an unknown open
+MOST_MOTIONS = 3  # largest number of motions whose errors are drawn against duration and place
+LARGEST_DRAWN = 1e3  # largest relative standard error, %, that is drawn
 
 
 @literal_text

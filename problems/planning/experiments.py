@@ -1,4 +1,4 @@
-"""Standard errors to be expected of experiments, before anything is measured.
+"""Expected standard errors of experiments, before anything is measured.
 
     found = plan(model, {"release": PlannedRecord.motion(...), "sag": PlannedRecord.static(...)}, law,
                  unknowns=["elastic_modulus"])
@@ -52,9 +52,9 @@ from problems.planning.design import ExpectedRecord
 from problems.planning.record import PlannedRecord, Template, with_values
 from problems.planning.result import Plan
 
-VALUE_TOLERANCE = 1e-8  # of the integration of the values of a motion
-LINEAR_SHARE = 0.05  # amplitude from which a response is followed to its level, relative to the linear one
-LARGEST_MISS = 1e-4  # relative error of a level that is reached
+VALUE_TOLERANCE = 1e-8  # tolerance of the integrator that computes the values of a motion
+LINEAR_SHARE = 0.05  # amplitude at which the search for a response begins, relative to the linear response
+LARGEST_MISS = 1e-4  # largest relative error of the level of a computed response
 
 
 @lasting_interrupts()
@@ -161,7 +161,7 @@ def _is_frequency(unknown: Unknown) -> bool:
 
 
 def check_candidates(candidates: Mapping[str, PlannedRecord]) -> None:
-    """Check that there are candidates, planned records by name."""
+    """Check that the candidates are planned records by name, and that there is at least one."""
     check_instance(candidates, "candidates", Mapping)
     if not candidates:
         raise InputError("must hold at least one candidate", "candidates")
@@ -171,7 +171,7 @@ def check_candidates(candidates: Mapping[str, PlannedRecord]) -> None:
 
 
 def _templates(candidates: Mapping[str, PlannedRecord], model: Model, before: BeamFit | None) -> list[Template]:
-    """Return the records with known noise; response curves have their peaks at natural frequencies."""
+    """Return the candidates as records with known noise; response curves have their peaks at natural frequencies."""
     noise = sensor_noise(before.solution.problem.blocks) if before else {}
     templates: list[Template] = []
     for name, candidate in candidates.items():
@@ -196,7 +196,7 @@ def _templates(candidates: Mapping[str, PlannedRecord], model: Model, before: Be
 def _expect_record(
     name: str, block: Block, shared: Sequence[Unknown], own_unknowns: Sequence[Unknown], growth: float
 ) -> tuple[Template, ExpectedRecord]:
-    """Return a candidate with computed values, and how its residuals depend on shared and its own unknowns."""
+    """Return a candidate with computed values, and the dependence of its residuals on shared and own unknowns."""
     unknowns = [*shared, *own_unknowns]
     y = Coordinates.of(unknowns)
     guesses = {unknown.name: unknown.guess for unknown in unknowns}

@@ -1,4 +1,4 @@
-"""Experiments that could be done: records of any kind without their values."""
+"""Planned records: experiments of any kind, described without measured values."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from problems.beam.motions.marker_record import MarkerRecord
 from problems.beam.motions.record import Bounds, Channel, MotionRecord
 from problems.beam.values.records import FrequencyRecord, PropertyRecord, StaticRecord
 
-MOST_SAMPLES = 1e6  # of a planned motion
+MOST_SAMPLES = 1e6  # largest number of samples of a planned motion
 
 Template = MotionRecord | ResponseRecord | PropertyRecord
 R = TypeVar("R", bound=Template)

@@ -21,7 +21,7 @@ from problems.planning.design import Design, ExpectedRecord, best_subset
 from problems.planning.record import Template
 
 TOGETHER = "all together"  # name of the list of all candidates
-INSTANTS = 60  # at which a record may end
+INSTANTS = 60  # number of instants at which a record may end
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,7 +262,7 @@ class Plan(Reported):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Products of powers of the unknowns that all candidates together leave open, one sentence each."""
+        """Products of powers of the unknowns that the candidates do not determine, one sentence each."""
         values, vectors = np.linalg.eigh(self.design.total(np.ones(len(self.names))))
         y = Coordinates.of(self.unknowns)
         slopes = y.relative_slopes(y.guess) / y.scale
@@ -307,12 +307,12 @@ class Plan(Reported):
         return np.asarray(np.abs(y.slopes(y.guess)) * y.scale)
 
     def _named(self, errors: Any) -> dict[str, Any]:
-        """Return standard errors in units of the scales, (n,) or (t, n), as those of the unknowns by name."""
+        """Convert standard errors in units of the scales, (n,) or (t, n), to those of the unknowns by name."""
         named_errors = (np.asarray(errors) * self._sizes).T
         return dict(zip(self.guess, named_errors if named_errors.ndim > 1 else named_errors.tolist(), strict=True))
 
     def relative(self, errors: Mapping[str, Any]) -> dict[str, Any]:
-        """Return standard errors in per cent of the guesses; as they are for guesses of 0."""
+        """Return standard errors in per cent of the guesses; absolute ones for guesses of 0."""
         return {
             name: 100 * error / abs(self.guess[name]) if self.guess[name] else error for name, error in errors.items()
         }
@@ -339,7 +339,7 @@ class Plan(Reported):
         return None if goal == "D" else weights
 
     def _motion(self, name: str, counts: Mapping[str, float] | None) -> tuple[ExpectedRecord, Array]:
-        """Return a candidate, which is a motion, and the information of the other records on the list."""
+        """Return a motion among the candidates, and the information of the other records on the list."""
         choice(name, self.names, "name")
         record = self.expected[self.names.index(name)]
         if np.isnan(record.times).any():

@@ -3,7 +3,7 @@
 A delay tau multiplies all functions by exp(-i omega tau): their phase falls in proportion to the frequency, which modes
 and residual terms imitate badly.  If a fit needs more than the fewest residual terms, or leaves more than noise, delays
 on both sides of zero are tried.  With the modes of the fit and the fewest residual terms, the sum of squares of the
-delayed values follows from one factorisation; the best of its minima are refined, with all modes.  Complex modal
+delayed values follows from one factorisation; the best of its minima is refined, with all modes.  Complex modal
 constants imitate a small delay; of the delays that fit, that with the most real constants is taken.  A delay counts if
 the criterion BIC of this fit is clearly below that of the fit without it,
 
@@ -27,7 +27,6 @@ from problems.frf.modal_sum import RESIDUAL_POWERS, TrialFit, quick_fit, stack_p
 from problems.frf.selection import VERY_STRONG
 
 DELAY_GRID = np.arange(-80, 81)  # delays in tenths of a period of the band
-MINIMA_REFINED = 3  # number of minima of the sum of squares that are refined
 
 
 def remove_delay(values: ComplexArray, frequencies: Array, delay: float) -> ComplexArray:
@@ -57,10 +56,9 @@ def remaining_delay(fit: TrialFit, *, required: bool = False) -> float:
     step = 0.1 / float(lines[-1] - lines[0])
     squares = _projected_squares(fewest, np.array(step * DELAY_GRID, dtype=float))
     minima = 1 + np.flatnonzero((squares[1:-1] <= squares[:-2]) & (squares[1:-1] <= squares[2:]))
-    best_delays = (step * DELAY_GRID[minima[np.argsort(squares[minima])][:MINIMA_REFINED]]).tolist()
-    if not best_delays:
+    if not len(minima):
         return 0.0
-    start = min(best_delays, key=cost)
+    start = step * float(DELAY_GRID[minima[np.argmin(squares[minima])]])
     delay = float(minimize_scalar(cost, bounds=(start - step, start + step), method="bounded").x)
     trial = fit_without(delay)
     if trial is not None:

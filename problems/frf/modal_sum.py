@@ -157,6 +157,10 @@ class TrialFit:
         """Return the fit with other frequencies and damping ratios, in turn (2 m,)."""
         return replace(self, frequencies=x[::2], ratios=x[1::2])
 
+    def without(self, mode: int) -> TrialFit:
+        """Return the fit without a mode, numbered from 0."""
+        return replace(self, frequencies=np.delete(self.frequencies, mode), ratios=np.delete(self.ratios, mode))
+
     @property
     def bounded(self) -> Array:
         """Frequencies and damping ratios in turn, the latter within their bounds, (2 m,)."""

@@ -159,17 +159,17 @@ class Selection:
     candidates: Candidates
     count: int | None  # of the modes; if None, as many as are needed, each distinct from noise by its damping alone
 
-    def fit(self, model: ModalSum, f: Array, ζ: Array, deviations: Array | None = None) -> TrialFit | None:
-        """Fit modes, and drop those that are not distinct; return None if the fit fails."""
-        weights = 1 / (self.deviations if deviations is None else deviations)
-        while self.has_room(model, len(f)):
-            fit = quick_fit(TrialFit(model, self.values, weights, f, ζ), TRIAL_TOLERANCE)
+    def fit(self, start: TrialFit, deviations: Array | None = None) -> TrialFit | None:
+        """Fit the modes of a start, and drop those that are not distinct; return None if the fit fails."""
+        start = replace(start, weights=1 / (self.deviations if deviations is None else deviations))
+        while self.has_room(start.model, len(start.frequencies)):
+            fit = quick_fit(start, TRIAL_TOLERANCE)
             if fit is None:
                 return None
             is_distinct = self._distinct_modes(fit)
             if is_distinct.all():
                 return fit
-            f, ζ = fit.frequencies[is_distinct], fit.ratios[is_distinct]
+            start = replace(start, frequencies=fit.frequencies[is_distinct], ratios=fit.ratios[is_distinct])
         return None
 
     def has_room(self, model: ModalSum, modes: int) -> bool:
@@ -180,7 +180,7 @@ class Selection:
 
     def reweight(self, fit: TrialFit) -> TrialFit:
         """Return the fit with the weights that follow from its residuals; the fit itself if that fails."""
-        return self.fit(fit.model, fit.frequencies, fit.ratios, self.estimate_deviations(fit)) or fit
+        return self.fit(fit, self.estimate_deviations(fit)) or fit
 
     def estimate_deviations(self, fit: TrialFit, amplitude: Array | None = None) -> Array:
         """Return the standard deviations that follow from the residuals of a fit, or those given.
@@ -192,14 +192,13 @@ class Selection:
         level = (np.abs(fit.fitted) if amplitude is None else amplitude) / np.sqrt(fit.model.bin_sizes)[:, None]
         return fitted_deviations(fit.residuals, level, fit.leverage)
 
-    def is_needed(self, larger: TrialFit, model: ModalSum, f: Array, ζ: Array) -> bool:
-        """Return whether a fit is clearly better than the smaller one with this model and these modes."""
-        smaller = self.fit(model, f, ζ, self.estimate_deviations(larger))
+    def is_needed(self, larger: TrialFit, start: TrialFit) -> bool:
+        """Return whether a fit is clearly better than the smaller one from a start."""
+        smaller = self.fit(start, self.estimate_deviations(larger))
         if smaller is None:
             return True
         deviations = self.estimate_deviations(larger, np.maximum(np.abs(larger.fitted), np.abs(smaller.fitted)))
-        refined = self.fit(larger.model, larger.frequencies, larger.ratios, deviations)
-        smaller = self.fit(model, smaller.frequencies, smaller.ratios, deviations) or smaller
+        refined, smaller = self.fit(larger, deviations), self.fit(smaller, deviations) or smaller
         if refined is None or len(refined.frequencies) < len(larger.frequencies):
             return False
         samples = 2 * self.values.size
@@ -252,10 +251,10 @@ def select_modes(selection: Selection, model: ModalSum) -> tuple[TrialFit, list[
     if not len(best.frequencies):
         raise FitError("no mode was found in the band; give approximate frequencies, or a band with a resonance")
     for powers in RESIDUAL_POWERS[: RESIDUAL_POWERS.index(best.model.powers)][::-1]:
-        fewer = replace(best.model, powers=powers)
-        if selection.is_needed(best, fewer, best.frequencies, best.ratios):
+        fewer = replace(best, model=replace(best.model, powers=powers))
+        if selection.is_needed(best, fewer):
             break
-        best = selection.fit(fewer, best.frequencies, best.ratios, selection.estimate_deviations(best)) or best
+        best = selection.fit(fewer, selection.estimate_deviations(best)) or best
     return best, second_poles_note(second_poles)
 
 
@@ -273,8 +272,7 @@ def second_poles_note(second_poles: Sequence[SecondPole]) -> list[str]:
 def _merge_second_poles(selection: Selection, best: TrialFit, second_poles: list[SecondPole]) -> TrialFit:
     """Remove the second poles of modes from a fit, and add them to the list."""
     while (pair := _find_second_pole(best)) is not None:
-        f, ζ = np.delete(best.frequencies, pair[1]), np.delete(best.ratios, pair[1])
-        fewer = selection.fit(best.model, f, ζ, selection.estimate_deviations(best))
+        fewer = selection.fit(best.without(pair[1]), selection.estimate_deviations(best))
         if fewer is None:
             break
         second_poles.append(SecondPole(*best.frequencies[list(pair)].tolist()))
@@ -297,24 +295,25 @@ def _find_second_pole(fit: TrialFit) -> tuple[int, int] | None:
 
 def _start_fit(selection: Selection, model: ModalSum) -> TrialFit:
     """Fit the recurring poles, as many as possible."""
-    candidates = selection.candidates
+    candidates, weights = selection.candidates, 1 / selection.deviations
     chosen = candidates.recurring[:MOST_FRF_MODES]
-    while len(chosen):
-        fit = selection.fit(model, candidates.frequencies[chosen], candidates.ratios[chosen])
+    while True:
+        start = TrialFit(model, selection.values, weights, candidates.frequencies[chosen], candidates.ratios[chosen])
+        if not len(chosen):
+            return start
+        fit = selection.fit(start)
         if fit is not None:
             return selection.reweight(fit)
         chosen = chosen[:-1]
-    return TrialFit(model, selection.values, 1 / selection.deviations, np.empty(0), np.empty(0))
 
 
 def _remove_modes(selection: Selection, best: TrialFit) -> TrialFit:
     """Remove modes that are not needed, or those beyond a given number, the least important first."""
     while len(best.frequencies) > (selection.count or 0):
-        weakest = int(np.argmin(_importance(best)))
-        f, ζ = np.delete(best.frequencies, weakest), np.delete(best.ratios, weakest)
-        if selection.count is None and selection.is_needed(best, best.model, f, ζ):
+        start = best.without(int(np.argmin(_importance(best))))
+        if selection.count is None and selection.is_needed(best, start):
             break
-        smaller = selection.fit(best.model, f, ζ, selection.estimate_deviations(best))
+        smaller = selection.fit(start, selection.estimate_deviations(best))
         if smaller is None:
             break
         best = selection.reweight(smaller)
@@ -341,14 +340,15 @@ def _add_candidates(selection: Selection, best: TrialFit, second_poles: list[Sec
     f, ζ = selection.candidates.frequencies, selection.candidates.ratios
     while len(best.frequencies) < (selection.count or MOST_FRF_MODES):
         for k in _rank_candidates(best, f, ζ):
-            trial = selection.fit(best.model, np.append(best.frequencies, f[k]), np.append(best.ratios, ζ[k]))
+            start = replace(best, frequencies=np.append(best.frequencies, f[k]), ratios=np.append(best.ratios, ζ[k]))
+            trial = selection.fit(start)
             if trial is None or len(trial.frequencies) <= len(best.frequencies):
                 continue
             trial = selection.reweight(trial)
             pair = None if selection.count else _find_second_pole(trial)
             if pair is not None and any(pole.is_near(trial, pair[0]) for pole in second_poles):
                 continue
-            if selection.count or selection.is_needed(trial, best.model, best.frequencies, best.ratios):
+            if selection.count or selection.is_needed(trial, best):
                 break
         else:
             return best

@@ -93,47 +93,36 @@ def combined_law(compute: Compute) -> Finding:
 
 def fit_to_decays(compute: Compute) -> tuple[CombinedLawFit, Modes]:
     """Return the law fitted to the decays of Table 4, and the modes of the matched beam."""
-    measured = []
-    for decay in table_04.decay_fits(compute):
-        pair = decay.numbers["unbounded"]
-        covariance = np.array(pair["covariance"])
-        measured.append(ModeCoefficients(decay.numbers["frequency_hz"], pair["eta1"], pair["eta2_per_m"], covariance))
-    modes = natural_modes(Model(matched_beam(compute)), count=len(measured))
-    return fit_combined_law(measured, modes), modes
-
-
-@dataclass(frozen=True, eq=False)
-class ModeCoefficients:
-    """Linear and quadratic coefficient of one mode in Eq. (26), estimated without bounds."""
-
-    frequency: float  # natural frequency, Hz
-    eta1: float  # 1/s
-    eta2: float  # 1/m
-    covariance: Array  # of eta1 and eta2, (2, 2)
-
-    @property
-    def errors(self) -> tuple[float, float]:
-        """Standard errors of eta1 and eta2."""
-        return math.sqrt(self.covariance[0, 0]), math.sqrt(self.covariance[1, 1])
+    decays = [decay.numbers for decay in table_04.decay_fits(compute)]
+    pairs = [numbers["unbounded"] for numbers in decays]  # estimates without bounds
+    modes = natural_modes(Model(matched_beam(compute)), count=len(pairs))
+    fit = fit_combined_law(
+        np.array([numbers["frequency_hz"] for numbers in decays]),
+        np.array([(pair["eta1"], pair["eta2_per_m"]) for pair in pairs]),
+        np.array([pair["covariance"] for pair in pairs]),
+        modes,
+    )
+    return fit, modes
 
 
 @dataclass(frozen=True, eq=False)
 class CombinedLawFit:
     """Modal and quadratic damping fitted to the coefficients of several modes."""
 
-    measured: tuple[ModeCoefficients, ...]  # of each mode, starting with the first
+    frequencies: Array  # natural frequency of each mode, starting with the first, (N,), Hz
+    coefficients: Array  # eta1, 1/s, and eta2, 1/m, of each mode, (N, 2)
+    coefficient_errors: Array  # their standard errors, (N, 2)
     drag_constants: Array  # c_n, (N,)
     ratios: tuple[float, ...]  # linear damping ratio of each mode
     eta2: float  # of the beam, 1/m
-    errors: tuple[float, ...]  # standard errors of the ratios and of eta2, (N + 1,); nan at the bound 0
+    errors: Array  # standard errors of the ratios and of eta2, (N + 1,); nan at the bound 0
     chi_squared: float  # Q
     degrees_of_freedom: int
 
     @property
     def choice(self) -> LawChoice:
         """The law, modal plus quadratic, for simulations."""
-        frequencies = [mode.frequency for mode in self.measured]
-        modal = {"law": "modal", "ratios": list(self.ratios), "frequencies": frequencies}
+        modal = {"law": "modal", "ratios": list(self.ratios), "frequencies": self.frequencies.tolist()}
         return LawChoice("combined", (modal, {"law": "quadratic", "eta2": self.eta2}), "modal + quadratic")
 
     @property
@@ -174,23 +163,22 @@ class CombinedLawFit:
 
     def implied(self) -> tuple[Array, Array]:
         """Return eta2 of the beam by each mode alone and its standard error, (N,), 1/m."""
-        eta2, errors = self.mode_eta2
-        return eta2 / self.drag_constants, errors / self.drag_constants
-
-    @property
-    def mode_eta2(self) -> tuple[Array, Array]:
-        """Quadratic coefficient of each mode and its standard error, (N,), 1/m."""
-        return np.array([mode.eta2 for mode in self.measured]), np.array([mode.errors[1] for mode in self.measured])
+        return self.coefficients[:, 1] / self.drag_constants, self.coefficient_errors[:, 1] / self.drag_constants
 
 
-def fit_combined_law(measured: Sequence[ModeCoefficients], modes: Modes) -> CombinedLawFit:
-    """Fit modal plus quadratic damping to the coefficients of two or more modes, starting with the first."""
-    count, constants = len(measured), drag_constants(modes)[: len(measured)]
+def fit_combined_law(frequencies: Array, coefficients: Array, covariances: Array, modes: Modes) -> CombinedLawFit:
+    """Fit modal plus quadratic damping to two or more modes, starting with the first.
+
+    They have natural frequencies (N,), Hz, pairs of eta1, 1/s, and eta2, 1/m, (N, 2), and covariances of these
+    (N, 2, 2).
+    """
+    count = len(frequencies)
+    constants = drag_constants(modes)[:count]
     rows, values = np.zeros((2 * count, count + 1)), np.zeros(2 * count)
-    for n, mode in enumerate(measured):
-        pair, whitening = slice(2 * n, 2 * n + 2), np.linalg.inv(np.linalg.cholesky(mode.covariance))
-        rows[pair, [n, -1]] = whitening * [4 * math.pi * mode.frequency, constants[n]]
-        values[pair] = whitening @ [mode.eta1, mode.eta2]
+    for n, whitening in enumerate(np.linalg.inv(np.linalg.cholesky(covariances))):
+        pair = slice(2 * n, 2 * n + 2)
+        rows[pair, [n, -1]] = whitening * [4 * math.pi * frequencies[n], constants[n]]
+        values[pair] = whitening @ coefficients[n]
     size = np.linalg.norm(rows, axis=0)
     scaled, distance = scipy.optimize.nnls(rows / size, values)
     free, errors = scaled > 0.0, np.full(count + 1, math.nan)
@@ -198,7 +186,9 @@ def fit_combined_law(measured: Sequence[ModeCoefficients], modes: Modes) -> Comb
     enlarged = 1.0 if chdtrc(surplus, Q) >= REJECTED else math.sqrt(Q / surplus)
     errors[free] = enlarged * np.linalg.norm(np.linalg.pinv(rows[:, free] / size[free]), axis=1) / size[free]
     *ratios, eta2 = (scaled / size).tolist()
-    return CombinedLawFit(tuple(measured), constants, tuple(ratios), eta2, tuple(errors.tolist()), Q, surplus)
+    coefficient_errors = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
+    measured = frequencies, coefficients, coefficient_errors, constants
+    return CombinedLawFit(*measured, tuple(ratios), eta2, errors, Q, surplus)
 
 
 def drag_constants(modes: Modes) -> Array:
@@ -214,8 +204,8 @@ def ratio_curves(choice: LawChoice, modes: Modes, amplitudes: Sequence[float] | 
 
 def drag_numbers(fit: CombinedLawFit, modes: Modes, air: Air) -> list[dict[str, Any]]:
     """Return drag coefficient and viscous damping of each mode, for ``results.json``."""
-    eta2, errors = fit.mode_eta2
-    drag, errors = implied_drag_coefficient(eta2, modes.model.beam, air, eta2_error=errors)
+    eta2, eta2_errors = fit.coefficients[:, 1], fit.coefficient_errors[:, 1]
+    drag, errors = implied_drag_coefficient(eta2, modes.model.beam, air, eta2_error=eta2_errors)
     columns = {
         "mode": np.arange(1, len(eta2) + 1),
         "drag_coefficient": drag / fit.drag_constants,
@@ -228,7 +218,7 @@ def drag_numbers(fit: CombinedLawFit, modes: Modes, air: Air) -> list[dict[str, 
 
 
 def _law_numbers(fit: CombinedLawFit, drag: float, drag_error: float) -> dict[str, Any]:
-    *ratio_errors, eta2_error = map(known, fit.errors)
+    *ratio_errors, eta2_error = map(known, fit.errors.tolist())
     return {
         "linear_damping_ratios": list(fit.ratios),
         "linear_damping_ratio_stderr": ratio_errors,
@@ -248,29 +238,28 @@ def _law_numbers(fit: CombinedLawFit, drag: float, drag_error: float) -> dict[st
 def _law_table(fit: CombinedLawFit, drag: float, drag_error: float) -> Table:
     rows = [(f"ζ of mode {n}, linear", "%", 100 * ratio) for n, ratio in enumerate(fit.ratios, start=1)]
     rows += [("η2, all modes", "1/m", fit.eta2), ("drag coefficient", "1", drag)]
-    errors = {"value": [*(100 * error for error in fit.errors[:-1]), fit.errors[-1], drag_error]}
+    errors = {"value": [*100 * fit.errors[:-1], fit.errors[-1], drag_error]}
     title = "Modal plus quadratic damping for all modes"
     return beside_printed(title, ("", "unit", "value"), rows, fit.verdict, errors=errors)
 
 
 def _drag_table(fit: CombinedLawFit, rows: Sequence[Mapping[str, Any]]) -> Table:
-    eta2, eta2_errors = fit.mode_eta2
-    rates = [4 * math.pi * mode.frequency for mode in fit.measured]  # 1/s, of eta1 per damping ratio
+    rates = 4 * math.pi * fit.frequencies  # 1/s, of eta1 per damping ratio
     by_shape = np.array([row["drag_coefficient_stderr"] for row in rows])
     columns: dict[str, Sequence[Cell]] = {
         "mode": [row["mode"] for row in rows],
-        "η2, 1/m": eta2.tolist(),
+        "η2, 1/m": fit.coefficients[:, 1].tolist(),
         "Cd by Eq. (25), 1": [row["drag_coefficient_by_eq_25"] for row in rows],
         "Cd, true shape, 1": [row["drag_coefficient"] for row in rows],
-        "linear part of ζ, %": [100 * mode.eta1 / rate for rate, mode in zip(rates, fit.measured, strict=True)],
+        "linear part of ζ, %": (100 * fit.coefficients[:, 0] / rates).tolist(),
         "of it viscous air, %": [100 * row["viscous_damping_ratio"] for row in rows],
         "Cd of η2 in the paper, 1": implied_drag_coefficient(np.array(ETA2), STANDARD_BEAM, AIR)[0].tolist(),
     }
     errors = {
-        "η2, 1/m": eta2_errors.tolist(),
+        "η2, 1/m": fit.coefficient_errors[:, 1].tolist(),
         "Cd by Eq. (25), 1": (by_shape * fit.drag_constants).tolist(),
         "Cd, true shape, 1": by_shape.tolist(),
-        "linear part of ζ, %": [100 * mode.errors[0] / rate for rate, mode in zip(rates, fit.measured, strict=True)],
+        "linear part of ζ, %": (100 * fit.coefficient_errors[:, 0] / rates).tolist(),
     }
     notes = (
         "Cd = 2 ρ h η2 (1183/876)/ρ_air, with the constant of the shape (21), and with that of each mode.",

@@ -14,14 +14,14 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, flag, is_sequence, physical, shown, vector, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.progress import counter
-from problems.frf.delay import advance, remaining_delay
+from problems.frf.delay import remaining_delay, remove_delay
 from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, TrialFit
 from problems.frf.record import FrfRecord
-from problems.frf.refinement import FRF_ADVICE, given_deviations
-from problems.frf.result import FrfFit, refined
+from problems.frf.refinement import FRF_ADVICE, stated_deviations
+from problems.frf.result import FrfFit, refine_result
 from problems.frf.selection import MOST_FRF_MODES, Selection, bins, candidate_poles, poles_near, select_modes
 
-MOST_DELAYS = 4  # corrections of the delay
+MOST_DELAYS = 4  # largest number of corrections of the delay
 
 
 @lasting_interrupts()
@@ -77,73 +77,77 @@ def fit_frf(
         if not low < high:
             raise InputError(f"must be two frequencies, Hz, the lower one first, got {shown(band)}", "band")
         record = record.between(low, high)
-    near = None if frequencies is None else _given(frequencies, record)
-    if near is not None and modes is not None and modes != len(near):
-        raise InputError(f"is {shown(modes)}, but {len(near)} frequencies are given; leave it out", "modes")
-    wanted = len(near) if near is not None else None if modes is None else whole(modes, "modes", 1, MOST_FRF_MODES)
-    delay, advanced = 0.0, record
+    mode_count = None if modes is None else whole(modes, "modes", 1, MOST_FRF_MODES)
+    guesses = None if frequencies is None else _check_frequencies(frequencies, record)
+    if guesses is not None:
+        if mode_count not in (None, len(guesses)):
+            raise InputError(f"is {shown(modes)}, but {len(guesses)} frequencies are given; leave it out", "modes")
+        mode_count = len(guesses)
+    delay, undelayed = 0.0, record
     with counter("fit", shown=flag(progress, "progress")):
         for _ in range(MOST_DELAYS):
-            best, merged = _settled(advanced, near, wanted)
-            more = remaining_delay(best, sought=delay != 0.0)
-            if not more:
+            trial, selection_notes = _fit_modes(undelayed, guesses, mode_count)
+            further_delay = remaining_delay(trial, required=delay != 0.0)
+            if not further_delay:
                 break
-            delay += more
-            advanced = replace(record, values=advance(record.values, record.frequencies, delay))
-    count, lines = len(best.frequencies), record.frequencies
-    notes = [*record.notes, *merged]
+            delay += further_delay
+            undelayed = replace(record, values=remove_delay(record.values, record.frequencies, delay))
+    count, lines = len(trial.frequencies), record.frequencies
+    notes = [*record.notes, *selection_notes]
     if delay:
         notes.append(
             f"a delay of {1e3 * delay:.3g} ms, as of a trigger or a filter, turns the phase of all functions beside "
             "their modes; it is taken out of the functions, and the standard errors take it as known"
         )
-    if wanted is not None and count != wanted:
-        notes.append(f"the record supports {count} of {wanted} modes")
-    order = np.argsort(best.frequencies)
-    settled = replace(best, frequencies=best.frequencies[order], ratios=best.ratios[order])
-    fit = refined(advanced, settled, tuple(notes), partial(fit_frf, modes=modes, frequencies=frequencies, band=band))
+    if mode_count is not None and count != mode_count:
+        notes.append(f"the record supports {count} of {mode_count} modes")
+    order = np.argsort(trial.frequencies)
+    trial = replace(trial, frequencies=trial.frequencies[order], ratios=trial.ratios[order])
+    refit = partial(fit_frf, modes=modes, frequencies=frequencies, band=band)
+    fit = refine_result(undelayed, trial, tuple(notes), refit)
     if not ((fit.frequencies >= lines[0]) & (fit.frequencies <= lines[-1])).all():
         raise FitError(f"a mode left the band; {FRF_ADVICE}")
     return fit
 
 
-def _settled(record: FrfRecord, near: Array | None, wanted: int | None) -> tuple[TrialFit, list[str]]:
-    """Return the fit of the modes of a record with weights that have settled, and the notes of their selection."""
+def _fit_modes(record: FrfRecord, guesses: Array | None, mode_count: int | None) -> tuple[TrialFit, list[str]]:
+    """Select and fit the modes of a record until the weights settle; return the fit and notes of the selection."""
     values = record.columns
     model = ModalSum.of(record.frequencies, record.kind, RESIDUAL_POWERS[0])
-    if wanted is not None and 2 * wanted + values.shape[1] * (2 * wanted + len(RESIDUAL_POWERS[0])) > values.size:
-        raise InputError(f"has too few frequencies, {len(record.frequencies)}, for {wanted} modes", "record")
+    modes = mode_count or 0
+    if 2 * modes + values.shape[1] * (2 * modes + len(RESIDUAL_POWERS[0])) > values.size:
+        raise InputError(f"has too few frequencies, {len(record.frequencies)}, for {mode_count} modes", "record")
 
-    deviations = given_deviations(record)
+    deviations = stated_deviations(record)
     scaled = values / np.sqrt(np.median(deviations**2, axis=0))
-    candidates = candidate_poles(record.frequencies, scaled) if near is None else poles_near(model, scaled, near)
+    candidates = candidate_poles(record.frequencies, scaled) if guesses is None else poles_near(model, scaled, guesses)
     estimated = record.std is None and record.coherence is None
     coarse = replace(model, starts=bins(record.frequencies, candidates))
-    means = coarse.binned(values), np.sqrt(coarse.binned(deviations**2) / np.sqrt(coarse.bin_sizes)[:, None])
-    best, notes = select_modes(Selection(*means, estimated, candidates, wanted), coarse)
-    if near is not None and len(best.frequencies) < len(near):
-        raise FitError(f"only {len(best.frequencies)} of the {wanted} modes were found; {FRF_ADVICE}")
-    selection = Selection(values, deviations, estimated, candidates, len(best.frequencies))
-    binned = best.model.starts is not None
+    means = coarse.bin_means(values), np.sqrt(coarse.bin_means(deviations**2) / np.sqrt(coarse.bin_sizes)[:, None])
+    trial, notes = select_modes(Selection(*means, estimated, candidates, mode_count), coarse)
+    if guesses is not None and len(trial.frequencies) < len(guesses):
+        raise FitError(f"only {len(trial.frequencies)} of the {mode_count} modes were found; {FRF_ADVICE}")
+    selection = Selection(values, deviations, estimated, candidates, len(trial.frequencies))
+    binned = trial.model.starts is not None
     if binned:  # the same modes at all lines
-        best = replace(best, model=replace(best.model, starts=None), values=values, weights=1 / deviations)
+        trial = replace(trial, model=replace(trial.model, starts=None), values=values, weights=1 / deviations)
     for turn in range(3):  # rounds in which weights and estimates settle; with those from the bins, one fit is enough
         if turn == 0 or not binned:
-            best = selection.weighted(best)
+            trial = selection.reweight(trial)
         else:
-            best = replace(best, weights=1 / selection.deviations_of(best))
-    return best, notes
+            trial = replace(trial, weights=1 / selection.estimate_deviations(trial))
+    return trial, notes
 
 
-def _given(frequencies: Any, record: FrfRecord) -> Array:
+def _check_frequencies(frequencies: Any, record: FrfRecord) -> Array:
     """Return approximate natural frequencies within the record."""
     if not is_sequence(frequencies) or not len(frequencies):
         raise InputError(f"must be one or more frequencies, got {shown(frequencies)}", "frequencies")
-    found = np.sort([physical(f, "frequencies") for f in frequencies])
+    checked = np.sort([physical(f, "frequencies") for f in frequencies])
     low, high = record.frequencies[0], record.frequencies[-1]
-    for f in found.tolist():
+    for f in checked.tolist():
         if not low <= f <= high:
             raise InputError(f"{f:g} Hz is outside the band, {low:g} to {high:g} Hz", "frequencies")
-    if not np.diff(found).all():
+    if not np.diff(checked).all():
         raise InputError("has a frequency twice; for two close modes, give two different ones", "frequencies")
-    return found
+    return checked

@@ -55,11 +55,12 @@ RESIDUAL_POWERS = tuple(
 LARGEST_RATIO = 0.999
 LEAST_SCALE = 1e-4  # damping ratio that sets the scale of nearly undamped modes
 SOLVER_TOLERANCE = 1e-9
+LEAST_COLUMN = 1e-10  # least relative norm of a column beside the others
 
 
 @dataclass(frozen=True, eq=False)
 class ModalSum:
-    """The functions of the coefficients, at given frequencies."""
+    """Frequency response functions as a linear model of the coefficients, at given frequencies."""
 
     frequencies: Array  # (k,), Hz
     derivatives: int  # the power d
@@ -80,7 +81,7 @@ class ModalSum:
         k = len(self.frequencies)
         return np.ones(k) if self.starts is None else np.diff(self.starts, append=k).astype(float)
 
-    def binned(self, values: Any) -> Any:
+    def bin_means(self, values: Any) -> Any:
         """Return the means of values over bins, times the root of the size of each; the values without bins."""
         if self.starts is None:
             return values
@@ -93,7 +94,8 @@ class ModalSum:
     def modal(self, frequencies: Array, ratios: Array) -> ComplexArray:
         """Return the columns of modes, (k, 2 m), or (bins, 2 m): those of a and b of each mode."""
         resonance = self._resonances(frequencies, ratios)
-        return np.asarray(self.binned(np.stack([resonance, self._iω * resonance], axis=2).reshape(len(self._iω), -1)))
+        pairs = np.stack([resonance, self._iω * resonance], axis=2)
+        return np.asarray(self.bin_means(pairs.reshape(len(pairs), -1)))
 
     def _resonances(self, frequencies: Array, ratios: Array) -> ComplexArray:
         """Return the resonance of each mode at all frequencies, (k, m)."""
@@ -108,7 +110,7 @@ class ModalSum:
     def _residual_terms(self) -> ComplexArray:
         """Columns of the residual terms."""
         return np.asarray(
-            self.binned(self._iω**self.derivatives * (self._iω / self.reference) ** np.array(self.powers))
+            self.bin_means(self._iω**self.derivatives * (self._iω / self.reference) ** np.array(self.powers))
         )
 
     def slopes(self, frequencies: Array, ratios: Array, coefficients: Array) -> ComplexArray:
@@ -116,13 +118,13 @@ class ModalSum:
         iω, ω_k = self._iω, 2 * np.pi * frequencies
         common = -2 * self._resonances(frequencies, ratios) ** 2 / iω**self.derivatives
         # shared by all functions, and therefore averaged over bins before these are formed
-        powers = [self.binned(common * iω**power) for power in range(3)]
-        a, b = (part.T[:, None, :] for part in _pairs(coefficients, len(frequencies)))
-        found = np.empty((coefficients.shape[1], len(powers[0]), 2 * len(frequencies)), dtype=complex)
+        powers = [self.bin_means(common * iω**power) for power in range(3)]
+        a, b = (coefficient_rows.T[:, None, :] for coefficient_rows in _pairs(coefficients, len(frequencies)))
+        slopes = np.empty((coefficients.shape[1], len(powers[0]), 2 * len(frequencies)), dtype=complex)
         twice = a * powers[1] + b * powers[2]
-        found[:, :, ::2] = 2 * np.pi * (ω_k * (a * powers[0] + b * powers[1]) + ratios * twice)
-        found[:, :, 1::2] = ω_k * twice
-        return found
+        slopes[:, :, ::2] = 2 * np.pi * (ω_k * (a * powers[0] + b * powers[1]) + ratios * twice)
+        slopes[:, :, 1::2] = ω_k * twice
+        return slopes
 
     def constants(self, frequencies: Array, ratios: Array, coefficients: Array) -> ComplexArray:
         """Return the modal constants C (m, F) from the coefficients (2 m + powers, F)."""
@@ -136,14 +138,14 @@ def _pairs(coefficients: Array, modes: int) -> tuple[Array, Array]:
     return coefficients[0 : 2 * modes : 2], coefficients[1 : 2 * modes : 2]
 
 
-def stacked(values: ComplexArray) -> Array:
+def stack_parts(values: ComplexArray) -> Array:
     """Return real parts above imaginary parts."""
     return np.concatenate([values.real, values.imag])
 
 
 @dataclass(frozen=True, eq=False)
 class TrialFit:
-    """Some modes, and the fit of all coefficients with them."""
+    """The linear fit of all coefficients for given frequencies and damping ratios of modes."""
 
     model: ModalSum
     values: ComplexArray  # measured, one column per function, (k, F)
@@ -151,9 +153,13 @@ class TrialFit:
     frequencies: Array  # natural frequencies, Hz, (m,)
     ratios: Array  # damping ratios, (m,)
 
-    def moved(self, x: Array) -> TrialFit:
+    def with_modes(self, x: Array) -> TrialFit:
         """Return the fit with other frequencies and damping ratios, in turn (2 m,)."""
         return replace(self, frequencies=x[::2], ratios=x[1::2])
+
+    def without(self, mode: int) -> TrialFit:
+        """Return the fit without a mode, numbered from 0."""
+        return replace(self, frequencies=np.delete(self.frequencies, mode), ratios=np.delete(self.ratios, mode))
 
     @property
     def bounded(self) -> Array:
@@ -175,17 +181,17 @@ class TrialFit:
     @cached_property
     def factors(self) -> list[tuple[Array, Array]]:
         """QR factors of the weighted columns, (2 k, c) and (c, c), for each function."""
-        columns = stacked(self.columns)
+        columns = stack_parts(self.columns)
         return [tall_qr(np.tile(weight, 2)[:, None] * columns) for weight in self.weights.T]
 
     @cached_property
     def coefficients(self) -> Array:
         """Coefficients (2 m + powers, F)."""
-        weighted, found = stacked(self.weights * self.values), []
+        weighted, coefficients = stack_parts(self.weights * self.values), []
         for function, (q, triangle) in enumerate(self.factors):
             size, y = np.linalg.norm(triangle, axis=0), weighted[:, [function]]
-            found.append(np.linalg.lstsq(triangle / size, inner(q, y)[:, 0])[0] / size)
-        return np.column_stack(found)
+            coefficients.append(np.linalg.lstsq(triangle / size, inner(q, y)[:, 0])[0] / size)
+        return np.column_stack(coefficients)
 
     @cached_property
     def fitted(self) -> ComplexArray:
@@ -206,14 +212,14 @@ class TrialFit:
     @property
     def weighted_residuals(self) -> Array:
         """Weighted residuals (2 k F,), function after function, real parts before imaginary parts."""
-        return stacked(self.weights * self.residuals).T.ravel()
+        return stack_parts(self.weights * self.residuals).T.ravel()
 
     @cached_property
     def jacobian(self) -> Array:
         """Derivatives of the weighted residuals by frequency and damping ratio of each mode in turn, (2 k F, 2 m)."""
         slopes, rows = self.model.slopes(self.frequencies, self.ratios, self.coefficients), []
-        for (q, _), weight, own in zip(self.factors, self.weights.T, slopes, strict=True):
-            change = stacked(weight[:, None] * own)
+        for (q, _), weight, function_slopes in zip(self.factors, self.weights.T, slopes, strict=True):
+            change = stack_parts(weight[:, None] * function_slopes)
             rows.append(change - tall_times(q, inner(q, change)))
         return np.concatenate(rows)
 
@@ -231,20 +237,20 @@ class TrialFit:
     def leverage(self) -> Array:
         """Share of each complex value that the fit follows (k, F), the mean over real and imaginary part."""
         k, count = self.values.shape
-        own = np.column_stack([np.sum(q**2, axis=1) for q, _ in self.factors])
-        own += np.sum(self._basis**2, axis=1).reshape(count, 2 * k).T
-        return np.asarray((own[:k] + own[k:]) / 2)
+        shares = np.column_stack([np.sum(q**2, axis=1) for q, _ in self.factors])
+        shares += np.sum(self._basis**2, axis=1).reshape(count, 2 * k).T
+        return np.asarray((shares[:k] + shares[k:]) / 2)
 
     @property
     def series(self) -> tuple[list[int], Array]:
         """Lengths of the series of weighted residuals, and their frequencies, Hz."""
         (k, count), lines = self.values.shape, self.model.frequencies
-        own = lines if self.model.starts is None else lines[self.model.starts]
-        return [k] * (2 * count), np.tile(own, 2 * count)
+        frequencies = lines if self.model.starts is None else lines[self.model.starts]
+        return [k] * (2 * count), np.tile(frequencies, 2 * count)
 
     @property
     def effective_samples(self) -> float:
-        """Number of residuals with white noise that would determine the modes as well."""
+        """Number of residuals with white noise that would determine the modes equally well."""
         k, count = self.values.shape
         noise = estimated_noise(self.weighted_residuals, self._basis, *self.series)
         return float(2 * k * count / max(noise.inflation, 1.0))
@@ -261,25 +267,24 @@ def quick_fit(start: TrialFit, tolerance: float = SOLVER_TOLERANCE) -> TrialFit 
     count_step()
 
     @lru_cache(maxsize=1)  # residuals and Jacobian are asked for in turn
-    def at(x: bytes) -> TrialFit:
-        return start.moved(np.frombuffer(x))
+    def fit_at(x: bytes) -> TrialFit:
+        return start.with_modes(np.frombuffer(x))
 
     def residuals(x: Array) -> Array:
-        return at(x.tobytes()).triangle[:, -1]
+        return fit_at(x.tobytes()).triangle[:, -1]
 
     def jacobian(x: Array) -> Array:
-        return at(x.tobytes()).triangle[:, :-1]
+        return fit_at(x.tobytes()).triangle[:, :-1]
 
     upper = np.tile([np.inf, LARGEST_RATIO], len(start.frequencies))
     try:
-        found = least_squares(
+        solution = least_squares(
             residuals, bounded, jacobian, (0.0, upper),
             x_scale=start.scales, ftol=tolerance, xtol=tolerance, gtol=SOLVER_TOLERANCE,
             max_nfev=50 * len(bounded),
         )  # fmt: skip
     except (np.linalg.LinAlgError, ValueError):  # residuals that are not finite
         return None
-    fit = at(found.x.tobytes())
+    fit = fit_at(solution.x.tobytes())
     columns = [np.abs(np.diag(triangle)) / np.linalg.norm(triangle, axis=0) for _, triangle in fit.factors]
-    # least relative norm of a column beside the others
-    return fit if np.min(columns) > 1e-10 and np.linalg.norm(fit.jacobian, axis=0).all() else None
+    return fit if np.min(columns) > LEAST_COLUMN and np.linalg.norm(fit.jacobian, axis=0).all() else None

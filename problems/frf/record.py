@@ -26,6 +26,7 @@ from ancf_casadi.support.inputs import array, check_instance, choice, complex_ar
 from ancf_casadi.support.tables import Displayed, counted, spread
 
 LEAST_LINES = 8
+SCATTER_LINES = 12  # lines on either side over which the scatter of repeated measurements is averaged
 KINDS_OF_UNITS: dict[tuple[str, str], FrfKind] = {
     ("length", "force"): "receptance",
     ("velocity", "force"): "mobility",
@@ -95,8 +96,8 @@ class FrfRecord(Displayed):
                 "last",
                 "values",
             )
-        for name, others in (("outputs", (1, 2)), ("inputs", (0, 2))):
-            if not values.any(axis=others).all():
+        for name, axes in (("outputs", (1, 2)), ("inputs", (0, 2))):
+            if not values.any(axis=axes).all():
                 raise InputError(f"are all zero in one of the {name}; leave it out", "values")
         object.__setattr__(self, "frequencies", f)
         object.__setattr__(self, "values", values)
@@ -111,18 +112,16 @@ class FrfRecord(Displayed):
         if self.coherence is not None and self.std is not None:
             raise InputError("are given together with the coherence; give one of them", "std")
         for name in ("coherence", "std"):
-            given = getattr(self, name)
-            if given is None:
+            if getattr(self, name) is None:
                 continue
-            found = array(given, name)
-            if found.size != self.values.size:
-                raise InputError(f"must have the shape of the values, {self.values.shape}, got {found.shape}", name)
-            found = found.reshape(self.values.shape)
-            if name == "std" and not (found > 0.0).all():
+            quality = array(getattr(self, name), name)
+            if quality.size != self.values.size:
+                raise InputError(f"must have the shape of the values, {self.values.shape}, got {quality.shape}", name)
+            if name == "std" and not (quality > 0.0).all():
                 raise InputError("must be positive", name)
-            if name == "coherence" and not ((found >= 0.0) & (found <= 1.0)).all():
+            if name == "coherence" and not ((quality >= 0.0) & (quality <= 1.0)).all():
                 raise InputError("must be between 0 and 1", name)
-            object.__setattr__(self, name, found)
+            object.__setattr__(self, name, quality.reshape(self.values.shape))
 
     @classmethod
     @np.errstate(all="ignore")  # a file may hold any numbers; those that are not finite are refused
@@ -179,42 +178,42 @@ class FrfRecord(Displayed):
         check_instance(unit, "unit", str, NoneType)
         if kind is not None:
             choice(kind, get_args(FrfKind), "kind")
-        found = read_spectral(path, frequency, layout=layout, progress=progress)
-        columns = tuple(("" if part == "level" else part, channel) for part, channel in found.columns)
-        found = (
-            replace(found, columns=columns)
+        contents = read_spectral(path, frequency, layout=layout, progress=progress)
+        columns = tuple(("" if quantity == "level" else quantity, channel) for quantity, channel in contents.columns)
+        contents = (
+            replace(contents, columns=columns)
             .only("--column", ["amplitude", "real", ""], column)
             .only("--phase", ["phase"], phase)
         )
-        functions = functions_of(found, phase_unit)
+        functions = functions_of(contents, phase_unit)
         if not functions:
             raise InputError("has no columns with the values of functions", str(path))
-        bare = [one.channel for one in functions if not np.iscomplexobj(one.values)]
-        functions = [one for one in functions if np.iscomplexobj(one.values)]
+        amplitudes_only = [function.channel for function in functions if not np.iscomplexobj(function.values)]
+        functions = [function for function in functions if np.iscomplexobj(function.values)]
         if not functions:
             raise InputError(
                 "has amplitudes only; a function needs its phase (--phase), or real and imaginary part (--imaginary)",
-                f"{path}: column {bare[0].label}",
+                f"{path}: column {amplitudes_only[0].label}",
             )
-        found_kind, values = in_si(functions, kind, unit, str(path))
-        notes = [*found.notes, *(f"column {one.label} has no phase, and is left out" for one in bare)]
-        notes += () if unit else unit_notes([one.channel for one in functions])
-        shape, order = grid_of(functions, str(path))
-        f = found.frequencies
-        quality = [one.coherence for one in functions]
-        coherence = None if any(one is None for one in quality) else np.array(quality, dtype=float)
-        if coherence is not None:
-            coherence, doubts = _shares(coherence)
-            notes += doubts
-        kept = np.isfinite(f) & np.isfinite(values).all(axis=0) & (f != 0.0)
-        if not kept.all():
-            notes.append(f"{int((~kept).sum())} lines at 0 Hz or with a gap are left out")
+        found_kind, values = convert_to_si(functions, kind, unit, str(path))
+        notes = [*contents.notes, *(f"column {c.label} has no phase, and is left out" for c in amplitudes_only)]
+        notes += () if unit else unit_notes([function.channel for function in functions])
+        shape, order = function_grid(functions, str(path))
+        f = contents.frequencies
+        coherences = [function.coherence for function in functions]
+        coherence = None
+        if not any(c is None for c in coherences):
+            coherence, coherence_notes = _limit_coherence(np.array(coherences, dtype=float))
+            notes += coherence_notes
+        is_usable = np.isfinite(f) & np.isfinite(values).all(axis=0) & (f != 0.0)
+        if not is_usable.all():
+            notes.append(f"{int((~is_usable).sum())} lines at 0 Hz or with a gap are left out")
         with located(str(path)):
             return cls(
-                f[kept],
-                values[order][:, kept].reshape(*shape, -1),
+                f[is_usable],
+                values[order][:, is_usable].reshape(*shape, -1),
                 found_kind,
-                None if coherence is None else coherence[order][:, kept].reshape(*shape, -1),
+                None if coherence is None else coherence[order][:, is_usable].reshape(*shape, -1),
                 points=points,
                 notes=tuple(f"{Path(path).name}: {note}" for note in notes),
             )
@@ -251,8 +250,7 @@ class FrfRecord(Displayed):
                 raise InputError("differ in frequencies, kind or shape", "records")
         values = np.array([run.values for run in runs])
         variance = (np.abs(values - values.mean(axis=0)) ** 2).sum(axis=0) / (len(runs) - 1) / len(runs)
-        # lines on either side over which the scatter of repeated measurements is averaged
-        smooth = np.apply_along_axis(moving_mean, 2, variance, 12)
+        smooth = np.apply_along_axis(moving_mean, 2, variance, SCATTER_LINES)
         if not (smooth > 0.0).all():
             raise InputError("are equal, so their scatter is zero; give one of them", "records")
         return cls(
@@ -285,7 +283,7 @@ class FrfRecord(Displayed):
         return self.values.reshape(-1, len(self.frequencies)).T
 
     def between(self, low: float, high: float) -> FrfRecord:
-        """Return the part in a band of frequencies, Hz; one with fewer than eight of them raises an ``InputError``."""
+        """Return the record within a band of frequencies, Hz; fewer than eight of them raise an ``InputError``."""
         inside = (self.frequencies >= low) & (self.frequencies <= high)
         if np.count_nonzero(inside) < LEAST_LINES:
             raise InputError(f"has fewer than {LEAST_LINES} frequencies of the record", "band")
@@ -309,8 +307,8 @@ class FrfRecord(Displayed):
         return f"{self.kind}, {shape}, {len(self.frequencies)} frequencies, {spread(self.frequencies, 'Hz')}"
 
 
-def _shares(coherence: Array) -> tuple[Array, list[str]]:
-    """Return coherences between 0 and 1, and notes: in percent if most are above 1; those beyond the limits at them."""
+def _limit_coherence(coherence: Array) -> tuple[Array, list[str]]:
+    """Convert coherences in percent, clip them to 0 and 1, and return them with notes of these changes."""
     notes = []
     if np.nanmedian(coherence) > 1.5 and np.nanmax(coherence) < 101.0:
         coherence = coherence / 100.0
@@ -331,20 +329,20 @@ def moving_mean(values: Array, half: int) -> Array:
     return np.asarray((sums[high] - sums[low]) / (high - low))
 
 
-def in_si(
+def convert_to_si(
     functions: Sequence[SpectralFunction], kind: FrfKind | None, unit: str | None, path: str
 ) -> tuple[FrfKind, ComplexArray]:
     """Return the kind of the functions and their values in SI units, (functions, k)."""
     values, kinds = [], {kind} if kind else set()
     for function in functions:
         text = unit or function.channel.symbol
-        own, factor = frf_unit(text, f"{path}: column {function.channel.label}") if text else (kind, 1.0)
-        if own and not (own in QUOTIENT and kind in QUOTIENT):
-            kinds.add(own)
+        own_kind, factor = frf_unit(text, f"{path}: column {function.channel.label}") if text else (kind, 1.0)
+        if own_kind and not (own_kind in QUOTIENT and kind in QUOTIENT):
+            kinds.add(own_kind)
         values.append(factor * function.values)
     if len(kinds) != 1:
-        what = f"are in units of {' and '.join(sorted(kinds))}" if kinds else "have no unit"
-        raise InputError(f"the values {what}; give the kind (--kind), and their unit (--unit)", path)
+        problem = f"are in units of {' and '.join(sorted(kinds))}" if kinds else "have no unit"
+        raise InputError(f"the values {problem}; give the kind (--kind), and their unit (--unit)", path)
     return kinds.pop(), np.array(values)
 
 
@@ -354,7 +352,7 @@ def frf_unit(text: str, where: str) -> tuple[FrfKind, float]:
         return "transmissibility", 1.0
     for place in [k for k, letter in enumerate(text) if letter == "/"]:
         try:
-            above, below = (known_unit(part.strip().strip("()[]"), "") for part in (text[:place], text[place + 1 :]))
+            above, below = (known_unit(side.strip().strip("()[]"), "") for side in (text[:place], text[place + 1 :]))
         except InputError:
             continue
         kind = KINDS_OF_UNITS.get((above.quantity, below.quantity))
@@ -363,16 +361,16 @@ def frf_unit(text: str, where: str) -> tuple[FrfKind, float]:
     raise InputError(f"the unit {shown(text)} is none of such a function; give it with --unit, as mm/N or g/N", where)
 
 
-def grid_of(functions: Sequence[SpectralFunction], path: str) -> tuple[tuple[int, int], list[int]]:
+def function_grid(functions: Sequence[SpectralFunction], path: str) -> tuple[tuple[int, int], list[int]]:
     """Return the numbers of outputs and inputs, and the order of the functions, output after output."""
-    outputs = list(dict.fromkeys(one.name for one in functions))
-    inputs = list(dict.fromkeys(one.channel.reference for one in functions))
+    outputs = list(dict.fromkeys(function.name for function in functions))
+    inputs = list(dict.fromkeys(function.channel.reference for function in functions))
     if len(inputs) == 1:
         return (len(functions), 1), list(range(len(functions)))
-    places = {(one.name, one.channel.reference): k for k, one in enumerate(functions)}
+    places = {(function.name, function.channel.reference): k for k, function in enumerate(functions)}
     pairs = [(output, source) for output in outputs for source in inputs]
     missing = next((pair for pair in pairs if pair not in places), None)
     if missing or len(places) != len(functions):
-        what = f"has no function of {missing[0]} for the input {missing[1]}" if missing else "has a function twice"
-        raise InputError(f"{what}; keep the functions of one input, or all of a full matrix", path)
+        problem = f"has no function of {missing[0]} for the input {missing[1]}" if missing else "has a function twice"
+        raise InputError(f"{problem}; keep the functions of one input, or all of a full matrix", path)
     return (len(outputs), len(inputs)), [places[pair] for pair in pairs]

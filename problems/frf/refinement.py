@@ -55,25 +55,30 @@ from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.callbacks import Differentiable, kept
 from ancf_casadi.support.tall import tall_qr
 from problems.decay.limitations import IMPRECISE, MOST_ORDER
-from problems.frf.modal_sum import LARGEST_RATIO, RESIDUAL_POWERS, TrialFit, stacked
+from problems.frf.modal_sum import LARGEST_RATIO, RESIDUAL_POWERS, TrialFit, stack_parts
 from problems.frf.record import FrfRecord, moving_mean
 
 FRF_ADVICE = "give approximate frequencies, ask for fewer modes, or choose a band"
 LOG_BOUNDS = (-30.0, 30.0)  # of the logarithm of B/A, relative to the first guess
 LEAST_STD = 1e-6  # standard deviation, relative to the median of the function
 LEAST_REMAINDER = 0.05  # least 1 - h
-HARMONIC_DISTANCE = 3e-3  # relative, of a mode from a multiple of another one that may be its harmonic
+SIGNIFICANT_SHARE = 8.0  # least squared size of alpha and beta, in their standard errors; 1 in 3000 by chance
+FEWEST_LINES = 3.0  # least number of lines in the half-power bandwidth
+COHERENCE_LINES = 4  # lines on either side over which a variance from the coherence is averaged
+SLOW_VALUES = 100  # complex values in each mean of g, times their relative variance
+CHANCE = 1e-4  # probability below which differences of the means in g are not due to chance
+HARMONIC_DISTANCE = 3e-3  # largest relative distance of a harmonic from a multiple of the frequency of a mode
 
 
 def refine(start: TrialFit) -> tuple[TrialFit, Fit]:
-    """Return the modes that fit best, from a start, and the fit of their frequencies and damping ratios, in turn."""
+    """Refine the modes of a start; return them, and the fit of their frequencies and damping ratios in turn."""
     unknowns, numbers = [], zip(start.bounded.tolist(), start.scales.tolist(), strict=True)
     for mode in range(1, len(start.frequencies) + 1):
         unknowns.append(Unknown(f"frequency_{mode}", *next(numbers), lower=0.0, unit="Hz"))
         unknowns.append(Unknown(f"damping_ratio_{mode}", *next(numbers), lower=0.0, upper=LARGEST_RATIO))
 
     def projected(x: Array) -> tuple[Array, Array]:
-        trial = start.moved(x)
+        trial = start.with_modes(x)
         return trial.weighted_residuals, trial.jacobian
 
     k, count = start.values.shape
@@ -85,7 +90,7 @@ def refine(start: TrialFit) -> tuple[TrialFit, Fit]:
         "advice": FRF_ADVICE,
     }
     fit = least_squares(lambda *x: residuals(cs.vertcat(*x)), unknowns, **settings)
-    return start.moved(fit.values), fit
+    return start.with_modes(fit.values), fit
 
 
 def inflation(trial: TrialFit, fit: Fit) -> float:
@@ -94,8 +99,8 @@ def inflation(trial: TrialFit, fit: Fit) -> float:
     return (samples - len(fit.names)) / (samples - trial.parameters)
 
 
-def corrected(trial: TrialFit, fit: Fit) -> Fit:
-    """Return a fit with a covariance that allows for the fitted coefficients and for noise that functions share."""
+def correct_covariance(trial: TrialFit, fit: Fit) -> Fit:
+    """Correct the covariance of a fit for the fitted coefficients and for noise that functions share."""
     free = ~fit.active_bounds
     covariance = inflation(trial, fit) * fit.covariance
     if trial.values.shape[1] > 1 and free.any() and fit.residual_rms > 0.0:
@@ -105,19 +110,19 @@ def corrected(trial: TrialFit, fit: Fit) -> Fit:
         inverse = np.linalg.inv(scaled)
         eigenvalues, vectors = np.linalg.eigh((scatter + scatter.T) / 2)
         root = (vectors * np.sqrt(np.maximum(eigenvalues, 0.0))) @ vectors.T
-        larger = root @ (np.eye(len(root)) + _shared(trial, q)) @ root
+        larger = root @ (np.eye(len(root)) + _shared_noise(trial, q)) @ root
         covariance[np.ix_(free, free)] = inverse @ larger @ inverse.T
     return replace(fit, covariance=covariance)
 
 
-def _shared(trial: TrialFit, basis: Array) -> Array:
+def _shared_noise(trial: TrialFit, basis: Array) -> Array:
     """Return X, as far as it is positive, for an orthonormal basis of the columns of J (N, n)."""
     k, count = trial.values.shape
     residuals = trial.weights * trial.residuals / np.sqrt(np.maximum(1 - trial.leverage, LEAST_REMAINDER))
     fitted = trial.weights * trial.fitted
     level = float(np.mean(np.abs(residuals) ** 2))
-    parts = basis.reshape(count, 2, k, -1)
-    columns = parts[:, 0] + 1j * parts[:, 1]
+    blocks = basis.reshape(count, 2, k, -1)
+    columns = blocks[:, 0] + 1j * blocks[:, 1]
     x = np.zeros((basis.shape[1], basis.shape[1]))
     for first in range(count):
         for second in range(first):
@@ -125,8 +130,7 @@ def _shared(trial: TrialFit, basis: Array) -> Array:
             relative = fitted[:, first] * fitted[:, second].conj()
             q = np.linalg.qr(np.column_stack([np.ones(k), relative / np.linalg.norm(relative)]))[0]
             share = q.conj().T @ product
-            # squared size of alpha and beta, in their standard errors, from which they count; 1 in 3000 by chance
-            share[np.abs(share) ** 2 < 8.0] = 0.0
+            share[np.abs(share) ** 2 < SIGNIFICANT_SHARE] = 0.0
             if share.any():
                 x += 2 * ((columns[first].conj() * (q @ share)[:, None]).T @ columns[second]).real
     eigenvalues, vectors = np.linalg.eigh((x + x.T) / 2)
@@ -136,15 +140,16 @@ def _shared(trial: TrialFit, basis: Array) -> Array:
 def coefficient_covariance(trial: TrialFit, fit: Fit, function: int) -> Array:
     """Return the covariance of the coefficients of a function, numbered from 0, (c, c), by a corrected fit."""
     (q, triangle), k = trial.factors[function], len(trial.values)
-    own = slice(2 * k * function, 2 * k * (function + 1))
+    rows = slice(2 * k * function, 2 * k * (function + 1))
     scatter = fit.noise.variance * np.eye(len(triangle))
     if fit.noise.spectra:
         padded = np.zeros((len(fit.residuals), q.shape[1]))
-        padded[own] = q
-        scatter = sum((s.form(padded) for s in fit.noise.spectra if own.start <= s.rows.start < own.stop), 0 * scatter)
+        padded[rows] = q
+        spectra = [spectrum for spectrum in fit.noise.spectra if rows.start <= spectrum.rows.start < rows.stop]
+        scatter = sum((spectrum.form(padded) for spectrum in spectra), 0 * scatter)
     inverse, free = np.linalg.inv(triangle), ~fit.active_bounds
     slopes = trial.model.slopes(trial.frequencies, trial.ratios, trial.coefficients[:, function, None])[0]
-    change = -inverse @ (q.T @ stacked(trial.weights[:, function, None] * slopes))[:, free]
+    change = -inverse @ (q.T @ stack_parts(trial.weights[:, function, None] * slopes))[:, free]
     shared = change @ fit.covariance[np.ix_(free, free)] @ change.T
     return np.asarray(inflation(trial, fit) * inverse @ scatter @ inverse.T + shared)
 
@@ -152,17 +157,17 @@ def coefficient_covariance(trial: TrialFit, fit: Fit, function: int) -> Array:
 def limitations(trial: TrialFit, fit: Fit) -> list[str]:
     """Return the limitations of a fit, one sentence each."""
     f, notes = trial.model.frequencies, []
-    for k, (own, ζ) in enumerate(zip(trial.frequencies.tolist(), trial.ratios.tolist(), strict=True), start=1):
-        width = 2 * ζ * own
-        place = int(np.clip(np.searchsorted(f, own), 1, len(f) - 1))
+    for k, (frequency, ζ) in enumerate(zip(trial.frequencies.tolist(), trial.ratios.tolist(), strict=True), start=1):
+        width = 2 * ζ * frequency
+        place = int(np.clip(np.searchsorted(f, frequency), 1, len(f) - 1))
         spacing = float(f[place] - f[place - 1])
-        if width < 3.0 * spacing:  # fewer than three lines in the half-power bandwidth
+        if width < FEWEST_LINES * spacing:
             notes.append(
                 f"mode {k}: its half-power bandwidth of {width:.3g} Hz holds few frequencies, which are {spacing:.3g} "
                 "Hz apart; leakage in the measurement may add to the damping, and a finer resolution would show it"
             )
-        if own - width / 2 < f[0] or own + width / 2 > f[-1]:
-            notes.append(f"mode {k}: its resonance at {own:.4g} Hz is at the end of the band; widen the band")
+        if frequency - width / 2 < f[0] or frequency + width / 2 > f[-1]:
+            notes.append(f"mode {k}: its resonance at {frequency:.4g} Hz is at the end of the band; widen the band")
         error = fit.standard_errors[f"damping_ratio_{k}"]
         if error > IMPRECISE * ζ:
             notes.append(
@@ -185,17 +190,17 @@ def limitations(trial: TrialFit, fit: Fit) -> list[str]:
 
 
 def harmonics_notes(frequencies: Array) -> list[str]:
-    """Return a note for each mode at whole multiples of whose frequency others lie; frequencies ascend."""
-    notes, named = [], set[int]()
+    """Return a note for each mode that has others at multiples of its frequency; frequencies ascend."""
+    notes, listed = [], set[int]()
     for k, base in enumerate(frequencies.tolist()):
         orders = np.round(frequencies / base)
-        near = np.abs(frequencies / (np.maximum(orders, 1.0) * base) - 1.0) < HARMONIC_DISTANCE
+        is_multiple = np.abs(frequencies / (np.maximum(orders, 1.0) * base) - 1.0) < HARMONIC_DISTANCE
         multiples = [
-            j for j in np.flatnonzero(near & (orders > 1.0) & (orders <= MOST_ORDER)).tolist() if j not in named
+            j for j in np.flatnonzero(is_multiple & (orders > 1.0) & (orders <= MOST_ORDER)).tolist() if j not in listed
         ]
-        if k in named or not multiples:
+        if k in listed or not multiples:
             continue
-        named.update(multiples)
+        listed.update(multiples)
         places = ", ".join(f"{frequencies[j]:.4g} Hz (mode {j + 1}, {orders[j]:.0f} times)" for j in multiples)
         notes.append(
             f"multiples of the {base:.4g} Hz of mode {k + 1} are listed as modes: {places}; they may be harmonics of "
@@ -204,7 +209,7 @@ def harmonics_notes(frequencies: Array) -> list[str]:
     return notes
 
 
-def given_deviations(record: FrfRecord) -> Array:
+def stated_deviations(record: FrfRecord) -> Array:
     """Return the standard deviations (k, F) that a record states, up to a common factor; else those for a first fit."""
     if record.std is not None:
         return record.std.reshape(-1, len(record.frequencies)).T
@@ -213,8 +218,7 @@ def given_deviations(record: FrfRecord) -> Array:
     coherence = np.clip(record.coherence, 1e-6, 1.0)
     variance = np.abs(record.values) ** 2 * (1 - coherence) / coherence
     rows = variance.reshape(-1, len(record.frequencies))
-    # lines on either side over which a variance from the coherence is averaged
-    smooth = np.sqrt(np.array([moving_mean(row, 4) for row in rows]).T)
+    smooth = np.sqrt(np.array([moving_mean(row, COHERENCE_LINES) for row in rows]).T)
     floor = np.median(smooth, axis=0)
     return np.asarray(np.maximum(smooth, 1e-3 * np.where(floor > 0.0, floor, 1.0)))
 
@@ -260,11 +264,10 @@ def _slow_factor(ratio: Array) -> Array:
     scatter = float(np.var(ratio / ratio.mean())) if ratio.any() else 0.0
     if not scatter:
         return np.ones(len(ratio))
-    half = max(math.ceil(100 * min(scatter, 1.0) / 2), 3)  # complex values that a mean in g contains at least
+    half = max(math.ceil(SLOW_VALUES * min(scatter, 1.0) / 2), 3)
     blocks = len(ratio) // (2 * half + 1)
     if blocks < 2:
         return np.ones(len(ratio))
     means = np.array([block.mean() for block in np.array_split(ratio, blocks)])
     excess = float(np.sum((means / ratio.mean() - 1) ** 2)) * len(ratio) / blocks / scatter
-    # probability of means in g that differ so much by chance
-    return moving_mean(ratio, half) if excess > chdtri(blocks - 1, 1e-4) else np.ones(len(ratio))
+    return moving_mean(ratio, half) if excess > chdtri(blocks - 1, CHANCE) else np.ones(len(ratio))

@@ -24,16 +24,17 @@ from problems.frf.record import FrfRecord
 from problems.frf.refinement import (
     FRF_ADVICE,
     coefficient_covariance,
-    corrected,
+    correct_covariance,
     first_deviations,
-    given_deviations,
     inflation,
     limitations,
     refine,
+    stated_deviations,
 )
 from problems.matching.measured_modes import MeasuredModes
 
 GREY = "#b0b0b0"
+MOST_DRAWN = 4  # functions in a figure; of more, those with the largest residuals
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +74,8 @@ class FrfFit(LeastSquaresResult):
     notes: tuple[str, ...] = ()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle without the functions of CasADi, which are made again."""
-        return refined, (self.record, self.refinement, self.notes, self.again)
+        """Pickle without the functions of CasADi, which the other process derives again."""
+        return refine_result, (self.record, self.refinement, self.notes, self.again)
 
     @property
     def frequencies(self) -> Array:
@@ -117,10 +118,10 @@ class FrfFit(LeastSquaresResult):
     @cached_property
     def shapes(self) -> ComplexArray:
         """Mode shapes at the outputs (m, outputs), complex; the largest component is 1."""
-        left, _, _ = np.linalg.svd(self.constants)
-        first = left[:, :, 0]
-        largest = np.take_along_axis(first, np.abs(first).argmax(axis=1)[:, None], axis=1)
-        return np.asarray(first / largest)
+        left_vectors, _, _ = np.linalg.svd(self.constants)
+        principal = left_vectors[:, :, 0]
+        largest = np.take_along_axis(principal, np.abs(principal).argmax(axis=1)[:, None], axis=1)
+        return np.asarray(principal / largest)
 
     def synthesised(self, frequencies: ArrayLike | None = None) -> ComplexArray:
         """Return the fitted functions, (outputs, inputs, k), at given frequencies, Hz, or those of the record."""
@@ -150,14 +151,15 @@ class FrfFit(LeastSquaresResult):
         if points is None or len(points) < 2 or std is None:
             return MeasuredModes(tuple(self.frequencies.tolist()), frequency_std=std)
         inputs = np.abs(self.constants).max(axis=1).argmax(axis=1)
-        chosen = [self.constant_errors[k, :, column].real for k, column in enumerate(inputs)]
-        sizes = [np.abs(self.constants[k, :, column]).max() for k, column in enumerate(inputs)]
+        modes = np.arange(len(inputs))  # the input of each mode with the largest constant
+        sizes = np.abs(self.constants[modes, :, inputs]).max(axis=1)
+        shape_std = self.constant_errors[modes, :, inputs].real / sizes[:, None]
         return MeasuredModes(
             tuple(self.frequencies.tolist()),
             frequency_std=std,
             points=tuple(points),
             shapes=tuple(map(tuple, self.shapes.real.tolist())),
-            shape_std=tuple(tuple((own / size).tolist()) for own, size in zip(chosen, sizes, strict=True)),
+            shape_std=tuple(map(tuple, shape_std.tolist())),
         )
 
     def _profiles(self, level: float) -> dict[str, Interval]:
@@ -192,12 +194,12 @@ class FrfFit(LeastSquaresResult):
         model = ModalSum.of(record.frequencies, record.kind, trial.model.powers)
         if 2 * len(values) < 2 * len(trial.frequencies) + len(model.powers):
             raise InputError(f"has too few frequencies, {len(values)}, for {len(trial.frequencies)} modes", "record")
-        deviations = given_deviations(record)
-        found = TrialFit(model, values, 1 / deviations, trial.frequencies, trial.ratios)
-        parts = self.fit.errors_of(found.jacobian).reshape(values.shape[1], 2, -1)
-        errors = np.hypot(*np.nan_to_num(parts).swapaxes(0, 1)).T * deviations
+        deviations = stated_deviations(record)
+        prediction = TrialFit(model, values, 1 / deviations, trial.frequencies, trial.ratios)
+        part_errors = self.fit.errors_of(prediction.jacobian).reshape(values.shape[1], 2, -1)
+        errors = np.hypot(*np.nan_to_num(part_errors).swapaxes(0, 1)).T * deviations
         noise = np.sqrt(np.mean(first_deviations(values) ** 2, axis=0))
-        columns = zip(record.names(), values.T, found.fitted.T, errors.T, noise.tolist(), strict=True)
+        columns = zip(record.names(), values.T, prediction.fitted.T, errors.T, noise.tolist(), strict=True)
         channels = tuple(
             PredictedChannel(name, record.unit, measured, fitted, error, record.frequencies, "frequency, Hz", std)
             for name, measured, fitted, error, std in columns
@@ -209,10 +211,10 @@ class FrfFit(LeastSquaresResult):
         trial = self.refinement
         real, imaginary = noise.reshape(trial.values.shape[1], 2, -1).swapaxes(0, 1)
         scaled = inflation(trial, self.fit) ** 0.5 * (real + 1j * imaginary).T / trial.weights
-        found = quick_fit(replace(trial, values=trial.fitted + scaled))
-        if found is None:
+        fit = quick_fit(replace(trial, values=trial.fitted + scaled))
+        if fit is None:
             raise FitError(f"the functions do not determine the modes; {FRF_ADVICE}")
-        return np.column_stack([found.frequencies, found.ratios]).ravel()
+        return np.column_stack([fit.frequencies, fit.ratios]).ravel()
 
     def table(self) -> Table:
         """Return frequencies and damping ratios of the modes."""
@@ -225,17 +227,18 @@ class FrfFit(LeastSquaresResult):
             error, ratio_error = (self.standard_errors[f"{name}_{k}"] for name in ("frequency", "damping_ratio"))
             percent = [known(100 * x) for x in (ratio_error, *intervals[f"damping_ratio_{k}"])]
             rows.append((k, f, known(error), 100 * ζ, *percent))
-            own = zip(self.record.names(), self.constants[k - 1].flat, self.constant_errors[k - 1].flat, strict=True)
-            constants += [(k, name, float(c.real), float(e.real), float(c.imag), float(e.imag)) for name, c, e in own]
+            values, errors = self.constants[k - 1].flat, self.constant_errors[k - 1].flat
+            for name, c, e in zip(self.record.names(), values, errors, strict=True):
+                constants.append((k, name, float(c.real), float(e.real), float(c.imag), float(e.imag)))
         f, functions = self.record.frequencies, self.record.outputs * self.record.inputs
         kind = self.record.kind.replace("-", " ") + (" functions" if functions > 1 else " function")
         title = f"Modes from {functions} {kind} at {len(f)} frequencies, {f[0]:.4g} to {f[-1]:.4g} Hz"
         columns = ("mode", "frequency_Hz", "stderr_Hz", "damping_%", "stderr_%", "lower_95_%", "upper_95_%")
         unit = "" if self.record.unit == "1" else ", 1/kg"
-        of_constants = ("mode", "function", "real", "stderr", "imaginary", "stderr")
+        constant_columns = ("mode", "function", "real", "stderr", "imaginary", "stderr")
         return (
             Table("modes", title, columns, rows, [self.fit.colour()]),
-            Table("constants", f"Modal constants{unit}", of_constants, constants),
+            Table("constants", f"Modal constants{unit}", constant_columns, constants),
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -246,11 +249,10 @@ class FrfFit(LeastSquaresResult):
             for name, suffix in (("frequency", "_hz"), ("damping_ratio", "")):
                 mode[f"{name}_stderr{suffix}"] = known(self.standard_errors[f"{name}_{k}"])
                 mode[f"{name}_interval{suffix}"] = [known(end) for end in intervals[f"{name}_{k}"]]
-            parts = {"constants": self.constants, "constants_stderr": self.constant_errors, "shape": self.shapes}
-            for name, values in parts.items():
-                mode[f"{name}_real"], mode[f"{name}_imaginary"] = (
-                    part.tolist() for part in (values[k - 1].real, values[k - 1].imag)
-                )
+            arrays = ("constants", self.constants), ("constants_stderr", self.constant_errors), ("shape", self.shapes)
+            for name, values in arrays:
+                mode[f"{name}_real"] = values[k - 1].real.tolist()
+                mode[f"{name}_imaginary"] = values[k - 1].imag.tolist()
             modes.append(mode)
         return {
             **super().to_dict(),
@@ -261,18 +263,16 @@ class FrfFit(LeastSquaresResult):
         }
 
 
-def refined(record: FrfRecord, start: TrialFit, notes: tuple[str, ...], again: Callable[[Any], Any]) -> FrfFit:
-    """Return the result of a fit from a start."""
+def refine_result(record: FrfRecord, start: TrialFit, notes: tuple[str, ...], again: Callable[[Any], Any]) -> FrfFit:
+    """Refine a start, and return the result of the fit."""
     trial, fit = refine(start)
-    return FrfFit(corrected(trial, fit), record, trial, fit, notes, again=again)
+    return FrfFit(correct_covariance(trial, fit), record, trial, fit, notes, again=again)
 
 
 def _constant_errors(trial: TrialFit, fit: Fit, function: int) -> ComplexArray:
     """Return standard errors of real and imaginary parts of the modal constants of a function (m,)."""
     covariance, size = coefficient_covariance(trial, fit, function), 2 * len(trial.ratios)
-    (aa, ab), (_, bb) = (
-        [np.diag(covariance[i:size:2, j:size:2]) for j in range(2)] for i in range(2)
-    )  # of a and b of each mode
+    aa, ab, bb = (np.diag(covariance[i:size:2, j:size:2]) for i, j in ((0, 0), (0, 1), (1, 1)))  # of each mode
     ω, ζ = 2 * np.pi * trial.frequencies, trial.ratios
     return np.asarray(np.sqrt(aa - 2 * ζ * ω * ab + (ζ * ω) ** 2 * bb) + 1j * ω * np.sqrt((1 - ζ**2) * bb))
 
@@ -287,7 +287,7 @@ def frf_figure(fits: Mapping[str, FrfFit]) -> Figure:
     measured = record.columns.T
     fitted = fit.synthesised().reshape(measured.shape)
     misfit = np.linalg.norm(fitted - measured, axis=1) / np.linalg.norm(measured, axis=1)
-    drawn = np.sort(np.argsort(misfit)[::-1][:4]).tolist()  # functions; of more, those with the largest residuals
+    drawn = np.sort(np.argsort(misfit)[::-1][:MOST_DRAWN]).tolist()
     columns = [
         [
             Curve("measured", record.frequencies, measured[k], MEASURED),

@@ -42,13 +42,18 @@ from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, ComplexArray, Index, Mask
 from ancf_casadi.support.optional import library
 from ancf_casadi.support.tall import inner, tall_qr, tall_times, tall_triangle
-from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, TrialFit, quick_fit, stacked
+from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, TrialFit, quick_fit, stack_parts
 from problems.frf.refinement import fitted_deviations
 
-VERY_STRONG = 10.0  # difference of BIC that leaves no doubt
+VERY_STRONG = 10.0  # difference of BIC that is very strong evidence
 RATIO_RANGE = (1e-5, 0.6)  # least and largest damping ratio of a candidate
 RATIO_GRID = (3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.25)  # damping ratios to try at a given frequency
 POLE_WIDTHS, POLE_DISTANCE = 0.3, 2e-3  # distance of equal poles, relative to their half-width, and to their frequency
+LEAST_ORDERS, LEAST_ORDER_SHARE = 4, 0.25  # orders at which a recurring pole occurs, and their share of all orders
+LEAST_BANDWIDTH = 0.1  # half-power bandwidth of a mode, in distances of lines
+LARGEST_MODE_RATIO = 0.5  # damping ratio beyond which a pole is no mode
+EQUAL_POLES = 0.2  # distance of two poles, in half-power half-widths, below which they are one mode
+TRIED_CANDIDATES = 3  # candidates that are tried before the modes count as complete
 MODULE = "sdypy.EMA"
 MOST_FRF_MODES = 20
 TRIAL_TOLERANCE = 1e-6  # of trial fits, relative; a mode that is needed changes the sum of squares by 1e-3 and more
@@ -61,7 +66,7 @@ LINES_PER_BANDWIDTH = 5.0  # half-power bandwidth, in bins
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Possible modes."""
+    """Poles that may be modes."""
 
     frequencies: Array  # natural frequencies, Hz, (c,)
     ratios: Array  # damping ratios, (c,)
@@ -69,9 +74,9 @@ class Candidates:
 
 
 def candidate_poles(frequencies: Array, values: ComplexArray) -> Candidates:
-    """Return the poles of all orders in the band, and those among them that recur."""
+    """Find the poles of all orders in the band, and those that recur."""
     ema = library(MODULE, "finds the poles", "sdypy-EMA, or give approximate frequencies", "sdypy-EMA")
-    f, rows = _equally_spaced(frequencies, values.T)
+    f, rows = _interpolate_lines(frequencies, values.T)
     order = max(2, min(40, len(f) // 3))  # at least three lines per order
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -80,47 +85,46 @@ def candidate_poles(frequencies: Array, values: ComplexArray) -> Candidates:
             model.get_poles(method="lscf", show_progress=False)
         except np.linalg.LinAlgError:
             raise FitError("sdypy-EMA finds no poles; give approximate frequencies") from None
-    found = np.concatenate([np.asarray(part, dtype=float) for part in model.pole_freq])
-    ratios = np.concatenate([np.asarray(part, dtype=float) for part in model.pole_xi])
-    orders = np.repeat(np.arange(len(model.pole_freq)), [len(part) for part in model.pole_freq])
-    inside = (found >= f[0]) & (found <= f[-1]) & (ratios > RATIO_RANGE[0]) & (ratios < RATIO_RANGE[1])
+    f_k, ζ = np.concatenate(model.pole_freq).astype(float), np.concatenate(model.pole_xi).astype(float)
+    orders = np.repeat(np.arange(len(model.pole_freq)), list(map(len, model.pole_freq)))
+    inside = (f_k >= f[0]) & (f_k <= f[-1]) & (ζ > RATIO_RANGE[0]) & (ζ < RATIO_RANGE[1])
     if not inside.any():
         raise FitError("sdypy-EMA finds no poles in the band; give approximate frequencies")
-    return Candidates(found[inside], ratios[inside], _recurring(found[inside], ratios[inside], orders[inside]))
+    poles = f_k[inside], ζ[inside]
+    return Candidates(*poles, _find_recurring(*poles, orders[inside]))
 
 
-def _recurring(frequencies: Array, ratios: Array, orders: Index) -> Index:
+def _find_recurring(frequencies: Array, ratios: Array, orders: Index) -> Index:
     """Return the indices of poles that occur at many orders, most often first, one for each group of near ones."""
     poles = frequencies * (-ratios + 1j * np.sqrt(1 - ratios**2))
     width = frequencies * ratios
     distance = np.abs(poles[:, None] - poles)
-    near = distance < POLE_WIDTHS * width[:, None] + POLE_DISTANCE * frequencies[:, None]
-    times = np.array([len(np.unique(orders[row])) for row in near])
-    found: list[int] = []
-    for k in np.argsort(-times, kind="stable").tolist():
-        # a recurring pole occurs at four orders, and at a quarter of all
-        if times[k] < max(4, 0.25 * (orders.max() + 1)):
+    is_near = distance < POLE_WIDTHS * width[:, None] + POLE_DISTANCE * frequencies[:, None]
+    order_counts = np.array([len(np.unique(orders[row])) for row in is_near])
+    recurring: list[int] = []
+    for k in np.argsort(-order_counts, kind="stable").tolist():
+        if order_counts[k] < max(LEAST_ORDERS, LEAST_ORDER_SHARE * (orders.max() + 1)):
             break
-        if all(distance[k, other] > width[k] + POLE_DISTANCE * frequencies[k] for other in found):
-            found.append(k)
-    return np.array(found, dtype=np.int64)
+        if (distance[k, recurring] > width[k] + POLE_DISTANCE * frequencies[k]).all():
+            recurring.append(k)
+    return np.array(recurring, dtype=np.int64)
 
 
 def poles_near(model: ModalSum, values: ComplexArray, frequencies: Array) -> Candidates:
     """Return one mode for each given frequency, Hz, with the damping ratio of a grid that explains the values best."""
-    measured, ratios = stacked(values), np.full(len(frequencies), RATIO_GRID[len(RATIO_GRID) // 2])
+    measured, ratios = stack_parts(values), np.full(len(frequencies), RATIO_GRID[len(RATIO_GRID) // 2])
     for k in list(range(len(frequencies))) * 2:  # two sweeps over the modes
-        rests = []
+        squares = []
         for ζ in RATIO_GRID:
             ratios[k] = ζ
-            columns = stacked(model.columns(frequencies, ratios))
+            columns = stack_parts(model.columns(frequencies, ratios))
             triangle = tall_triangle(np.hstack([columns / np.linalg.norm(columns, axis=0), measured]))
-            rests.append(np.sum(triangle[columns.shape[1] :] ** 2))
-        ratios[k] = RATIO_GRID[int(np.argmin(rests))]
+            squares.append(np.sum(triangle[columns.shape[1] :] ** 2))
+        ratios[k] = RATIO_GRID[int(np.argmin(squares))]
     return Candidates(frequencies, ratios, np.arange(len(frequencies)))
 
 
-def _equally_spaced(frequencies: Array, rows: ComplexArray) -> tuple[Array, ComplexArray]:
+def _interpolate_lines(frequencies: Array, rows: ComplexArray) -> tuple[Array, ComplexArray]:
     """Return equally spaced lines, interpolated if those given are not."""
     even = np.linspace(frequencies[0], frequencies[-1], len(frequencies))
     # largest deviation of lines from equal spacing, relative to the spacing
@@ -140,14 +144,14 @@ class SecondPole:
     frequency: float  # of the second pole, Hz
 
     def is_near(self, fit: TrialFit, mode: int) -> bool:
-        """Return whether the pole is one of a mode of a fit, by its position."""
+        """Return whether the pole belongs to a mode of a fit, by its frequency."""
         f = float(fit.frequencies[mode])
         return abs(self.mode - f) < f * float(fit.ratios[mode])
 
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """The functions and the rules of a choice."""
+    """The functions, their standard deviations, and the rules by which modes are chosen."""
 
     values: ComplexArray  # measured, one column per function, (k, F)
     deviations: Array  # their standard deviations, as given by the record, or to begin with, (k, F)
@@ -155,17 +159,17 @@ class Selection:
     candidates: Candidates
     count: int | None  # of the modes; if None, as many as are needed, each distinct from noise by its damping alone
 
-    def fit(self, model: ModalSum, f: Array, ζ: Array, deviations: Array | None = None) -> TrialFit | None:
-        """Return the fit of some modes, without those that are dropped; None if it fails."""
-        weights = 1 / (self.deviations if deviations is None else deviations)
-        while self.has_room(model, len(f)):
-            fit = quick_fit(TrialFit(model, self.values, weights, f, ζ), TRIAL_TOLERANCE)
+    def fit(self, start: TrialFit, deviations: Array | None = None) -> TrialFit | None:
+        """Fit the modes of a start, and drop those that are not distinct; return None if the fit fails."""
+        start = replace(start, weights=1 / (self.deviations if deviations is None else deviations))
+        while self.has_room(start.model, len(start.frequencies)):
+            fit = quick_fit(start, TRIAL_TOLERANCE)
             if fit is None:
                 return None
-            kept = self._kept(fit)
-            if kept.all():
+            is_distinct = self._distinct_modes(fit)
+            if is_distinct.all():
                 return fit
-            f, ζ = fit.frequencies[kept], fit.ratios[kept]
+            start = replace(start, frequencies=fit.frequencies[is_distinct], ratios=fit.ratios[is_distinct])
         return None
 
     def has_room(self, model: ModalSum, modes: int) -> bool:
@@ -174,11 +178,11 @@ class Selection:
         parameters = 2 * modes + count * (2 * modes + len(model.powers))
         return parameters <= 0.5 * 2 * self.values.size  # share of the residuals that parameters may be
 
-    def weighted(self, fit: TrialFit) -> TrialFit:
+    def reweight(self, fit: TrialFit) -> TrialFit:
         """Return the fit with the weights that follow from its residuals; the fit itself if that fails."""
-        return self.fit(fit.model, fit.frequencies, fit.ratios, self.deviations_of(fit)) or fit
+        return self.fit(fit, self.estimate_deviations(fit)) or fit
 
-    def deviations_of(self, fit: TrialFit, amplitude: Array | None = None) -> Array:
+    def estimate_deviations(self, fit: TrialFit, amplitude: Array | None = None) -> Array:
         """Return the standard deviations that follow from the residuals of a fit, or those given.
 
         The amplitudes on which they depend are those of the fit, if not given.
@@ -188,14 +192,13 @@ class Selection:
         level = (np.abs(fit.fitted) if amplitude is None else amplitude) / np.sqrt(fit.model.bin_sizes)[:, None]
         return fitted_deviations(fit.residuals, level, fit.leverage)
 
-    def needed(self, larger: TrialFit, model: ModalSum, f: Array, ζ: Array) -> bool:
-        """Return whether a fit is clearly better than the smaller one with this model and these modes."""
-        smaller = self.fit(model, f, ζ, self.deviations_of(larger))
+    def is_needed(self, larger: TrialFit, start: TrialFit) -> bool:
+        """Return whether a fit is clearly better than the smaller one from a start."""
+        smaller = self.fit(start, self.estimate_deviations(larger))
         if smaller is None:
             return True
-        deviations = self.deviations_of(larger, np.maximum(np.abs(larger.fitted), np.abs(smaller.fitted)))
-        refined = self.fit(larger.model, larger.frequencies, larger.ratios, deviations)
-        smaller = self.fit(model, smaller.frequencies, smaller.ratios, deviations) or smaller
+        deviations = self.estimate_deviations(larger, np.maximum(np.abs(larger.fitted), np.abs(smaller.fitted)))
+        refined, smaller = self.fit(larger, deviations), self.fit(smaller, deviations) or smaller
         if refined is None or len(refined.frequencies) < len(larger.frequencies):
             return False
         samples = 2 * self.values.size
@@ -206,19 +209,17 @@ class Selection:
         threshold = (refined.parameters - smaller.parameters) * math.log(effective) + VERY_STRONG
         return bool(gain > threshold)
 
-    def _kept(self, fit: TrialFit) -> Mask:
-        """Return which modes of a fit are not dropped."""
+    def _distinct_modes(self, fit: TrialFit) -> Mask:
+        """Return True for the modes of a fit within the band, visible at its lines, and different from one another."""
         f, ζ, lines = fit.frequencies, fit.ratios, fit.model.frequencies
-        kept = (f >= lines[0]) & (f <= lines[-1])
+        is_distinct = (f >= lines[0]) & (f <= lines[-1])
         if self.count is None:
             place = np.clip(np.searchsorted(lines, f), 1, len(lines) - 1)
-            # a mode has a tenth of the distance of two lines as half-power bandwidth, and no heavy damping
-            kept &= (2 * ζ * f > 0.1 * (lines[place] - lines[place - 1])) & (ζ < 0.5)
+            is_distinct &= (2 * ζ * f > LEAST_BANDWIDTH * (lines[place] - lines[place - 1])) & (ζ < LARGEST_MODE_RATIO)
         poles = f * (-ζ + 1j * np.sqrt(1 - ζ**2))
         width = np.maximum(f * ζ, np.finfo(float).tiny)
-        # distance of two modes, in half-power half-widths, below which they are one
-        close = np.abs(poles[:, None] - poles) < 0.2 * np.minimum(width[:, None], width)
-        return np.asarray(kept & ~np.tril(close, -1).any(axis=1))
+        close = np.abs(poles[:, None] - poles) < EQUAL_POLES * np.minimum(width[:, None], width)
+        return np.asarray(is_distinct & ~np.tril(close, -1).any(axis=1))
 
 
 def bins(frequencies: Array, candidates: Candidates) -> Index | None:
@@ -238,27 +239,27 @@ def bins(frequencies: Array, candidates: Candidates) -> Index | None:
 
 
 def select_modes(selection: Selection, model: ModalSum) -> tuple[TrialFit, list[str]]:
-    """Return the fit of the modes that the functions show, or of the given number, and notes of poles that are none."""
+    """Choose and fit the modes that the functions show, or a given number; return the fit and notes of second poles."""
     for powers in RESIDUAL_POWERS:
-        more = replace(model, powers=powers)
-        if selection.has_room(more, len(selection.candidates.recurring) or (selection.count or 1)):
-            model = more
-    best, second_poles = _reduced(selection, _beginning(selection, model)), list[SecondPole]()
+        larger_model = replace(model, powers=powers)
+        if selection.has_room(larger_model, len(selection.candidates.recurring) or (selection.count or 1)):
+            model = larger_model
+    best, second_poles = _remove_modes(selection, _start_fit(selection, model)), list[SecondPole]()
     if selection.count is None:
-        best = _merged(selection, best, second_poles)
-    best = _extended(selection, best, second_poles)
+        best = _merge_second_poles(selection, best, second_poles)
+    best = _add_candidates(selection, best, second_poles)
     if not len(best.frequencies):
         raise FitError("no mode was found in the band; give approximate frequencies, or a band with a resonance")
     for powers in RESIDUAL_POWERS[: RESIDUAL_POWERS.index(best.model.powers)][::-1]:
-        fewer = replace(best.model, powers=powers)
-        if selection.needed(best, fewer, best.frequencies, best.ratios):
+        fewer = replace(best, model=replace(best.model, powers=powers))
+        if selection.is_needed(best, fewer):
             break
-        best = selection.fit(fewer, best.frequencies, best.ratios, selection.deviations_of(best)) or best
+        best = selection.fit(fewer, selection.estimate_deviations(best)) or best
     return best, second_poles_note(second_poles)
 
 
 def second_poles_note(second_poles: Sequence[SecondPole]) -> list[str]:
-    """Return one note that names all second poles; none if there are none."""
+    """Return one note that names all second poles; an empty list without any."""
     if not second_poles:
         return []
     places = ", ".join(f"near {pole.mode:.4g} Hz (second pole at {pole.frequency:.4g} Hz)" for pole in second_poles)
@@ -268,19 +269,18 @@ def second_poles_note(second_poles: Sequence[SecondPole]) -> list[str]:
     ]
 
 
-def _merged(selection: Selection, best: TrialFit, second_poles: list[SecondPole]) -> TrialFit:
-    """Return the fit without the second poles of modes, which are added to the list."""
-    while (pair := _one_mode(best)) is not None:
-        f, ζ = np.delete(best.frequencies, pair[1]), np.delete(best.ratios, pair[1])
-        fewer = selection.fit(best.model, f, ζ, selection.deviations_of(best))
+def _merge_second_poles(selection: Selection, best: TrialFit, second_poles: list[SecondPole]) -> TrialFit:
+    """Remove the second poles of modes from a fit, and add them to the list."""
+    while (pair := _find_second_pole(best)) is not None:
+        fewer = selection.fit(best.without(pair[1]), selection.estimate_deviations(best))
         if fewer is None:
             break
         second_poles.append(SecondPole(*best.frequencies[list(pair)].tolist()))
-        best = selection.weighted(fewer)
+        best = selection.reweight(fewer)
     return best
 
 
-def _one_mode(fit: TrialFit) -> tuple[int, int] | None:
+def _find_second_pole(fit: TrialFit) -> tuple[int, int] | None:
     """Return the positions of a mode and of its second pole; None if all are modes."""
     f, width, importance = fit.frequencies, fit.frequencies * fit.ratios, _importance(fit)
     constants = fit.model.constants(f, fit.ratios, fit.coefficients)
@@ -289,64 +289,66 @@ def _one_mode(fit: TrialFit) -> tuple[int, int] | None:
     close = (np.abs(f[:, None] - f) < width[:, None] + width) & (assurance > SAME_SHAPE) & ~np.eye(len(f), dtype=bool)
     if not close.any():
         return None
-    other = int(np.argmin(np.where(close.any(axis=0), importance, np.inf)))
-    return int(np.argmax(np.where(close[other], importance, -np.inf))), other
+    second = int(np.argmin(np.where(close.any(axis=0), importance, np.inf)))
+    return int(np.argmax(np.where(close[second], importance, -np.inf))), second
 
 
-def _beginning(selection: Selection, model: ModalSum) -> TrialFit:
-    """Return the fit of the recurring poles, of as many as can be fitted."""
-    candidates = selection.candidates
+def _start_fit(selection: Selection, model: ModalSum) -> TrialFit:
+    """Fit the recurring poles, as many as possible."""
+    candidates, weights = selection.candidates, 1 / selection.deviations
     chosen = candidates.recurring[:MOST_FRF_MODES]
-    while len(chosen):
-        fit = selection.fit(model, candidates.frequencies[chosen], candidates.ratios[chosen])
+    while True:
+        start = TrialFit(model, selection.values, weights, candidates.frequencies[chosen], candidates.ratios[chosen])
+        if not len(chosen):
+            return start
+        fit = selection.fit(start)
         if fit is not None:
-            return selection.weighted(fit)
+            return selection.reweight(fit)
         chosen = chosen[:-1]
-    return TrialFit(model, selection.values, 1 / selection.deviations, np.empty(0), np.empty(0))
 
 
-def _reduced(selection: Selection, best: TrialFit) -> TrialFit:
-    """Return the fit without the modes that it does not need, or with the most important ones."""
+def _remove_modes(selection: Selection, best: TrialFit) -> TrialFit:
+    """Remove modes that are not needed, or those beyond a given number, the least important first."""
     while len(best.frequencies) > (selection.count or 0):
-        least = int(np.argmin(_importance(best)))
-        f, ζ = np.delete(best.frequencies, least), np.delete(best.ratios, least)
-        if selection.count is None and selection.needed(best, best.model, f, ζ):
+        start = best.without(int(np.argmin(_importance(best))))
+        if selection.count is None and selection.is_needed(best, start):
             break
-        smaller = selection.fit(best.model, f, ζ, selection.deviations_of(best))
+        smaller = selection.fit(start, selection.estimate_deviations(best))
         if smaller is None:
             break
-        best = selection.weighted(smaller)
+        best = selection.reweight(smaller)
     return best
 
 
 def _importance(fit: TrialFit) -> Array:
-    """Return the sum of squares of the residuals that each mode explains, beside the others."""
-    found = np.zeros(len(fit.frequencies))
-    for (_, triangle), own in zip(fit.factors, fit.coefficients.T, strict=True):
+    """Return the increase of the sum of squares of the residuals when the terms of each mode are left out."""
+    importance = np.zeros(len(fit.frequencies))
+    for (_, triangle), c in zip(fit.factors, fit.coefficients.T, strict=True):
         inverse = np.linalg.inv(triangle)
         covariance = inverse @ inverse.T
-        for k in range(len(found)):
+        for k in range(len(importance)):
             pair = slice(2 * k, 2 * k + 2)
-            found[k] += own[pair] @ np.linalg.solve(covariance[pair, pair], own[pair])
-    return found
+            importance[k] += c[pair] @ np.linalg.solve(covariance[pair, pair], c[pair])
+    return importance
 
 
-def _extended(selection: Selection, best: TrialFit, second_poles: list[SecondPole]) -> TrialFit:
+def _add_candidates(selection: Selection, best: TrialFit, second_poles: list[SecondPole]) -> TrialFit:
     """Return the fit with the candidates that it needs, or that make up the number of modes.
 
     Candidates that are second poles of modes are left out, and the first of each mode is added to the list.
     """
     f, ζ = selection.candidates.frequencies, selection.candidates.ratios
     while len(best.frequencies) < (selection.count or MOST_FRF_MODES):
-        for k in _ranked(best, f, ζ):
-            trial = selection.fit(best.model, np.append(best.frequencies, f[k]), np.append(best.ratios, ζ[k]))
+        for k in _rank_candidates(best, f, ζ):
+            start = replace(best, frequencies=np.append(best.frequencies, f[k]), ratios=np.append(best.ratios, ζ[k]))
+            trial = selection.fit(start)
             if trial is None or len(trial.frequencies) <= len(best.frequencies):
                 continue
-            trial = selection.weighted(trial)
-            pair = None if selection.count else _one_mode(trial)
+            trial = selection.reweight(trial)
+            pair = None if selection.count else _find_second_pole(trial)
             if pair is not None and any(pole.is_near(trial, pair[0]) for pole in second_poles):
                 continue
-            if selection.count or selection.needed(trial, best.model, best.frequencies, best.ratios):
+            if selection.count or selection.is_needed(trial, best):
                 break
         else:
             return best
@@ -362,23 +364,23 @@ def _extended(selection: Selection, best: TrialFit, second_poles: list[SecondPol
     return best
 
 
-def _ranked(fit: TrialFit, frequencies: Array, ratios: Array) -> list[int]:
-    """Return the positions of modes that explain most of the residuals, best first, each apart from those before."""
+def _rank_candidates(fit: TrialFit, frequencies: Array, ratios: Array) -> list[int]:
+    """Return the positions of the candidates that explain most of the residuals, best first, close ones once."""
     level = np.sqrt(np.median(fit.weights**2, axis=0))
-    rest = stacked(fit.residuals * level)
-    q = tall_qr(stacked(fit.columns))[0]
+    residuals = stack_parts(fit.residuals * level)
+    q = tall_qr(stack_parts(fit.columns))[0]
     explained = []
     for f, ζ in zip(frequencies, ratios, strict=True):
-        own = stacked(fit.model.modal(np.array([f]), np.array([ζ])))
-        own = own / np.linalg.norm(own, axis=0)
-        own -= tall_times(q, inner(q, own))
-        explained.append(float(np.sum(inner(tall_qr(own)[0], rest) ** 2)))
-    best: list[int] = []
+        mode_columns = stack_parts(fit.model.modal(np.array([f]), np.array([ζ])))
+        mode_columns = mode_columns / np.linalg.norm(mode_columns, axis=0)
+        mode_columns -= tall_times(q, inner(q, mode_columns))
+        explained.append(float(np.sum(inner(tall_qr(mode_columns)[0], residuals) ** 2)))
+    ranked: list[int] = []
     width = frequencies * ratios
     for k in np.argsort(explained)[::-1].tolist():
         # distance of two different candidates, in sums of half-power half-widths
-        if (np.abs(frequencies[k] - frequencies[best]) > width[k] + width[best]).all():
-            best.append(k)
-        if len(best) == 3:  # candidates that are tried before the modes count as complete
+        if (np.abs(frequencies[k] - frequencies[ranked]) > width[k] + width[ranked]).all():
+            ranked.append(k)
+        if len(ranked) == TRIED_CANDIDATES:
             break
-    return best
+    return ranked

@@ -40,16 +40,18 @@ from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.assembly import structure_properties
 from problems.matching.unknowns import PAPER_UNKNOWNS, Global, PerElement, PropertyUnknown, Smooth, check_bounds
 
-SMALLEST_FACTOR = 1e-7  # factor: a property never vanishes
+SMALLEST_FACTOR = 1e-7  # least factor, so that no property vanishes
 WEIGHT = 1e-8  # a change of 1 in one factor costs as much as a relative frequency error of 1e-4
+GUESS_ROUNDING = 1e-12  # excess of a guess over its bound that is rounding
+SMOOTHNESS = 50.0  # default weight of smoothness relative to that of least change
 PATCHES = 20.0  # c of PerElement: a fraction 1/c of the beam counts as a global property
 
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """The N unknowns m of a beam, the F factors that follow, one per global property or element, and their bounds."""
+    """The N unknowns m of a beam, the F factors that they determine, one per global property or element, and bounds."""
 
-    beam: Beam  # the given one
+    beam: Beam  # the given beam
     unknowns: tuple[PropertyUnknown, ...] = PAPER_UNKNOWNS
     bounds: float = 0.10  # largest relative change of a property whose unknown states no bounds
 
@@ -65,15 +67,15 @@ class DesignSpace:
             check_instance(unknown, "unknowns", Global, PerElement, Smooth)
         if not self.unknowns:
             raise InputError("nothing may change; give at least one property", "unknowns")
-        given = [unknown.name for unknown in self.unknowns]
-        for name in given:
-            if given.count(name) > 1:
-                raise InputError(f"{name} is given {given.count(name)} times; give it once", "unknowns")
+        names = [unknown.name for unknown in self.unknowns]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError(f"{name} is given {names.count(name)} times; give it once", "unknowns")
             if lumped_kind(name) and not lumped_value(self.beam, name):
                 raise InputError(f"the beam has no {name} to change; give the beam a first value of it", "unknowns")
-        if "natural_curvature" in given:
+        if "natural_curvature" in names:
             check_curvature(self.beam)
-        if given.count("spring_stiffness") and {"spring_x", "spring_y"} & set(map(lumped_kind, given)):
+        if names.count("spring_stiffness") and {"spring_x", "spring_y"} & set(map(lumped_kind, names)):
             raise InputError("spring_stiffness contains the other springs; give one or the other", "unknowns")
         _ = self.shapes  # which are checked
 
@@ -82,7 +84,7 @@ class DesignSpace:
         """T of each property."""
         return [unknown.shape(self.beam.elements) for unknown in self.unknowns]
 
-    def _repeated(self, values: Sequence[float], axis: int) -> Array:
+    def _repeat(self, values: Sequence[float], axis: int) -> Array:
         """Return a value of each property for each of its factors (axis 0) or unknowns (axis 1)."""
         return np.repeat(values, [shape.shape[axis] for shape in self.shapes])
 
@@ -94,22 +96,18 @@ class DesignSpace:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the unknowns: those of their factors, and of smooth properties the degree of the polynomial."""
-        return tuple(
-            name
-            for unknown in self.unknowns
-            for name in (
-                [f"{unknown.name}~L{j}" for j in range(unknown.terms)]
-                if isinstance(unknown, Smooth)
-                else self._factors_of(unknown)
-            )
-        )
+        names = list[str]()
+        for unknown in self.unknowns:
+            terms = range(unknown.terms) if isinstance(unknown, Smooth) else ()
+            names += [f"{unknown.name}~L{j}" for j in terms] or self._factor_labels(unknown)
+        return tuple(names)
 
     @cached_property
     def factor_names(self) -> tuple[str, ...]:
         """Names of the factors, those of elements with their number from 1."""
-        return tuple(name for unknown in self.unknowns for name in self._factors_of(unknown))
+        return tuple(name for unknown in self.unknowns for name in self._factor_labels(unknown))
 
-    def _factors_of(self, unknown: PropertyUnknown) -> list[str]:
+    def _factor_labels(self, unknown: PropertyUnknown) -> list[str]:
         elements = range(1, self.beam.elements + 1)
         return [unknown.name] if isinstance(unknown, Global) else [f"{unknown.name}[{i}]" for i in elements]
 
@@ -121,43 +119,44 @@ class DesignSpace:
     @cached_property
     def standard(self) -> Array:
         """Values m_0 of the unknowns at the given beam, (N,)."""
-        return self._repeated([0.0 if isinstance(unknown, Smooth) else 1.0 for unknown in self.unknowns], 1)
+        return self._repeat([0.0 if isinstance(unknown, Smooth) else 1.0 for unknown in self.unknowns], 1)
 
     @cached_property
     def single(self) -> Mask:
         """True for the factors that are unknowns themselves, false for those of smooth properties, (F,)."""
-        return self._repeated([not isinstance(unknown, Smooth) for unknown in self.unknowns], 0) > 0
+        return self._repeat([not isinstance(unknown, Smooth) for unknown in self.unknowns], 0) > 0
 
     @property
     def _limits(self) -> list[tuple[float, float]]:
         """Least and largest change of the factors of each property."""
-        own = (self.bounds if unknown.relative_bounds is None else unknown.relative_bounds for unknown in self.unknowns)
-        return [(max(-width, SMALLEST_FACTOR - 1), width) for width in own]
+        widths = [self.bounds if u.relative_bounds is None else u.relative_bounds for u in self.unknowns]
+        return [(max(-width, SMALLEST_FACTOR - 1), width) for width in widths]
 
     @cached_property
-    def given(self) -> Array:
+    def given_properties(self) -> Array:
         """Properties of the given beam, (4 n + lumped,)."""
         return structure_properties(Model(self.beam))
 
     @cached_property
     def given_values(self) -> Array:
         """Values in the given beam of the properties with a factor, (F,); the mean of those that change as a whole."""
-        own = ((unknown, self.given[property_rows(self.beam, unknown.name)]) for unknown in self.unknowns)
-        return np.concatenate([[p.mean()] if isinstance(unknown, Global) else p for unknown, p in own])
+        values = [self.given_properties[property_rows(self.beam, unknown.name)] for unknown in self.unknowns]
+        pairs = zip(self.unknowns, values, strict=True)
+        return np.concatenate([[p.mean()] if isinstance(unknown, Global) else p for unknown, p in pairs])
 
     def by_property(self, values: Array) -> dict[str, Array]:
         """Return values (F, ...) of the factors by the name of their property."""
-        parts = np.split(values, np.cumsum([len(shape) for shape in self.shapes])[:-1])
-        return {unknown.name: part for unknown, part in zip(self.unknowns, parts, strict=True)}
+        blocks = np.split(values, np.cumsum([len(shape) for shape in self.shapes])[:-1])
+        return {unknown.name: block for unknown, block in zip(self.unknowns, blocks, strict=True)}
 
     @cached_property
     def directions(self) -> Array:
         """Derivatives of the properties by the unknowns, (4 n + lumped, N)."""
-        found, columns = np.zeros((len(self.given), self.size)), iter(range(self.size))
+        directions, columns = np.zeros((len(self.given_properties), self.size)), iter(range(self.size))
         for unknown, shape in zip(self.unknowns, self.shapes, strict=True):
             for column in shape.T:
-                found[property_rows(self.beam, unknown.name), next(columns)] = column
-        return self.given[:, None] * found
+                directions[property_rows(self.beam, unknown.name), next(columns)] = column
+        return self.given_properties[:, None] * directions
 
     def changes(self, m: Array) -> Array:
         """Return the relative changes of the factors, (F,)."""
@@ -165,22 +164,22 @@ class DesignSpace:
 
     def properties(self, m: Array) -> Array:
         """Return the properties, (4 n + lumped,)."""
-        return np.asarray(self.given + self.directions @ (m - self.standard))
+        return np.asarray(self.given_properties + self.directions @ (m - self.standard))
 
-    def changed(self, m: Array) -> Beam:
+    def changed_beam(self, m: Array) -> Beam:
         """Return the beam with these properties."""
         return changed_model(Model(self.beam), self.properties(m)).beam
 
     def room(self, m: Array) -> tuple[Array, Array]:
         """Return the changes of the factors that lead to the lower and to the upper bounds, (F,) each."""
-        lower, upper = (self._repeated(side, 0) for side in zip(*self._limits, strict=True))
+        lower, upper = (self._repeat(side, 0) for side in zip(*self._limits, strict=True))
         return lower - self.changes(m), upper - self.changes(m)
 
-    def of_unknowns(self, values: Array, otherwise: float) -> Array:
-        """Return values (F,) of the factors for the unknowns that are such factors, and a number for others, (N,)."""
-        found = np.full(self.size, otherwise)
-        found[self.map[self.single].argmax(axis=1)] = values[self.single]
-        return found
+    def from_factors(self, values: Array, otherwise: float) -> Array:
+        """Return values (F,) of the factors by unknown, (N,), with a default for unknowns that are no factors."""
+        unknown_values = np.full(self.size, otherwise)
+        unknown_values[self.map[self.single].argmax(axis=1)] = values[self.single]
+        return unknown_values
 
     def at_bound(self, m: Array) -> tuple[str, ...]:
         """Return the names of the factors that are at a bound."""
@@ -197,7 +196,7 @@ class DesignSpace:
             raise InputError(f"needs {self.size} values, one per unknown, got {m.size}", "guess")
         below, above = self.room(m)
         excess = np.maximum(below, -above)
-        if excess.max() > 1e-12:  # more than rounding
+        if excess.max() > GUESS_ROUNDING:
             k = int(excess.argmax())
             low, value, high = (1 + self.changes(m)[k] + room for room in (below[k], 0.0, above[k]))
             raise InputError(
@@ -207,14 +206,14 @@ class DesignSpace:
 
     def random(self, generator: np.random.Generator) -> Array:
         """Return random values within the bounds: uniform factors, and smooth changes of uniformly distributed size."""
-        parts = []
-        for unknown, shape, (least, most) in zip(self.unknowns, self.shapes, self._limits, strict=True):
+        values = []
+        for unknown, shape, (lower, upper) in zip(self.unknowns, self.shapes, self._limits, strict=True):
             if isinstance(unknown, Smooth):
                 direction = generator.standard_normal(shape.shape[1])
-                parts.append(direction * (-least * generator.uniform() / np.abs(shape @ direction).max()))
+                values.append(direction * (-lower * generator.uniform() / np.abs(shape @ direction).max()))
             else:
-                parts.append(1 + generator.uniform(least, most, len(shape)))
-        return np.concatenate(parts)
+                values.append(1 + generator.uniform(lower, upper, len(shape)))
+        return np.concatenate(values)
 
 
 @dataclass(frozen=True)
@@ -288,6 +287,5 @@ class Smoothness(LeastChange):
     def matrix(self, space: DesignSpace, default: float = math.nan) -> Array:
         """Return the matrix of the quadratic form, (N, N), with the given or else the default weight."""
         steps = scipy.linalg.block_diag(*(np.diff(shape, axis=0) for shape in space.shapes))
-        # default weight of smoothness relative to that of least change
-        weight = 50.0 * default if self.weight is None else self.weight
+        weight = SMOOTHNESS * default if self.weight is None else self.weight
         return np.asarray(weight * space.beam.elements * steps.T @ steps + LeastChange().matrix(space, default))

@@ -59,6 +59,7 @@ from problems.matching.result import FrequencyMatch
 from problems.matching.unknowns import PAPER_UNKNOWNS, PropertyUnknown
 
 TIE_WEIGHT = 1e-6  # weight of p in worst-error: a mean square change of 1 costs as much as an error of TIE_WEIGHT/2
+SAME_OPTIMUM = (1e-3, 1e-6)  # largest difference of objectives of the same optimum, relative and absolute
 MATCHING_OPTIONS: dict[str, Any] = {
     "no_nlp_grad": True,  # CasADi would differentiate the callbacks twice, and cannot
     "ipopt.tol": 1e-8,
@@ -150,22 +151,23 @@ def match_frequencies(
     check_instance(preference, "preference", LeastChange, Smoothness, NoneType)
     check_instance(priors, "priors", Mapping, NoneType)
     starts, jobs, seed = whole(starts, "starts", 1, 10_000), whole(jobs, "jobs", 1), whole(seed, "seed", 0)
-    first = space.check_guess(guess)
-    began = time.perf_counter()
-    known = _with_priors(space, priors or {})
-    if known and not (measured.frequency_std and objective == "least-squares"):
+    first_values = space.check_guess(guess)
+    start_time = time.perf_counter()
+    prior_properties = _prior_properties(space, priors or {})
+    if prior_properties and not (measured.frequency_std and objective == "least-squares"):
         raise InputError("need frequency_std of the targets, and the objective least-squares, to be weighed", "priors")
-    matching = Matching(space, measured, preference or LeastChange(), objective, known)
+    matching = Matching(space, measured, preference or LeastChange(), objective, prior_properties)
     _ = matching.standard
-    build_seconds = time.perf_counter() - began
+    build_seconds = time.perf_counter() - start_time
 
     generator = np.random.default_rng(seed)
-    points = [first, *(space.random(generator) for _ in range(starts - 1))]
+    points = [first_values, *(space.random(generator) for _ in range(starts - 1))]
     attempts = run_all([partial(_attempt, matching, point) for point in points], executor=executor, jobs=jobs)
     optima = [attempt for attempt in attempts if isinstance(attempt, NlpSolution)]
     if not optima:
         raise next(attempt for attempt in attempts if isinstance(attempt, NumericsError))
     best = min(optima, key=lambda optimum: optimum.objective)
+    tolerance = SAME_OPTIMUM[0] * best.objective + SAME_OPTIMUM[1]
     m, free = best.x[: space.size], space.single
     multipliers = np.empty(len(free))
     multipliers[free] = np.abs(space.map[free] @ best.bound_multipliers[: space.size])
@@ -174,7 +176,7 @@ def match_frequencies(
     settings = {"unknowns": space.unknowns, "bounds": bounds, "preference": preference, "objective": objective}
     settings |= {"priors": priors, "guess": guess, "starts": starts, "seed": seed}
     return FrequencyMatch(
-        beam=space.changed(m),
+        beam=space.changed_beam(m),
         targets=measured.frequencies,
         standard=tuple(matching.standard.frequencies.tolist()),
         frequencies=tuple(state.frequencies.tolist()),
@@ -184,24 +186,25 @@ def match_frequencies(
         matching=matching,
         unknowns=m,
         modes=tuple((state.numbers + 1).tolist()),
-        mac=_mac(matching, state) if measured.shapes else None,
+        mac=_shape_mac(matching, state) if measured.shapes else None,
         residuals=matching.residuals(m) / matching.unit,
         multipliers=multipliers,
         identifiability=Identifiability(matching, m),
         starts=starts,
-        # largest relative difference of objectives that count as the same optimum
-        reached=sum(optimum.objective - best.objective <= 1e-3 * best.objective + 1e-6 for optimum in optima),
+        reached=sum(optimum.objective <= best.objective + tolerance for optimum in optima),
         failed=starts - len(optima),
         again=partial(_again, beam, **settings),
     )
 
 
-def _with_priors(space: DesignSpace, priors: Priors) -> tuple[Unknown, ...]:
+def _prior_properties(space: DesignSpace, priors: Priors) -> tuple[Unknown, ...]:
     """Return the properties with priors."""
     check_keys(dict(priors), set(), set(space.factor_names), "priors")
-    given = dict(zip(space.factor_names, space.given_values.tolist(), strict=True))
-    every = [Unknown(name, given[name], lower=0.0 if given[name] > 0.0 else -math.inf) for name in priors]
-    return tuple(with_prior(one, priors[one.name]) for one in every)
+    values = dict(zip(space.factor_names, space.given_values.tolist(), strict=True))
+    return tuple(
+        with_prior(Unknown(name, values[name], lower=0.0 if values[name] > 0.0 else -math.inf), prior)
+        for name, prior in priors.items()
+    )
 
 
 def _again(beam: Beam, targets: Any, **settings: Any) -> FrequencyMatch:
@@ -210,12 +213,12 @@ def _again(beam: Beam, targets: Any, **settings: Any) -> FrequencyMatch:
 
 def _attempt(matching: Matching, start: Array) -> NlpSolution | NumericsError:
     try:
-        return _solution(matching, start)
+        return _solve_program(matching, start)
     except NumericsError as error:
         return error
 
 
-def _solution(matching: Matching, start: Array) -> NlpSolution:
+def _solve_program(matching: Matching, start: Array) -> NlpSolution:
     """Solve the program of a matching from a start within the bounds; m comes first among its variables."""
     space, size, at_start = matching.space, matching.space.size, matching.residuals(start)
     count, worst = len(at_start), matching.objective == "worst-error"
@@ -227,13 +230,13 @@ def _solution(matching: Matching, start: Array) -> NlpSolution:
         # test_smallest_worst_error fails with t itself: CasADi 3.8 derives a scalar beside a callback wrongly
         limit = cs.repmat(t, targets, 1)
         constraints, f, weights = cs.vertcat(errors - limit, errors + limit), t, LeastChange(TIE_WEIGHT).matrix(space)
-        least, most = np.repeat([[-math.inf, 0.0], [0.0, math.inf]], targets, axis=1)
-        first, lowest = np.abs(at_start[:targets] * relative).max(keepdims=True), 0.0
+        constraint_lower, constraint_upper = np.repeat([[-math.inf, 0.0], [0.0, math.inf]], targets, axis=1)
+        first_auxiliary, lowest_auxiliary = np.abs(at_start[:targets] * relative).max(keepdims=True), 0.0
     else:
         constraints, f = r - math.sqrt(WEIGHT) * t, cs.dot(t, t) / 2
-        weights, least = matching.preference_matrix * (matching.unit**2 / WEIGHT), np.zeros(count)
-        most = least
-        first, lowest = at_start / math.sqrt(WEIGHT), -math.inf
+        weights = matching.preference_matrix * (matching.unit**2 / WEIGHT)
+        constraint_lower = constraint_upper = np.zeros(count)
+        first_auxiliary, lowest_auxiliary = at_start / math.sqrt(WEIGHT), -math.inf
     change = m - cs.DM(space.standard)
     f += cs.bilin(cs.sparsify(cs.DM(weights)), change, change) / 2
     g = cs.vertcat(constraints, rows @ change)
@@ -242,25 +245,25 @@ def _solution(matching: Matching, start: Array) -> NlpSolution:
     curvature = Differentiable(  # its own derivatives are never asked for
         lambda z: (matching.curvature(z[:size], z[size:]).ravel(), np.empty(0)), size**2, size + count
     )
-    σ, y, no_parameter = cs.MX.sym("sigma"), cs.MX.sym("y", g.numel()), cs.MX.sym("p", 0)
-    of_m = cs.reshape(curvature(cs.vertcat(m, cs.jtimes(g, r, y, True))), size, size)
-    of_residuals = cs.diagcat(of_m, cs.DM(t.numel(), t.numel()))
-    of_lagrangian = cs.triu(σ * cs.hessian(f, x)[0] + of_residuals)
-    hessian = cs.Function("hess_lag", [x, no_parameter, σ, y], [of_lagrangian])
-    below, above = space.room(space.standard)
+    σ, y, no_parameters = cs.MX.sym("sigma"), cs.MX.sym("y", g.numel()), cs.MX.sym("p", 0)
+    residual_curvature = cs.reshape(curvature(cs.vertcat(m, cs.jtimes(g, r, y, True))), size, size)
+    curvature_block = cs.diagcat(residual_curvature, cs.DM(t.numel(), t.numel()))
+    lagrangian_curvature = cs.triu(σ * cs.hessian(f, x)[0] + curvature_block)
+    hessian = cs.Function("hess_lag", [x, no_parameters, σ, y], [lagrangian_curvature])
+    lower, upper = space.room(space.standard)
     return solve_nlp(
         {"x": x, "f": f, "g": cs.substitute(g, r, computed(m))},
-        np.concatenate([start, first]),
-        lower=np.concatenate([space.standard + space.of_unknowns(below, -math.inf), np.full(t.numel(), lowest)]),
-        upper=np.concatenate([space.standard + space.of_unknowns(above, math.inf), np.full(t.numel(), math.inf)]),
-        constraint_lower=np.concatenate([least, below[~space.single]]),
-        constraint_upper=np.concatenate([most, above[~space.single]]),
+        np.append(start, first_auxiliary),
+        lower=np.append(space.standard + space.from_factors(lower, -math.inf), np.full(t.numel(), lowest_auxiliary)),
+        upper=np.append(space.standard + space.from_factors(upper, math.inf), np.full(t.numel(), math.inf)),
+        constraint_lower=np.append(constraint_lower, lower[~space.single]),
+        constraint_upper=np.append(constraint_upper, upper[~space.single]),
         options={**MATCHING_OPTIONS, "hess_lag": hessian},
         advice="give another guess, more starts or other bounds, or let fewer properties change",
     )
 
 
-def _mac(matching: Matching, state: ModalState) -> Array:
+def _shape_mac(matching: Matching, state: ModalState) -> Array:
     """Return the MAC of the measured shapes with all of the lowest modes at the optimum, followed or not."""
     free = matching.model.freedoms
     # modes above the highest followed mode that the MAC includes

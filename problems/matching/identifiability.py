@@ -1,4 +1,4 @@
-"""Properties of a beam that the measured modes determine, and those that they leave open.
+"""Properties of a beam that the measured modes determine, and those that they do not.
 
 With the Jacobian J of the residuals by the unknowns m at the optimum, the singular value decomposition J = U S V^T
 separates the combinations that the data determine, the rows of V^T with a nonzero singular value, from the null space
@@ -36,6 +36,7 @@ from problems.matching.response import Matching
 from problems.matching.unknowns import Global
 
 RANK_TOLERANCE = 1e-6  # times the largest singular value; smaller ones count as zero
+NULL_SHARE = 1e-6  # relative part of a factor in the null space below which the data determine the factor
 BOUND_ROUNDING = 1e-9  # excess over a bound that may be due to rounding
 # order of the columns in the row reduction of the exponents
 PROPERTY_ORDER = ("elastic_modulus", "thickness", "density", "width")  # and then the lumped ones
@@ -85,7 +86,7 @@ class Identifiability:
 
     @cached_property
     def spread(self) -> Array:
-        """Least and greatest value of each factor among the beams that fit the data equally well, (F, 2)."""
+        """Least and greatest value of each factor over the beams that fit the data equally well, (F, 2)."""
         lower, upper = self.room
         if self.rank == self.space.size:
             return np.column_stack([self.factors, self.factors])
@@ -113,18 +114,18 @@ class Identifiability:
         """Return the minimum of t^T dm, with t a row, over the null space within the bounds; nan if none is found."""
         space, (lower, upper) = self.space, self.room
         rows = space.map[~space.single]
-        found = scipy.optimize.linprog(
+        program = scipy.optimize.linprog(
             row,
             A_eq=self.determined,
             b_eq=np.zeros(self.rank),
             A_ub=np.concatenate([rows, -rows]),
             b_ub=np.concatenate([upper[~space.single], -lower[~space.single]]),
-            bounds=list(zip(space.of_unknowns(lower, -math.inf), space.of_unknowns(upper, math.inf), strict=True)),
+            bounds=list(zip(space.from_factors(lower, -math.inf), space.from_factors(upper, math.inf), strict=True)),
         )
-        return math.nan if not found.success or found.fun is None else float(found.fun)
+        return math.nan if not program.success or program.fun is None else float(program.fun)
 
     @cached_property
-    def held(self) -> Mask:
+    def at_bound(self) -> Mask:
         """Unknowns at a bound, which count as known, (N,)."""
         return np.isin(self.space.names, self.space.at_bound(self.values))
 
@@ -137,15 +138,15 @@ class Identifiability:
 
     @cached_property
     def _spectrum(self) -> tuple[Array, Array, Mask]:
-        """Eigenvalues and eigenvectors of the information on the unknowns that are not held, and those not zero."""
-        values, directions = np.linalg.eigh(self._information * np.outer(~self.held, ~self.held))
+        """Eigenvalues and eigenvectors of the information on the unknowns within bounds, and the nonzero ones."""
+        values, directions = np.linalg.eigh(self._information * np.outer(~self.at_bound, ~self.at_bound))
         return values, directions, values > RANK_TOLERANCE**2 * values[-1]
 
     @cached_property
     def covariance(self) -> Array:
         """Covariance of the unknowns, (N, N), for the combinations that data and prior determine."""
-        values, directions, known = self._spectrum
-        return np.asarray((directions[:, known] / values[known]) @ directions[:, known].T)
+        values, directions, determined = self._spectrum
+        return np.asarray((directions[:, determined] / values[determined]) @ directions[:, determined].T)
 
     @cached_property
     def factor_covariance(self) -> Array:
@@ -154,12 +155,11 @@ class Identifiability:
         Nan for factors that are not determined or are at a bound, and if no standard deviation is known.
         """
         rows = self.space.map
-        found = rows @ self.covariance @ rows.T
+        covariance = rows @ self.covariance @ rows.T
         _, directions, determined = self._spectrum
-        loose = directions[:, ~determined]
-        # relative part of a factor in the null space, below which the data determine the factor
-        known = np.linalg.norm(rows @ loose, axis=1) < 1e-6 * np.linalg.norm(rows, axis=1)
-        return np.where(np.outer(known, known) & self.matching.noisy, found, math.nan)
+        undetermined = directions[:, ~determined]
+        is_determined = np.linalg.norm(rows @ undetermined, axis=1) < NULL_SHARE * np.linalg.norm(rows, axis=1)
+        return np.where(np.outer(is_determined, is_determined) & self.matching.noisy, covariance, math.nan)
 
     @property
     def standard_errors(self) -> Array:
@@ -177,23 +177,24 @@ class Identifiability:
         g = cs.vertcat(cs.bilin(cs.DM(information), z, z), rows[smooth, :] @ z)
         ends = []
         for sign in (1.0, -1.0):
-            found = solve_nlp(
+            solution = solve_nlp(
                 {"x": z, "f": sign * (rows[factor, :] @ z), "g": g},
                 np.zeros(space.size),
-                lower=space.of_unknowns(below, -math.inf) / size,
-                upper=space.of_unknowns(above, math.inf) / size,
+                lower=space.from_factors(below, -math.inf) / size,
+                upper=space.from_factors(above, math.inf) / size,
                 constraint_lower=np.append(-math.inf, below[smooth]),
                 constraint_upper=np.append(1.0, above[smooth]),
                 options={"ipopt.tol": 1e-8, "ipopt.bound_relax_factor": 0.0},
             )
-            ends.append(float(self.factors[factor]) + sign * found.objective)
+            ends.append(float(self.factors[factor]) + sign * solution.objective)
         return ends[0], ends[1]
 
     @cached_property
     def exponents(self) -> tuple[tuple[str, ...], Array]:
-        """The G global unknowns, and the exponents, (r, G), of the products that the data determine, all else held."""
-        given = {unknown.name for unknown in self.space.unknowns if isinstance(unknown, Global)}
-        names = tuple(name for name in (*PROPERTY_ORDER, *sorted(given - {*PROPERTY_ORDER})) if name in given)
+        """The G global unknowns, and the exponents (r, G) of the products that the data determine, all else fixed."""
+        global_names = {unknown.name for unknown in self.space.unknowns if isinstance(unknown, Global)}
+        names = tuple(name for name in PROPERTY_ORDER if name in global_names)
+        names += tuple(sorted(global_names.difference(names)))
         if not names:
             return (), np.zeros((0, 0))
         columns = [self.space.names.index(name) for name in names]
@@ -205,17 +206,17 @@ class Identifiability:
     def statements(self) -> tuple[str, ...]:
         """Return sentences that say which combinations of the unknowns the data determine."""
         size = self.space.size
-        who = "The data and the priors" if self.matching.priors else "The data"
-        said = [
-            f"{who} determine {self.rank} independent combinations of the {size} unknowns; the preference selects "
+        source = "The data and the priors" if self.matching.priors else "The data"
+        sentences = [
+            f"{source} determine {self.rank} independent combinations of the {size} unknowns; the preference selects "
             "the rest."
             if self.rank < size
-            else f"{who} determine all {size} unknowns."
+            else f"{source} determine all {size} unknowns."
         ]
         names, rows = self.exponents
         if names and len(rows) < len(names):
             products = [product(names, row) for row in rows]
-            held = "" if len(names) == size else ", with everything else held"
-            found = f"only {' and '.join(products)}" if products else "nothing"
-            said.append(f"Of {', '.join(names)}, they determine {found}{held}.")
-        return tuple(said)
+            condition = "" if len(names) == size else ", with everything else held"
+            determined = f"only {' and '.join(products)}" if products else "nothing"
+            sentences.append(f"Of {', '.join(names)}, they determine {determined}{condition}.")
+        return tuple(sentences)

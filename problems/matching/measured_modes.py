@@ -23,7 +23,7 @@ from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.inputs import is_sequence, numbers, physical, positive, shown
 from ancf_casadi.support.tables import Displayed, counted, spread
 
-SMALLEST_STD = 1e-12  # relative standard deviation
+SMALLEST_STD = 1e-12  # least relative standard deviation
 
 
 @dataclass(frozen=True)
@@ -72,10 +72,10 @@ class MeasuredModes(Displayed):
 
     def __post_init__(self) -> None:
         """Validate."""
-        given: Any = self.frequencies
-        if not is_sequence(given):
-            raise InputError(f"must be a sequence of frequencies, got {shown(given)}", "targets")
-        frequencies = tuple(physical(frequency, "targets") for frequency in given)
+        frequencies: Any = self.frequencies
+        if not is_sequence(frequencies):
+            raise InputError(f"must be a sequence of frequencies, got {shown(frequencies)}", "targets")
+        frequencies = tuple(physical(frequency, "targets") for frequency in frequencies)
         if not frequencies:
             raise InputError("needs at least one frequency", "targets")
         object.__setattr__(self, "frequencies", frequencies)
@@ -126,11 +126,11 @@ class MeasuredModes(Displayed):
 
     def mac(self, displacements: Array) -> Array:
         """Return the MAC of the measured shapes and of c computed ones (k, c), (m, c); 0 if these do not move."""
-        known = self.measured
-        shapes = np.where(known, np.array(self.shapes), 0.0)
+        is_measured = self.measured
+        shapes = np.where(is_measured, np.array(self.shapes), 0.0)
         shapes = shapes / np.abs(shapes).max(axis=1, keepdims=True)  # the scale is arbitrary
-        own = (shapes**2).sum(axis=1)[:, None] * (known @ displacements**2)
-        return np.asarray((shapes @ displacements) ** 2 / np.where(own > 0.0, own, 1.0))
+        norms = (shapes**2).sum(axis=1)[:, None] * (is_measured @ displacements**2)
+        return np.asarray((shapes @ displacements) ** 2 / np.where(norms > 0.0, norms, 1.0))
 
     def check_beam(self, beam: Beam) -> None:
         """Raise an ``InputError`` if a point is off the beam, or its mesh has too few modes."""
@@ -155,8 +155,8 @@ class MeasuredModes(Displayed):
                 rows.append(tuple(float(value) for value in shape))
             except (TypeError, ValueError):
                 raise InputError(f"shape {k} must be numbers, or nan if not measured", "shapes") from None
-            known = np.array(rows[-1])[~np.isnan(rows[-1])]
-            if len(known) < 2 or not np.isfinite(known).all() or not known.any():
+            displacements = np.array(rows[-1])[~np.isnan(rows[-1])]
+            if len(displacements) < 2 or not np.isfinite(displacements).all() or not displacements.any():
                 raise InputError(f"shape {k} needs two measured displacements, finite and not all zero", "shapes")
         object.__setattr__(self, "shapes", tuple(rows))
         if self.shape_std is not None:
@@ -164,26 +164,26 @@ class MeasuredModes(Displayed):
                 raise InputError("is missing; with shape_std alone the frequencies have no weight", "frequency_std")
             object.__setattr__(self, "shape_std", self._spread_shape_std(self.shape_std))
 
-    def _spread_shape_std(self, given: Any) -> tuple[tuple[float, ...], ...]:
-        rows = given if is_sequence(given) else [given] * self.count
+    def _spread_shape_std(self, given_std: Any) -> tuple[tuple[float, ...], ...]:
+        rows = given_std if is_sequence(given_std) else [given_std] * self.count
         if len(rows) != self.count:
             raise InputError(f"has {len(rows)} values for {self.count} shapes", "shape_std")
-        found = tuple(_spread(row, len(self.points), "shape_std") for row in rows)
-        for shape, deviations in zip(self.shapes, found, strict=True):
+        shape_std = tuple(_spread(row, len(self.points), "shape_std") for row in rows)
+        for shape, deviations in zip(self.shapes, shape_std, strict=True):
             _check_ratio(np.array(deviations) / np.nanmax(np.abs(shape)), "shape_std")
-        return found
+        return shape_std
 
     def _summary(self) -> str:
         shapes = f", shapes at {len(self.points)} points" if self.shapes else ""
         return f"{counted(len(self.frequencies), 'mode')}, {spread(self.frequencies, 'Hz')}{shapes}"
 
 
-def _spread(given: Any, count: int, where: str) -> tuple[float, ...]:
-    if not is_sequence(given):
-        return (positive(given, where),) * count
-    if len(given) != count:
-        raise InputError(f"has {len(given)} values for {count}", where)
-    return tuple(positive(value, where) for value in given)
+def _spread(deviations: Any, count: int, where: str) -> tuple[float, ...]:
+    if not is_sequence(deviations):
+        return (positive(deviations, where),) * count
+    if len(deviations) != count:
+        raise InputError(f"has {len(deviations)} values for {count}", where)
+    return tuple(positive(value, where) for value in deviations)
 
 
 def _check_ratio(relative: Array, where: str) -> None:

@@ -34,6 +34,8 @@ from problems.matching.design_space import WEIGHT, DesignSpace, LeastChange
 from problems.matching.measured_modes import MeasuredModes
 
 Objective = Literal["least-squares", "worst-error"]
+FURTHER_MODES = 6  # modes searched for a measured shape, beyond twice the number of shapes
+LEAST_MAC = 0.5  # MAC below which a mode of the beam is not the measured one
 
 
 @dataclass(frozen=True)
@@ -61,8 +63,7 @@ class Matching:
         model = Model(self.space.beam)
         count, rigid = self.measured.count, rigid_modes(model)
         if self.measured.shapes:
-            # modes searched for a measured shape, beyond twice the number of shapes
-            count = min(2 * count + 6, model.freedoms - rigid)
+            count = min(2 * count + FURTHER_MODES, model.freedoms - rigid)
         return natural_modes(model, count=rigid + count)
 
     @cached_property
@@ -83,7 +84,7 @@ class Matching:
         mac = self.measured.mac(self.observer @ self.standard_modes.shapes)
         targets, modes = scipy.optimize.linear_sum_assignment(-mac)
         for target, mode in zip(targets.tolist(), modes.tolist(), strict=True):
-            if mac[target, mode] < 0.5:  # MAC below which a mode of the beam is not the measured one
+            if mac[target, mode] < LEAST_MAC:
                 raise InputError(
                     f"no mode of the beam has the shape of target {target + 1} "
                     f"({self.measured.frequencies[target]:g} Hz): the largest MAC is {mac[target].max():.2f}. Check "
@@ -108,7 +109,7 @@ class Matching:
 
         Its default weight is small beside those of the frequencies and of the priors.
         """
-        widest = max([self.unit, *(one.prior_std / abs(one.guess) for one in self.priors)])
+        widest = max([self.unit, *(prior.prior_std / abs(prior.guess) for prior in self.priors)])
         return self.preference.matrix(self.space, WEIGHT / (self.unit * widest))
 
     @cached_property
@@ -128,10 +129,12 @@ class Matching:
         frequencies = state.frequencies + np.array(measured.frequency_std) * noise[: measured.count]
         shapes = np.array(measured.shapes)
         if measured.shape_std is not None:
-            known, std, displacements = measured.measured, np.array(measured.shape_std), self.observer @ state.shapes
-            rest = np.split(noise[measured.count :], np.cumsum(known.sum(axis=1)))[:-1]
-            for psi, σ, v, own, row in zip(shapes, std, displacements.T, known, rest, strict=True):
-                psi[own] = v[own] * ((v / σ**2)[own] @ psi[own]) / ((v / σ**2)[own] @ v[own]) + σ[own] * row
+            stds, displacements = np.array(measured.shape_std), (self.observer @ state.shapes).T
+            shape_noise = np.split(noise[measured.count :], np.cumsum(measured.measured.sum(axis=1)))[:-1]
+            for k, row in enumerate(measured.measured):
+                psi, σ, v = shapes[k, row], stds[k, row], displacements[k, row]
+                weights = v / σ**2
+                shapes[k, row] = v * (weights @ psi) / (weights @ v) + σ * shape_noise[k]
         rows = tuple(map(tuple, shapes.tolist()))
         return replace(measured, frequencies=tuple(frequencies.tolist()), shapes=rows)
 
@@ -139,8 +142,8 @@ class Matching:
         """Return priors whose means are the properties of the unknowns m, plus the last of the noise (R,)."""
         values = dict(zip(self.space.factor_names, self.space.given_values * (1 + self.space.changes(m)), strict=True))
         return {
-            one.name: one.with_mean(float(values[one.name]), float(own))
-            for one, own in zip(self.priors, noise[len(noise) - len(self.priors) :], strict=True)
+            prior.name: prior.with_mean(float(values[prior.name]), deviation)
+            for prior, deviation in zip(self.priors, noise[len(noise) - len(self.priors) :].tolist(), strict=True)
         }
 
     @property
@@ -162,32 +165,33 @@ class Matching:
         x, x_m = self._observations(m), self._observation_jacobian(state)
         _, r_x, r_xx = self._functions
         weights = r_x(x).full().T @ y
-        of_shapes = weights[count : count + count * len(self.observer)].reshape(count, -1) @ self.observer
-        of_observations = hessian(state, self.space.directions, weights[:count], of_shapes)
-        return np.asarray(of_observations + x_m.T @ r_xx(x, y).full() @ x_m)
+        shape_weights = weights[count : count + count * len(self.observer)].reshape(count, -1) @ self.observer
+        observation_curvature = hessian(state, self.space.directions, weights[:count], shape_weights)
+        return np.asarray(observation_curvature + x_m.T @ r_xx(x, y).full() @ x_m)
 
     @cached_property
-    def _known(self) -> Array:
+    def _prior_derivatives(self) -> Array:
         """Derivatives of the properties with priors by the unknowns, (p, N)."""
-        rows = [self.space.factor_names.index(one.name) for one in self.priors]
+        rows = [self.space.factor_names.index(prior.name) for prior in self.priors]
         return np.asarray(self.space.given_values[rows, None] * self.space.map[rows])
 
     def _observations(self, m: Array) -> Array:
-        """Return x: the eigenvalues, the displacements of the points mode by mode, the properties with priors."""
-        state, given = self.state(m), [one.guess for one in self.priors]
-        known = given + self._known @ (m - self.space.standard)
-        return np.concatenate([state.eigenvalues, (self.observer @ state.shapes).T.ravel(), known])
+        """Return x: eigenvalues, displacements of the points mode by mode, and properties with priors."""
+        state = self.state(m)
+        prior_properties = [p.guess for p in self.priors] + self._prior_derivatives @ (m - self.space.standard)
+        return np.concatenate([state.eigenvalues, (self.observer @ state.shapes).T.ravel(), prior_properties])
 
     def _observation_jacobian(self, state: ModalState) -> Array:
         """Return dx/dm, (m + m k + p, N)."""
         count, points = len(state.eigenvalues), len(self.observer)
-        of_eigenvalues = np.eye(count, count + count * points)
-        of_shapes = np.zeros((count, state.model.size, count + count * points))
+        eigenvalue_weights = np.eye(count, count + count * points)
+        shape_weights = np.zeros((count, state.model.size, count + count * points))
         for k in range(count):
             first = count + k * points
-            of_shapes[k, :, first : first + points] = self.observer.T
-        by_property = gradient(state, of_eigenvalues, of_shapes)
-        return np.vstack([np.asarray((scipy.sparse.csr_array(self.space.directions).T @ by_property).T), self._known])
+            shape_weights[k, :, first : first + points] = self.observer.T
+        by_property = gradient(state, eigenvalue_weights, shape_weights)
+        by_unknown = scipy.sparse.csr_array(self.space.directions).T @ by_property
+        return np.vstack([np.asarray(by_unknown.T), self._prior_derivatives])
 
     @cached_property
     def _functions(self) -> tuple[cs.Function, cs.Function, cs.Function]:
@@ -199,13 +203,14 @@ class Matching:
         r = [relative * cs.DM(self.unit / measured.relative_std)]
         if measured.shape_std is not None:
             rows = zip(measured.shapes, measured.shape_std, measured.measured, strict=True)
-            for k, (shape, std, known) in enumerate(rows):
-                psi = cs.DM(np.array(shape)[known] / np.array(std)[known])
-                v = displacements[np.flatnonzero(known).tolist(), k] / cs.DM(np.array(std)[known])
+            for k, (shape, std, is_measured) in enumerate(rows):
+                σ = np.array(std)[is_measured]
+                psi = cs.DM(np.array(shape)[is_measured] / σ)
+                v = displacements[np.flatnonzero(is_measured).tolist(), k] / cs.DM(σ)
                 r.append(self.unit * (psi - v * (cs.dot(v, psi) / cs.dot(v, v))))
-        known = cs.SX.sym("p", len(self.priors))
-        r += [self.unit * one.prior_residual(known[k]) for k, one in enumerate(self.priors)]
-        x, residuals = cs.vertcat(eigenvalues, cs.vec(displacements), known), cs.vertcat(*r)
+        prior_properties = cs.SX.sym("p", len(self.priors))
+        r += [self.unit * prior.prior_residual(prior_properties[k]) for k, prior in enumerate(self.priors)]
+        x, residuals = cs.vertcat(eigenvalues, cs.vec(displacements), prior_properties), cs.vertcat(*r)
         y = cs.SX.sym("y", residuals.numel())
         return (
             cs.Function("r", [x], [residuals]),

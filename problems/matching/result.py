@@ -27,6 +27,10 @@ from problems.matching.measured_modes import MeasuredModes
 from problems.matching.response import Matching
 
 MOST_NAMES = 6  # largest number of bounds that a warning names
+PREFERENCE_ERROR = 1e-5  # largest relative error that a preference leaves if the targets can be met
+LARGEST_DEVIATION = 3.0  # error in standard deviations beyond which a target is out of reach
+LIMITING_MULTIPLIER = 0.01  # least multiplier of a limiting bound, relative to the largest
+SAME_SHAPE = 0.9  # MAC below which two shapes differ visibly
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,10 +127,8 @@ class FrequencyMatch(FitResult):
     def out_of_reach(self) -> bool:
         """True if no beam within the bounds has the measured frequencies."""
         if not self.matching.noisy:
-            # largest relative error that a preference leaves if the targets can be met
-            return self.max_relative_error > 1e-5
-        # error in standard deviations beyond which a target is out of reach
-        return bool(np.abs(self.relative_errors / self.matching.measured.relative_std).max() > 3.0)
+            return self.max_relative_error > PREFERENCE_ERROR
+        return bool(np.abs(self.relative_errors / self.matching.measured.relative_std).max() > LARGEST_DEVIATION)
 
     @cached_property
     def at_bound(self) -> tuple[str, ...]:
@@ -136,7 +138,7 @@ class FrequencyMatch(FitResult):
     @property
     def estimates(self) -> dict[str, float]:
         """Value of each property that may change, SI units."""
-        return self._named(self.identifiability.factors * self._given)
+        return self._named(self.identifiability.factors * self._given_values)
 
     @property
     def units(self) -> dict[str, str]:
@@ -146,7 +148,7 @@ class FrequencyMatch(FitResult):
     @property
     def standard_errors(self) -> dict[str, float]:
         """Standard error of each property that may change, SI units; nan if the data do not determine it."""
-        return self._named(self.identifiability.standard_errors * np.abs(self._given))
+        return self._named(self.identifiability.standard_errors * np.abs(self._given_values))
 
     def intervals(self, level: float = CONFIDENCE_LEVEL) -> dict[str, Interval]:
         """Return the interval of each property that may change, within its bounds; nan if it is not determined.
@@ -156,10 +158,10 @@ class FrequencyMatch(FitResult):
         InputError
             If the level is not between 0 and 1.
         """
-        t, known, given = quantile(level, math.inf), self.identifiability, self._given
-        half, (below, above) = t * known.standard_errors, known.room
-        ends = np.array([np.maximum(-half, below), np.minimum(half, above)])  # nan stays nan
-        low, high = np.sort((known.factors + ends) * given, axis=0).tolist()  # a natural curvature may be negative
+        fit = self.identifiability
+        half, (lower, upper) = quantile(level, math.inf) * fit.standard_errors, fit.room
+        ends = fit.factors + np.array([np.maximum(-half, lower), np.minimum(half, upper)])  # nan stays nan
+        low, high = np.sort(ends * self._given_values, axis=0).tolist()  # a natural curvature may be negative
         return dict(zip(self._names, zip(low, high, strict=True), strict=True))
 
     @property
@@ -167,7 +169,7 @@ class FrequencyMatch(FitResult):
         return self.matching.space.factor_names
 
     @property
-    def _given(self) -> Array:
+    def _given_values(self) -> Array:
         return self.matching.space.given_values
 
     def _named(self, values: Array) -> dict[str, float]:
@@ -176,7 +178,7 @@ class FrequencyMatch(FitResult):
     @property
     def covariance(self) -> Array:
         """Covariance (p, p) of the properties that may change, SI units; nan for those that are not determined."""
-        return np.asarray(self.identifiability.factor_covariance * np.outer(self._given, self._given))
+        return np.asarray(self.identifiability.factor_covariance * np.outer(self._given_values, self._given_values))
 
     @property
     def degrees_of_freedom(self) -> float:
@@ -206,7 +208,7 @@ class FrequencyMatch(FitResult):
         if not self.matching.noisy:
             raise InputError("has no scatter: give the standard deviations of the targets", "fit")
         k = self._names.index(name)
-        low, high = sorted(end * float(self._given[k]) for end in self.identifiability.extremes(k, t**2))
+        low, high = sorted(end * float(self._given_values[k]) for end in self.identifiability.extremes(k, t**2))
         return low, high
 
     def predict(self, record: MeasuredModes | Sequence[float]) -> RecordPrediction:
@@ -221,13 +223,13 @@ class FrequencyMatch(FitResult):
         """
         measured = MeasuredModes.of(record)
         measured.check_beam(self.beam)
-        one, known, m = Matching(self.matching.space, measured), self.identifiability, self.unknowns
-        size, count = np.array(measured.frequencies) * one.relative, measured.count
-        tangents = one.jacobian(m)[:count] * ~known.held
-        errors = size * np.sqrt(np.einsum("ij,jk,ik->i", tangents, known.covariance, tangents))
+        matching, fit, m = Matching(self.matching.space, measured), self.identifiability, self.unknowns
+        size, count = np.array(measured.frequencies) * matching.relative, measured.count
+        tangents = matching.jacobian(m)[:count] * ~fit.at_bound
+        errors = size * np.sqrt(np.einsum("ij,jk,ik->i", tangents, fit.covariance, tangents))
         errors = errors if self.matching.noisy else np.full(count, math.nan)
-        noise = float(np.sqrt(np.mean(np.square(measured.frequency_std or math.nan)))) if one.noisy else math.nan
-        predicted, places = one.state(m).frequencies, np.arange(1.0, count + 1.0)
+        noise = float(np.sqrt(np.mean(np.square(measured.frequency_std or math.nan)))) if matching.noisy else math.nan
+        predicted, places = matching.state(m).frequencies, np.arange(1.0, count + 1.0)
         channel = PredictedChannel(
             "frequency", "Hz", np.array(measured.frequencies), predicted, errors, places, "target", noise
         )
@@ -236,22 +238,21 @@ class FrequencyMatch(FitResult):
     def resampled(self, noise: Array) -> Array:
         """Return the properties (p,) of the match to the modes of this beam plus noise of each residual (m,)."""
         priors = self.matching.synthetic_priors(self.unknowns, noise)
-        found = self.again(self.matching.synthetic(self.unknowns, noise), **({"priors": priors} if priors else {}))
-        return np.array(list(found.estimates.values()))
+        match = self.again(self.matching.synthetic(self.unknowns, noise), **({"priors": priors} if priors else {}))
+        return np.array(list(match.estimates.values()))
 
     @property
     def data_shares(self) -> dict[str, float]:
         """Share of each property with a prior that the data determine, 1 - (standard error/std of the prior)^2."""
         errors = self.standard_errors
-        return {one.name: one.data_share(errors[one.name]) for one in self.matching.priors}
+        return {prior.name: prior.data_share(errors[prior.name]) for prior in self.matching.priors}
 
     @property
     def holding(self) -> tuple[tuple[str, float], ...]:
-        """Active bounds that keep the beam from fitting better, with their multipliers in descending order."""
+        """Active bounds that limit the fit, with their multipliers in descending order."""
         costs = self._named(self.multipliers)
         active = sorted(((name, costs[name]) for name in self.at_bound), key=lambda pair: -pair[1])
-        # least multiplier of a limiting bound, relative to the largest
-        return tuple((name, cost) for name, cost in active if cost > 0.01 * active[0][1])
+        return tuple((name, cost) for name, cost in active if cost > LIMITING_MULTIPLIER * active[0][1])
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -259,35 +260,37 @@ class FrequencyMatch(FitResult):
         notes = []
         if self.out_of_reach:
             names = [name for name, _ in self.holding]
-            more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+            remainder = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
             limit = (
-                f"these bounds keep the beam from fitting better: {', '.join(names[:MOST_NAMES])}{more}; widen them if "
-                "the beam may differ by more, or let other properties change"
+                f"these bounds keep the beam from fitting better: {', '.join(names[:MOST_NAMES])}{remainder}; widen "
+                "them if the beam may differ by more, or let other properties change"
                 if names
                 else "no bound limits the fit; let other properties change"
             )
             worst = f"a frequency error of {100 * self.max_relative_error:.3g} % remains"
             reason = unit_doubt(np.array(self.targets), np.array(self.standard)) or limit
             notes.append(f"the targets are out of reach of these unknowns: {worst}, and {reason}")
-        before = (self.matching.numbers + 1).tolist()
-        if self.mac is None and before != [*self.modes]:
+        given_modes = (self.matching.numbers + 1).tolist()
+        if self.mac is None and given_modes != [*self.modes]:
             notes.append(
                 f"the targets are matched to modes {', '.join(map(str, self.modes))}, which are not the lowest modes "
                 "of the matched beam; give measured shapes to identify the modes"
             )
-        for target, (mode, was) in enumerate(zip(self.modes, before, strict=True), start=1):
-            if mode != was:
-                notes.append(f"target {target} is mode {was} of the given beam, and mode {mode} of the matched one")
-        for k, row in enumerate([] if self.mac is None else self.mac):
-            target, mode, best = k + 1, self.modes[k], int(row.argmax()) + 1
-            own = row[mode - 1]
+        for target, (mode, given_mode) in enumerate(zip(self.modes, given_modes, strict=True), start=1):
+            if mode != given_mode:
+                notes.append(
+                    f"target {target} is mode {given_mode} of the given beam, and mode {mode} of the matched one"
+                )
+        for target, row in enumerate([] if self.mac is None else self.mac, start=1):
+            mode, best = self.modes[target - 1], int(row.argmax()) + 1
+            mac = row[mode - 1]
             if best != mode:
                 notes.append(
                     f"the shape of target {target} is closer to mode {best} than to mode {mode}, which was followed "
-                    f"(MAC {row.max():.2f} and {own:.2f})"
+                    f"(MAC {row.max():.2f} and {mac:.2f})"
                 )
-            elif own < 0.9:  # MAC below which two shapes differ visibly
-                notes.append(f"the shape of target {target} differs from mode {mode}: their MAC is only {own:.2f}")
+            elif mac < SAME_SHAPE:
+                notes.append(f"the shape of target {target} differs from mode {mode}: their MAC is only {mac:.2f}")
         if self.reached < self.starts:
             failed = f"; {self.failed} did not converge" if self.failed else ""
             notes.append(f"{self.reached} of {self.starts} starts ended at this optimum, the best found{failed}")
@@ -295,10 +298,16 @@ class FrequencyMatch(FitResult):
 
     def tables(self) -> tuple[Table, Table]:
         """Return the table of frequencies, and that of properties with the ranges that the data leave open."""
-        own = () if self.mac is None else (self.mac[np.arange(len(self.modes)), np.array(self.modes) - 1].tolist(),)
-        errors = (100 * self.relative_errors).tolist()
-        rows = list(zip(self.modes, self.targets, self.standard, self.frequencies, errors, *own, strict=True))
-        columns = ("mode", "target", "before", "matched", "error_%", "MAC")[: 5 + len(own)]
+        columns = {
+            "mode": self.modes,
+            "target": self.targets,
+            "before": self.standard,
+            "matched": self.frequencies,
+            "error_%": (100 * self.relative_errors).tolist(),
+        }
+        if self.mac is not None:
+            columns["MAC"] = [row[mode - 1] for row, mode in zip(self.mac.tolist(), self.modes, strict=True)]
+        rows = list(zip(*columns.values(), strict=True))
         worst = f"largest relative error {self.max_relative_error:.1e}"
         if self.matching.objective == "worst-error":
             worst += ", the smallest that the bounds allow"
@@ -306,7 +315,7 @@ class FrequencyMatch(FitResult):
         if not self.out_of_reach:
             title += "; lowest and highest value of each that fits equally well"
         return (
-            Table("frequencies", "Natural frequencies, Hz", columns, rows, (worst,)),
+            Table("frequencies", "Natural frequencies, Hz", tuple(columns), rows, (worst,)),
             Table(
                 "properties",
                 title,
@@ -352,9 +361,9 @@ class FrequencyMatch(FitResult):
                 for row in self._properties
             ],
             "priors": [
-                {"name": one.name, "prior": (one.prior[0], one.prior_std), "data_share": finite(share)}
-                for one, share in zip(self.matching.priors, self.data_shares.values(), strict=True)
-                if one.prior
+                {"name": prior.name, "prior": (prior.prior[0], prior.prior_std), "data_share": finite(share)}
+                for prior, share in zip(self.matching.priors, self.data_shares.values(), strict=True)
+                if prior.prior
             ],
             "starts": {"number": self.starts, "reached": self.reached, "failed": self.failed},
             "iterations": self.iterations,
@@ -370,11 +379,11 @@ class FrequencyMatch(FitResult):
     @cached_property
     def _properties(self) -> list[tuple[Any, ...]]:
         """Name, unit, value, change, range and standard error of each property; no range if the fit is out of reach."""
-        known = self.identifiability
-        ranges = np.full((len(known.factors), 2), math.nan) if self.out_of_reach else known.spread
+        factors = self.identifiability.factors
+        ranges = np.full((len(factors), 2), math.nan) if self.out_of_reach else self.identifiability.spread
         values, errors = self.estimates.values(), map(finite, self.standard_errors.values())
-        low, high = ([finite(end) for end in ends] for ends in np.sort(ranges * self._given[:, None], axis=1).T)
-        changes = (known.factors - 1).tolist()
+        low, high = (map(finite, ends) for ends in np.sort(ranges * self._given_values[:, None], axis=1).T)
+        changes = (factors - 1).tolist()
         return list(zip(self._names, self.units.values(), values, changes, low, high, errors, strict=True))
 
 
@@ -383,8 +392,8 @@ def match_figure(matches: Mapping[str, FrequencyMatch]) -> Figure:
     from ancf_casadi import plot  # slow to import: matplotlib
 
     (match,) = matches.values()
-    known, space = match.identifiability, match.matching.space
-    ends = np.column_stack([known.factors, known.factors]) if match.out_of_reach else known.spread
-    changes = {name: own for name, own in space.by_property(ends - 1).items() if not lumped_kind(name)}
+    fit, space = match.identifiability, match.matching.space
+    ends = np.column_stack([fit.factors, fit.factors]) if match.out_of_reach else fit.spread
+    changes = {name: ranges for name, ranges in space.by_property(ends - 1).items() if not lumped_kind(name)}
     targets, standard, matched = map(np.array, (match.targets, match.standard, match.frequencies))
     return plot.match_figure(targets, standard, matched, space.beam, match.beam, changes)

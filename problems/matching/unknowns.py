@@ -38,8 +38,8 @@ def check_bounds(bounds: float, where: str) -> float:
     raise InputError(f"must be {wanted}, got {shown(bounds)}", where)
 
 
-def _check(name: str, bounds: float | None, known: tuple[str, ...] = PROPERTIES) -> None:
-    choice(name, known, "unknowns")
+def _check(name: str, bounds: float | None, names: tuple[str, ...] = PROPERTIES) -> None:
+    choice(name, names, "unknowns")
     if bounds is not None:
         check_bounds(bounds, f"unknowns: {name}: relative_bounds")
 

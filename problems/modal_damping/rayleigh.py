@@ -44,6 +44,8 @@ from ancf_casadi.support.figures import COMPUTED, MEASURED, Figure, literal_text
 from ancf_casadi.support.inputs import is_sequence, numbers, physical, shown
 from ancf_casadi.support.tables import Table, known
 
+LARGEST_DEVIATION = 3.0  # difference from a measured ratio, in standard deviations, beyond which there is a warning
+
 
 @dataclass(frozen=True, eq=False)
 class RayleighFit(LeastSquaresResult):
@@ -98,13 +100,12 @@ class RayleighFit(LeastSquaresResult):
             for name in self.at_bound
         ]
         for k, deviation in enumerate(self.ratio_std or ()):
-            missed = abs(self.ratios[k] - self.measured[k]) / deviation
-            # difference from a measured ratio, in standard deviations, beyond which there is a warning
-            if missed > 3.0:
+            difference = abs(self.ratios[k] - self.measured[k]) / deviation
+            if difference > LARGEST_DEVIATION:
                 notes.append(
                     f"mode {k + 1}, {self.frequencies[k]:.6g} Hz: the fitted damping ratio {self.ratios[k]:.3g} "
-                    f"differs from the measured {self.measured[k]:.3g} by {missed:.1f} standard deviations; use modal "
-                    "damping to match every mode"
+                    f"differs from the measured {self.measured[k]:.3g} by {difference:.1f} standard deviations; use "
+                    "modal damping to match every mode"
                 )
         return tuple(notes)
 
@@ -121,7 +122,7 @@ class RayleighFit(LeastSquaresResult):
         InputError
             If it is not a pair of sequences of equal length, or a value is unusable.
         """
-        f, ζ, _ = _checked(*_pair(record), ratio_std=None)
+        f, ζ, _ = _check_modes(*_split_record(record), ratio_std=None)
         predicted, errors = self.fit.derived(lambda α, β: rayleigh_ratio(f, α, β))
         noise = float(np.mean(self.ratio_std)) if self.ratio_std else self.fit.residual_rms
         channel = PredictedChannel("damping ratio", "", ζ, predicted, np.nan_to_num(errors), f, "frequency, Hz", noise)
@@ -195,46 +196,42 @@ def fit_rayleigh(
     >>> print(f"alpha {fit.alpha:.2f} 1/s, beta {fit.beta:.1e} s")
     alpha 0.24 1/s, beta 2.7e-05 s
     """
-    f, ζ, deviations = _checked(frequencies, ratios, ratio_std)
+    f, ζ, deviations = _check_modes(frequencies, ratios, ratio_std)
     ω, σ = 2 * math.pi * f, np.ones(len(f)) if deviations is None else deviations
     if len(f) < 2:
         raise InputError(f"needs at least 2 modes, got {len(f)}", "frequencies")
-    typical = float(ζ.max()) or 1.0
-    scales = typical * float(ω.min()), typical / float(ω.max())
+    largest = float(ζ.max()) or 1.0
+    α_0, β_0 = largest * float(ω.min()), largest / float(ω.max())
     fit = least_squares(
         lambda α, β: (rayleigh_ratio(f, α, β) - ζ) / σ,
-        [
-            Unknown("alpha", scales[0], scales[0], lower=0.0, unit="1/s"),
-            Unknown("beta", scales[1], scales[1], lower=0.0, unit="s"),
-        ],
+        [Unknown("alpha", α_0, α_0, lower=0.0, unit="1/s"), Unknown("beta", β_0, β_0, lower=0.0, unit="s")],
         gauss_newton=True,
         stated=None if deviations is None else np.ones(len(f), dtype=bool),
     )
     if deviations is not None:  # they are known, whatever the scatter
         fit = replace(fit, covariance=fit.covariance / fit.noise.variance, noise=Noise(1.0, math.inf))
-    std = None if deviations is None else tuple(deviations.tolist())
-    again = partial(_again, ratio_std=ratio_std)
-    return RayleighFit(fit, tuple(f.tolist()), tuple(ζ.tolist()), std, again=again)
+    stds = None if deviations is None else tuple(deviations.tolist())
+    return RayleighFit(fit, tuple(f.tolist()), tuple(ζ.tolist()), stds, again=partial(_refit, ratio_std=ratio_std))
 
 
-def _again(records: Any, ratio_std: float | Sequence[float] | None) -> RayleighFit:
-    return fit_rayleigh(*_pair(records), ratio_std=ratio_std)
+def _refit(records: Any, ratio_std: float | Sequence[float] | None) -> RayleighFit:
+    return fit_rayleigh(*_split_record(records), ratio_std=ratio_std)
 
 
-def _pair(record: Any) -> tuple[Any, Any]:
+def _split_record(record: Any) -> tuple[Any, Any]:
     if not is_sequence(record) or len(record) != 2:
         raise InputError(f"must be frequencies and damping ratios, got {shown(record)}", "records")
-    first, second = record
-    return first, second
+    frequencies, ratios = record
+    return frequencies, ratios
 
 
-def _checked(frequencies: Any, ratios: Any, ratio_std: Any) -> tuple[Array, Array, Array | None]:
+def _check_modes(frequencies: Any, ratios: Any, ratio_std: Any) -> tuple[Array, Array, Array | None]:
     """Return frequencies (m,), Hz, damping ratios (m,), and their standard deviations (m,) if given."""
     f = np.array([physical(frequency, "frequencies") for frequency in numbers(frequencies, "frequencies")])
     ζ, deviations = np.array(numbers(ratios, "ratios")), None
     if ratio_std is not None:
-        given = ratio_std if is_sequence(ratio_std) else [ratio_std] * len(f)
-        deviations = np.array([physical(deviation, "ratio_std") for deviation in given])
+        ratio_stds = ratio_std if is_sequence(ratio_std) else [ratio_std] * len(f)
+        deviations = np.array([physical(deviation, "ratio_std") for deviation in ratio_stds])
     for name, values in (("ratios", ζ), ("ratio_std", deviations)):
         if values is not None and len(values) != len(f):
             raise InputError(f"has {len(values)} values for {len(f)} frequencies", name)

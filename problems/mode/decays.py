@@ -38,23 +38,23 @@ LEAST_FACTOR = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class ModeDecay:
-    """A free decay of the mode, and its fit alone."""
+    """A free decay of the mode, and the separate fit of this decay."""
 
     label: str
-    decay: Measurement  # from the release on, as it is fitted
+    record: Measurement  # from the release on
     model: DecayModel
-    names: tuple[str, ...]  # unknowns of the curve, in the order of the model
-    alone: DecayFit
-    step: float  # to which the record was rounded, 0 if it was not
+    unknown_names: tuple[str, ...]  # unknowns of the curve, in the order of the model
+    separate_fit: DecayFit
+    step: float  # resolution of the record, 0 if its values are not rounded
 
     def rounding(self, values: Mapping[str, float]) -> Array:
         """Return the errors (m, 4) of rounding, for values of the unknowns by name."""
-        own = np.array([values[name] for name in self.names])
-        return rounding_of(self.model, own, self.decay, self.step, self.alone.residual_rms)
+        unknown_values = np.array([values[name] for name in self.unknown_names])
+        return rounding_of(self.model, unknown_values, self.record, self.step, self.separate_fit.residual_rms)
 
-    def curve(self, given: Mapping[str, cs.MX]) -> cs.MX:
+    def curve(self, unknowns: Mapping[str, cs.MX]) -> cs.MX:
         """Return the decay (m,) for unknowns by name, in the unit of the sensor."""
-        return self.model.curve(self.decay.time, *(given[name] for name in self.names))
+        return self.model.curve(self.record.time, *(unknowns[name] for name in self.unknown_names))
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,65 +67,76 @@ class DecayBlock(Block):
     @property
     def lengths(self) -> list[list[int]]:
         """Number of samples of each decay."""
-        return [[len(one.decay.time)] for one in self.decays]
+        return [[len(decay.record.time)] for decay in self.decays]
 
     @property
     def times(self) -> Array:
         """Times of the samples after the release, s."""
-        return np.concatenate([one.decay.time for one in self.decays])
+        return np.concatenate([decay.record.time for decay in self.decays])
 
     @property
     def negligible(self) -> float:
         """Norm of the rounding errors."""
         return float(np.hypot.reduce([
-            least_deviation(one.decay) / std * len(one.decay.time) ** 0.5
-            for one, std in zip(self.decays, self.weights.deviations.tolist(), strict=True)
+            least_deviation(decay.record) / std * len(decay.record.time) ** 0.5
+            for decay, std in zip(self.decays, self.weights.deviations.tolist(), strict=True)
         ]))  # fmt: skip
 
     @property
     def systematic(self) -> float:
         """Root mean square of the rounding of the records to floating-point numbers, in standard deviations."""
-        errors = np.array([rounding_error([one.decay]) for one in self.decays])
+        errors = np.array([rounding_error([decay.record]) for decay in self.decays])
         return self.weights.root_mean_square(errors) / math.sqrt(len(errors))
 
-    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
+    def residuals(self, unknowns: Mapping[str, cs.MX]) -> cs.MX:
         """Return the residuals (m,) for unknowns by name, in standard deviations."""
         pairs = zip(self.decays, self.weights.deviations.tolist(), strict=True)
-        parts: cs.MX = cs.vertcat(*((one.curve(given) - cs.DM(one.decay.values)) / std for one, std in pairs))
-        return parts
+        residuals: cs.MX = cs.vertcat(
+            *((decay.curve(unknowns) - cs.DM(decay.record.values)) / std for decay, std in pairs)
+        )
+        return residuals
 
     def unexplained(self, fitted: Fitted) -> list[tuple[str, float]]:
-        """Return the share of each oscillation, root mean square, that the curve leaves; white noise is none."""
+        """Return the unexplained share of each oscillation, root mean square; white noise does not count."""
         shares = []
         for decay, residuals in zip(self.decays, self.weights.split(fitted.residuals), strict=True):
-            motion = float(np.var(decay.decay.values + residuals))
-            power = oscillating_power(decay.decay.time, residuals, decay.alone.frequency / 2)
+            motion = float(np.var(decay.record.values + residuals))
+            power = oscillating_power(decay.record.time, residuals, decay.separate_fit.frequency / 2)
             shares.append((decay.label, math.sqrt(power / (motion + power))))
         return shares
 
     def account(self, fitted: Fitted) -> Account:
-        """Return size and residual of each decay, and what its own fit says of the record."""
-        parts = [root_mean_square(rest) for rest in self.weights.split(fitted.residuals)]
+        """Return size and residual of each decay, and the notes of its separate fit."""
         lines, notes, data = [], [], []
-        for one, rest in zip(self.decays, parts, strict=True):
-            unit, alone = one.decay.sensor.unit, one.alone
+        for decay, residuals in zip(self.decays, self.weights.split(fitted.residuals), strict=True):
+            unit, separate_fit, residual_rms = decay.record.sensor.unit, decay.separate_fit, root_mean_square(residuals)
             lines.append(
-                f"{one.label}: decay from {alone.release_time:g} s on ({alone.release_reason}), "
-                f"{len(one.decay.time)} samples, residual {rest:.3g} {unit}".rstrip()
+                f"{decay.label}: decay from {separate_fit.release_time:g} s on ({separate_fit.release_reason}), "
+                f"{len(decay.record.time)} samples, residual {residual_rms:.3g} {unit}".rstrip()
             )
-            notes += [f"{one.label}: {note}" for note in alone.notes]
-            data.append({"record": one.label, "samples": len(one.decay.time), "residual_rms": rest, "unit": unit})
+            notes += [f"{decay.label}: {note}" for note in separate_fit.notes]
+            data.append(
+                {"record": decay.label, "samples": len(decay.record.time), "residual_rms": residual_rms, "unit": unit}
+            )
         return Account(lines, notes, {"kind": "decay", "records": data})
 
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:
         """Return measured and computed decays."""
-        found, errors = [], np.split(fitted.errors, np.cumsum([len(one.decay.time) for one in self.decays])[:-1])
-        parts = self.weights.split(fitted.residuals)
-        for one, rest, error, std in zip(self.decays, parts, errors, self.weights.deviations.tolist(), strict=True):
-            y = one.decay.values
-            found.append(PredictedChannel(one.label, one.decay.sensor.unit, y, y + rest, std * error, one.decay.time,
-                                          TIME_AXIS, std))  # fmt: skip
-        return found
+        residuals, errors = self.weights.split(fitted.residuals), self.weights.split(fitted.errors)
+        stds = self.weights.deviations.tolist()
+        return [
+            PredictedChannel(
+                decay.label,
+                decay.record.sensor.unit,
+                decay.record.values,
+                decay.record.values + residual,
+                error,
+                decay.record.time,
+                TIME_AXIS,
+                std,
+            )
+            for decay, residual, error, std in zip(self.decays, residuals, errors, stds, strict=True)
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,13 +157,13 @@ class SmoothnessBlock(Block):
         """One value per change."""
         return [[1] * len(self.terms.names)]
 
-    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
+    def residuals(self, unknowns: Mapping[str, cs.MX]) -> cs.MX:
         """Return the changes (m,) for unknowns by name, in standard deviations."""
-        changes: cs.MX = smooth_steps([given[name] for name in self.terms.names])
+        changes: cs.MX = smooth_steps([unknowns[name] for name in self.terms.names])
         return changes / float(self.weights.deviations[0])
 
     def account(self, fitted: Fitted) -> Account:
-        """Return nothing: a result says nothing of a prior that all smooth laws have."""
+        """Return an empty account: all smooth laws have this prior, and results do not mention it."""
         return Account()
 
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:
@@ -161,7 +172,7 @@ class SmoothnessBlock(Block):
 
 
 def smoothness_block(terms: SmoothTerms) -> SmoothnessBlock:
-    """Return the prior of a smooth law with the standard deviation to begin with."""
+    """Return the prior of a smooth law with its first standard deviation."""
     count = len(terms.names)
     weights = SeriesWeights(
         np.array([count]), np.array([terms.first]), np.array([terms.least]), groups=((0,),), known=(False,)
@@ -169,46 +180,42 @@ def smoothness_block(terms: SmoothTerms) -> SmoothnessBlock:
     return SmoothnessBlock(terms, weights=weights)
 
 
-def least_deviation(decay: Measurement) -> float:
-    """Return the standard deviation below which the residuals of a decay are rounding."""
-    rounding = rounding_error([decay]) * math.sqrt(len(decay.time))
-    return math.hypot(NOISE_FREE * float(np.std(decay.values)), rounding)
+def least_deviation(record: Measurement) -> float:
+    """Return the standard deviation of residuals that rounding alone explains."""
+    rounding = rounding_error([record]) * math.sqrt(len(record.time))
+    return math.hypot(NOISE_FREE * float(np.std(record.values)), rounding)
 
 
 def decay_block(decays: Sequence[ModeDecay]) -> DecayBlock:
-    """Return decays as a block, whose first weights are the residuals of each decay alone."""
+    """Return decays as a block; its first weights follow from the residuals of the separate fits."""
     # the noise of fewer samples is smaller
-    shares = [round(one.alone.fitted_samples / one.alone.samples, 3) for one in decays]
-    groups = alike((one.decay.sensor.quantity, share) for one, share in zip(decays, shares, strict=True))
-    floors = np.array([least_deviation(one.decay) for one in decays])
-    own = np.maximum([one.alone.residual_rms for one in decays], floors)
-    deviations = own.copy()
-    for group in map(list, groups):
-        deviations[group] = np.sqrt(np.mean(own[group] ** 2))
-    weights = SeriesWeights(
-        lengths=np.array([len(one.decay.time) for one in decays]),
-        deviations=deviations,
-        floors=floors,
-        groups=groups,
-        known=(False,) * len(groups),
-    )
-    return DecayBlock(tuple(decays), weights=weights)
+    shares = [round(decay.separate_fit.fitted_samples / decay.separate_fit.samples, 3) for decay in decays]
+    groups = alike((decay.record.sensor.quantity, share) for decay, share in zip(decays, shares, strict=True))
+    floors = np.array([least_deviation(decay.record) for decay in decays])
+    lengths = np.array([len(decay.record.time) for decay in decays])
+    weights = SeriesWeights(lengths, deviations=floors, floors=floors, groups=groups, known=(False,) * len(groups))
+    residuals = [np.array([decay.separate_fit.residual_rms]) for decay in decays]
+    return DecayBlock(tuple(decays), weights=weights.improved(residuals))
 
 
 def mode_decay(
-    number: int, record: Measurement, alone: DecayFit, model: DecayModel, shared: Sequence[str]
+    number: int, record: Measurement, separate_fit: DecayFit, model: DecayModel, law_names: Sequence[str]
 ) -> ModeDecay:
-    """Return a decay as its fit alone used it; the names of the unknowns of its release end with its number."""
-    names = tuple(name if name in shared else f"{name}_{number}" for name in alone.fit.names)
+    """Return a decay with its separate fit; the names of the unknowns of its release end with its number."""
+    names = tuple(name if name in law_names else f"{name}_{number}" for name in separate_fit.fit.names)
     label = record.name or f"decay {number}"
-    return ModeDecay(label, fitted_part(record, alone), replace(model, sensor=record.sensor), names, alone,
-                     resolution(record.values))  # fmt: skip
+    model = replace(model, sensor=record.sensor)
+    return ModeDecay(label, fitted_part(record, separate_fit), model, names, separate_fit, resolution(record.values))
 
 
-def release_unknowns(decay: ModeDecay, shared: Sequence[str]) -> list[Unknown]:
-    """Return the unknowns of a release and its record, from the fit alone."""
-    pairs = zip(decay.names, decay.alone.fit.unknowns, strict=True)
-    return [replace(one, name=name, guess=decay.alone.fit[one.name]) for name, one in pairs if one.name not in shared]
+def release_unknowns(decay: ModeDecay, law_names: Sequence[str]) -> list[Unknown]:
+    """Return the unknowns of a release and its record, with the values of the separate fit."""
+    pairs = zip(decay.unknown_names, decay.separate_fit.fit.unknowns, strict=True)
+    return [
+        replace(unknown, name=name, guess=decay.separate_fit.fit[unknown.name])
+        for name, unknown in pairs
+        if unknown.name not in law_names
+    ]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -218,7 +225,7 @@ class ModeCurveBlock(ResponseBlock):
     model: DecayModel  # laws of the mode, without an equilibrium
     law_names: tuple[str, ...]
     constants: tuple[str, ...]  # name of the modal constant of each record
-    known: Mapping[str, float]  # modal constants that are given, by name
+    given_constants: Mapping[str, float]  # given modal constants by name
 
     systematic = 10 * POINTS_CLOSE  # error of the closest points: without noise, it ends the fit
 
@@ -230,61 +237,60 @@ class ModeCurveBlock(ResponseBlock):
         return [response_curve(self.model, record, len(self.law_names)) for record in self.records]
 
     @cached_property
-    def last(self) -> list[Array]:
+    def last_derivatives(self) -> list[Array]:
         """Derivatives of the last motions of each record by the unknowns, (m, 3, k)."""
         return []
 
     def motions(self, values: Mapping[str, float]) -> list[CurvePoints]:
         """Return the motions closest to the points of each record, for values of the unknowns by name."""
-        given, rows = {**self.known, **values}, zip(self.curves, self.records, self.measured(values), strict=True)
-        found = [
-            closest_motions(*row, np.array([given[name] for name in (*self.law_names, constant)]))
-            for row, constant in zip(rows, self.constants, strict=True)
+        all_values = {**self.given_constants, **values}
+        results = [
+            closest_motions(curve, record, points, np.array([all_values[name] for name in (*self.law_names, constant)]))
+            for curve, record, points, constant in zip(
+                self.curves, self.records, self.measured(values), self.constants, strict=True
+            )
         ]
-        self.last[:] = [by_x for _, by_x in found]
-        return [motions for motions, _ in found]
+        self.last_derivatives[:] = [derivatives for _, derivatives in results]
+        return [motions for motions, _ in results]
 
     def sensitivities(self, values: Mapping[str, float]) -> list[Array]:
         """Return the derivatives by the unknowns of amplitude, phase and excess of the level, (m, 3, n) each."""
-        found, names = [], self.names
-        for by_x, constant in zip(self.last, self.constants, strict=True):
-            change = np.zeros((*by_x.shape[:2], len(names)))
+        sensitivities, names = [], self.names
+        for derivatives, constant in zip(self.last_derivatives, self.constants, strict=True):
+            sensitivity = np.zeros((*derivatives.shape[:2], len(names)))
             for k, name in enumerate((*self.law_names, constant)):
                 if name in names:
-                    change[:, :, names.index(name)] = by_x[:, :, k]
-            found.append(change)
-        return found
+                    sensitivity[:, :, names.index(name)] = derivatives[:, :, k]
+            sensitivities.append(sensitivity)
+        return sensitivities
 
 
-def curves_of_mode(
+def mode_curve_block(
     model: DecayModel,
-    curves: Sequence[ResponseRecord],
+    records: Sequence[ResponseRecord],
     law_names: Sequence[str],
-    names: Mapping[str, str],
-    known: float | None,
+    constant_names: Mapping[str, str],
+    modal_constant: float | None,
 ) -> ModeCurveBlock:
-    """Return response curves as a block with first weights; ``names`` has the modal constant of each unit of levels."""
-    constants = tuple(names[one.excitation_unit] for one in curves)
-    free = tuple(dict.fromkeys(constants)) if known is None else ()
-    weights = first_weights(curves)
+    """Return response curves as a block with first weights; ``constant_names`` has one name per unit of levels."""
+    constants = tuple(constant_names[record.excitation_unit] for record in records)
+    estimated_constants = tuple(dict.fromkeys(constants)) if modal_constant is None else ()
+    weights = first_weights(records)
     return ModeCurveBlock(
-        tuple(enumerate(curves, start=1)),
-        (*law_names, *free),
+        tuple(enumerate(records, start=1)),
+        (*law_names, *estimated_constants),
         weights=replace(weights, floors=np.full(len(weights.lengths), LEAST_FACTOR)),
         model=model,
         law_names=tuple(law_names),
         constants=constants,
-        known={} if known is None else dict.fromkeys(constants, known),
+        given_constants={} if modal_constant is None else dict.fromkeys(constants, modal_constant),
     )
 
 
 def constant_unit(motion_unit: str, excitation_unit: str) -> str:
     """Return the unit of a modal constant: force per mass and level; none for a motion of the base in m."""
-    if excitation_unit in BASE_MOTIONS and motion_unit == "m":
-        return ""
-    force = {"m": "m", "m/s": "m", "m/s^2": "m"}.get(excitation_unit)
-    if force:
-        return f"{motion_unit or '1'}/{force}"
+    if excitation_unit in BASE_MOTIONS:
+        return "" if motion_unit == "m" else f"{motion_unit or '1'}/m"
     if excitation_unit == "N" and motion_unit == "m":
         return "1/kg"
     return f"{motion_unit or '1'}/(s^2 {excitation_unit})"

@@ -52,21 +52,22 @@ from problems.mode.decays import (
     ModeCurveBlock,
     SmoothnessBlock,
     constant_unit,
-    curves_of_mode,
     decay_block,
+    mode_curve_block,
     mode_decay,
     release_unknowns,
     smoothness_block,
 )
 from problems.mode.oscillator import (
     LEAST_RATIO,
-    from_points,
-    guess_of,
+    Points,
+    balance_points,
     law_at,
-    modal_constant_of,
+    median_modal_constant,
+    mode_guess,
     motion_amplitudes,
-    points_of,
     reading_factor,
+    regression_start,
 )
 from problems.mode.result import ModeFit
 
@@ -133,114 +134,130 @@ def fit_mode(
     >>> print(f"{fit.frequency:.2f} Hz, {100 * fit.damping_ratio:.2f} %, {1 / fit.estimates['modal_constant']:.2f} kg")
     10.00 Hz, 1.00 %, 0.50 kg
     """
-    decays, curves = _sorted(records)
+    decays, curves = _sort_records(records)
     choice(law, get_args(Law), "law")
     choice(frequency_law, get_args(FrequencyLaw), "frequency_law")
     robust = flag(robust, "robust")
     check_instance(priors, "priors", Mapping, NoneType)
-    known = None if modal_constant is None else physical(modal_constant, "modal_constant")
-    stated = DecayModel(law, rest, frequency_law, ratio_bounds)
+    given_constant = None if modal_constant is None else physical(modal_constant, "modal_constant")
+    requested = DecayModel(law, rest, frequency_law, ratio_bounds)
     releases = [None] * len(decays) if release_times is None else numbers(release_times, "release_times")
     if len(releases) != len(decays):
         raise InputError(f"has {len(releases)} values for {len(decays)} decays", "release_times")
-    alone = [fit_one(one, stated, release_time=t, robust=robust) for one, t in zip(decays, releases, strict=True)]
-    factors = [reading_factor(one) for one in curves]
-    turned = [oriented(one, float(np.angle(factor[0]))) for one, factor in zip(curves, factors, strict=True)]
-    curves = [one for one, _ in turned]
-    pairs = list(zip(curves, factors, strict=True))
-    notes = (*(note for _, note in turned if note), *level_notes(curves, factors))
-    if not decays and known is None and all(phase_locked(one, float(np.angle(f[0]))) for one, f in pairs):
+    separate_fits = [
+        fit_one(decay, requested, release_time=t, robust=robust) for decay, t in zip(decays, releases, strict=True)
+    ]
+    factors = [reading_factor(curve) for curve in curves]
+    angles = [float(np.angle(factor[0])) for factor in factors]
+    corrections = [oriented(curve, angle) for curve, angle in zip(curves, angles, strict=True)]
+    curves = [curve for curve, _ in corrections]
+    notes = (*(note for _, note in corrections if note), *level_notes(curves, factors))
+    if (
+        not decays
+        and given_constant is None
+        and all(phase_locked(curve, angle) for curve, angle in zip(curves, angles, strict=True))
+    ):
         raise FitError(
             "all points are at the resonance: the records determine zeta/modal_constant, but not zeta and "
             "modal_constant each; add a decay or points beside the resonance, or give modal_constant"
         )
-    problem, starts, model, laws = _stated(stated, decays, alone, curves, known, robust)
-    problem = replace(problem, unknowns=tuple(with_priors(problem.unknowns, priors or {}, stated)))
+    problem, starts, model, laws = _mode_problem(requested, decays, separate_fits, curves, given_constant, robust)
+    problem = replace(problem, unknowns=tuple(with_priors(problem.unknowns, priors or {}, requested)))
     try:
         with counter("fit", shown=flag(progress, "progress")):
-            solution = _with_noise_of_decays(_settled(solve(problem, starts)))
+            solution = _with_noise_of_decays(_solve_smoothness(solve(problem, starts)))
     except FitError as error:
         raise FitError("; ".join([*notes, str(error)]), error.stats) from None
-    measured = [one.amplitude_range for one in alone]
-    measured += [(float(own.min()), float(own.max())) for own in map(motion_amplitudes, curves)]
-    smallest, largest = min(low for low, _ in measured), max(high for _, high in measured)
-    again = partial(fit_mode, law=law, frequency_law=frequency_law, modal_constant=modal_constant,
+    amplitudes = np.concatenate([*(fit.amplitude_range for fit in separate_fits), *map(motion_amplitudes, curves)])
+    smallest, largest = float(amplitudes.min()), float(amplitudes.max())
+    refit = partial(fit_mode, law=law, frequency_law=frequency_law, modal_constant=modal_constant,
                     rest=rest, ratio_bounds=ratio_bounds, priors=priors, robust=robust)  # fmt: skip
-    return ModeFit(solution.fit, solution, model, stated, laws, smallest, largest, notes, again=again)
+    return ModeFit(solution.fit, solution, model, requested, laws, smallest, largest, notes, again=refit)
 
 
-def _sorted(records: Any) -> tuple[list[Measurement], list[ResponseRecord]]:
+def _sort_records(records: Any) -> tuple[list[Measurement], list[ResponseRecord]]:
     """Return the decays and the response curves."""
-    pair = isinstance(records, tuple) and len(records) == 2 and not isinstance(records[0], Measurement | ResponseRecord)
-    given = [records] if pair or not is_sequence(records) else list(records)
-    decays, curves = list[Measurement](), list[ResponseRecord]()
-    for k, one in enumerate(given, start=1):
-        if isinstance(one, ResponseRecord):
-            if not one.excitation_unit:
+    is_pair = (
+        isinstance(records, tuple) and len(records) == 2 and not isinstance(records[0], Measurement | ResponseRecord)
+    )
+    items = [records] if is_pair or not is_sequence(records) else list(records)
+    decays: list[Measurement] = []
+    curves: list[ResponseRecord] = []
+    for k, item in enumerate(items, start=1):
+        if isinstance(item, ResponseRecord):
+            if not item.excitation_unit:
                 raise InputError(
                     f"record {k}: needs excitation_unit, the unit of its levels, in place of a beam", "records"
                 )
-            curves.append(one)
-        elif isinstance(one, Measurement):
-            decays.append(as_record(one, None))
-        elif is_sequence(one) and len(one) == 2:
-            decays.append(as_record(*one))
+            curves.append(item)
+        elif isinstance(item, Measurement):
+            decays.append(as_record(item, None))
+        elif is_sequence(item) and len(item) == 2:
+            decays.append(as_record(*item))
         else:
             raise InputError(
-                f"record {k}: must be a Measurement, (times, displacements) or a ResponseRecord, got {shown(one)}",
+                f"record {k}: must be a Measurement, (times, displacements) or a ResponseRecord, got {shown(item)}",
                 "records",
             )
-    if not given:
+    if not items:
         raise InputError("must hold at least one record", "records")
-    units = {one.motion_unit for one in [*(own.sensor for own in decays), *(own.sensor for own in curves)]}
+    units = {sensor.motion_unit for sensor in (*(decay.sensor for decay in decays), *(c.sensor for c in curves))}
     if len(units) > 1:
         named = ", ".join(sorted(unit or "strain" for unit in units))
         raise InputError(f"measure different motions, in {named}; convert them, or fit them apart", "records")
     return decays, curves
 
 
-def _stated(
-    stated: DecayModel,
+def _mode_problem(
+    requested: DecayModel,
     decays: Sequence[Measurement],
-    alone: Sequence[DecayFit],
+    separate_fits: Sequence[DecayFit],
     curves: Sequence[ResponseRecord],
-    known: float | None,
+    given_constant: float | None,
     robust: bool,
 ) -> tuple[FitProblem, list[dict[str, float]], DecayModel, tuple[str, ...]]:
     """Return the problem, the starts of its solution, the model of the mode, and the unknowns of its laws."""
-    first = max(alone, key=lambda one: one.amplitude) if alone else None
-    top = max((float(motion_amplitudes(one).max()) for one in curves), default=0.0)
-    reference, span = (first.model.reference, first.model.span) if first else (top, _span(curves))
+    largest = max(separate_fits, key=lambda fit: fit.amplitude) if separate_fits else None
+    largest_amplitude = max((float(motion_amplitudes(curve).max()) for curve in curves), default=0.0)
+    reference, span = (largest.model.reference, largest.model.span) if largest else (largest_amplitude, _span(curves))
     sensor = decays[0].sensor if decays else curves[0].sensor
-    model = replace(stated, rest="zero", reference=reference, span=span, sensor=sensor)
-    units = list(dict.fromkeys(str(one.excitation_unit) for one in curves))
+    model = replace(requested, rest="zero", reference=reference, span=span, sensor=sensor)
+    units = list(dict.fromkeys(str(curve.excitation_unit) for curve in curves))
     names = {unit: "modal_constant" + f"_{k}" * (len(units) > 1) for k, unit in enumerate(units, start=1)}
-    starts = [{names.get(name, name): value for name, value in one.items()}
-              for one in _starts(model, curves, units, known, first)]  # fmt: skip
-    best = starts[0]
-    own = model.shared(_guess(model, best))
-    shared = tuple(one.name for one in own)
-    unknowns = [one for one in started(first.fit.unknowns if first else own, best) if one.name in shared]
+    groups = {
+        name: balance_points([curve for curve in curves if curve.excitation_unit == unit])
+        for unit, name in names.items()
+    }
+    starts = _start_values(model, groups, given_constant, largest)
+    start = starts[0]
+    law_unknowns = model.shared(_start_guess(model, start))
+    law_names = tuple(unknown.name for unknown in law_unknowns)
+    unknowns = [
+        unknown
+        for unknown in started(largest.fit.unknowns if largest else law_unknowns, start)
+        if unknown.name in law_names
+    ]
     blocks = list[Block]()
-    if alone:
-        parts = [
-            mode_decay(k, one, fit, replace(fit.model, reference=reference, span=span), shared)
-            for k, (one, fit) in enumerate(zip(decays, alone, strict=True), start=1)
+    if separate_fits:
+        mode_decays = [
+            mode_decay(k, decay, fit, replace(fit.model, reference=reference, span=span), law_names)
+            for k, (decay, fit) in enumerate(zip(decays, separate_fits, strict=True), start=1)
         ]
-        blocks.append(decay_block(parts))
-        unknowns += [one for part in parts for one in release_unknowns(part, shared)]
+        blocks.append(decay_block(mode_decays))
+        unknowns += [unknown for decay in mode_decays for unknown in release_unknowns(decay, law_names)]
     if curves:
-        free = tuple(names.values()) if known is None else ()
-        unit = curves[0].sensor.motion_unit
-        unknowns += [Unknown(names[one], best[names[one]], best[names[one]], 0.0, unit=constant_unit(unit, one))
-                     for one in units if free]  # fmt: skip
-        blocks.append(_weighed(curves_of_mode(model, curves, shared, names, known), best))
+        motion_unit = curves[0].sensor.motion_unit
+        if given_constant is None:
+            for excitation_unit, name in names.items():
+                unit = constant_unit(motion_unit, excitation_unit)
+                unknowns.append(Unknown(name, start[name], start[name], 0.0, unit=unit))
+        blocks.append(_with_first_weights(mode_curve_block(model, curves, law_names, names, given_constant), start))
     blocks += map(smoothness_block, model.smooth)
-    return FitProblem(tuple(blocks), tuple(unknowns), robust), starts, model, shared
+    return FitProblem(tuple(blocks), tuple(unknowns), robust), starts, model, law_names
 
 
-def _settled(solution: FitSolution) -> FitSolution:
-    """Return the solution with the sizes of the changes of smooth laws that its residuals show."""
+def _solve_smoothness(solution: FitSolution) -> FitSolution:
+    """Repeat the fit until the standard deviations of the changes of smooth laws settle."""
     smoothness = _smoothness(solution)
     for _ in range(MOST_TURNS if smoothness.size else 0):
         before, problem = smoothness, solution.problem
@@ -267,7 +284,7 @@ def _span(curves: Sequence[ResponseRecord]) -> float:
 
 
 def _with_noise_of_decays(solution: FitSolution) -> FitSolution:
-    """Return a solution whose noise is as in ``fit_decay``, with the scatter between late parts and the rest."""
+    """Return the solution with the noise of ``fit_decay``, which allows for differences of late parts of the decays."""
     solution = replace(solution, fit=without_stated_smoothness(solution.fit))
     for block, fitted in solution.fitted_blocks:
         if isinstance(block, DecayBlock):
@@ -275,45 +292,35 @@ def _with_noise_of_decays(solution: FitSolution) -> FitSolution:
             decays = [slice(*pair) for pair in pairwise(ends.tolist())]
             noise_free = fitted.scale * block.negligible / math.sqrt(len(fitted.fit.residuals))
             pairs = zip(block.decays, block.weights.deviations.tolist(), strict=True)
-            rounding = [fitted.scale / std * one.rounding(fitted.fit.estimates) for one, std in pairs]
+            rounding = [fitted.scale / std * decay.rounding(fitted.fit.estimates) for decay, std in pairs]
             fit = allow_for_rounding(fitted.fit, decays, rounding)
             return replace(solution, fit=allow_for_late_parts(fit, decays, noise_free))
     return solution
 
 
-def _weighed(block: ModeCurveBlock, start: Mapping[str, float]) -> ModeCurveBlock:
-    """Return curves with standard deviations as large as residuals at a start, for the accuracy of the first fit."""
+def _with_first_weights(block: ModeCurveBlock, start: Mapping[str, float]) -> ModeCurveBlock:
+    """Return curves with standard deviations as large as the residuals at a start, which set the accuracy of a fit."""
     try:
-        size = root_mean_square(block.at(start)[0])
+        size = max(root_mean_square(block.at(start)[0]), 1.0)
     except NumericsError:
         return block
-    weights = block.weights
-    known = np.zeros(len(weights.lengths), dtype=bool)
-    for group, given in zip(weights.groups, weights.known, strict=True):
-        known[list(group)] = given
-    deviations = np.where(known, weights.deviations, max(size, 1.0) * weights.deviations)
-    return replace(block, weights=replace(weights, deviations=deviations), before=block)
+    return replace(block, weights=block.weights.improved([np.array([size])] * len(block.weights.lengths)), before=block)
 
 
-def _starts(
-    model: DecayModel,
-    curves: Sequence[ResponseRecord],
-    units: Sequence[str],
-    known: float | None,
-    decay: DecayFit | None,
+def _start_values(
+    model: DecayModel, groups: Mapping[str, Points], given_constant: float | None, decay: DecayFit | None
 ) -> list[dict[str, float]]:
-    """Return values by name of the laws, and by unit of the modal constants, to start from."""
-    groups = {unit: points_of([one for one in curves if one.excitation_unit == unit]) for unit in units}
+    """Return starting values by name: those of a decay, and of a regression of the points of each modal constant."""
     starts = [] if decay is None else [decay.fit.estimates]
-    starts += [from_points(model, groups, known)] if groups else []
+    starts += [regression_start(model, groups, given_constant)] if groups else []
     for start in starts:
-        for unit, group in groups.items():
-            if not start.get(unit, 0.0) > 0.0:
-                start[unit] = modal_constant_of(model, group, start)
+        for constant, points in groups.items():
+            if not start.get(constant, 0.0) > 0.0:
+                start[constant] = median_modal_constant(model, points, start)
     return starts
 
 
-def _guess(model: DecayModel, start: Mapping[str, float]) -> DecayGuess:
-    """Return the mode of a start as the guess of a decay."""
-    ratio, frequency = law_at(model, np.array([model.reference]), start)
-    return guess_of(2 * math.pi * float(frequency[0]), max(float(ratio[0]), LEAST_RATIO), model.reference)
+def _start_guess(model: DecayModel, start: Mapping[str, float]) -> DecayGuess:
+    """Return the guess of a decay for the mode of a start."""
+    (ratio,), (frequency,) = law_at(model, np.array([model.reference]), start)
+    return mode_guess(2 * math.pi * frequency, max(ratio, LEAST_RATIO), model.reference)

@@ -44,6 +44,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from operator import itemgetter
 
 import casadi as cs
 import numpy as np
@@ -61,9 +62,10 @@ from problems.decay.solution import simpler_models, smooth_values
 from problems.decay.start import SHAPES
 
 POINTS_CLOSE_ENOUGH = 1e-3  # the same, where rounding keeps further steps from shrinking
-LONGEST_STEP = 0.2  # of log A
-LEAST_RATIO = 1e-5  # damping ratio that a start assumes at least, for the scales of the unknowns
-EXPONENT_STARTS = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)  # of the power law
+MOST_HALVINGS = 20
+NO_INCREASE = 1e-9  # increase of a squared distance that counts as none, relative and absolute
+LEAST_RATIO = 1e-5  # least damping ratio of a start, for the scales of the unknowns
+EXPONENT_STARTS = (0.0, 1.0, 2.0, 3.0)  # exponents of the power law from which a fit may start
 
 Points = tuple[Array, Array, ComplexArray]  # W, A and g = G/h of m points, (m,)
 
@@ -101,17 +103,16 @@ def response_curve(model: DecayModel, record: ResponseRecord, count: int) -> cs.
     cosine = A * cs.cos(angle) + level * cs.DM(base.real)
     amplitude = cs.hypot(cosine, sine) * cs.DM(W**d)
     g = cs.vertcat(amplitude, cs.atan2(sine, cosine) + d * math.pi / 2, level)
-    one = cs.DM.ones(m)
-    first = cs.jtimes(g, A, one)
-    results = [g, first, cs.jtimes(first, A, one), cs.jacobian(g, x)]
-    return cs.Function("curve", [A, x], [cs.densify(part) for part in results])
+    slope = cs.jtimes(g, A, cs.DM.ones(m))
+    results = [g, slope, cs.jtimes(slope, A, cs.DM.ones(m)), cs.jacobian(g, x)]
+    return cs.Function("curve", [A, x], [cs.densify(result) for result in results])
 
 
 def motions_at(curve: cs.Function, amplitude: Array, x: Array) -> tuple[Array, Array, Array, Array]:
     """Return g (m, 3), its derivatives by A, once and twice, and those by the unknowns, (m, 3, n)."""
-    values, first, second, by_x = evaluated(curve, amplitude, x)
-    g, once, twice = (part.reshape(3, -1).T for part in (values, first, second))
-    return g, once, twice, by_x.reshape(3, len(amplitude), -1).transpose(1, 0, 2)
+    *columns, by_x = evaluated(curve, amplitude, x)
+    g, slopes, curvatures = (column.reshape(3, -1).T for column in columns)
+    return g, slopes, curvatures, by_x.reshape(3, len(amplitude), -1).transpose(1, 0, 2)
 
 
 def closest_motions(
@@ -120,41 +121,47 @@ def closest_motions(
     """Return the motions closest to the points of a record, and their derivatives by the unknowns (m, 3, n)."""
     log_a, d = np.log(motion_amplitudes(record)), record.sensor.derivatives
     log_a = np.maximum(log_a, np.log(1e-6 * record.amplitudes / (2 * math.pi * record.f) ** d))
-    g, first, second, by_x = motions_at(curve, np.exp(log_a), x)
-    resting = np.zeros(len(log_a), dtype=bool)  # points that no step brings closer
-    last = np.full(len(log_a), math.inf)  # step before, in standard deviations
+    g, slopes, curvatures, by_x = motions_at(curve, np.exp(log_a), x)
+    closest = np.zeros(len(log_a), dtype=bool)  # points that no step brings closer
+    last_size = np.full(len(log_a), math.inf)  # step before, in standard deviations
     for _ in range(MOST_STEPS):
-        A, before = np.exp(log_a)[:, None], np.sum(points.distance(g) ** 2, axis=1)
-        step, size = points.step(g, A * first, A * first + A**2 * second, 0.1)
-        resting |= (size <= POINTS_CLOSE) | ((size > last / 2) & (size <= POINTS_CLOSE_ENOUGH))
-        if resting.all():
-            return (g, first), by_x
-        last = size
-        step = np.where(resting, 0.0, np.clip(step, -LONGEST_STEP, LONGEST_STEP))
-        for _ in range(20):  # halvings
-            g, first, second, by_x = motions_at(curve, np.exp(log_a + step), x)
-            # increase of a squared distance that counts as none, relative and absolute
-            worse = np.sum(points.distance(g) ** 2, axis=1) > before * (1 + 1e-9) + 1e-9
+        A, squared_distance = np.exp(log_a)[:, None], np.sum(points.distance(g) ** 2, axis=1)
+        step, size = points.step(g, A * slopes, A * slopes + A**2 * curvatures, 0.1)
+        closest |= (size <= POINTS_CLOSE) | ((size > last_size / 2) & (size <= POINTS_CLOSE_ENOUGH))
+        if closest.all():
+            return (g, slopes), by_x
+        last_size = size
+        step = np.where(closest, 0.0, step)
+        for _ in range(MOST_HALVINGS):
+            g, slopes, curvatures, by_x = motions_at(curve, np.exp(log_a + step), x)
+            worse = np.sum(points.distance(g) ** 2, axis=1) > squared_distance * (1 + NO_INCREASE) + NO_INCREASE
             if not worse.any():
                 break
             step = np.where(worse, step / 2, step)
         else:
-            resting |= worse
+            closest |= worse
             step = np.where(worse, 0.0, step)
-            g, first, second, by_x = motions_at(curve, np.exp(log_a + step), x)
+            g, slopes, curvatures, by_x = motions_at(curve, np.exp(log_a + step), x)
         log_a = log_a + step
     raise NumericsError(f"{record.label}: the motion closest to the measured points is not found")
 
 
+def relative_motion(record: ResponseRecord) -> ComplexArray:
+    """Return the motion A exp(i psi) relative to the base (m,), approximate if no phases were measured."""
+    omega, derivatives = 2 * math.pi * record.f, record.sensor.derivatives
+    amplitudes = record.amplitudes / omega**derivatives
+    if record.measured_phases is not None:
+        motion = amplitudes * np.exp(1j * (record.measured_phases - derivatives * math.pi / 2))
+        return np.asarray(motion - base_factor(record) * record.a)
+    response = amplitudes / record.a
+    lag = np.arcsin(response / response.max())
+    lag = np.where(record.f < record.f[response.argmax()], lag, math.pi - lag)
+    return np.asarray(amplitudes * np.exp(1j * (np.angle(force_factor(record.excitation_unit, omega)) - lag)))
+
+
 def motion_amplitudes(record: ResponseRecord) -> Array:
-    """Return the amplitudes A (m,) of the motion relative to the base, about those if the phases were not measured."""
-    omega = 2 * math.pi * record.f
-    total = record.amplitudes / omega**record.sensor.derivatives
-    base = base_factor(record) * record.a
-    if record.measured_phases is None:
-        return total
-    phases = record.measured_phases - record.sensor.derivatives * math.pi / 2
-    return np.asarray(np.abs(total * np.exp(1j * phases) - base))
+    """Return the amplitudes A (m,) of the motion relative to the base, approximate if no phases were measured."""
+    return np.asarray(np.abs(relative_motion(record)))
 
 
 def reading_factor(record: ResponseRecord) -> ComplexArray:
@@ -163,111 +170,89 @@ def reading_factor(record: ResponseRecord) -> ComplexArray:
     return np.asarray(force_factor(record.excitation_unit, omega) * (1j * omega) ** record.sensor.derivatives)
 
 
-def points_of(records: Sequence[ResponseRecord]) -> Points:
-    """Return the points of records with one kind of level; of g the modulus alone counts if it has no phase."""
-    found = []
+def balance_points(records: Sequence[ResponseRecord]) -> Points:
+    """Return the points (W, A, g) of records whose levels have the same unit."""
+    points = []
     for record in records:
-        W, A = 2 * math.pi * record.f, motion_amplitudes(record)
-        h = A * np.exp(1j * motion_phases(record))
-        found.append((W, A, force_factor(record.excitation_unit, W) * record.a / h))
-    omega, amplitude, g = map(np.concatenate, zip(*found, strict=True))
+        W, motion = 2 * math.pi * record.f, relative_motion(record)
+        points.append((W, np.abs(motion), force_factor(record.excitation_unit, W) * record.a / motion))
+    omega, amplitude, g = map(np.concatenate, zip(*points, strict=True))
     return omega, amplitude, g
 
 
-def motion_phases(record: ResponseRecord) -> Array:
-    """Return the phases psi of the motion (m,), or about those if they were not measured."""
-    if record.measured_phases is not None:
-        return record.measured_phases - record.sensor.derivatives * math.pi / 2
-    response = record.amplitudes / record.a / (2 * math.pi * record.f) ** record.sensor.derivatives
-    behind = np.arcsin(response / response.max())
-    reference = np.angle(force_factor(record.excitation_unit, 2 * math.pi * record.f))
-    return np.asarray(reference - np.where(record.f < record.f[response.argmax()], behind, math.pi - behind))
-
-
-def guess_of(omega: float, ratio: float, amplitude: float) -> DecayGuess:
-    """Return the mode as the guess of a decay, which gives unknowns their scales and first values."""
+def mode_guess(omega: float, ratio: float, amplitude: float) -> DecayGuess:
+    """Return the guess of a decay for a mode, which gives unknowns their scales and first values."""
     length = 1 / (ratio * omega)
     return DecayGuess(0, "", length, length, omega, ratio, amplitude, 0.0, ())
 
 
-def from_points(model: DecayModel, groups: Mapping[str, Points], known: float | None) -> dict[str, float]:
+def regression_start(model: DecayModel, groups: Mapping[str, Points], given_constant: float | None) -> dict[str, float]:
     """Return values by name of the laws and, by unit of the level, of the modal constants, from points.
 
     Those of smooth laws come from the best simpler ones, since their own regression would swing between the levels.
     """
-    models = simpler_models(model)
-    regressions = [_best_regression(simpler, groups, known) for simpler in models]
-    best = int(np.argmin([cost for cost, _ in regressions]))
-    values = regressions[best][1]
-    at_nodes = law_at(models[best], smooth_nodes(model.reference, model.span), values)
-    return {**values, **smooth_values(model, *at_nodes)}
+    regressions = [(simpler, *_best_regression(simpler, groups, given_constant)) for simpler in simpler_models(model)]
+    best_model, _, values = min(regressions, key=itemgetter(1))
+    return {**values, **smooth_values(model, *law_at(best_model, smooth_nodes(model.reference, model.span), values))}
 
 
 def _best_regression(
-    model: DecayModel, groups: Mapping[str, Points], known: float | None
+    model: DecayModel, groups: Mapping[str, Points], given_constant: float | None
 ) -> tuple[float, dict[str, float]]:
     """Return the misfit and the values of the best exponents and corners."""
-    best: tuple[float, dict[str, float]] | None = None
-    for bending in SHAPES.get(model.frequency_law, ((),)):
-        for damping in ((p,) for p in EXPONENT_STARTS) if model.law == "power" else ((),):
-            left, values = _regression(model, groups, known, bending, damping)
-            if best is None or left < best[0]:
-                best = left, values
-    assert best is not None
-    return best
+    regressions = [
+        _regression(model, groups, given_constant, bending, exponent)
+        for bending in SHAPES.get(model.frequency_law, ((),))
+        for exponent in (EXPONENT_STARTS if model.law == "power" else (None,))
+    ]
+    return min(regressions, key=itemgetter(0))
 
 
 def _regression(
     model: DecayModel,
     groups: Mapping[str, Points],
-    known: float | None,
+    given_constant: float | None,
     bending: tuple[float, ...],
-    p: tuple[float, ...],
+    exponent: float | None,
 ) -> tuple[float, dict[str, float]]:
     """Return the misfit and the values for given exponents and corners."""
     omega, A, g = map(np.concatenate, zip(*groups.values(), strict=True))
-    weight, middle, none = 1 / np.abs(g), float(np.median(omega)), np.zeros(len(g))
-    columns = [np.concatenate([none + 1, none])]
-    if model.bends:
-        linear = np.eye(len(model.frequency_terms) - len(bending))
-        columns += [np.concatenate([model.change(A, *one, *bending), none]) for one in linear]
-    first = len(columns)  # of the damping
-    names = DECAY_TERMS[model.law] if model.law not in ("linear", "power") else ("zeta",)
-    shapes = {
-        "zeta": middle * (A / model.reference) ** (p[0] - 1) if p else none + middle,
-        "eta1": none + 0.5,
+    middle, undamped = float(np.median(omega)), len(model.frequency_terms) - len(bending) if model.bends else 0
+    changes = [model.change(A, *direction, *bending) for direction in np.eye(undamped)]
+    damping_names = DECAY_TERMS[model.law] if model.law not in ("linear", "power") else ("zeta",)
+    rates = {
+        "zeta": middle * ((A / model.reference) ** (exponent - 1) if exponent is not None else np.ones(len(A))),
+        "eta1": np.full(len(A), 0.5),
         "eta2": 4 * middle * A / (3 * math.pi),
         "eta0": 2 / (math.pi * middle * A),
     }
-    columns += [np.concatenate([none, 2 * shapes[name] * omega]) for name in names]
-    owners = np.repeat(np.arange(len(groups)), [len(one) for one, *_ in groups.values()])
-    forces = [np.concatenate([(-g).real, (-g).imag]) * np.tile(owners == k, 2) for k in range(len(groups))]
-    target = np.concatenate([omega**2, none])
-    if known is None:
-        columns += forces
-    else:
-        target = target - known * sum(forces)
-    rows = np.array(columns).T * np.tile(weight, 2)[:, None]
-    size = np.linalg.norm(rows, axis=0)
+    columns = [np.ones(len(A)), *changes, *(2j * rates[name] * omega for name in damping_names)]
+    target = omega**2 + (given_constant or 0.0) * g
+    if given_constant is None:
+        owners = np.repeat(np.arange(len(groups)), [len(frequencies) for frequencies, *_ in groups.values()])
+        columns += [-g * (owners == k) for k in range(len(groups))]
+    matrix, target = np.array(columns).T / np.abs(g)[:, None], target / np.abs(g)
+    matrix, target = np.vstack([matrix.real, matrix.imag]), np.concatenate([target.real, target.imag])
+    size = np.linalg.norm(matrix, axis=0)
     lower = np.zeros(len(columns))
-    lower[1:first] = -np.inf
-    found = lsq_linear(rows / size, target * np.tile(weight, 2), (lower, np.full(len(columns), np.inf)))
-    x = found.x / size
+    lower[1 : 1 + undamped] = -np.inf
+    solution = lsq_linear(matrix / size, target, (lower, np.full(len(columns), np.inf)))
+    x = solution.x / size
     square = max(float(x[0]), 1e-6 * middle**2)
     values = {"omega": math.sqrt(square)}
     if model.bends:
-        changes = x[1:first] / (2 * square)
-        values |= dict(zip(model.frequency_terms, (*changes.tolist(), *bending), strict=True))
-    values |= dict(zip(names, x[first:].tolist(), strict=False))
-    if p:
-        values["exponent"] = p[0]
-    if known is None:
+        slopes = x[1 : 1 + undamped] / (2 * square)
+        values |= dict(zip(model.frequency_terms, (*slopes.tolist(), *bending), strict=True))
+    values |= dict(zip(damping_names, x[1 + undamped :].tolist(), strict=False))
+    if exponent is not None:
+        values["exponent"] = exponent
+    if given_constant is None:
         values |= dict(zip(groups, x[-len(groups) :].tolist(), strict=True))
-    return float(found.cost), values
+    return float(solution.cost), values
 
 
-def modal_constant_of(model: DecayModel, points: Points, values: Mapping[str, float]) -> float:
-    """Return the modal constant of points by values of the laws: the median of those of the points."""
+def median_modal_constant(model: DecayModel, points: Points, values: Mapping[str, float]) -> float:
+    """Return the median of the modal constants that the points have under given laws."""
     omega, amplitude, g = points
     ratio, frequency = law_at(model, amplitude, values)
     square = (2 * math.pi * frequency) ** 2 - omega**2
@@ -276,7 +261,7 @@ def modal_constant_of(model: DecayModel, points: Points, values: Mapping[str, fl
 
 def law_at(model: DecayModel, amplitude: Array, values: Mapping[str, float]) -> tuple[Array, Array]:
     """Return damping ratio and frequency (Hz) at amplitudes for values of the unknowns by name."""
-    names = [one.name for one in model.shared(guess_of(values["omega"], LEAST_RATIO, model.reference))]
+    names = [unknown.name for unknown in model.shared(mode_guess(values["omega"], LEAST_RATIO, model.reference))]
     law = [cs.MX(values[name]) for name in names]
     ratio, frequency = model.against_amplitude(amplitude, *law, cs.MX(1), cs.MX(0))
     return np.asarray(cs.evalf(ratio)).ravel(), np.asarray(cs.evalf(frequency)).ravel()

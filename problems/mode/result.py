@@ -1,4 +1,4 @@
-"""The result of a fit of one mode: its laws, modal constants, and what decays and response curves say of them."""
+"""The result of a fit of one mode: its laws, modal constants and uncertainties."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from problems.decay.law_curve import given_amplitudes, with_bands
 from problems.decay.laws import DECAY_QUANTITIES, DecayModel
 from problems.decay.prediction import predicted
 from problems.decay.takes import OF_RECORD
-from problems.mode.decays import ModeCurveBlock, curves_of_mode
+from problems.mode.decays import ModeCurveBlock, mode_curve_block
 from problems.mode.oscillator import reading_factor
 
-OF_MODE = tuple(name for name in DECAY_QUANTITIES if name not in OF_RECORD)
-USUAL_PARTICIPATION = (0.05, 20.0)  # of a mode that its base drives; beyond, the unit of the levels is in doubt
+MODE_QUANTITIES = tuple(name for name in DECAY_QUANTITIES if name not in OF_RECORD)
+USUAL_PARTICIPATION = (0.05, 20.0)  # range of the participation of a mode; beyond, check the unit of the levels
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,27 +81,25 @@ class ModeFit(BlocksResult):
     notes: tuple[str, ...] = ()
 
     @cached_property
-    def _laws(self) -> tuple[int, ...]:
+    def _law_positions(self) -> tuple[int, ...]:
         """Positions of the unknowns of the laws."""
         return tuple(self.fit.names.index(name) for name in self.law_names)
 
     @cached_property
     def quantities(self) -> tuple[tuple[str, ...], tuple[str, ...], Quantities]:
         """Names and units of the quantities, and the function from the unknowns to them."""
-        others = [k for k in range(len(self.fit.names)) if k not in self._laws]
-        names = (*OF_MODE, *(_renamed(self.fit.names[k]) for k in others))
-        units = (*map(self.model.unit, OF_MODE), *(self.fit.units[k] for k in others))
-        order = list(DECAY_QUANTITIES)
-        kept = [order.index(name) for name in OF_MODE]
-
+        further = [k for k in range(len(self.fit.names)) if k not in self._law_positions]
+        names = (*MODE_QUANTITIES, *(_renamed(self.fit.names[k]) for k in further))
+        units = (*map(self.model.unit, MODE_QUANTITIES), *(self.fit.units[k] for k in further))
+        positions = [list(DECAY_QUANTITIES).index(name) for name in MODE_QUANTITIES]
         model = replace(self.model, lowest=self.min_amplitude)
 
-        def of(*x: cs.MX) -> cs.MX:
-            law = [x[k] for k in self._laws]
-            every = model.quantities(*law, cs.MX(self.max_amplitude), cs.MX(0))
-            return cs.vertcat(every[kept], *(x[k] for k in others))
+        def quantities(*x: cs.MX) -> cs.MX:
+            law = [x[k] for k in self._law_positions]
+            decay_quantities = model.quantities(*law, cs.MX(self.max_amplitude), cs.MX(0))
+            return cs.vertcat(decay_quantities[positions], *(x[k] for k in further))
 
-        return names, units, of
+        return names, units, quantities
 
     @property
     def frequency(self) -> float:
@@ -116,8 +114,8 @@ class ModeFit(BlocksResult):
     def _ends(self, level: float) -> Array:
         """Return the intervals (q, 2) of all quantities within their bounds."""
         names, bounds = self.quantities[0], self.model.bounds
-        own = dict(zip((_renamed(one.name) for one in self.fit.unknowns), self.fit.unknowns, strict=True))
-        limits = [bounds[n] if n in bounds else (own[n].lower, own[n].upper) for n in names]
+        unknowns = dict(zip((_renamed(unknown.name) for unknown in self.fit.unknowns), self.fit.unknowns, strict=True))
+        limits = [bounds[name] if name in bounds else (unknowns[name].lower, unknowns[name].upper) for name in names]
         lower, upper = np.array(limits).T[:, :, None]
         return np.clip(derived_intervals(self.fit, self.quantities[2], level), lower, upper)
 
@@ -131,29 +129,31 @@ class ModeFit(BlocksResult):
         InputError
             If an amplitude is not positive, or the level is not between 0 and 1.
         """
-        given = np.geomspace(self.min_amplitude, self.max_amplitude, 60) if amplitudes is None else amplitudes
-        chosen = given_amplitudes(given)
+        if amplitudes is None:
+            amplitudes = np.geomspace(self.min_amplitude, self.max_amplitude, 60)
+        amplitudes = given_amplitudes(amplitudes)
 
-        def against(*x: cs.MX) -> tuple[cs.MX, cs.MX]:
-            return self.model.against_amplitude(chosen, *(x[k] for k in self._laws), cs.MX(1), cs.MX(0))
+        def laws(*x: cs.MX) -> tuple[cs.MX, cs.MX]:
+            return self.model.against_amplitude(amplitudes, *(x[k] for k in self._law_positions), cs.MX(1), cs.MX(0))
 
-        return with_bands(self.fit, against, chosen, level, self.model.unit("amplitude"))
+        return with_bands(self.fit, laws, amplitudes, level, self.model.unit("amplitude"))
 
     @cached_property
     def agreements(self) -> tuple[Agreement, ...]:
         """Agreement of the records, to first order, on each unknown that several determine; empty for one record."""
-        return tuple(self._reported(one) for one in super().agreements)
+        return tuple(self._reported(agreement) for agreement in super().agreements)
 
-    def _reported(self, one: Agreement) -> Agreement:
-        """Return an agreement on an unknown as one on the quantity that reports print in its place."""
-        name, unit, factor = self.fit.unknowns[self.fit.names.index(one.name)].report
-        return replace(one, name=name, unit=unit, values=one.values * factor, errors=one.errors * factor)
+    def _reported(self, agreement: Agreement) -> Agreement:
+        """Convert an agreement on an unknown to the quantity that reports print in its place."""
+        name, unit, factor = self.fit.unknowns[self.fit.names.index(agreement.name)].report
+        return replace(
+            agreement, name=name, unit=unit, values=agreement.values * factor, errors=agreement.errors * factor
+        )
 
     @cached_property
     def curve_block(self) -> ModeCurveBlock | None:
         """The response curves; None without any."""
-        found = [block for block in self.solution.problem.blocks if isinstance(block, ModeCurveBlock)]
-        return found[0] if found else None
+        return next((block for block in self.solution.problem.blocks if isinstance(block, ModeCurveBlock)), None)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -161,13 +161,12 @@ class ModeFit(BlocksResult):
         notes = [*self.notes, *super().warnings]
         low, high = USUAL_PARTICIPATION
         block = self.curve_block
-        for record, name in zip(block.records, block.constants, strict=True) if block else ():
-            value = self.fit.estimates.get(name, block.known.get(name, 1.0) if block else 1.0)
-            if (
-                record.excitation_unit in BASE_MOTIONS
-                and self.model.unit("amplitude") == "m"
-                and not low < value < high
-            ):
+        if block is None or self.model.unit("amplitude") != "m":
+            return tuple(notes)
+        constants = {**block.given_constants, **self.fit.estimates}
+        for record, name in zip(block.records, block.constants, strict=True):
+            value = constants[name]
+            if record.excitation_unit in BASE_MOTIONS and not low < value < high:
                 notes.append(
                     f"{name} is {value:.3g}; that of a mode driven by its base is of the order of 1: check the units "
                     "of the levels and of the sensor"
@@ -190,21 +189,21 @@ class ModeFit(BlocksResult):
         check_instance(record, "record", Measurement, ResponseRecord)
         if isinstance(record, Measurement):
             model = replace(self.given, reference=self.model.reference, sensor=record.sensor)
-            noise = [float(np.mean(one.noise)) for one in self.channels if one.unit == record.sensor.unit]
-            return predicted(self.fit, [(model, self._laws)], noise[0] if noise else math.nan, record)
+            noise = [float(np.mean(channel.noise)) for channel in self.channels if channel.unit == record.sensor.unit]
+            return predicted(self.fit, [(model, self._law_positions)], noise[0] if noise else math.nan, record)
         block = self.curve_block
         pairs = zip(block.records, block.constants, strict=True) if block else ()
-        names = {str(one.excitation_unit): name for one, name in pairs}
+        names = {str(curve.excitation_unit): name for curve, name in pairs}
         if block is None or record.excitation_unit not in names:
             has = f"levels in {', '.join(names)}" if names else "no levels"
             raise InputError(
                 f"has levels in {record.excitation_unit or 'parts of a load'}; the fit has {has}", "record"
             )
-        turned, note = oriented(record, float(np.angle(reading_factor(record)[0])))
-        own = curves_of_mode(self.model, [turned], block.law_names, names, None)
-        own = replace(own, known=block.known, names=tuple(name for name in own.names if name in self.fit.names))
-        found = own.predicted(self.fit, self.kind)
-        return replace(found, notes=(*found.notes, *([note] if note else [])))
+        oriented_record, note = oriented(record, float(np.angle(reading_factor(record)[0])))
+        given_constant = block.given_constants.get(names[record.excitation_unit])
+        prediction_block = mode_curve_block(self.model, [oriented_record], block.law_names, names, given_constant)
+        prediction = prediction_block.predicted(self.fit, self.kind)
+        return replace(prediction, notes=(*prediction.notes, *([note] if note else [])))
 
     @property
     def title(self) -> str:
@@ -213,14 +212,10 @@ class ModeFit(BlocksResult):
 
     def table(self) -> Table:
         """Return the estimates; notes say what each record shows, and the laws at the ends of the amplitudes."""
-        own = super().table()
-        return replace(own, notes=[*own.notes, *self._law_lines()])
-
-    def _law_lines(self) -> list[str]:
-        """Return frequency and damping ratio at the smallest and the largest measured amplitude, if they differ."""
+        table = super().table()
         if not self.model.depends_on_amplitude:
-            return []
-        return self.law_curve([self.min_amplitude, self.max_amplitude]).lines()
+            return table
+        return replace(table, notes=[*table.notes, *self.law_curve([self.min_amplitude, self.max_amplitude]).lines()])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON: SI units, None for unknown values."""
@@ -235,5 +230,5 @@ class ModeFit(BlocksResult):
 
 
 def _renamed(name: str) -> str:
-    """Return the name of a quantity of a release in reports."""
+    """Return the name of an unknown in reports: the amplitude of a release in place of e0."""
     return name.replace("e0_", "amplitude_") if name.startswith("e0_") else name

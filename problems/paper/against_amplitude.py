@@ -13,10 +13,9 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure, plain_log_ticks
 from ancf_casadi.vibration.modes import natural_modes
-from problems.paper.combined_law import combined_law_choice, ratio_curves
+from problems.paper.combined_law import fit_to_decays, ratio_curves
 from problems.paper.inputs import experiments, matched_beam, three_laws
 from problems.paper.step import paper_step
-from problems.spec.beam import law_of
 from problems.study.compute import Compute
 from problems.study.drawing import new_figure, series
 from problems.study.kinds.experiment import FEWEST_MODES, RequestedRun, decay_curve
@@ -36,7 +35,7 @@ it, and so does that of the combined law, which alone is meant for all modes at 
 )
 def against_amplitude(compute: Compute) -> Finding:
     """Return the curves of each mode under the three laws of the paper and under the combined law."""
-    runs = experiments(*three_laws(), combined_law_choice(compute))
+    runs = experiments(*three_laws(), fit_to_decays(compute)[0].choice)
     return amplitude_curves(compute, matched_beam(compute), runs)
 
 
@@ -59,8 +58,7 @@ def amplitude_curves(compute: Compute, beam: Beam, runs: Sequence[RequestedRun])
             )
         amplitudes = np.concatenate([curve.amplitude for curve in curves])
         fine = np.geomspace(amplitudes.min(), amplitudes.max(), LAW_POINTS)
-        laws = [law_of(law.terms, modes.model, law.name) for law in run.laws]
-        predicted = [ratio_curves(law, modes, fine)[:, run.mode - 1] for law in laws]
+        predicted = [ratio_curves(law, modes, fine)[:, run.mode - 1] for law in run.laws]
         caption = (
             f"Mode {run.mode}: damping ratio and frequency against amplitude.  Markers: windows of the simulated "
             "decays.  Lines: prediction of each law."

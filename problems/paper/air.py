@@ -31,6 +31,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -53,10 +54,10 @@ class Air:
     density_std: float = 0.0  # standard error of the density, kg/m^3
 
 
-def implied_drag_coefficient(eta2: float, beam: Beam, air: Air, *, eta2_error: float = 0.0) -> tuple[float, float]:
-    """Return the drag coefficient of a beam with a given eta2 (1/m), and its standard error from that of eta2."""
+def implied_drag_coefficient(eta2: Any, beam: Beam, air: Air, *, eta2_error: Any = 0.0) -> tuple[Any, Any]:
+    """Return the drag coefficients of a beam for values of eta2 (1/m), and their standard errors."""
     unit = QuadraticDamping.from_drag(1.0, air.density, beam).eta2
-    return eta2 / unit, math.hypot(eta2_error / unit, eta2 / unit * air.density_std / air.density)
+    return eta2 / unit, np.hypot(eta2_error / unit, eta2 / unit * air.density_std / air.density)
 
 
 def viscous_damping_ratios(modes: Modes, air: Air) -> Array:

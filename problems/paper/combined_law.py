@@ -34,10 +34,10 @@ from typing import Any
 
 import numpy as np
 import scipy  # its packages are imported on first use
-from scipy.linalg import solve_triangular
 from scipy.special import chdtrc
 
-from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping
+from ancf_casadi.damping import QuadraticDamping
+from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, Figure
@@ -50,9 +50,8 @@ from problems.paper.step import paper_step
 from problems.spec.beam import law_of
 from problems.study.compute import Compute
 from problems.study.drawing import line, new_figure
-from problems.study.step import Finding, LawChoice, Terms, beside_printed
+from problems.study.step import Finding, LawChoice, beside_printed
 
-NAME = "modal + quadratic"
 REJECTED = 0.01  # probability of Q below which one eta2 does not explain all modes
 AIR = Air(density=1.2, viscosity=1.81e-5)
 
@@ -74,88 +73,57 @@ all of them. The viscosity of the air explains a small part of the linear dampin
 def combined_law(compute: Compute) -> Finding:
     """Return the law, the drag coefficients, and the damping ratio against amplitude."""
     fit, modes = fit_to_decays(compute)
-    drag = drag_numbers(fit, modes, AIR)
     beam = modes.model.beam
-    total = implied_drag_coefficient(fit.eta2, beam, AIR, eta2_error=float(np.nan_to_num(fit.errors[-1])))
-    data = {"law": _law_numbers(fit, total), "drag": drag}
-    laws = {law.title: law_of(law.terms, modes.model, law.name) for law in three_laws()} | {NAME: fit.law(modes)}
+    drag = drag_numbers(fit, modes, AIR)
+    total = implied_drag_coefficient(fit.eta2, beam, AIR, eta2_error=np.nan_to_num(fit.errors[-1]))
+    data = {"law": _law_numbers(fit, *total), "drag": drag}
     curves = []  # of each mode: amplitudes, and the ratios under each law, which are straight in the amplitude
-    for n, limit in enumerate(AMPLITUDES):
-        amplitudes = np.linspace(0.0, limit, 3)
-        ratios = {title: ratio_curves(law, modes, amplitudes)[:, n] for title, law in laws.items()}
-        curves.append((amplitudes, ratios))
+    for n, largest in enumerate(AMPLITUDES):
+        amplitudes = np.linspace(0.0, largest, 3)
+        laws = (*three_laws(), fit.choice)
+        curves.append((amplitudes, {law.title: ratio_curves(law, modes, amplitudes)[:, n] for law in laws}))
     synthetic = "  The decays are synthetic."
     figures = compute.drawings(
         (f"η2 of the beam by each mode alone, and one value for all.{synthetic}", _eta2_figure, fit),
         (f"Damping ratio of each mode against its amplitude under each law.{synthetic}", _ratio_figure, curves),
     )
-    tables = (_law_table(fit, total), _drag_table(fit, drag))
+    tables = (_law_table(fit, *total), _drag_table(fit, drag))
     return Finding(data, tables, figures, fit.warnings)
-
-
-def measured_coefficients(compute: Compute) -> list[ModeCoefficients]:
-    """Return the coefficients of each mode that the decays of Table 4 give without bounds."""
-    measured = []
-    for decay in table_04.decay_fits(compute):
-        pair = decay.numbers["unbounded"]
-        frequency, covariance = decay.numbers["frequency_hz"], np.array(pair["covariance"])
-        measured.append(ModeCoefficients(frequency, pair["eta1"], pair["eta2_per_m"], covariance))
-    return measured
 
 
 def fit_to_decays(compute: Compute) -> tuple[CombinedLawFit, Modes]:
     """Return the law fitted to the decays of Table 4, and the modes of the matched beam."""
-    measured = measured_coefficients(compute)
-    modes = natural_modes(Model(matched_beam(compute)), count=len(measured))
-    return fit_combined_law(measured, modes), modes
-
-
-def combined_law_choice(compute: Compute) -> LawChoice:
-    """Return the law for simulations."""
-    fit, _ = fit_to_decays(compute)
-    return LawChoice("combined", fit.terms, NAME)
-
-
-@dataclass(frozen=True, eq=False)
-class ModeCoefficients:
-    """Linear and quadratic coefficient of one mode in Eq. (26), estimated without bounds."""
-
-    frequency: float  # natural frequency, Hz
-    eta1: float  # 1/s
-    eta2: float  # 1/m
-    covariance: Array  # of eta1 and eta2, (2, 2)
-
-    @property
-    def errors(self) -> tuple[float, float]:
-        """Standard errors of eta1 and eta2."""
-        return math.sqrt(self.covariance[0, 0]), math.sqrt(self.covariance[1, 1])
+    decays = [decay.numbers for decay in table_04.decay_fits(compute)]
+    pairs = [numbers["unbounded"] for numbers in decays]  # estimates without bounds
+    modes = natural_modes(Model(matched_beam(compute)), count=len(pairs))
+    fit = fit_combined_law(
+        np.array([numbers["frequency_hz"] for numbers in decays]),
+        np.array([(pair["eta1"], pair["eta2_per_m"]) for pair in pairs]),
+        np.array([pair["covariance"] for pair in pairs]),
+        modes,
+    )
+    return fit, modes
 
 
 @dataclass(frozen=True, eq=False)
 class CombinedLawFit:
     """Modal and quadratic damping fitted to the coefficients of several modes."""
 
-    measured: tuple[ModeCoefficients, ...]  # of each mode, starting with the first
+    frequencies: Array  # natural frequency of each mode, starting with the first, (N,), Hz
+    coefficients: Array  # eta1, 1/s, and eta2, 1/m, of each mode, (N, 2)
+    coefficient_errors: Array  # their standard errors, (N, 2)
     drag_constants: Array  # c_n, (N,)
     ratios: tuple[float, ...]  # linear damping ratio of each mode
     eta2: float  # of the beam, 1/m
-    errors: tuple[float, ...]  # standard errors of the ratios and of eta2, (N + 1,); nan at the bound 0
+    errors: Array  # standard errors of the ratios and of eta2, (N + 1,); nan at the bound 0
     chi_squared: float  # Q
     degrees_of_freedom: int
 
-    def law(self, modes: Modes) -> DampingLaw:
-        """Return the law, modal plus quadratic, on a beam with these modes."""
-        frequencies = [mode.frequency for mode in self.measured]
-        return ModalDamping(modes, self.ratios, frequencies=frequencies) + QuadraticDamping(eta2=self.eta2)
-
     @property
-    def terms(self) -> Terms:
-        """The law as tables [[damping]]."""
-        frequencies = [mode.frequency for mode in self.measured]
-        return (
-            {"law": "modal", "ratios": list(self.ratios), "frequencies": frequencies},
-            {"law": "quadratic", "eta2": self.eta2},
-        )
+    def choice(self) -> LawChoice:
+        """The law, modal plus quadratic, for simulations."""
+        modal = {"law": "modal", "ratios": list(self.ratios), "frequencies": self.frequencies.tolist()}
+        return LawChoice("combined", (modal, {"law": "quadratic", "eta2": self.eta2}), "modal + quadratic")
 
     @property
     def probability(self) -> float:
@@ -195,20 +163,22 @@ class CombinedLawFit:
 
     def implied(self) -> tuple[Array, Array]:
         """Return eta2 of the beam by each mode alone and its standard error, (N,), 1/m."""
-        eta2, errors = np.array([(mode.eta2, mode.errors[1]) for mode in self.measured]).T / self.drag_constants
-        return eta2, errors
+        return self.coefficients[:, 1] / self.drag_constants, self.coefficient_errors[:, 1] / self.drag_constants
 
 
-def fit_combined_law(measured: Sequence[ModeCoefficients], modes: Modes) -> CombinedLawFit:
-    """Fit modal plus quadratic damping to the coefficients of two or more modes, starting with the first."""
-    count, constants = len(measured), drag_constants(modes)[: len(measured)]
+def fit_combined_law(frequencies: Array, coefficients: Array, covariances: Array, modes: Modes) -> CombinedLawFit:
+    """Fit modal plus quadratic damping to two or more modes, starting with the first.
+
+    They have natural frequencies (N,), Hz, pairs of eta1, 1/s, and eta2, 1/m, (N, 2), and covariances of these
+    (N, 2, 2).
+    """
+    count = len(frequencies)
+    constants = drag_constants(modes)[:count]
     rows, values = np.zeros((2 * count, count + 1)), np.zeros(2 * count)
-    for n, mode in enumerate(measured):
-        pair, root = slice(2 * n, 2 * n + 2), np.linalg.cholesky(mode.covariance)
-        design = np.zeros((2, count + 1))
-        design[0, n], design[1, -1] = 4 * math.pi * mode.frequency, constants[n]
-        rows[pair] = solve_triangular(root, design, lower=True)
-        values[pair] = solve_triangular(root, [mode.eta1, mode.eta2], lower=True)
+    for n, whitening in enumerate(np.linalg.inv(np.linalg.cholesky(covariances))):
+        pair = slice(2 * n, 2 * n + 2)
+        rows[pair, [n, -1]] = whitening * [4 * math.pi * frequencies[n], constants[n]]
+        values[pair] = whitening @ coefficients[n]
     size = np.linalg.norm(rows, axis=0)
     scaled, distance = scipy.optimize.nnls(rows / size, values)
     free, errors = scaled > 0.0, np.full(count + 1, math.nan)
@@ -216,7 +186,9 @@ def fit_combined_law(measured: Sequence[ModeCoefficients], modes: Modes) -> Comb
     enlarged = 1.0 if chdtrc(surplus, Q) >= REJECTED else math.sqrt(Q / surplus)
     errors[free] = enlarged * np.linalg.norm(np.linalg.pinv(rows[:, free] / size[free]), axis=1) / size[free]
     *ratios, eta2 = (scaled / size).tolist()
-    return CombinedLawFit(tuple(measured), constants, tuple(ratios), eta2, tuple(errors.tolist()), Q, surplus)
+    coefficient_errors = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
+    measured = frequencies, coefficients, coefficient_errors, constants
+    return CombinedLawFit(*measured, tuple(ratios), eta2, errors, Q, surplus)
 
 
 def drag_constants(modes: Modes) -> Array:
@@ -224,34 +196,29 @@ def drag_constants(modes: Modes) -> Array:
     return QuadraticDamping(eta2=1.0).damping_ratios(modes, np.ones(modes.count)) * 3 * math.pi / 4
 
 
-def ratio_curves(law: DampingLaw | None, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
+def ratio_curves(choice: LawChoice, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
     """Return the equivalent damping ratio of each mode at each tip amplitude (m) under a law, (amplitudes, modes)."""
-    if law is None:
-        return np.zeros((len(amplitudes), modes.count))
+    law = law_of(choice.terms, modes.model, choice.name) or SumOfLaws(())
     return np.array([law.damping_ratios(modes, np.full(modes.count, amplitude)) for amplitude in amplitudes])
 
 
 def drag_numbers(fit: CombinedLawFit, modes: Modes, air: Air) -> list[dict[str, Any]]:
     """Return drag coefficient and viscous damping of each mode, for ``results.json``."""
-    numbers = []
-    viscous_ratios = viscous_damping_ratios(modes, air).tolist()
-    per_mode = zip(fit.measured, fit.drag_constants.tolist(), viscous_ratios, strict=True)
-    for n, (mode, constant, viscous_ratio) in enumerate(per_mode, start=1):
-        drag, error = implied_drag_coefficient(mode.eta2, modes.model.beam, air, eta2_error=mode.errors[1])
-        numbers.append(
-            {
-                "mode": n,
-                "drag_coefficient": drag / constant,
-                "drag_coefficient_stderr": error / constant,
-                "drag_coefficient_by_eq_25": drag,
-                "viscous_damping_ratio": viscous_ratio,
-            }
-        )
-    return numbers
+    eta2, eta2_errors = fit.coefficients[:, 1], fit.coefficient_errors[:, 1]
+    drag, errors = implied_drag_coefficient(eta2, modes.model.beam, air, eta2_error=eta2_errors)
+    columns = {
+        "mode": np.arange(1, len(eta2) + 1),
+        "drag_coefficient": drag / fit.drag_constants,
+        "drag_coefficient_stderr": errors / fit.drag_constants,
+        "drag_coefficient_by_eq_25": drag,
+        "viscous_damping_ratio": viscous_damping_ratios(modes, air),
+    }
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
-def _law_numbers(fit: CombinedLawFit, drag: tuple[float, float]) -> dict[str, Any]:
-    *ratio_errors, eta2_error = map(known, fit.errors)
+def _law_numbers(fit: CombinedLawFit, drag: float, drag_error: float) -> dict[str, Any]:
+    *ratio_errors, eta2_error = map(known, fit.errors.tolist())
     return {
         "linear_damping_ratios": list(fit.ratios),
         "linear_damping_ratio_stderr": ratio_errors,
@@ -263,38 +230,36 @@ def _law_numbers(fit: CombinedLawFit, drag: tuple[float, float]) -> dict[str, An
         "probability": fit.probability,
         "explains_all_modes": fit.explains_all_modes,
         "warnings": list(fit.warnings),
-        "drag_coefficient": drag[0],
-        "drag_coefficient_stderr": drag[1],
+        "drag_coefficient": float(drag),
+        "drag_coefficient_stderr": float(drag_error),
     }
 
 
-def _law_table(fit: CombinedLawFit, drag: tuple[float, float]) -> Table:
+def _law_table(fit: CombinedLawFit, drag: float, drag_error: float) -> Table:
     rows = [(f"ζ of mode {n}, linear", "%", 100 * ratio) for n, ratio in enumerate(fit.ratios, start=1)]
-    rows += [("η2, all modes", "1/m", fit.eta2), ("drag coefficient", "1", drag[0])]
-    errors = {"value": [*(100 * error for error in fit.errors[:-1]), fit.errors[-1], drag[1]]}
+    rows += [("η2, all modes", "1/m", fit.eta2), ("drag coefficient", "1", drag)]
+    errors = {"value": [*100 * fit.errors[:-1], fit.errors[-1], drag_error]}
     title = "Modal plus quadratic damping for all modes"
     return beside_printed(title, ("", "unit", "value"), rows, fit.verdict, errors=errors)
 
 
 def _drag_table(fit: CombinedLawFit, rows: Sequence[Mapping[str, Any]]) -> Table:
-    unit = implied_drag_coefficient(1.0, STANDARD_BEAM, AIR)[0]
-    constants = fit.drag_constants.tolist()
-    rates = [4 * math.pi * mode.frequency for mode in fit.measured]  # 1/s, of eta1 per damping ratio
+    rates = 4 * math.pi * fit.frequencies  # 1/s, of eta1 per damping ratio
+    by_shape = np.array([row["drag_coefficient_stderr"] for row in rows])
     columns: dict[str, Sequence[Cell]] = {
         "mode": [row["mode"] for row in rows],
-        "η2, 1/m": [mode.eta2 for mode in fit.measured],
+        "η2, 1/m": fit.coefficients[:, 1].tolist(),
         "Cd by Eq. (25), 1": [row["drag_coefficient_by_eq_25"] for row in rows],
         "Cd, true shape, 1": [row["drag_coefficient"] for row in rows],
-        "linear part of ζ, %": [100 * mode.eta1 / rate for rate, mode in zip(rates, fit.measured, strict=True)],
+        "linear part of ζ, %": (100 * fit.coefficients[:, 0] / rates).tolist(),
         "of it viscous air, %": [100 * row["viscous_damping_ratio"] for row in rows],
-        "Cd of η2 in the paper, 1": [unit * eta2 for eta2 in ETA2],
+        "Cd of η2 in the paper, 1": implied_drag_coefficient(np.array(ETA2), STANDARD_BEAM, AIR)[0].tolist(),
     }
-    by_shape = [row["drag_coefficient_stderr"] for row in rows]
     errors = {
-        "η2, 1/m": [mode.errors[1] for mode in fit.measured],
-        "Cd by Eq. (25), 1": [error * constant for error, constant in zip(by_shape, constants, strict=True)],
-        "Cd, true shape, 1": by_shape,
-        "linear part of ζ, %": [100 * mode.errors[0] / rate for rate, mode in zip(rates, fit.measured, strict=True)],
+        "η2, 1/m": fit.coefficient_errors[:, 1].tolist(),
+        "Cd by Eq. (25), 1": (by_shape * fit.drag_constants).tolist(),
+        "Cd, true shape, 1": by_shape.tolist(),
+        "linear part of ζ, %": (100 * fit.coefficient_errors[:, 0] / rates).tolist(),
     }
     notes = (
         "Cd = 2 ρ h η2 (1183/876)/ρ_air, with the constant of the shape (21), and with that of each mode.",

@@ -47,6 +47,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array, maxima
+from ancf_casadi.support.figures import Axes
 from ancf_casadi.support.tables import known
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
@@ -83,19 +84,14 @@ class Envelope:
     time: Array  # (k,), s
     amplitude: Array  # (k,), m, positive
 
-    def at(self, time: float) -> float:
-        """Return the amplitude at a time (s), m; nan after the end.  Between samples the decay is exponential."""
-        logarithm = np.interp(time, self.time, np.log(self.amplitude), right=math.nan)
-        return float(np.exp(logarithm))
+    def at(self, time: Any) -> Any:
+        """Return the amplitude at times (s), m; nan after the end.  Between samples the decay is exponential."""
+        return np.exp(np.interp(time, self.time, np.log(self.amplitude), right=math.nan))
 
     def time_to(self, fraction: float) -> float:
         """Return the first time (s) at which a fraction of the first amplitude is left; nan if more is left."""
-        level, logarithm = math.log(fraction * self.amplitude[0]), np.log(self.amplitude)
-        below = np.flatnonzero(logarithm <= level)
-        if not len(below):
-            return math.nan
-        k = max(1, int(below[0]))
-        return float(np.interp(-level, -logarithm[k - 1 : k + 1], self.time[k - 1 : k + 1]))
+        decrease = math.log(self.amplitude[0]) - np.minimum.accumulate(np.log(self.amplitude))
+        return float(np.interp(-math.log(fraction), decrease, self.time, right=math.nan))
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,13 +119,11 @@ def simulate_decays(
 ) -> list[list[SimulatedDecay]]:
     """Simulate the decay of the standard beam under each law at each frequency; return the decays law by law."""
     steps, duration = QUICK_STEPS if compute.quick else LEAST_STEPS, decay_duration(compute, duration)
-    inputs = [
-        (STANDARD_BEAM, QuadraticDamping(law.eta1, law.eta2), frequency, amplitude, duration, steps)
-        for law in laws
-        for frequency in frequencies
-    ]
-    # computing time of a decay, and of each of its periods
-    costs = [0.3 + 0.006 * frequency * duration for _ in laws for frequency in frequencies]
+    inputs, costs = [], []
+    for law in laws:
+        damping = QuadraticDamping(law.eta1, law.eta2)
+        inputs += [(STANDARD_BEAM, damping, frequency, amplitude, duration, steps) for frequency in frequencies]
+        costs += [0.3 + 0.006 * frequency * duration for frequency in frequencies]  # s, of a decay and of its periods
     results = iter(compute.all(simulate_decay, inputs, costs))
     return [[next(results) for _ in frequencies] for _ in laws]
 
@@ -146,8 +140,8 @@ def decay_numbers(law: QuadraticLaw, decay: SimulatedDecay, times: Sequence[floa
         "time_to_a_tenth_s": known(decay.envelope.time_to(0.1)),
         "time_to_a_tenth_by_formula_s": known(decay.formula.time_to(0.1)),
         "times_s": list(times),
-        "amplitude_m": [known(decay.envelope.at(time)) for time in times],
-        "amplitude_by_formula_m": [known(decay.formula.at(time)) for time in times],
+        "amplitude_m": list(map(known, decay.envelope.at(times))),
+        "amplitude_by_formula_m": list(map(known, decay.formula.at(times))),
         "steps": decay.steps,
     }
 
@@ -165,8 +159,8 @@ def simulate_decay(
     Gravity is left out, and the elastic modulus scaled to the first natural frequency, Hz.  The tip starts at an
     amplitude, m, across the beam; the motion lasts one period longer than the duration, s, of the envelopes.
     """
-    modes = natural_modes(Model(tuned(beam, frequency)), count=2)
-    start = displaced(modes, amplitude)
+    modes = natural_modes(Model(tune_beam(beam, frequency)), count=2)
+    start = displace_tip(modes, amplitude)
     run = simulate(
         modes.model,
         damping=law,
@@ -193,66 +187,67 @@ def simulate_decay(
     )
 
 
-def tuned(beam: Beam, frequency: float) -> Beam:
+def tune_beam(beam: Beam, frequency: float) -> Beam:
     """Return the weightless beam with the elastic modulus that gives it a first natural frequency, Hz."""
     weightless = beam.with_(gravity=(0.0, 0.0))
     natural = float(natural_modes(Model(weightless), count=1).frequencies[0])
     return weightless.with_(elastic_modulus=tuple(np.array(beam.elastic_modulus) * (frequency / natural) ** 2))
 
 
-def displaced(modes: Modes, amplitude: float) -> Equilibrium:
+def displace_tip(modes: Modes, amplitude: float) -> Equilibrium:
     """Return the weightless beam at rest under loads like the inertia of mode 1, its tip displaced across (m)."""
     model = modes.model
     nodes = model.mass(model.properties).sparse() @ modes.shapes[:, 0] / modes.tip_amplitudes()[0]
     forces = nodes.reshape(-1, NODE)[1:, :2] * modes.angular_frequencies[0] ** 2  # per tip displacement
     points = np.linspace(0.0, model.beam.length, model.beam.elements + 1)[1:]
 
-    def bent(factor: float) -> Equilibrium:
-        loads = [
-            PointLoad((float(factor * fx), float(factor * fy)), point=float(s))
-            for s, (fx, fy) in zip(points, forces, strict=True)
-        ]
-        return static_equilibrium(model, loads=loads)
+    def bend(factor: float) -> Equilibrium:
+        loads = zip((factor * forces).tolist(), points.tolist(), strict=True)
+        return static_equilibrium(model, loads=[PointLoad((fx, fy), point=s) for (fx, fy), s in loads])
 
     solution = scipy.optimize.root_scalar(
-        lambda factor: float(bent(factor).tip @ _across(modes)) - amplitude,
+        lambda factor: float(bend(factor).tip @ _across(modes)) - amplitude,
         method="secant", x0=amplitude, x1=1.02 * amplitude, xtol=1e-7 * amplitude,
     )  # fmt: skip
     if not solution.converged:
         raise EquilibriumError(f"no load was found that displaces the tip by {amplitude:g} m; start with less")
-    return bent(float(solution.root))
+    return bend(float(solution.root))
 
 
 def peaks(time: Array, displacement: Array) -> Envelope:
     """Return the envelope through the turning points of an oscillation about 0, from its start at a turning point."""
     size = np.abs(displacement)
     at = maxima(size)
-    before, here, after = size[at - 1], size[at], size[at + 1]
-    shift = (before - after) / (2 * (before - 2 * here + after))  # of a parabola through three samples
-    top = here - (before - after) * shift / 4
+    before, sample, after = size[at - 1], size[at], size[at + 1]
+    shift = (before - after) / (2 * (before - 2 * sample + after))  # of a parabola through three samples
+    top = sample - (before - after) * shift / 4
     return Envelope(np.append(time[0], time[at] + shift * (time[1] - time[0])), np.append(size[0], top))
 
 
 def ratios_over_time(decay: SimulatedDecay) -> tuple[Array, Array, Array]:
     """Return times (s), and the damping ratio then: in windows of the simulated motion, and by the formula."""
     curve = damping_curve(Measurement(decay.time, decay.tip), release_time=float(decay.time[0]))
-    amplitude = np.array([decay.formula.at(time) for time in curve.time.tolist()])
-    η1, η2, ω = (cs.DM(value) for value in (decay.law.eta1, decay.law.eta2, 2 * math.pi * decay.frequency))
-    formula = equivalent_damping_ratio(η1, η2, ω, cs.DM(amplitude)).full().ravel()
-    return curve.time, curve.damping_ratio, formula
+    inputs = decay.law.eta1, decay.law.eta2, 2 * math.pi * decay.frequency, decay.formula.at(curve.time)
+    return curve.time, curve.damping_ratio, equivalent_damping_ratio(*map(cs.DM, inputs)).full().ravel()
+
+
+def draw_marked(axes: Axes, x: Array, y: Array, count: int, **style: Any) -> None:
+    """Draw markers at evenly chosen points of a curve."""
+    chosen = np.unique(np.linspace(0, len(x) - 1, count).astype(int))
+    axes.plot(x[chosen], y[chosen], **style)
 
 
 def crossing(first: Envelope, second: Envelope) -> float:
     """Return the time (s) after the start at which two envelopes cross; nan if they do not."""
 
-    def difference(time: float) -> float:
-        return math.log(first.at(time) / second.at(time))
+    def difference(time: Any) -> Any:
+        return np.log(first.at(time) / second.at(time))
 
     grid = np.linspace(first.time[0], min(first.time[-1], second.time[-1]), 1000)[1:]
-    changes = np.flatnonzero(np.diff(np.sign([difference(time) for time in grid.tolist()])))
-    return (
-        float(scipy.optimize.brentq(difference, grid[changes[0]], grid[changes[0] + 1])) if len(changes) else math.nan
-    )
+    changes = np.flatnonzero(np.diff(np.sign(difference(grid))))
+    if not len(changes):
+        return math.nan
+    return float(scipy.optimize.brentq(difference, *grid[changes[0] : changes[0] + 2]))
 
 
 def _across(modes: Modes) -> Array:
@@ -271,20 +266,18 @@ def characteristics(
     A row has the words, the mean decay rates (1/s), and the parts of the amplitude that are left, at each frequency.
     The gross motion is undecided if neither law is faster at every frequency.
     """
-    left = [
-        tuple(envelope.at(horizon) / float(envelope.amplitude[0]) for envelope in envelopes)
-        for envelopes in (first, second)
-    ]
-    rates = [tuple(-math.log(ratio) / horizon for ratio in ratios) for ratios in left]
+    amplitudes_left = [tuple(float(e.at(horizon) / e.amplitude[0]) for e in envelopes) for envelopes in (first, second)]
+    rates = [tuple(-math.log(left) / horizon for left in lefts) for lefts in amplitudes_left]
     faster = {a >= b for a, b in zip(*rates, strict=True)}  # first law, at each frequency
     motions = {(True,): ("rapid decay", "slow decay"), (False,): ("slow decay", "rapid decay")}
+    gross_motions = motions.get(tuple(faster), ("undecided", "undecided"))
     return tuple(
         {
-            "gross_motion": gross,
-            "frequency": "independent" if max(of_law) < (1 + EQUAL_RATES) * min(of_law) else "dependent",
-            "residual_motion": "controllable" if max(ratios) < SETTLED_AMPLITUDE else "uncontrollable",
-            "decay_rates": list(of_law),
-            "left": list(ratios),
+            "gross_motion": gross_motion,
+            "frequency": "independent" if max(law_rates) < (1 + EQUAL_RATES) * min(law_rates) else "dependent",
+            "residual_motion": "controllable" if max(lefts) < SETTLED_AMPLITUDE else "uncontrollable",
+            "decay_rates": list(law_rates),
+            "left": list(lefts),
         }
-        for gross, of_law, ratios in zip(motions.get(tuple(faster), ["undecided"] * 2), rates, left, strict=True)
+        for gross_motion, law_rates, lefts in zip(gross_motions, rates, amplitudes_left, strict=True)
     )

@@ -17,7 +17,6 @@ import numpy as np
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.stepping import ReducedTrajectory
-from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
 from problems.paper.inputs import experiments, matched_beam, three_laws
@@ -67,26 +66,23 @@ def resonances(compute: Compute, beam: Beam, runs: Sequence[RequestedRun]) -> Fi
         for run, results in zip(runs, run_experiments(compute, beam, runs), strict=True)
         for law, result in zip(run.laws, results, strict=True)
     ]
-    inputs = [
-        (beam, law.terms, numbers["base_amplitude_m"], range_of(numbers), numbers["mode"]) for law, numbers in rows
-    ]
+    inputs = [(beam, law.terms, row["base_amplitude_m"], frequency_range(row), row["mode"]) for law, row in rows]
     curves = compute.all(resonance, inputs, CURVE_COST)
     heads = ("mode", "law", "base amplitude, mm", "reached before the stop, mm", *SUMMARY_HEADS)
-    sizes = ("base_amplitude_m", "reached_amplitude_m")
     cells = [
-        (numbers["mode"], law.title, *(1e3 * numbers[key] for key in sizes), *peaks)
-        for (law, numbers), peaks in zip(rows, summary_rows([curve for curve, _ in curves]), strict=True)
+        (row["mode"], law.title, 1e3 * row["base_amplitude_m"], 1e3 * row["reached_amplitude_m"], *peaks)
+        for (law, row), peaks in zip(rows, summary_rows([curve for curve, _ in curves]), strict=True)
     ]
     table = beside_printed("Steady vibration at the base amplitudes of the experiments", heads, cells)
     data = [
         {
-            "mode": numbers["mode"],
+            "mode": row["mode"],
             "law": law.name,
-            **{key: numbers[key] for key in ("base_amplitude_m", "drive_hz", "reached_amplitude_m")},
+            **{key: row[key] for key in ("base_amplitude_m", "drive_hz", "reached_amplitude_m")},
             "amplitude_m": amplitudes.tolist(),
             "curve": curve,
         }
-        for (law, numbers), (curve, amplitudes) in zip(rows, curves, strict=True)
+        for (law, row), (curve, amplitudes) in zip(rows, curves, strict=True)
     ]
     titles = {law.name: law.title for law, _ in rows}
     drawings = []
@@ -119,18 +115,16 @@ def resonance(beam: Beam, terms: Terms, amplitude: float, frequencies: tuple[flo
     law, count = law_of(terms, model, "damping"), max(RESPONSE_MODES, mode)
     task = ResponseTables(model, law, ResponseSpec(frequencies, amplitude, points=24), count, {})
     curve = task.curve(amplitude)
-    return curve_numbers(task, curve), np.array([_amplitude(motion, mode) for motion in curve.motions])
+    amplitudes = []
+    for motion in curve.motions:
+        period = motion.trajectory(64)
+        assert isinstance(period, ReducedTrajectory)
+        coordinate = period.reduced.modes.modal_coordinate(period.relative_coordinates, mode - 1)
+        amplitudes.append(np.ptp(coordinate) / 2)
+    return curve_numbers(task, curve), np.array(amplitudes)
 
 
-def _amplitude(motion: PeriodicMotion, mode: int) -> float:
-    """Return the amplitude of a mode at the tip in the motion relative to the clamp, m."""
-    period = motion.trajectory(64)
-    assert isinstance(period, ReducedTrajectory)
-    modes = period.reduced.modes
-    return float(np.ptp(modes.modal_coordinate(period.relative_coordinates, mode - 1)) / 2)
-
-
-def range_of(numbers: Mapping[str, Any]) -> tuple[float, float]:
+def frequency_range(numbers: Mapping[str, Any]) -> tuple[float, float]:
     """Return the first and the last frequency of a curve, Hz, from the numbers of an experiment.
 
     A mode that softens is on the upper branch of its curve above the resonance, where the curve therefore begins.  The

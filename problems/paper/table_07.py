@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-
-import numpy as np
 
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure, plain_log_ticks
@@ -16,6 +13,7 @@ from problems.paper.effects import (
     crossing,
     decay_duration,
     decay_numbers,
+    draw_marked,
     ratios_over_time,
     simulate_decays,
 )
@@ -49,11 +47,8 @@ def ratio_change(compute: Compute) -> Finding:
     """Return the damping ratios over time, and the times at which the envelopes cross that of the first law."""
     decays = [decay for (decay,) in simulate_decays(compute, LAWS, (FREQUENCY,), AMPLITUDE, DURATION)]
     ratios = [ratios_over_time(decay) for decay in decays]
-    crossings = [(math.nan, math.nan)]
-    crossings += [
-        (crossing(decays[0].envelope, decay.envelope), crossing(decays[0].formula, decay.formula))
-        for decay in decays[1:]
-    ]
+    first = decays[0]
+    crossings = [(crossing(first.envelope, d.envelope), crossing(first.formula, d.formula)) for d in decays]
     duration = decay_duration(compute, DURATION)
     data = {
         "decays": [
@@ -104,13 +99,10 @@ def _figure(decays: Sequence[SimulatedDecay], ratios: Sequence[Ratios]) -> Figur
     figure, (amplitude, ratio) = new_figure(5.4, 2, sharex=True)
     for k, (law, decay, (time, on_beam, by_formula)) in enumerate(zip(LAWS, decays, ratios, strict=True)):
         markers = {**series(k), "linestyle": "", "ms": 5}
-        envelope = decay.envelope
-        marked = np.unique(np.linspace(0, len(envelope.time) - 1, CURVE_MARKERS).astype(int))
-        amplitude.plot(envelope.time[marked], 1e3 * envelope.amplitude[marked], **markers)
+        draw_marked(amplitude, decay.envelope.time, 1e3 * decay.envelope.amplitude, CURVE_MARKERS, **markers)
         amplitude.plot(decay.formula.time, 1e3 * decay.formula.amplitude, **line(k))
         amplitude.plot([], [], **series(k), ms=5, label=law.title)
-        marked = np.unique(np.linspace(0, len(time) - 1, CURVE_MARKERS).astype(int))
-        ratio.plot(time[marked], 100 * on_beam[marked], **markers)
+        draw_marked(ratio, time, 100 * on_beam, CURVE_MARKERS, **markers)
         ratio.plot(time, 100 * by_formula, **line(k))
     amplitude.set(ylabel="amplitude, mm", yscale="log")
     plain_log_ticks(amplitude, "y")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ancf_casadi.support.figures import Figure, plain_log_ticks
+from ancf_casadi.support.figures import Axes, Figure, plain_log_ticks
 from ancf_casadi.support.tables import Cell, Table
 from problems.paper.effects import (
     HORIZON,
@@ -18,6 +18,7 @@ from problems.paper.effects import (
     characteristics,
     decay_duration,
     decay_numbers,
+    draw_marked,
     simulate_decays,
 )
 from problems.paper.step import paper_step
@@ -28,6 +29,7 @@ from problems.study.step import Finding, beside_printed
 LAWS = (QuadraticLaw("eta1_alone", "Quadratic 1", 2.0, 0.0), QuadraticLaw("eta2_alone", "Quadratic 2", 1e-9, 1.0))
 FREQUENCY, FREQUENCIES = 1.85, (1.0, 5.0, 20.0)  # Hz, of Figures 12 and 14, and of Figures 13 and 15
 AMPLITUDE, DURATION = 0.076, 15.0  # m, at the tip, and s
+ENVELOPE_MARKERS = 8  # of a drawn envelope
 
 CHARACTERISTICS = ("gross_motion", "frequency", "residual_motion")  # columns of Table 6
 PRINTED = (("rapid decay", "independent", "controllable"), ("slow decay", "dependent", "uncontrollable"))  # Table 6
@@ -58,20 +60,16 @@ def eta_effects(compute: Compute) -> Finding:
     first, second = ([decay.envelope for decay in decays[1:]] for decays in results)
     words = characteristics(first, second, horizon)
     times = tuple(dict.fromkeys((horizon, duration)))
+    pairs = [(law, decay) for law, decays in zip(LAWS, results, strict=True) for decay in decays]
     data = {
-        "decays": [
-            decay_numbers(law, decay, times) for law, decays in zip(LAWS, results, strict=True) for decay in decays
-        ],
+        "decays": [decay_numbers(law, decay, times) for law, decay in pairs],
         "characteristics": [
             {"law": law.name, **{key: row[key] for key in (*CHARACTERISTICS, "decay_rates")}}
             for law, row in zip(LAWS, words, strict=True)
         ],
     }
-    rows = [  # each frequency once
-        (law, decay)
-        for law, decays in zip(LAWS, results, strict=True)
-        for _, decay in sorted({decay.frequency: decay for decay in decays}.items())
-    ]
+    unique = {(LAWS.index(law), decay.frequency): (law, decay) for law, decay in pairs}
+    rows = [unique[key] for key in sorted(unique)]
     tables = (_times_to_a_tenth(rows), _word_table(words, horizon), _amplitudes_left(rows, times))
     drawings: list[Any] = []
     for law, decays in zip(LAWS, results, strict=True):
@@ -109,14 +107,16 @@ def _word_table(words: Sequence[Mapping[str, Any]], horizon: float) -> Table:
         cells = tuple(row[key] for key in CHARACTERISTICS)
         rows.append((law.title, *cells, "yes" if cells == printed else "no"))
     heads = ("law", *(key.replace("_", " ") for key in CHARACTERISTICS), "as in the paper")
-    rates = [", ".join(f"{rate:.3g}" for rate in row["decay_rates"]) for row in words]
-    listed = ", ".join(f"{f:g}" for f in FREQUENCIES)
+    rates = [
+        f"{law.title} {', '.join(f'{rate:.3g}' for rate in row['decay_rates'])} 1/s"
+        for law, row in zip(LAWS, words, strict=True)
+    ]
+    frequencies = ", ".join(f"{f:g}" for f in FREQUENCIES)
     notes = (
-        f"Mean decay rates over {horizon:g} s at {listed} Hz: "
-        + "; ".join(f"{law.title} {rate} 1/s" for law, rate in zip(LAWS, rates, strict=True)) + ".",
+        f"Mean decay rates over {horizon:g} s at {frequencies} Hz: {'; '.join(rates)}.",
         "Rapid: the larger rate at every frequency.  Independent: rates within 10 %.  Controllable: less than 2 % "
         f"of the amplitude left after {horizon:g} s at every frequency.",
-    )  # fmt: skip
+    )
     return beside_printed("Characteristics of the laws", heads, rows, *notes)
 
 
@@ -133,7 +133,7 @@ def _amplitudes_left(rows: Sequence[tuple[QuadraticLaw, SimulatedDecay]], times:
 
 def _amplitude_left(envelope: Envelope, time: float) -> float | str:
     """Return the amplitude at a time (s) in mm for a table; what a simulation does not resolve as an upper limit."""
-    amplitude = envelope.at(time)
+    amplitude = float(envelope.at(time))
     if amplitude < LEAST_AMPLITUDE or (np.isnan(amplitude) and envelope.amplitude[-1] < LEAST_AMPLITUDE):
         return f"< {1e3 * LEAST_AMPLITUDE:g}"
     return 1e3 * amplitude
@@ -142,16 +142,20 @@ def _amplitude_left(envelope: Envelope, time: float) -> float | str:
 def _motion_figure(law: QuadraticLaw, decay: SimulatedDecay, end: float) -> Figure:
     """Draw the motion on the beam and by the formula, one above the other."""
     figure, panels = new_figure(4.0, 2, sharex=True, sharey=True)
-    for k, (axes, motion, label) in enumerate(
-        zip(panels, (decay.tip, decay.formula_tip), ("beam", "Eq. (27)"), strict=True)
-    ):
+    motions = ((decay.tip, "beam"), (decay.formula_tip, "Eq. (27)"))
+    for k, (axes, (motion, label)) in enumerate(zip(panels, motions, strict=True)):
         axes.plot(decay.time, 1e3 * motion, **{**line(2 * k), "linestyle": "-"}, lw=0.8)
-        for side in (-1e3, 1e3):
-            axes.plot(decay.formula.time, side * decay.formula.amplitude, "k--", lw=0.8)
+        _draw_formula(axes, decay)
         axes.set(ylabel="tip, mm", xlim=(0.0, end))
         axes.set_title(f"{law.title}, {decay.frequency:g} Hz: {label}")
     panels[-1].set(xlabel="time, s")
     return figure
+
+
+def _draw_formula(axes: Axes, decay: SimulatedDecay) -> None:
+    """Draw the envelope by Eq. (27) on both sides of the axis."""
+    for side in (-1e3, 1e3):
+        axes.plot(decay.formula.time, side * decay.formula.amplitude, "k--", lw=0.8)
 
 
 def _frequencies_figure(law: QuadraticLaw, decays: Sequence[SimulatedDecay], end: float) -> Figure:
@@ -161,18 +165,16 @@ def _frequencies_figure(law: QuadraticLaw, decays: Sequence[SimulatedDecay], end
     for k, (axes, decay) in enumerate(zip(motions, decays, strict=True)):
         extremes = band(decay.time, decay.tip, decay.frequency)
         draw_band(axes, extremes, 1e3, filled=True, **{**line(k), "linestyle": "-"}, lw=0.7)
-        for side in (-1e3, 1e3):
-            axes.plot(decay.formula.time, side * decay.formula.amplitude, "k--", lw=0.8)
+        _draw_formula(axes, decay)
         axes.set(ylabel="tip, mm", xlim=(0.0, end))
         axes.set_title(f"{law.title}, {decay.frequency:g} Hz")
-        marked = np.unique(np.linspace(0, len(decay.envelope.time) - 1, 8).astype(int))  # of a drawn envelope
-        marked = marked[decay.envelope.amplitude[marked] > LEAST_AMPLITUDE]
         style = {**series(k), "linestyle": "", "ms": 5, "label": f"{decay.frequency:g} Hz"}
-        envelopes.plot(decay.envelope.time[marked], 1e3 * decay.envelope.amplitude[marked], **style)
+        resolved = np.where(decay.envelope.amplitude > LEAST_AMPLITUDE, 1e3 * decay.envelope.amplitude, np.nan)
+        draw_marked(envelopes, decay.envelope.time, resolved, ENVELOPE_MARKERS, **style)
         envelopes.plot(decay.formula.time, 1e3 * decay.formula.amplitude, **line(k), lw=1)
     envelopes.set(xlabel="time, s", ylabel="amplitude, mm", yscale="log", xlim=(0.0, end))
-    resolved = min(decay.formula.amplitude[-1] for decay in decays) >= LEAST_AMPLITUDE
-    envelopes.set_ylim(bottom=None if resolved else 1e3 * LEAST_AMPLITUDE)
+    if min(decay.formula.amplitude[-1] for decay in decays) < LEAST_AMPLITUDE:
+        envelopes.set_ylim(bottom=1e3 * LEAST_AMPLITUDE)
     plain_log_ticks(envelopes, "y")
     envelopes.set_title("markers: beam; lines: Eq. (27)")
     envelopes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=count)

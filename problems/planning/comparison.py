@@ -61,16 +61,16 @@ class PlannedComparison(Reported):
     @property
     def right(self) -> dict[str, float]:
         """Probability that each candidate tells the true law from another one, for the pair with the lowest one."""
-        found: dict[str, float] = {}
-        for (name, _, _), one in self.expected.items():
-            found[name] = min(one.right, found.get(name, 1.0))
-        return found
+        lowest: dict[str, float] = {}
+        for (name, _, _), expected_choice in self.expected.items():
+            lowest[name] = min(expected_choice.right, lowest.get(name, 1.0))
+        return lowest
 
     def table(self) -> Table:
         """Return the expected difference of the criterion and the probability of the right choice, a row per pair."""
         rows = [
-            (name, self.names[truth], self.names[rival], one.difference, one.right)
-            for (name, truth, rival), one in self.expected.items()
+            (name, self.names[truth], self.names[rival], expected_choice.difference, expected_choice.right)
+            for (name, truth, rival), expected_choice in self.expected.items()
         ]
         columns = ("candidate", "true law", "other law", "difference", "right")
         return Table("comparison_plan", "Expected choices between two laws", columns, rows)
@@ -78,8 +78,8 @@ class PlannedComparison(Reported):
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""
         pairs = [
-            {"candidate": name, "truth": self.names[truth], "other": self.names[rival], **asdict(one)}
-            for (name, truth, rival), one in self.expected.items()
+            {"candidate": name, "truth": self.names[truth], "other": self.names[rival], **asdict(expected_choice)}
+            for (name, truth, rival), expected_choice in self.expected.items()
         ]
         return {"kind": self.kind, "laws": list(self.names), "pairs": pairs, "right": self.right}
 
@@ -151,16 +151,21 @@ def plan_comparison(
         choice(name, tuple(candidates), "counts")
         whole(count, f"counts: {name}", 0)
     lists = {name: {name: 1} for name in candidates}
-    if any(one != numbers for one in lists.values()):
+    if numbers not in lists.values():
         lists[TOGETHER] = numbers
-    tasks = [partial(_expected, model, candidates, laws, k, lists, settings) for k in range(len(laws))]
-    parts = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="laws")
-    expected = {key: one for part in parts for key, one in part.items()}
-    ordered = {key: expected[key] for name in lists for key in expected if key[0] == name}
+    tasks = [partial(_expect_choices, model, candidates, laws, k, lists, settings) for k in range(len(laws))]
+    expectations = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="laws")
+    ordered = {
+        key: expected_choice
+        for name in lists
+        for choices in expectations
+        for key, expected_choice in choices.items()
+        if key[0] == name
+    }
     return PlannedComparison(tuple(law_name(law) for law in laws), ordered)
 
 
-def _expected(
+def _expect_choices(
     model: Model,
     candidates: Mapping[str, PlannedRecord],
     laws: Sequence[DampingLaw],
@@ -168,17 +173,17 @@ def _expected(
     lists: Mapping[str, Mapping[str, int]],
     settings: Mapping[str, Any],
 ) -> dict[tuple[str, int, int], Expectation]:
-    """Return what each list of records shows if one law is true."""
+    """Return the expected choice between a true law and each other law for each list of records."""
     planned = plan(model, candidates, laws[truth], **settings)
     exact = dict(zip(planned.names, planned.records, strict=True))
-    terms, found = [[own.name for own in law.parameters] for law in laws], {}
+    terms, expectations = [[parameter.name for parameter in law.parameters] for law in laws], {}
     for name, counts in lists.items():
-        records: list[Any] = [exact[one] for one, count in counts.items() for _ in range(count)]
+        records: list[Any] = [exact[candidate] for candidate, count in counts.items() for _ in range(count)]
         problem = beam_problem(model, records, laws[truth], **settings)[0]
-        own = fitted_once(problem)
+        true_fit = fitted_once(problem)
         for k, law in enumerate(laws):
             if k != truth:
-                rival = fit_beam(model, records, law, **settings).fit
-                pair = (own, rival), (terms[truth], terms[k])
-                found[name, truth, k] = expectation(*pair, rival.residuals, problem.scale, 1.0)
-    return found
+                rival_fit = fit_beam(model, records, law, **settings).fit
+                pair = (true_fit, rival_fit), (terms[truth], terms[k])
+                expectations[name, truth, k] = expectation(*pair, rival_fit.residuals, problem.scale, 1.0)
+    return expectations

@@ -25,8 +25,8 @@ sum w_k = 1 solve a convex program.  The derivative of the loss by w_k is -B g_k
 D, and (C A_k C)_jj, summed over the unknowns j of the goal, for the others.  By the equivalence theorem shares are
 optimal if and only if no B g_k/c_k exceeds the mean over the shares, which for D without P is the number of unknowns.
 
-Whole numbers of records come from an exchange: from the empty list, and from the optimal shares rounded down, the
-record with the largest decrease of the loss per cost is added until the budget is spent.  Then one or two records are
+Whole numbers of records come from an exchange: to the empty list, and to the optimal shares rounded down, the record
+with the largest decrease of the loss per cost is added until the budget is spent.  Then one or two records are
 exchanged for one or two others, the best first, as long as this helps.
 
 References
@@ -51,18 +51,18 @@ from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.tall import tall_triangle
 
-UNUSED = 1e-6  # share of a budget below which the interior-point method means none
-PROGRESS = 1e-9  # decrease of a loss, relative, that counts as an improvement
-SHARE_OPTIONS = {"ipopt.tol": 1e-11, "ipopt.mu_strategy": "adaptive", "ipopt.bound_relax_factor": 0.0}
+UNUSED = 1e-6  # share of a budget that the interior-point method returns in place of zero
+PROGRESS = 1e-9  # least relative decrease of a loss that counts as an improvement
+SHARE_OPTIONS = {"ipopt.tol": 1e-11}
 
 
 @dataclass(frozen=True, eq=False)
 class ExpectedRecord:
-    """A record as it is expected: how its residuals, in standard deviations, depend on the unknowns."""
+    """Expected record: the dependence of its residuals, in standard deviations, on the unknowns."""
 
     jacobian: Array  # by n unknowns that records share and q of its own, in units of their scales, (m, n + q)
     shared: int  # n
-    known: Array  # residuals of the priors of its own unknowns by all, (p, n + q)
+    prior_jacobian: Array  # residuals of the priors of its own unknowns by all, (p, n + q)
     lengths: tuple[int, ...]  # of the series of residuals, one per sensor or value
     places: Array  # arc length of the sensor of each series, m; nan without a place
     times: Array  # of the residuals, s, (m,); nan without times
@@ -80,31 +80,32 @@ class ExpectedRecord:
         """Information of the whole record on the shared unknowns, (n, n)."""
         return self._marginal(self.triangles)
 
-    def of_series(self, series: Sequence[int]) -> Array:
+    def series_information(self, series: Sequence[int]) -> Array:
         """Return the information of some of the series, (n, n)."""
         return self._marginal([self.triangles[k] for k in series])
 
-    def until(self, times: Array) -> Array:
+    def informations_until(self, times: Array) -> Array:
         """Return the information of the record if it ended at each of some ascending times, (t, n, n)."""
-        found, sofar, before = [], np.zeros((0, self.jacobian.shape[1])), -math.inf
+        informations, triangle, previous_time = [], np.zeros((0, self.jacobian.shape[1])), -math.inf
         for time in times.tolist():
-            own: Mask = (self.times > before) & (self.times <= time)
-            sofar, before = tall_triangle(np.vstack([sofar, self.jacobian[own]])), time
-            found.append(self._marginal([sofar]))
-        return np.array(found)
+            new_samples: Mask = (self.times > previous_time) & (self.times <= time)
+            triangle, previous_time = tall_triangle(np.vstack([triangle, self.jacobian[new_samples]])), time
+            informations.append(self._marginal([triangle]))
+        return np.array(informations)
 
-    def _marginal(self, parts: Sequence[Array]) -> Array:
-        rows = np.vstack([*(part / math.sqrt(self.growth) for part in parts), self.known])
-        shared, own = rows[:, : self.shared], rows[:, self.shared :]
-        length = np.linalg.norm(own, axis=0)
-        own = own[:, length > 0.0] / length[length > 0.0]
-        rest = shared - own @ np.linalg.lstsq(own, shared)[0] if own.size else shared
-        return np.asarray(rest.T @ rest)
+    def _marginal(self, triangles: Sequence[Array]) -> Array:
+        """Return the information of some series on the shared unknowns, with the own unknowns marginalised."""
+        rows = np.vstack([*(triangle / math.sqrt(self.growth) for triangle in triangles), self.prior_jacobian])
+        shared, own_columns = rows[:, : self.shared], rows[:, self.shared :]
+        norms = np.linalg.norm(own_columns, axis=0)
+        own_columns = own_columns[:, norms > 0.0] / norms[norms > 0.0]
+        residuals = shared - own_columns @ np.linalg.lstsq(own_columns, shared)[0] if own_columns.size else shared
+        return np.asarray(residuals.T @ residuals)
 
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """Candidate records, of which a list is to be made."""
+    """Candidate records, and the criteria by which lists of them are chosen."""
 
     informations: Array  # (c, n, n)
     prior: Array  # information of priors and of earlier records, (n, n)
@@ -119,37 +120,38 @@ class Design:
         """Return the standard errors (n,) in units of the scales; infinite for what is not determined."""
         values, vectors = np.linalg.eigh(information)
         determined = values > self.negligible**2
-        open_ones = (np.abs(vectors[:, ~determined]) > LEAST_EXPONENT).any(axis=1)
-        own = vectors[:, determined] / np.sqrt(values[determined])
-        return np.where(open_ones, math.inf, np.linalg.norm(own, axis=1))
+        undetermined = (np.abs(vectors[:, ~determined]) > LEAST_EXPONENT).any(axis=1)
+        scaled_vectors = vectors[:, determined] / np.sqrt(values[determined])
+        return np.where(undetermined, math.inf, np.linalg.norm(scaled_vectors, axis=1))
 
     def loss(self, information: Array, goal: Array | None) -> Array:
         """Return the loss of lists with the information (..., n, n); ``goal`` has the weights of C_kk, None for D."""
-        raised = self._raised(information)
+        information = self._regularised(information)
         if goal is None:
-            return np.asarray(-np.linalg.slogdet(raised)[1])
-        return np.asarray(np.einsum("...kk,k->...", np.linalg.inv(raised), goal))
+            return np.asarray(-np.linalg.slogdet(information)[1])
+        return np.asarray(np.einsum("...kk,k->...", np.linalg.inv(information), goal))
 
-    def _raised(self, information: Array) -> Array:
-        """Return an information that can be inverted."""
+    def _regularised(self, information: Array) -> Array:
+        """Return the information plus a negligible one, which makes it invertible."""
         return np.asarray(information + self.negligible**2 * np.eye(len(self.prior)))
 
     def gains(self, amounts: Array, goal: Array | None) -> Array:
         """Return the gains g (c,): the decrease of the loss per further record, to first order."""
-        covariance = np.linalg.inv(self._raised(self.total(amounts)))
-        within = covariance if goal is None else covariance @ np.diag(goal) @ covariance
-        return np.asarray(np.einsum("ij,kji->k", within, self.informations))
+        covariance = np.linalg.inv(self._regularised(self.total(amounts)))
+        weights = covariance if goal is None else covariance @ np.diag(goal) @ covariance
+        return np.asarray(np.einsum("ij,kji->k", weights, self.informations))
 
     def shares(self, budget: float, goal: Array | None) -> Array:
         """Return the optimal shares (c,) of a budget."""
         count = len(self.costs)
-        bought = self.informations * (budget / self.costs)[:, None, None]
-        base = self._raised(self.prior)
+        purchases = self.informations * (budget / self.costs)[:, None, None]
+        prior = self._regularised(self.prior)
         # coordinates in which equal shares have the information I
-        root = np.linalg.inv(np.linalg.cholesky(base + bought.mean(axis=0))).T
+        root = np.linalg.inv(np.linalg.cholesky(prior + purchases.mean(axis=0))).T
         w = cs.SX.sym("w", count)
-        own = [cs.DM(root.T @ one @ root) for one in (base, *bought)]
-        information = sum((w[k] * own[k + 1] for k in range(count)), cs.SX(own[0]))
+        information = cs.SX(cs.DM(root.T @ prior @ root))
+        for k, purchase in enumerate(purchases):
+            information += w[k] * cs.DM(root.T @ purchase @ root)
         triangle = cs.chol(information)
         if goal is None:
             value = -2 * cs.sum1(cs.log(cs.diag(triangle)))
@@ -159,66 +161,61 @@ class Design:
         loss, x = cs.Function("loss", [w], [value]), cs.MX.sym("w", count)
         equal = np.full(count, 1 / count)
         program = {"x": x, "f": loss(x), "g": cs.sum1(x) - 1}
-        found = solve_nlp(program, equal, lower=0.0, upper=1.0, options=SHARE_OPTIONS).x
-        found = np.where(found > UNUSED, found, 0.0)
-        return np.asarray(found / found.sum())
+        shares = solve_nlp(program, equal, lower=0.0, upper=1.0, options=SHARE_OPTIONS).x
+        shares = np.where(shares > UNUSED, shares, 0.0)
+        return np.asarray(shares / shares.sum())
 
-    def counts(self, budget: float, goal: Array | None, most: int | None = None) -> Array:
-        """Return the best numbers (c,) of the records within a budget, each at most ``most`` times."""
+    def counts(self, budget: float, goal: Array | None, most_each: int | None = None) -> Array:
+        """Return the best numbers (c,) of the records within a budget, each at most ``most_each`` times."""
         limit = np.floor((budget / self.costs) * (1 + PROGRESS))
-        limit = limit if most is None else np.minimum(limit, most)
+        limit = limit if most_each is None else np.minimum(limit, most_each)
         rounded = np.minimum(np.floor(self.shares(budget, goal) * budget / self.costs), limit)
-        starts = [self._filled(start, budget, goal, limit) for start in (np.zeros(len(limit)), rounded)]
-        found = [self._exchanged(start, budget, goal, limit) for start in starts]
-        return min(found, key=lambda counts: float(self.loss(self.total(counts), goal)))
+        starts = [self._fill(start, budget, goal, limit) for start in (np.zeros(len(limit)), rounded)]
+        lists = [self._exchange(start, budget, goal, limit) for start in starts]
+        return min(lists, key=lambda counts: float(self.loss(self.total(counts), goal)))
 
-    def _filled(self, counts: Array, budget: float, goal: Array | None, limit: Array) -> Array:
-        """Return a list with as many further records as the budget allows, the best per cost first."""
+    def _fill(self, counts: Array, budget: float, goal: Array | None, limit: Array) -> Array:
+        """Add records to a list until the budget is spent, the largest decrease of the loss per cost first."""
         counts = counts.copy()
         while True:
-            left = budget * (1 + PROGRESS) - counts @ self.costs
-            possible = np.flatnonzero((self.costs <= left) & (counts < limit))
+            remaining = budget * (1 + PROGRESS) - counts @ self.costs
+            possible = np.flatnonzero((self.costs <= remaining) & (counts < limit))
             if not len(possible):
                 return counts
-            own = self.total(counts)
-            decrease = self.loss(own, goal) - self.loss(own + self.informations[possible], goal)
+            information = self.total(counts)
+            decrease = self.loss(information, goal) - self.loss(information + self.informations[possible], goal)
             counts[possible[np.argmax(decrease / self.costs[possible])]] += 1
 
-    def _exchanged(self, counts: Array, budget: float, goal: Array | None, limit: Array) -> Array:
-        """Return a list that no exchange of one or two records for one or two others improves."""
-        changes = _ones_and_pairs(len(counts))
+    def _exchange(self, counts: Array, budget: float, goal: Array | None, limit: Array) -> Array:
+        """Exchange one or two records of a list for one or two others, as long as this improves the list."""
+        singles, (i, j) = np.eye(len(counts)), np.triu_indices(len(counts))
+        changes = np.vstack([singles, singles[i] + singles[j]])
         gained = np.tensordot(changes, self.informations, 1)
         best = float(self.loss(self.total(counts), goal))
         while True:
             better: Array | None = None
-            for taken in changes[(changes <= counts).all(axis=1)]:
-                left = counts - taken
-                affordable = (left + changes) @ self.costs <= budget * (1 + PROGRESS)
-                possible = np.flatnonzero(affordable & (left + changes <= limit).all(axis=1))
-                losses = self.loss(self.total(left) + gained[possible], goal)
+            for removed in changes[(changes <= counts).all(axis=1)]:
+                kept_counts = counts - removed
+                affordable = (kept_counts + changes) @ self.costs <= budget * (1 + PROGRESS)
+                possible = np.flatnonzero(affordable & (kept_counts + changes <= limit).all(axis=1))
+                losses = self.loss(self.total(kept_counts) + gained[possible], goal)
                 if losses.min(initial=math.inf) < best - PROGRESS * abs(best):
-                    best, better = float(losses.min()), left + changes[possible[np.argmin(losses)]]
+                    best, better = float(losses.min()), kept_counts + changes[possible[np.argmin(losses)]]
             if better is None:
                 return counts
-            counts = self._filled(better, budget, goal, limit)
+            counts = self._fill(better, budget, goal, limit)
             best = float(self.loss(self.total(counts), goal))
 
 
-def _ones_and_pairs(count: int) -> Array:
-    """Return the lists of one and of two records, (count (count + 3)/2, count)."""
-    ones, (i, j) = np.eye(count), np.triu_indices(count)
-    return np.vstack([ones, ones[i] + ones[j]])
-
-
-def best_subset(count: int, among: int, loss: Callable[[tuple[int, ...]], float]) -> tuple[int, ...]:
-    """Return the ``count`` of the numbers from 0 to ``among`` - 1 with a small loss, by addition and exchange."""
+def best_subset(count: int, size: int, loss: Callable[[tuple[int, ...]], float]) -> tuple[int, ...]:
+    """Return ``count`` of the numbers from 0 to ``size`` - 1 that have a small loss, by addition and exchange."""
     chosen: tuple[int, ...] = ()
     for _ in range(count):
-        chosen = min(((*chosen, k) for k in range(among) if k not in chosen), key=loss)
+        chosen = min(((*chosen, k) for k in range(size) if k not in chosen), key=loss)
     best = loss(chosen)
     while True:
-        others = [(*chosen[:j], k, *chosen[j + 1 :]) for j in range(count) for k in range(among) if k not in chosen]
-        tried = min(others, key=loss, default=chosen)
-        if not loss(tried) < best - PROGRESS * abs(best):
+        exchanges = [(*chosen[:j], k, *chosen[j + 1 :]) for j in range(count) for k in range(size) if k not in chosen]
+        exchange = min(exchanges, key=loss, default=chosen)
+        if not loss(exchange) < best - PROGRESS * abs(best):
             return tuple(sorted(chosen))
-        best, chosen = loss(tried), tried
+        best, chosen = loss(exchange), exchange

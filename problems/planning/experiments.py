@@ -1,4 +1,4 @@
-"""Standard errors to be expected of experiments, before anything is measured.
+"""Expected standard errors of experiments, before anything is measured.
 
     found = plan(model, {"release": PlannedRecord.motion(...), "sag": PlannedRecord.static(...)}, law,
                  unknowns=["elastic_modulus"])
@@ -49,12 +49,12 @@ from problems.beam.unknowns import COMMON, sought_frequencies
 from problems.beam.values.records import PropertyRecord, ValueBlock
 from problems.beam.values.response import place
 from problems.planning.design import ExpectedRecord
-from problems.planning.record import PlannedRecord, Template, filled
+from problems.planning.record import PlannedRecord, Template, with_values
 from problems.planning.result import Plan
 
-VALUE_TOLERANCE = 1e-8  # of the integration of the values of a motion
-LINEAR_SHARE = 0.05  # amplitude from which a response is followed to its level, relative to the linear one
-LARGEST_MISS = 1e-4  # relative error of a level that is reached
+VALUE_TOLERANCE = 1e-8  # tolerance of the integrator that computes the values of a motion
+LINEAR_SHARE = 0.05  # amplitude at which the search for a response begins, relative to the linear response
+LARGEST_MISS = 1e-4  # largest relative error of the level of a computed response
 
 
 @lasting_interrupts()
@@ -126,32 +126,33 @@ def plan(
     check_instance(model, "model", Model)
     check_candidates(candidates)
     check_instance(before, "before", BeamFit, NoneType)
-    names, templates = list(candidates), _templates(candidates, model, before)
-    problem, _, first = beam_problem(
+    templates = _templates(candidates, model, before)
+    problem, _, values = beam_problem(
         model, templates, damping, unknowns=unknowns, fixed=fixed, priors=priors, modes=modes, harmonics=harmonics,
         apart=True,
     )  # fmt: skip
-    common = {*first, COMMON, *(own.name for own in (damping.parameters if damping else ()))}
-    listed = [replace(one, guess=1.0) if _is_frequency(one) else one for one in problem.unknowns]
-    shared = [one for one in listed if one.name in common or _is_frequency(one)]
+    shared_names = {*values, COMMON, *(parameter.name for parameter in (damping.parameters if damping else ()))}
+    all_unknowns = [replace(unknown, guess=1.0) if _is_frequency(unknown) else unknown for unknown in problem.unknowns]
+    shared = [unknown for unknown in all_unknowns if unknown.name in shared_names or _is_frequency(unknown)]
     if not shared:
         raise InputError("there is nothing that records share; name properties, or free the law", "unknowns")
     growth = max(before.fit.noise.inflation, 1.0) if before else 1.0
     kinds = MotionRecord, ResponseRecord, PropertyRecord  # in the order of the blocks
-    order = sorted(range(len(names)), key=lambda k: [isinstance(templates[k], kind) for kind in kinds].index(True))
-    tasks = {}
-    for k, block in zip(order, problem.blocks, strict=True):
+    order = [k for kind in kinds for k, template in enumerate(templates) if isinstance(template, kind)]
+    blocks, tasks = dict(zip(order, problem.blocks, strict=True)), []
+    for k, name in enumerate(candidates):
+        block = blocks[k]
         number = block.numbered[0][0] if isinstance(block, MotionBlock | CurveBlock) else 0
         if isinstance(block, CurveBlock):  # without the levels of other records
             levels = re.compile(rf"(?!excitation_).*|excitation_{number}")
             block = replace(block, names=tuple(filter(levels.fullmatch, block.names)))
-        own = [one for one in listed if one not in shared and re.fullmatch(rf".+_{number}(_\d+)?", one.name)]
-        tasks[k] = partial(_expected, names[k], block, tuple(shared), tuple(own), growth)
-    in_order = [tasks[k] for k in range(len(names))]
-    found = run_all(in_order, executor=executor, jobs=jobs, progress=progress, title="candidates")
-    costs = tuple(one.cost for one in candidates.values())
-    records, expected = (tuple(part) for part in zip(*found, strict=True))
-    return Plan(tuple(names), costs, tuple(shared), records, expected, _prior(shared, before), model)
+        of_record = re.compile(rf".+_{number}(_\d+)?")
+        own = tuple(unknown for unknown in all_unknowns if of_record.fullmatch(unknown.name) and unknown not in shared)
+        tasks.append(partial(_expect_record, name, block, tuple(shared), own, growth))
+    results = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="candidates")
+    costs = tuple(candidate.cost for candidate in candidates.values())
+    records, expected = (tuple(column) for column in zip(*results, strict=True))
+    return Plan(tuple(candidates), costs, tuple(shared), records, expected, _prior(shared, before), model)
 
 
 def _is_frequency(unknown: Unknown) -> bool:
@@ -160,44 +161,47 @@ def _is_frequency(unknown: Unknown) -> bool:
 
 
 def check_candidates(candidates: Mapping[str, PlannedRecord]) -> None:
-    """Check that there are candidates, planned records by name."""
+    """Check that the candidates are planned records by name, and that there is at least one."""
     check_instance(candidates, "candidates", Mapping)
     if not candidates:
         raise InputError("must hold at least one candidate", "candidates")
-    for name, one in candidates.items():
+    for name, candidate in candidates.items():
         check_instance(name, "candidates", str)
-        check_instance(one, f"candidates: {name}", PlannedRecord)
+        check_instance(candidate, f"candidates: {name}", PlannedRecord)
 
 
 def _templates(candidates: Mapping[str, PlannedRecord], model: Model, before: BeamFit | None) -> list[Template]:
-    """Return the records with known noise; response curves have their peaks at natural frequencies."""
+    """Return the candidates as records with known noise; response curves have their peaks at natural frequencies."""
     noise = sensor_noise(before.solution.problem.blocks) if before else {}
-    found: list[Template] = []
+    templates: list[Template] = []
     for name, candidate in candidates.items():
-        one = candidate.template
-        if isinstance(one, MotionRecord):
-            channels = [replace(own, std=own.std or noise.get(own.sensor)) for own in one.own_channels]
-            one = replace(one, channels=channels)
-        if isinstance(one, ResponseRecord):  # its standard deviations have defaults
-            away = np.abs(np.log(one.f[:, None] / sought_frequencies(model))).min(axis=1)
-            found.append(replace(one, values=one.a / (LINEAR_SHARE + away)))
+        template = candidate.template
+        if isinstance(template, ResponseRecord):  # its standard deviations have defaults
+            distance = np.abs(np.log(template.f[:, None] / sought_frequencies(model))).min(axis=1)
+            templates.append(replace(template, values=template.a / (LINEAR_SHARE + distance)))
             continue
-        stds: Sequence[Any] = [own.std for own in one.own_channels] if isinstance(one, MotionRecord) else [one.stds]
+        stds: list[Any] = []
+        if isinstance(template, MotionRecord):
+            stds = [channel.std or noise.get(channel.sensor) for channel in template.own_channels]
+            channels = zip(template.own_channels, stds, strict=True)
+            template = replace(template, channels=[replace(channel, std=std) for channel, std in channels])
+        else:
+            stds = [template.stds]
         if any(std is None for std in stds):
             raise InputError("is needed: nothing else tells the noise", f"candidates: {name}: std")
-        found.append(one)
-    return found
+        templates.append(template)
+    return templates
 
 
-def _expected(
-    name: str, block: Block, shared: Sequence[Unknown], own: Sequence[Unknown], growth: float
+def _expect_record(
+    name: str, block: Block, shared: Sequence[Unknown], own_unknowns: Sequence[Unknown], growth: float
 ) -> tuple[Template, ExpectedRecord]:
-    """Return a candidate with computed values, and how its residuals depend on shared and its own unknowns."""
-    unknowns = [*shared, *own]
+    """Return a candidate with computed values, and the dependence of its residuals on shared and own unknowns."""
+    unknowns = [*shared, *own_unknowns]
     y = Coordinates.of(unknowns)
-    guesses = {one.name: one.guess for one in unknowns}
+    guesses = {unknown.name: unknown.guess for unknown in unknowns}
     try:
-        record, block = _with_values(block, guesses)
+        record, block = _with_computed_values(block, guesses)
         jacobian = block.linearised(unknowns, y.guess)[1]
         if block.failure or not np.isfinite(jacobian).all():
             raise FitError(block.failure or "the derivatives of its values are not finite")
@@ -205,19 +209,15 @@ def _expected(
     except AncfError as error:
         kind = InputError if isinstance(error, InputError) else FitError
         raise kind(f"the candidate {name!r} cannot be computed: {error}") from None
-    known = [
-        np.eye(len(unknowns))[k] * (y.slopes(y.guess) * y.scale)[k] / one.prior_std
-        for k, one in enumerate(unknowns)
-        if one.prior and k >= len(shared)
-    ]
-    lengths, times, places = block.series, np.full(len(jacobian), math.nan), [math.nan] * len(block.series)
+    prior_weights = y.slopes(y.guess) * y.scale / [unknown.prior_std for unknown in unknowns]
+    times, places = np.full(len(jacobian), math.nan), [math.nan] * len(block.series)
     if isinstance(block, MotionBlock):
         times, places = block.times, [place(block.model, channel.sensor) for channel in block.sensors]
     return record, ExpectedRecord(
         jacobian=jacobian,
         shared=len(shared),
-        known=np.array(known).reshape(-1, len(unknowns)),
-        lengths=tuple(lengths),
+        prior_jacobian=np.diag(prior_weights)[len(shared) :],
+        lengths=tuple(block.series),
         places=np.array(places),
         times=times,
         negligible=block.negligible,
@@ -225,35 +225,36 @@ def _expected(
     )
 
 
-def _with_values(block: Block, guesses: Mapping[str, float]) -> tuple[Template, Block]:
+def _with_computed_values(block: Block, guesses: Mapping[str, float]) -> tuple[Template, Block]:
     """Return the record of a block, and the block, with values computed at the guesses of the unknowns."""
     if isinstance(block, ValueBlock):
         respond = block.record.response(property_owners(block.record.model.beam, tuple(block.first)))
-        values = filled(block.record, respond(np.ones(len(block.first)))[0])
-        return values, replace(block, record=values)
+        test = with_values(block.record, respond(np.ones(len(block.first)))[0])
+        return test, replace(block, record=test)
     if isinstance(block, CurveBlock):
-        curve = filled(block.records[0], _steady(block, guesses))
+        curve = with_values(block.records[0], _steady_values(block, guesses))
         return curve, replace(block, numbered=((block.numbered[0][0], curve),), weights=first_weights([curve]))
     assert isinstance(block, MotionBlock)
     number, template = block.numbered[0]
     trial = replace(block, weights=motion_weights([template]), tolerance=VALUE_TOLERANCE)
-    known = {name: cs.MX(value) for name, value in guesses.items() if not name.startswith("zero_")}
+    unknowns = {name: cs.MX(value) for name, value in guesses.items() if not name.startswith("zero_")}
     with delayed_interrupts():
-        residuals = np.asarray(cs.evalf(trial.residuals(known))).ravel()
+        residuals = np.asarray(cs.evalf(trial.residuals(unknowns))).ravel()
     if trial.failure:
         raise FitError(trial.failure)
-    parts = zip(trial.weights.split(residuals), template.own_channels, strict=True)
-    record = filled(template, np.concatenate([rest + channel.measurement.values for rest, channel in parts]))
+    measured = np.concatenate([channel.measurement.values for channel in template.own_channels])
+    record = with_values(template, measured + np.concatenate(trial.weights.split(residuals)))
     return record, motion_block(block.model, [(number, record)], block.damping, block.first, load=block.load)
 
 
-def _steady(block: CurveBlock, guesses: Mapping[str, float]) -> Array:
+def _steady_values(block: CurveBlock, guesses: Mapping[str, float]) -> Array:
     """Return amplitude, phase and level of the steady motions of a curve, on the branch that begins at rest, (m, 3)."""
     number, template = block.numbered[0]
-    first, s = block.driven(guesses)[0], block.shared(guesses)
-    alike = replace(template, values=template.a)  # the first point counts as the peak: no shift of the frequencies
-    linear = small_response(first, alike, float(template.f[0]), s).amplitudes * template.a
-    start = filled(template, np.column_stack([LINEAR_SHARE * linear, np.zeros((len(linear), 2))]))
+    driven = block.driven(guesses)[0]
+    unshifted = replace(template, values=template.a)  # the first point counts as the peak: no shift of the frequencies
+    response = small_response(driven, unshifted, float(template.f[0]), block.shared(guesses))
+    linear = response.amplitudes * template.a
+    start = with_values(template, np.column_stack([LINEAR_SHARE * linear, np.zeros((len(linear), 2))]))
     free = replace(block, numbered=((number, start),), weights=first_weights([start]), looseness=FREE)
     values = free.motions(guesses)[0][0]
     missed = np.abs(values[:, 2] / template.a - 1) > LARGEST_MISS
@@ -265,16 +266,12 @@ def _steady(block: CurveBlock, guesses: Mapping[str, float]) -> Array:
 def _prior(shared: Sequence[Unknown], before: BeamFit | None) -> Array:
     """Return the information of priors and of an earlier fit on the shared unknowns, in units of their scales."""
     y = Coordinates.of(shared)
-    sizes = y.slopes(y.guess) * y.scale
-    information = np.diag([(size / u.prior_std) ** 2 for u, size in zip(shared, sizes, strict=True)])
+    weights = y.slopes(y.guess) * y.scale / [unknown.prior_std for unknown in shared]
+    information = np.diag(weights**2)
     if before is not None:
-        pairs = [
-            (k, before.fit.names.index(one.name))
-            for k, one in enumerate(shared)
-            if one.name in before.fit.names and one.name not in before.at_bound
-        ]
-        if pairs:
-            rows, places = (list(part) for part in zip(*pairs, strict=True))
-            own = np.linalg.inv(before.fit.covariance[np.ix_(places, places)])
-            information[np.ix_(rows, rows)] += own * np.outer(y.scale[rows], y.scale[rows])
+        names = before.fit.names
+        rows = [k for k, unknown in enumerate(shared) if unknown.name in names and unknown.name not in before.at_bound]
+        columns = [names.index(shared[k].name) for k in rows]
+        earlier_information = np.linalg.inv(before.fit.covariance[np.ix_(columns, columns)])
+        information[np.ix_(rows, rows)] += earlier_information * np.outer(y.scale[rows], y.scale[rows])
     return information

@@ -1,4 +1,4 @@
-"""Experiments that could be done: records of any kind without their values."""
+"""Planned records: experiments of any kind, described without measured values."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from problems.beam.motions.marker_record import MarkerRecord
 from problems.beam.motions.record import Bounds, Channel, MotionRecord
 from problems.beam.values.records import FrequencyRecord, PropertyRecord, StaticRecord
 
-MOST_SAMPLES = 1e6  # of a planned motion
+MOST_SAMPLES = 1e6  # largest number of samples of a planned motion
 
 Template = MotionRecord | ResponseRecord | PropertyRecord
 R = TypeVar("R", bound=Template)
@@ -101,15 +101,15 @@ class PlannedRecord(Displayed):
         InputError
             If a number is not positive, or as in ``MotionRecord``.
         """
-        own = (sensors,) if isinstance(sensors, Sensor) else instances(sensors, "sensors", Sensor)
+        all_sensors = (sensors,) if isinstance(sensors, Sensor) else instances(sensors, "sensors", Sensor)
         duration, sample_rate = physical(duration, "duration"), physical(sample_rate, "sample_rate")
         if duration * sample_rate > MOST_SAMPLES:
             raise InputError(f"{duration * sample_rate:.3g} samples are too many; lower it, or sample_rate", "duration")
         time = np.arange(1 + round(duration * sample_rate)) / sample_rate
-        stds = [None] * len(own) if std is None else positive_array(std, "std", (len(own),)).tolist()
+        stds = [None] * len(all_sensors) if std is None else positive_array(std, "std", (len(all_sensors),)).tolist()
         channels = [
-            Channel(Measurement(time, time, sensor=sensor), one, offset, zero)
-            for sensor, one in zip(own, stds, strict=True)
+            Channel(Measurement(time, time, sensor=sensor), std, offset, zero)
+            for sensor, std in zip(all_sensors, stds, strict=True)
         ]
         return cls(MotionRecord(channels, **settings), cost)
 
@@ -142,8 +142,8 @@ class PlannedRecord(Displayed):
             As in ``ResponseRecord``.
         """
         f = array(frequencies, "frequencies")
-        own = np.zeros(f.shape) if flag(phases, "phases") else None
-        return cls(ResponseRecord(f, np.ones(f.shape), own, sensor, **settings), cost)
+        unmeasured_phases = np.zeros(f.shape) if flag(phases, "phases") else None
+        return cls(ResponseRecord(f, np.ones(f.shape), unmeasured_phases, sensor, **settings), cost)
 
     @classmethod
     def static(
@@ -199,20 +199,21 @@ class PlannedRecord(Displayed):
         return f"{self.kind}, {self.template._summary()}, cost {self.cost:g}"
 
 
-def filled(template: R, values: Array) -> R:
+def with_values(template: R, values: Array) -> R:
     """Return a record with other values in the order of its residuals; those of a response are (m, 3) with levels."""
-    found: Any = template
-    if isinstance(found, ResponseRecord):
-        found = replace(found, values=values[:, 0], phases=None if found.phases is None else values[:, 1])
-    elif isinstance(found, FrequencyRecord):
-        found = replace(found, frequencies=values)
-    elif isinstance(found, StaticRecord):
-        readings = np.full(np.size(found.values), np.nan)
-        readings[found.present] = values
-        found = replace(found, values=readings.reshape(np.shape(found.values)))
-    elif isinstance(found, MotionRecord):
-        ends = np.cumsum([one.measurement.time.size for one in found.own_channels])[:-1]
-        pairs = zip(found.own_channels, np.split(values, ends), strict=True)
-        channels = [replace(one, measurement=replace(one.measurement, values=own)) for one, own in pairs]
-        found = replace(found, channels=channels)
-    return cast("R", found)
+    record: Any = template
+    if isinstance(record, ResponseRecord):
+        record = replace(record, values=values[:, 0], phases=None if record.phases is None else values[:, 1])
+    elif isinstance(record, FrequencyRecord):
+        record = replace(record, frequencies=values)
+    elif isinstance(record, StaticRecord):
+        readings = np.full(np.size(record.values), np.nan)
+        readings[record.present] = values
+        record = replace(record, values=readings.reshape(np.shape(record.values)))
+    elif isinstance(record, MotionRecord):
+        ends = np.cumsum([channel.measurement.time.size for channel in record.own_channels])[:-1]
+        channels = zip(record.own_channels, np.split(values, ends), strict=True)
+        record = replace(
+            record, channels=[replace(c, measurement=replace(c.measurement, values=y)) for c, y in channels]
+        )
+    return cast("R", record)

@@ -21,7 +21,7 @@ from problems.planning.design import Design, ExpectedRecord, best_subset
 from problems.planning.record import Template
 
 TOGETHER = "all together"  # name of the list of all candidates
-INSTANTS = 60  # at which a record may end
+INSTANTS = 60  # number of instants at which a record may end
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,18 +75,19 @@ class Plan(Reported):
     @property
     def guess(self) -> dict[str, float]:
         """Guess of each unknown by name."""
-        return {one.name: one.guess for one in self.unknowns}
+        return {unknown.name: unknown.guess for unknown in self.unknowns}
 
     @property
     def units(self) -> dict[str, str]:
         """Unit of each unknown by name."""
-        return {one.name: one.unit for one in self.unknowns}
+        return {unknown.name: unknown.unit for unknown in self.unknowns}
 
     @cached_property
     def design(self) -> Design:
         """The candidates as matrices of information, with the unknowns in units of their scales."""
-        informations = np.array([one.information for one in self.expected])
-        return Design(informations, self.prior, max(one.negligible for one in self.expected), np.array(self.costs))
+        informations = np.array([record.information for record in self.expected])
+        negligible = max(record.negligible for record in self.expected)
+        return Design(informations, self.prior, negligible, np.array(self.costs))
 
     def errors_of(self, counts: Mapping[str, float]) -> dict[str, float]:
         """Return the standard error of each unknown from a list of records, infinite if they do not determine it.
@@ -138,9 +139,9 @@ class Plan(Reported):
         weights, budget = self._goal(goal), physical(budget, "budget")
         if budget < min(self.costs):
             raise InputError(f"pays for no candidate; the cheapest costs {min(self.costs):g}", "budget")
-        most = None if most_each is None else whole(most_each, "most_each", 1)
-        found = self._by_candidate(self.design.counts(budget, weights, most))
-        return {name: int(count) for name, count in found.items()}
+        count_limit = None if most_each is None else whole(most_each, "most_each", 1)
+        counts = self._by_candidate(self.design.counts(budget, weights, count_limit))
+        return {name: int(count) for name, count in counts.items()}
 
     def gains(self, counts: Mapping[str, float], goal: str = "D") -> dict[str, float]:
         """Return how much one more record of each candidate improves a list, to first order.
@@ -181,13 +182,13 @@ class Plan(Reported):
         InputError
             If the candidate is no motion or has fewer places, or the goal is unknown.
         """
-        (record, others), weights = self._motion(name, counts), self._goal(goal)
+        (record, other_information), weights = self._motion(name, counts), self._goal(goal)
         points = np.unique(record.places)
         count = whole(count, "count", 1, len(points))
 
-        def loss(chosen: tuple[int, ...]) -> float:
-            own = np.flatnonzero(np.isin(record.places, points[list(chosen)])).tolist()
-            return float(self.design.loss(others + record.of_series(own), weights))
+        def loss(subset: tuple[int, ...]) -> float:
+            series = np.flatnonzero(np.isin(record.places, points[list(subset)])).tolist()
+            return float(self.design.loss(other_information + record.series_information(series), weights))
 
         return tuple(points[list(best_subset(count, len(points), loss))].tolist())
 
@@ -213,10 +214,11 @@ class Plan(Reported):
         InputError
             If the candidate is no motion, or as in ``errors_of``.
         """
-        record, others = self._motion(name, counts)
+        record, other_information = self._motion(name, counts)
         points = np.unique(record.places)
-        parts = [record.of_series(np.flatnonzero(record.places == point).tolist()) for point in points]
-        return points, self._named([self.design.errors(others + own) for own in parts])
+        series = [np.flatnonzero(record.places == point).tolist() for point in points]
+        informations = [other_information + record.series_information(indices) for indices in series]
+        return points, self._named([self.design.errors(information) for information in informations])
 
     def over_time(self, name: str, counts: Mapping[str, float] | None = None) -> tuple[Array, dict[str, Array]]:
         """Return the standard errors if a motion ended earlier, at up to 60 instants.
@@ -238,10 +240,11 @@ class Plan(Reported):
         InputError
             If the candidate is no motion, or as in ``errors_of``.
         """
-        record, others = self._motion(name, counts)
+        record, other_information = self._motion(name, counts)
         distinct = np.unique(record.times)
         times = distinct[np.unique(np.linspace(0, len(distinct) - 1, INSTANTS + 1).astype(int)[1:])]
-        return times, self._named([self.design.errors(others + own) for own in record.until(times)])
+        informations = other_information + record.informations_until(times)
+        return times, self._named([self.design.errors(information) for information in informations])
 
     def duration(self, name: str, unknown: str, error: float, counts: Mapping[str, float] | None = None) -> float:
         """Return the time that a motion must last for a standard error of an unknown, s; infinite if it is too short.
@@ -259,15 +262,15 @@ class Plan(Reported):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Products of powers of the unknowns that all candidates together leave open, one sentence each."""
+        """Products of powers of the unknowns that the candidates do not determine, one sentence each."""
         values, vectors = np.linalg.eigh(self.design.total(np.ones(len(self.names))))
         y = Coordinates.of(self.unknowns)
         slopes = y.relative_slopes(y.guess) / y.scale
-        left = vectors[:, values <= self.design.negligible**2].T / np.where(slopes == 0.0, 1.0, slopes)
+        undetermined = vectors[:, values <= self.design.negligible**2].T / np.where(slopes == 0.0, 1.0, slopes)
         return tuple(
             f"the candidates leave {product(list(self.guess), row / row[np.abs(row).argmax()])} open; add one that "
             "determines it, or fix an unknown"
-            for row in left
+            for row in undetermined
         )
 
     def table(self) -> Table:
@@ -275,16 +278,16 @@ class Plan(Reported):
         rows = []
         for name, cost in zip(self.names, self.costs, strict=True):
             rows.append((name, cost, *map(known, self.relative(self.errors_of({name: 1})).values())))
-        every = self.relative(self.errors_of(dict.fromkeys(self.names, 1)))
-        rows.append((TOGETHER, sum(self.costs), *map(known, every.values())))
-        columns = ("candidate", "cost", *heads_of(self.unknowns))
+        together = self.relative(self.errors_of(dict.fromkeys(self.names, 1)))
+        rows.append((TOGETHER, sum(self.costs), *map(known, together.values())))
+        columns = ("candidate", "cost", *column_headings(self.unknowns))
         return Table("plan", "Expected standard errors from one record of each", columns, rows)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON: SI units, None for unknown values."""
         data = {
             "kind": self.kind,
-            "unknowns": [{"name": one.name, "guess": one.guess, "unit": one.unit} for one in self.unknowns],
+            "unknowns": [{"name": u.name, "guess": u.guess, "unit": u.unit} for u in self.unknowns],
             "candidates": [
                 {"name": name, "cost": cost, "standard_errors": self.errors_of({name: 1})}
                 for name, cost in zip(self.names, self.costs, strict=True)
@@ -304,12 +307,12 @@ class Plan(Reported):
         return np.asarray(np.abs(y.slopes(y.guess)) * y.scale)
 
     def _named(self, errors: Any) -> dict[str, Any]:
-        """Return standard errors in units of the scales, (n,) or (t, n), as those of the unknowns by name."""
-        own = (np.asarray(errors) * self._sizes).T
-        return dict(zip(self.guess, own if own.ndim > 1 else own.tolist(), strict=True))
+        """Convert standard errors in units of the scales, (n,) or (t, n), to those of the unknowns by name."""
+        named_errors = (np.asarray(errors) * self._sizes).T
+        return dict(zip(self.guess, named_errors if named_errors.ndim > 1 else named_errors.tolist(), strict=True))
 
     def relative(self, errors: Mapping[str, Any]) -> dict[str, Any]:
-        """Return standard errors in per cent of the guesses; as they are for guesses of 0."""
+        """Return standard errors in per cent of the guesses; absolute ones for guesses of 0."""
         return {
             name: 100 * error / abs(self.guess[name]) if self.guess[name] else error for name, error in errors.items()
         }
@@ -336,7 +339,7 @@ class Plan(Reported):
         return None if goal == "D" else weights
 
     def _motion(self, name: str, counts: Mapping[str, float] | None) -> tuple[ExpectedRecord, Array]:
-        """Return a candidate, which is a motion, and the information of the other records on the list."""
+        """Return a motion among the candidates, and the information of the other records on the list."""
         choice(name, self.names, "name")
         record = self.expected[self.names.index(name)]
         if np.isnan(record.times).any():
@@ -344,6 +347,6 @@ class Plan(Reported):
         return record, self.design.total(self._amounts(counts or {}))
 
 
-def heads_of(unknowns: Sequence[Unknown]) -> list[str]:
+def column_headings(unknowns: Sequence[Unknown]) -> list[str]:
     """Return each unknown with the unit of its relative standard error."""
-    return [f"{one.name}, {'%' if one.guess else one.unit or '1'}" for one in unknowns]
+    return [f"{unknown.name}, {'%' if unknown.guess else unknown.unit or '1'}" for unknown in unknowns]

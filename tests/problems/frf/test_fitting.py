@@ -29,14 +29,14 @@ from tests.coverage import covers
 def modal_sum(f, modes, derivatives=0):
     """Functions (outputs, inputs, k) of modes (frequency in Hz, damping ratio, modal constants (outputs, inputs))."""
     omega = 2 * np.pi * f
-    found = 0
+    functions = 0
     for frequency, ratio, constants in modes:
-        own, constants = 2 * np.pi * frequency, np.array(constants, dtype=complex)
-        pole = own * (-ratio + 1j * np.sqrt(1 - ratio**2))
+        natural, constants = 2 * np.pi * frequency, np.array(constants, dtype=complex)
+        pole = natural * (-ratio + 1j * np.sqrt(1 - ratio**2))
         residue = (constants / (2j * np.imag(pole)))[..., None]
-        found = found + residue / (1j * omega - pole) + residue.conj() / (1j * omega - np.conj(pole))
-    found = found if found.ndim == 3 else found[:, None, :]
-    return found * (1j * omega) ** derivatives
+        functions = functions + residue / (1j * omega - pole) + residue.conj() / (1j * omega - np.conj(pole))
+    functions = functions if functions.ndim == 3 else functions[:, None, :]
+    return functions * (1j * omega) ** derivatives
 
 
 def complex_noise(rng, shape):
@@ -59,8 +59,8 @@ def four_modes():
 
 def check(fit, modes, *, errors=4.5):
     """Check that a fit has found modes, each within some standard errors."""
-    found = list(zip(fit.frequencies, fit.damping_ratios, strict=True))
-    assert len(found) == len(modes), found
+    identified = list(zip(fit.frequencies, fit.damping_ratios, strict=True))
+    assert len(identified) == len(modes), identified
     for k, (frequency, ratio, constants) in enumerate(modes, start=1):
         names = (f"frequency_{k}", f"damping_ratio_{k}")
         assert abs(fit.frequencies[k - 1] - frequency) < errors * fit.standard_errors[names[0]]
@@ -170,17 +170,17 @@ def test_it_is_the_minimum_that_an_independent_least_squares_method_finds(four_m
         r = (curve - values) / level
         return np.concatenate([r.real.ravel(), r.imag.ravel()])
 
-    own = 2 * np.pi * np.array([mode[0] for mode in modes])
+    natural = 2 * np.pi * np.array([mode[0] for mode in modes])
     ratio = np.array([mode[1] for mode in modes])
     constants = np.array([mode[2][:2] for mode in modes]).T
     start = np.concatenate(
-        [np.log(own * ratio), np.log(own * np.sqrt(1 - ratio**2)), 0 * own, 0 * own,
-         (-constants / (2 * own) / 1e-2).ravel(), np.zeros(2 * len(powers))]
+        [np.log(natural * ratio), np.log(natural * np.sqrt(1 - ratio**2)), 0 * natural, 0 * natural,
+         (-constants / (2 * natural) / 1e-2).ravel(), np.zeros(2 * len(powers))]
     )  # fmt: skip
-    found = least_squares(residuals, start, x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    poles_found = -np.exp(found.x[:4]) + 1j * np.exp(found.x[4:8])
+    solution = least_squares(residuals, start, x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    poles_found = -np.exp(solution.x[:4]) + 1j * np.exp(solution.x[4:8])
     np.testing.assert_allclose(fit.poles, poles_found, rtol=1e-7)
-    covariance = np.linalg.inv(found.jac.T @ found.jac) * 2 * found.cost / (len(found.fun) - len(start))
+    covariance = np.linalg.inv(solution.jac.T @ solution.jac) * 2 * solution.cost / (len(solution.fun) - len(start))
     for k in range(4):  # of the logarithm of the imaginary part, and nearly of the frequency
         error = fit.standard_errors[f"frequency_{k + 1}"] / fit.frequencies[k]
         assert error == pytest.approx(np.sqrt(covariance[4 + k, 4 + k]), rel=0.05)
@@ -215,13 +215,13 @@ def test_the_lines_need_not_be_equally_spaced(four_modes):
 
 def noise_of(kind, rng, values, f):
     """Noise as it occurs in measurements."""
-    one = complex_noise(rng, values.shape)
+    noise_ = complex_noise(rng, values.shape)
     shared = complex_noise(rng, f.shape)
     return {
-        "constant": 3e-6 * one,
-        "relative": 0.03 * np.abs(values) * one + 2e-6 * complex_noise(rng, values.shape),
-        "falling": 1e-5 * one * (10 / f),
-        "shared": 0.03 * values * shared + 1e-6 * one,
+        "constant": 3e-6 * noise_,
+        "relative": 0.03 * np.abs(values) * noise_ + 2e-6 * complex_noise(rng, values.shape),
+        "falling": 1e-5 * noise_ * (10 / f),
+        "shared": 0.03 * values * shared + 1e-6 * noise_,
     }[kind]
 
 
@@ -251,21 +251,21 @@ def test_noise_that_all_functions_share_counts_once(four_modes):
     f, modes = four_modes
     values = modal_sum(f, modes)[:1]
     values = values + 3e-6 * complex_noise(np.random.default_rng(8), values.shape)
-    near = [mode[0] for mode in modes]
-    one = fit_frf(FrfRecord(f, values, "receptance"), frequencies=near)
-    many = fit_frf(FrfRecord(f, np.tile(values, (4, 1, 1)), "receptance"), frequencies=near)
-    for name, error in one.standard_errors.items():
+    guesses = [mode[0] for mode in modes]
+    single_fit = fit_frf(FrfRecord(f, values, "receptance"), frequencies=guesses)
+    many = fit_frf(FrfRecord(f, np.tile(values, (4, 1, 1)), "receptance"), frequencies=guesses)
+    for name, error in single_fit.standard_errors.items():
         assert many.standard_errors[name] == pytest.approx(error, rel=0.1)
 
 
 @pytest.mark.slow
 def test_noise_that_is_correlated_along_the_frequency_gives_larger_errors(four_modes):
     f, modes = four_modes
-    values, near = modal_sum(f, modes)[:1], [mode[0] for mode in modes]
+    values, guesses = modal_sum(f, modes)[:1], [mode[0] for mode in modes]
     white = 3e-6 * complex_noise(np.random.default_rng(9), (1, 1, len(f) + 8))
     coloured = np.apply_along_axis(np.convolve, 2, white, np.full(9, 1 / 3.0), mode="valid")
-    plain = fit_frf(FrfRecord(f, values + white[:, :, : len(f)], "receptance"), frequencies=near)
-    smooth = fit_frf(FrfRecord(f, values + coloured, "receptance"), frequencies=near)
+    plain = fit_frf(FrfRecord(f, values + white[:, :, : len(f)], "receptance"), frequencies=guesses)
+    smooth = fit_frf(FrfRecord(f, values + coloured, "receptance"), frequencies=guesses)
     name = "damping_ratio_4"  # of a wide resonance
     assert smooth.standard_errors[name] > 1.8 * plain.standard_errors[name]
 
@@ -274,7 +274,7 @@ def test_noise_that_is_correlated_along_the_frequency_gives_larger_errors(four_m
 def test_coherence_and_standard_deviations_give_the_weights(four_modes):
     f, modes = four_modes
     f = f[::2]
-    values, near = modal_sum(f, modes), [mode[0] for mode in modes]
+    values, guesses = modal_sum(f, modes), [mode[0] for mode in modes]
     level = np.tile(np.where(f < 37.0, 3e-5, 1e-6), (3, 1, 1))
     off = {"std": [], "coherence": [], "equal": []}
     for seed in range(4):
@@ -284,8 +284,8 @@ def test_coherence_and_standard_deviations_give_the_weights(four_modes):
             "coherence": {"coherence": 1 / (1 + (level / np.abs(noisy)) ** 2)},
             "equal": {"std": np.ones_like(level)},
         }
-        for name, given in quality.items():
-            fit = fit_frf(FrfRecord(f, noisy, "receptance", **given), frequencies=near)
+        for name, values_ in quality.items():
+            fit = fit_frf(FrfRecord(f, noisy, "receptance", **values_), frequencies=guesses)
             off[name].append(fit.frequencies[2] - 38.0)
     rms = {name: np.sqrt(np.mean(np.square(values))) for name, values in off.items()}
     assert rms["std"] < 0.5 * rms["equal"] and rms["coherence"] < 0.5 * rms["equal"]
@@ -423,13 +423,13 @@ def test_a_nonlinear_resonance_is_one_mode_and_the_note_names_it():
     """Two modes whose frequency falls and whose damping grows with the amplitude: once listed as four modes."""
     f, rng = np.arange(8.0, 40.0, 0.05), np.random.default_rng(20)
     values = np.zeros((2, len(f)), dtype=complex)
-    for own, ratio, constants in ((17.3, 0.008, (1.0, 0.6)), (31.0, 0.006, (1.0, -0.8))):
-        h = 1 / (own**2 - f**2 + 2j * ratio * own * f)
+    for natural, ratio, constants in ((17.3, 0.008, (1.0, 0.6)), (31.0, 0.006, (1.0, -0.8))):
+        h = 1 / (natural**2 - f**2 + 2j * ratio * natural * f)
         for _ in range(200):  # the response at each line depends on its amplitude
-            amplitude = 2 * ratio * own**2 * np.abs(h)
-            moved, damped = own * (1 - 0.25 * ratio * amplitude), ratio * (1 + 0.15 * amplitude)
-            h = (h + 1 / (moved**2 - f**2 + 2j * damped * own * f)) / 2
-        values += np.outer(constants, own**2 * h)
+            amplitude = 2 * ratio * natural**2 * np.abs(h)
+            moved, damped = natural * (1 - 0.25 * ratio * amplitude), ratio * (1 + 0.15 * amplitude)
+            h = (h + 1 / (moved**2 - f**2 + 2j * damped * natural * f)) / 2
+        values += np.outer(constants, natural**2 * h)
     values = values * (1 + 3e-3 * complex_noise(rng, values.shape)) + 1e-3 * complex_noise(rng, values.shape)
     fit = fit_frf(FrfRecord(f, values, "receptance"))
     assert fit.frequencies == pytest.approx([17.28, 30.97], abs=0.05)
@@ -443,7 +443,9 @@ def leaked(f, modes):
     window = np.hanning(2 * len(f) - 2)
     lags = np.correlate(window, window, "full")[len(window) - 1 :] / np.sum(window**2)
     turns = 2 * np.pi * np.arange(len(window)) / (2 * f[-1])
-    responses = [np.outer(c, np.exp(-z * own * turns) * np.sin(own * turns) * own) for own, z, c in modes]
+    responses = [
+        np.outer(c, np.exp(-z * natural * turns) * np.sin(natural * turns) * natural) for natural, z, c in modes
+    ]
     return np.fft.rfft(sum(responses) * lags) / f[-1]
 
 
@@ -463,8 +465,8 @@ def test_second_poles_of_leakage_take_one_note_and_show_progress(monkeypatch):
 @pytest.mark.parametrize(("assurance", "modes"), [(0.8, 2), (0.98, 1)])
 def test_two_poles_within_a_bandwidth_are_two_modes_if_their_shapes_differ(assurance, modes):
     f, rng = np.linspace(5.0, 30.0, 1001), np.random.default_rng(1)
-    other = np.sqrt(assurance) * np.array([1.0, 0.2]) + np.sqrt(1 - assurance) * np.array([-0.2, 1.0])
-    values = modal_sum(f, [(15.0, 0.03, (1.0, 0.2)), (15.4, 0.03, other)])
+    second_shape = np.sqrt(assurance) * np.array([1.0, 0.2]) + np.sqrt(1 - assurance) * np.array([-0.2, 1.0])
+    values = modal_sum(f, [(15.0, 0.03, (1.0, 0.2)), (15.4, 0.03, second_shape)])
     noise = 0.003 * np.median(np.abs(values)) * complex_noise(rng, values.shape)
     fit = fit_frf(FrfRecord(f, values + noise, "receptance"))
     assert len(fit.frequencies) == modes
@@ -475,7 +477,7 @@ def test_tones_at_multiples_of_a_mode_are_named_as_harmonics():
     f, rng = np.linspace(60.0, 340.0, 1121), np.random.default_rng(3)
     tones = [(80.4, 0.004, (1.0,)), (160.8, 0.004, (0.2,)), (200.0, 0.004, (0.6,)), (241.3, 0.004, (-0.2,))]
     values = modal_sum(f, tones) * (1 + 0.01 * complex_noise(rng, f.size))
-    fit = fit_frf(FrfRecord(f, values, "receptance"), frequencies=[own for own, *_ in tones])
+    fit = fit_frf(FrfRecord(f, values, "receptance"), frequencies=[natural for natural, *_ in tones])
     (note,) = [note for note in fit.warnings if "multiples" in note]
     assert note.startswith(
         "multiples of the 80.4 Hz of mode 1 are listed as modes: 160.8 Hz (mode 2, 2 times), 241.3 Hz "
@@ -520,14 +522,14 @@ def test_a_delay_is_taken_out_and_named(case):
 
 
 def test_bins_are_few_and_lose_three_percent_of_the_precision_at_most():
-    f, own, ratio = np.arange(8.0, 32.0, 0.01), np.array([15.0]), np.array([0.01])
+    f, natural, ratio = np.arange(8.0, 32.0, 0.01), np.array([15.0]), np.array([0.01])
     lines = ModalSum.of(f, "receptance", RESIDUAL_POWERS[0])
-    bins = replace(lines, starts=selection.bins(f, selection.Candidates(own, ratio, np.array([0]))))
+    bins = replace(lines, starts=selection.bins(f, selection.Candidates(natural, ratio, np.array([0]))))
     assert 5 * len(bins.bin_sizes) < len(f)
     triangles, values = [], modal_sum(f, [(15.0, 0.01, (1.0,))])[0].T
     for model in (lines, bins):
         weights = np.ones((len(model.bin_sizes), 1))
-        jacobian = TrialFit(model, model.binned(values), weights, own, ratio).jacobian
+        jacobian = TrialFit(model, model.bin_means(values), weights, natural, ratio).jacobian
         triangles.append(np.linalg.inv(np.linalg.qr(jacobian, mode="r")))
     all_lines, means = (np.linalg.norm(triangle, axis=1) for triangle in triangles)
     assert (means < 1.03 * all_lines).all()
@@ -547,7 +549,7 @@ def test_bins_of_a_record_with_many_lines_leave_the_estimates_unchanged(monkeypa
     binned = fit_frf(record, frequencies=[12.1, 24.8])
     check(binned, modes)
     monkeypatch.setattr(fitting, "bins", lambda *_: None)
-    every = fit_frf(record, frequencies=[12.1, 24.8])
+    all_lines = fit_frf(record, frequencies=[12.1, 24.8])
     assert 3 * sizes[0] < sizes[1] == len(f)
-    for name, error in every.standard_errors.items():
-        assert abs(binned.estimates[name] - every.estimates[name]) < 1e-3 * error
+    for name, error in all_lines.standard_errors.items():
+        assert abs(binned.estimates[name] - all_lines.estimates[name]) < 1e-3 * error

@@ -23,9 +23,9 @@ def test_a_computed_frf_becomes_a_record(hanging):
 
 
 def test_a_band_keeps_what_is_in_it():
-    part = FrfRecord(F, ONE, "receptance", coherence=np.linspace(0.0, 1.0, 201)).between(1.5, 2.0)
-    assert part.frequencies[0] >= 1.5 and part.frequencies[-1] <= 2.0
-    assert part.coherence.shape == part.values.shape == (1, 1, len(part.frequencies))
+    band = FrfRecord(F, ONE, "receptance", coherence=np.linspace(0.0, 1.0, 201)).between(1.5, 2.0)
+    assert band.frequencies[0] >= 1.5 and band.frequencies[-1] <= 2.0
+    assert band.coherence.shape == band.values.shape == (1, 1, len(band.frequencies))
 
 
 def test_repeated_measurements_become_their_mean_and_its_standard_deviation():

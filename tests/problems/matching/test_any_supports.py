@@ -9,8 +9,8 @@ from problems import Global, MeasuredModes, match_frequencies
 STRIP = {"length": 0.5, "width": 20e-3, "thickness": 1e-3, "density": 7850.0, "elements": 8, "axis": (1.0, 0.0)}
 
 
-def strip(modulus=200e9, **given):
-    return Beam.uniform(**{**STRIP, "elastic_modulus": modulus, **given})
+def strip(modulus=200e9, **settings):
+    return Beam.uniform(**{**STRIP, "elastic_modulus": modulus, **settings})
 
 
 def clamped(modulus, stiffness):
@@ -31,13 +31,13 @@ def soft(modulus, stiffness):
 )
 def test_modulus_and_stiffness_from_six_noisy_frequencies(make, name, truth, rigid):
     """The errors are those of the estimates over six draws of the noise."""
-    given, unknowns = make(170e9, 1.4 * truth), [Global("elastic_modulus"), Global(name)]
+    given_beam, unknowns = make(170e9, 1.4 * truth), [Global("elastic_modulus"), Global(name)]
     frequencies = natural_modes(Model(make(200e9, truth)), count=6 + rigid).frequencies[rigid:]
     std, draw, scores = 2e-3 * frequencies, np.random.default_rng(2), []
     for _ in range(6):
         noisy = frequencies + std * draw.standard_normal(6)
         measured = MeasuredModes(tuple(noisy.tolist()), frequency_std=tuple(std.tolist()))
-        match = match_frequencies(given, targets=measured, unknowns=unknowns, bounds=0.6)
+        match = match_frequencies(given_beam, targets=measured, unknowns=unknowns, bounds=0.6)
         assert match.modes == tuple(range(rigid + 1, rigid + 7)) and match.identifiability.rank == 2
         errors = np.array([*match.estimates.values()]) - [200e9, truth]
         scores.append(errors / [*match.standard_errors.values()])
@@ -49,11 +49,11 @@ def test_modulus_and_stiffness_from_six_noisy_frequencies(make, name, truth, rig
 
 @pytest.mark.slow
 def test_one_frequency_determines_a_product_of_modulus_and_stiffness():
-    given = clamped(200e9, 3.0)
-    target = 1.01 * natural_modes(Model(given), count=1).frequencies
-    match = match_frequencies(given, targets=target, unknowns=[Global("elastic_modulus"), Global("clamp_stiffness")])
-    (known, statement) = match.identifiability.statements()
-    assert known.startswith("The data determine 1 independent combinations of the 2 unknowns")
+    beam = clamped(200e9, 3.0)
+    target = 1.01 * natural_modes(Model(beam), count=1).frequencies
+    match = match_frequencies(beam, targets=target, unknowns=[Global("elastic_modulus"), Global("clamp_stiffness")])
+    (determined, statement) = match.identifiability.statements()
+    assert determined.startswith("The data determine 1 independent combinations of the 2 unknowns")
     assert statement.startswith("Of elastic_modulus, clamp_stiffness, they determine only elastic_modulus clamp_stiff")
 
 
@@ -64,9 +64,9 @@ def test_the_curvature_of_an_arch_whose_hinges_stay():
     x, y = bent.natural_nodes[0][-1].tolist()
 
     def arch(curvature):
-        own = Model(strip(natural_curvature=curvature, gravity=(0.0, 0.0)))
-        shift = np.array([x, y]) - own.natural_nodes[0][-1]
-        return own.beam.with_(supports=(Pin(0.0), Pin(0.5, displacement=tuple(shift.tolist()))))
+        model = Model(strip(natural_curvature=curvature, gravity=(0.0, 0.0)))
+        shift = np.array([x, y]) - model.natural_nodes[0][-1]
+        return model.beam.with_(supports=(Pin(0.0), Pin(0.5, displacement=tuple(shift.tolist()))))
 
     targets = natural_modes(Model(arch(-0.45)), count=3).frequencies
     measured = MeasuredModes(tuple(targets.tolist()), frequency_std=tuple((1e-3 * targets).tolist()))

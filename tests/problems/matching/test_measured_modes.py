@@ -51,12 +51,12 @@ class TestResiduals:
         shapes = matching.observer @ matching.state(space.standard).shapes
         expected = []
         for psi, v, std in zip(matching.measured.shapes, shapes.T, (0.2, 0.1, 0.3), strict=True):
-            known = np.isfinite(psi)
-            expected.append(np.array(psi)[known] / std)
-            factor = np.linalg.lstsq(v[known, None] / std, expected[-1])[0]
-            expected[-1] = expected[-1] - factor * v[known] / std
-        found = matching.residuals(space.standard)[3:-2] / matching.unit
-        assert found == pytest.approx(np.concatenate(expected), rel=1e-6, abs=1e-8)
+            is_measured = np.isfinite(psi)
+            expected.append(np.array(psi)[is_measured] / std)
+            factor = np.linalg.lstsq(v[is_measured, None] / std, expected[-1])[0]
+            expected[-1] = expected[-1] - factor * v[is_measured] / std
+        residuals = matching.residuals(space.standard)[3:-2] / matching.unit
+        assert residuals == pytest.approx(np.concatenate(expected), rel=1e-6, abs=1e-8)
 
     @pytest.mark.slow
     def test_derivatives_against_differences(self, matching):
@@ -85,7 +85,7 @@ class TestResiduals:
 
 class TestUnusable:
     @pytest.mark.parametrize(
-        ("given", "message"),
+        ("arguments", "message"),
         [
             (
                 {"frequencies": (2.0, 1.0)},
@@ -126,12 +126,12 @@ class TestUnusable:
             ),
         ],
     )
-    def test_modes(self, given, message):
+    def test_modes(self, arguments, message):
         with pytest.raises(InputError, match=message):
-            MeasuredModes(**{"frequencies": (1.0, 2.0), **given})
+            MeasuredModes(**{"frequencies": (1.0, 2.0), **arguments})
 
     def test_arrays_are_as_good_as_tuples(self):
-        given = MeasuredModes(
+        measured_modes = MeasuredModes(
             np.array([1.0, 2.0]),
             frequency_std=np.array(0.1),
             points=np.array([0.1, 0.2]),
@@ -139,7 +139,7 @@ class TestUnusable:
             shape_std=np.array(0.2),
         )
         tuples = MeasuredModes((1.0, 2.0), 0.1, (0.1, 0.2), ((2.0, 1.0), (1.0, 2.0)), 0.2)
-        assert given == tuples
+        assert measured_modes == tuples
 
     def test_points_off_the_beam(self, beam):
         measured = MeasuredModes((1.8,), points=(0.1, 0.6), shapes=((0.1, 1.0),))

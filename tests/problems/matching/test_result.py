@@ -119,17 +119,17 @@ class TestLumped:
     def test_tip_mass_and_clamp_stiffness(self, beam):
         """Both from five frequencies and two guesses, up to 40 % off; the clamp stiffness is the least certain."""
         truth = beam.with_(tip_mass=2.6e-3, clamp_stiffness=0.8, elastic_modulus=205e9)
-        given = beam.with_(tip_mass=2e-3, clamp_stiffness=1.1)
+        given_beam = beam.with_(tip_mass=2e-3, clamp_stiffness=1.1)
         targets = natural_modes(Model(truth), count=5).frequencies.tolist()
         unknowns = [Global(name, relative_bounds=0.4) for name in ("tip_mass", "clamp_stiffness", "elastic_modulus")]
         for guess in (None, [0.7, 0.65, 1.3]):
-            match = match_frequencies(given, targets=targets, unknowns=unknowns, guess=guess)
+            match = match_frequencies(given_beam, targets=targets, unknowns=unknowns, guess=guess)
             assert match.beam.tip_mass == pytest.approx(2.6e-3, rel=1e-4)
             assert match.beam.clamp_stiffness == pytest.approx(0.8, rel=1e-4)
             assert match.beam.elastic_modulus[0] == pytest.approx(205e9, rel=1e-4)
         assert match.identifiability.rank == 3
-        found = match.to_dict()
-        assert (found["tip_mass"], found["clamp_stiffness"]) == (match.beam.tip_mass, match.beam.clamp_stiffness)
+        data = match.to_dict()
+        assert (data["tip_mass"], data["clamp_stiffness"]) == (match.beam.tip_mass, match.beam.clamp_stiffness)
         assert "N m/rad" in match.report()
 
     def test_per_element_with_a_mass_at_the_tip(self, beam):
@@ -229,9 +229,9 @@ class TestOutOfReach:
 class TestIdentifiability:
     @pytest.mark.parametrize("gravity", [0.0, -9.81])
     def test_a_uniform_beam_determines_one_product_only(self, beam, gravity):
-        own = beam.with_(gravity=(0.0, gravity))
-        targets = natural_modes(Model(own), count=3).frequencies.tolist()
-        match = match_frequencies(own, targets=targets, unknowns=(*GLOBALS, Global("width")))
+        beam_ = beam.with_(gravity=(0.0, gravity))
+        targets = natural_modes(Model(beam_), count=3).frequencies.tolist()
+        match = match_frequencies(beam_, targets=targets, unknowns=(*GLOBALS, Global("width")))
         names, rows = match.identifiability.exponents
         assert names == ("elastic_modulus", "thickness", "density", "width")
         assert rows == pytest.approx(np.array([[1.0, 2.0, -1.0, 0.0]]), abs=1e-6)
@@ -248,26 +248,28 @@ class TestIdentifiability:
         """Random moves in the null space of J, up to the bounds, stay within the spread."""
         targets = (natural_modes(Model(beam), count=3).frequencies * [1.02, 0.99, 1.01]).tolist()
         match = match_frequencies(beam, targets=targets, unknowns=(THICKNESS, Smooth("width", terms=2)))
-        known, space = match.identifiability, match.matching.space
-        assert np.abs(known.jacobian @ known.null_space.T).max() < 1e-8
+        identifiability, space = match.identifiability, match.matching.space
+        assert np.abs(identifiability.jacobian @ identifiability.null_space.T).max() < 1e-8
         rng = np.random.default_rng(4)
         for _ in range(50):
-            way = space.map @ (rng.standard_normal(len(known.null_space)) @ known.null_space)
-            reach = np.min(np.where(way > 0, 1.1 - known.factors, known.factors - 0.9) / np.abs(way))
-            moved = known.factors + reach * way
-            assert (moved > known.spread[:, 0] - 1e-9).all()
-            assert (moved < known.spread[:, 1] + 1e-9).all()
-        assert space.size == known.rank + len(known.null_space)
+            way = space.map @ (rng.standard_normal(len(identifiability.null_space)) @ identifiability.null_space)
+            reach = np.min(
+                np.where(way > 0, 1.1 - identifiability.factors, identifiability.factors - 0.9) / np.abs(way)
+            )
+            moved = identifiability.factors + reach * way
+            assert (moved > identifiability.spread[:, 0] - 1e-9).all()
+            assert (moved < identifiability.spread[:, 1] + 1e-9).all()
+        assert space.size == identifiability.rank + len(identifiability.null_space)
 
     @pytest.mark.slow
     def test_spread_without_linear_programs_is_that_of_linear_programs(self, beam, monkeypatch):
         targets = (natural_modes(Model(beam), count=3).frequencies * [1.02, 0.99, 1.01]).tolist()
         unknowns = (THICKNESS, Smooth("width", terms=3, relative_bounds=0.05), Global("density"))
         match = match_frequencies(beam, targets=targets, unknowns=unknowns)
-        found = match.identifiability.spread
-        assert found[-1, 0] == pytest.approx(0.9) and (found[:, 1] > found[:, 0]).sum() == len(found)
+        spread = match.identifiability.spread
+        assert spread[-1, 0] == pytest.approx(0.9) and (spread[:, 1] > spread[:, 0]).sum() == len(spread)
         monkeypatch.setattr(Identifiability, "_reaches", lambda self, changes: np.zeros(len(changes), bool))
-        assert replace(match.identifiability).spread == pytest.approx(found, abs=1e-7)
+        assert replace(match.identifiability).spread == pytest.approx(spread, abs=1e-7)
 
     @pytest.mark.slow
     def test_prior_information_gives_errors_to_all(self, beam):
@@ -299,22 +301,22 @@ class TestIdentifiability:
         shares = match.data_shares
         assert shares == pytest.approx({"elastic_modulus": 0.2, "density": 0.8}, abs=0.02)
         assert "density: the data determine 80%, the prior 20%" in match.report()
-        assert [one["data_share"] for one in match.to_dict()["priors"]] == list(shares.values())
+        assert [prior["data_share"] for prior in match.to_dict()["priors"]] == list(shares.values())
         for noise, shift in (([0.0, 1.0, 0.0], 0.8 * 0.01), ([0.0, 0.0, 1.0], 0.2 * 0.02)):
             drawn = match.resampled(np.array(noise)) / list(match.estimates.values()) - 1
             assert drawn == pytest.approx([shift, shift], rel=0.03)
 
     @pytest.mark.parametrize(
-        ("given", "message"),
+        ("priors", "message"),
         [
             ({"priors": {"thickness": (1e-3, 1e-5)}}, "priors: unknown key 'thickness'"),
             ({"priors": {"density": (8e3, 0.0)}}, "priors: density: must be positive"),
             ({"priors": {"density": (8e3, 1.0)}}, "priors: need frequency_std of the targets"),
         ],
     )
-    def test_priors_that_cannot_be_used_are_refused(self, beam, given, message):
+    def test_priors_that_cannot_be_used_are_refused(self, beam, priors, message):
         with pytest.raises(InputError, match=message):
-            match_frequencies(beam, targets=(1.85,), unknowns=[Global("density")], **given)
+            match_frequencies(beam, targets=(1.85,), unknowns=[Global("density")], **priors)
 
     def test_smoothness_prefers_a_smoother_beam(self, beam):
         targets = (natural_modes(Model(beam), count=2).frequencies * [1.02, 0.99]).tolist()
@@ -353,7 +355,7 @@ class TestStarts:
         assert parallel.reached == 3
 
     @pytest.mark.parametrize(
-        ("given", "message"),
+        ("arguments", "message"),
         [
             ({"starts": 0}, "starts: must be a whole number, 1 to 10000, got 0"),
             ({"starts": 1.5}, "starts: must be a whole number, 1 to 10000"),
@@ -364,9 +366,9 @@ class TestStarts:
             ({"preference": 1e-8}, "preference: must be a LeastChange or a Smoothness, got 1e-08"),
         ],
     )
-    def test_unusable(self, beam, given, message):
+    def test_unusable(self, beam, arguments, message):
         with pytest.raises(InputError, match=message):
-            match_frequencies(beam, targets=(1.85,), **given)
+            match_frequencies(beam, targets=(1.85,), **arguments)
 
 
 def test_data_for_json_are_those_of_the_result(beam):
@@ -386,6 +388,6 @@ def test_data_for_json_are_those_of_the_result(beam):
 def test_targets_in_another_unit_stand_beside_the_frequencies_of_the_beam(beam, factor):
     standard = natural_modes(Model(beam), count=2).frequencies
     (note,) = match_frequencies(beam, targets=standard * factor).warnings
-    texts = (", ".join(f"{f:.4g}" for f in own) for own in (standard * factor, standard))
+    texts = (", ".join(f"{f:.4g}" for f in frequencies) for frequencies in (standard * factor, standard))
     assert note.startswith("the targets are out of reach of these unknowns: ")
     assert ", and the measured frequencies are {} Hz, where the model has {} Hz: give them in Hz".format(*texts) in note

@@ -30,7 +30,7 @@ def space(beam) -> DesignSpace:
 
 class TestDesignSpace:
     def test_the_given_beam_is_the_default_guess(self, space, beam):
-        assert space.changed(space.check_guess(None)) == beam
+        assert space.changed_beam(space.check_guess(None)) == beam
         assert space.names == (
             "elastic_modulus", *(f"thickness[{i}]" for i in range(1, 7)), "width~L0", "width~L1", "width~L2"
         )  # fmt: skip
@@ -38,7 +38,7 @@ class TestDesignSpace:
     def test_what_each_unknown_changes(self, space, beam):
         m = space.standard.copy()
         m[0], m[3], m[8] = 1.02, 0.97, 0.1
-        changed = space.changed(m)
+        changed = space.changed_beam(m)
         taper = 1 + 0.1 * (2 * np.arange(ELEMENTS) + 1 - ELEMENTS) / ELEMENTS  # L_1 at the centres of the elements
         assert changed.elastic_modulus == pytest.approx([1.02 * 210e9] * ELEMENTS)
         assert changed.thickness == pytest.approx([0.5e-3, 0.5e-3, 0.97 * 0.5e-3, 0.5e-3, 0.5e-3, 0.5e-3])
@@ -50,13 +50,13 @@ class TestDesignSpace:
         for k in range(space.size):
             step = np.zeros(space.size)
             step[k] = 0.25
-            found = (space.properties(m + step) - space.properties(m - step)) / 0.5
-            assert found == pytest.approx(space.directions[:, k], rel=1e-9, abs=1e-9)
+            slope = (space.properties(m + step) - space.properties(m - step)) / 0.5
+            assert slope == pytest.approx(space.directions[:, k], rel=1e-9, abs=1e-9)
 
     def test_random_points_are_within_the_bounds_and_fill_them(self, space):
         generator = np.random.default_rng(2)
         drawn = [space.properties(space.check_guess(space.random(generator)))[: 4 * ELEMENTS] for _ in range(300)]
-        factors = (np.array(drawn) / space.given[: 4 * ELEMENTS]).reshape(300, 4, ELEMENTS)
+        factors = (np.array(drawn) / space.given_properties[: 4 * ELEMENTS]).reshape(300, 4, ELEMENTS)
         assert np.abs(factors[:, 3] - 1).max() <= 0.1  # modulus
         assert np.abs(factors[:, 1] - 1).max() <= 0.05
         assert 0.15 < np.abs(factors[:, 0] - 1).max() <= 0.2
@@ -81,7 +81,7 @@ class TestPreference:
         """c int (f - 1)^2 dx, with c = 1 for the modulus and the smooth width and 20 for elements."""
         change = np.random.default_rng(3).standard_normal(space.size)
         changed = space.properties(space.standard + change)[: 4 * ELEMENTS]
-        factors = (changed / space.given[: 4 * ELEMENTS]).reshape(4, ELEMENTS) - 1
+        factors = (changed / space.given_properties[: 4 * ELEMENTS]).reshape(4, ELEMENTS) - 1
         width, thickness, _, modulus = (factors**2).mean(axis=1)
         for weight, matrix in (
             (4.0, LeastChange(weight=4.0).matrix(space, 1e-8)),

@@ -44,14 +44,14 @@ def test_five_modes_agree_with_linear_regression():
     deviations = np.array([1e-4, 2e-4, 1e-4, 3e-4, 5e-4])
     basis = np.array([1 / (2 * ω), ω / 2]).T / deviations[:, None]
     scaled = np.array(RATIOS) / deviations
-    (alpha, beta), (left,), *_ = np.linalg.lstsq(basis, scaled)
+    (alpha, beta), (squares,), *_ = np.linalg.lstsq(basis, scaled)
     covariance = np.linalg.inv(basis.T @ basis)
     fit = fit_rayleigh(FREQUENCIES, RATIOS, ratio_std=deviations)
     assert (fit.alpha, fit.beta) == pytest.approx((alpha, beta), rel=1e-9)
     assert errors(fit) == pytest.approx(np.sqrt(np.diag(covariance)), rel=1e-9)
     assert fit.ratios == pytest.approx(alpha / (2 * ω) + beta * ω / 2)
     missed = (np.array(RATIOS) - fit.ratios) / deviations
-    assert missed @ missed == pytest.approx(left)
+    assert missed @ missed == pytest.approx(squares)
     named = [warning.split(",")[0] for warning in fit.warnings if "differs from the measured" in warning]
     assert named == [f"mode {k + 1}" for k in range(5) if abs(missed[k]) > 3]
     assert 0 < len(named) < 5
@@ -59,9 +59,9 @@ def test_five_modes_agree_with_linear_regression():
 
 def test_without_deviations_the_scatter_tells_the_errors():
     basis = np.array([1 / (2 * ω), ω / 2]).T
-    _, (left,), *_ = np.linalg.lstsq(basis, np.array(RATIOS))
+    _, (squares,), *_ = np.linalg.lstsq(basis, np.array(RATIOS))
     fit = fit_rayleigh(FREQUENCIES, RATIOS)
-    assert errors(fit) == pytest.approx(np.sqrt(left / 3 * np.diag(np.linalg.inv(basis.T @ basis))), rel=1e-6)
+    assert errors(fit) == pytest.approx(np.sqrt(squares / 3 * np.diag(np.linalg.inv(basis.T @ basis))), rel=1e-6)
     assert fit.ratio_std is None
     assert fit.warnings == ()
 
@@ -83,12 +83,12 @@ def test_the_errors_of_two_modes_are_those_of_their_ratios():
 def test_deviations_are_absolute():
     """Twice as uncertain ratios give twice as uncertain coefficients; one deviation may stand for all."""
     for modes in (2, 5):
-        one, twice = (
+        single, twice = (
             fit_rayleigh(FREQUENCIES[:modes], RATIOS[:modes], ratio_std=deviation) for deviation in (1e-4, 2e-4)
         )
-        assert errors(twice) == pytest.approx(2 * np.array(errors(one)), rel=1e-9)
-        assert (twice.alpha, twice.beta) == pytest.approx((one.alpha, one.beta), rel=1e-9)
-        assert one.ratio_std == (1e-4,) * modes
+        assert errors(twice) == pytest.approx(2 * np.array(errors(single)), rel=1e-9)
+        assert (twice.alpha, twice.beta) == pytest.approx((single.alpha, single.beta), rel=1e-9)
+        assert single.ratio_std == (1e-4,) * modes
 
 
 def test_a_mode_that_the_law_does_not_reach_is_named():

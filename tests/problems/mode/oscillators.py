@@ -40,50 +40,50 @@ class Oscillator:
         """Return the exciting force per mass as a phasor relative to the fundamental A of the displacement."""
         higher = np.exp(1j * np.outer(ORDERS, THETA))
 
-        def residual(parts):
-            X = parts[:3] + 1j * parts[3:]
+        def residual(components):
+            X = components[:3] + 1j * components[3:]
             x = A * np.cos(THETA) + (X @ higher).real
             v = W * (-A * np.sin(THETA) + ((1j * ORDERS * X) @ higher).real)
             a = -(W**2) * (A * np.cos(THETA) + ((ORDERS**2 * X) @ higher).real)
             return 2 * np.fft.fft(a + self.c * v + self.force(x)) / SAMPLES
 
-        def balance(parts):
-            found = residual(parts * A)[ORDERS]
-            return np.append(found.real, found.imag) / (A * W**2)
+        def balance(components):
+            harmonics = residual(components * A)[ORDERS]
+            return np.append(harmonics.real, harmonics.imag) / (A * W**2)
 
         return residual(A * fsolve(balance, np.zeros(6), xtol=1e-9))[1]
 
-    def backbone(self, A, near):
+    def backbone(self, A, start):
         """Return frequency (Hz) and rate of decay (1/s) at an amplitude of the fundamental."""
-        omega = brentq(lambda W: self.phasor(A, W).real, 0.8 * near, 1.2 * near, xtol=1e-8 * near)
+        omega = brentq(lambda W: self.phasor(A, W).real, 0.8 * start, 1.2 * start, xtol=1e-8 * start)
         return omega / (2 * np.pi), self.phasor(A, omega).imag / (2 * A * omega)
 
 
-def response_controlled(one, amplitude, frequencies, constant=1.0, **settings):
+def response_controlled(oscillator, amplitude, frequencies, constant=1.0, **settings):
     """Return the record of an oscillator whose displacement is held."""
-    found = np.array([one.phasor(amplitude, 2 * np.pi * f) for f in frequencies]) / constant
-    held = np.full(len(frequencies), amplitude)
-    return ResponseRecord(frequencies, held, -np.angle(found), levels=np.abs(found), excitation_unit="N",
+    values = np.array([oscillator.phasor(amplitude, 2 * np.pi * f) for f in frequencies]) / constant
+    controlled = np.full(len(frequencies), amplitude)
+    return ResponseRecord(frequencies, controlled, -np.angle(values), levels=np.abs(values), excitation_unit="N",
                           control="response", **settings)  # fmt: skip
 
 
-def force_controlled(one, level, amplitudes, near, constant=1.0, **settings):
+def force_controlled(oscillator, level, amplitudes, start, constant=1.0, **settings):
     """Return the record of an oscillator under a held force, on both sides of the resonance at some amplitudes.
 
     At each amplitude there are two frequencies with the level, one on each side of the backbone.
     """
     points = []
     for A in amplitudes:
-        peak = 2 * np.pi * one.backbone(A, near)[0]
+        peak = 2 * np.pi * oscillator.backbone(A, start)[0]
 
         def excess(W, A=A):
-            return abs(one.phasor(A, W)) / constant - level
+            return abs(oscillator.phasor(A, W)) / constant - level
 
         if excess(peak) >= 0.0:
             continue
-        for end in (0.8 * near, 1.2 * near):
-            W = brentq(excess, *sorted((peak, end)), xtol=1e-8 * near)
-            points.append((W / (2 * np.pi), A, -np.angle(one.phasor(A, W))))
+        for end in (0.8 * start, 1.2 * start):
+            W = brentq(excess, *sorted((peak, end)), xtol=1e-8 * start)
+            points.append((W / (2 * np.pi), A, -np.angle(oscillator.phasor(A, W))))
     f, A, phase = np.array(sorted(points)).T
     return ResponseRecord(f, A, phase, levels=np.full(len(f), level), excitation_unit="N", **settings)
 
@@ -122,29 +122,29 @@ CASES = {  # oscillator, and laws of its mode
 }
 
 
-def records(one, control, sizes=SIZES, points=12):
+def records(oscillator, control, sizes=SIZES, points=12):
     """Return a curve for each of the largest amplitudes, under a held force or with the amplitude held."""
-    found = []
+    curves = []
     for size in sizes:
-        f = one.backbone(size, OMEGA)[0]
+        f = oscillator.backbone(size, OMEGA)[0]
         if control == "response":
-            found.append(response_controlled(one, size, f * np.linspace(0.985, 1.015, 2 * points - 1)))
+            curves.append(response_controlled(oscillator, size, f * np.linspace(0.985, 1.015, 2 * points - 1)))
         else:
-            level = abs(one.phasor(size, 2 * np.pi * f)) * (1 + 1e-6)
-            found.append(force_controlled(one, level, size * np.linspace(0.15, 1.0, points), OMEGA))
-    return found
+            level = abs(oscillator.phasor(size, 2 * np.pi * f)) * (1 + 1e-6)
+            curves.append(force_controlled(oscillator, level, size * np.linspace(0.15, 1.0, points), OMEGA))
+    return curves
 
 
 def held(curves, laws, truth, seed, turn=None, noise=0.01):
     """Return whether the bands of frequency and rate of decay hold the truth at ``SIZES``, (2, 3)."""
     rng = np.random.default_rng(seed)
-    fit = fit_mode([noisy(one, rng, noise, turn) for one in curves], **laws)
+    fit = fit_mode([noisy(curve, rng, noise, turn) for curve in curves], **laws)
     bands = fit.law_curve(SIZES)
     rate = bands.damping_ratio_band * fit.fit["omega"]
     ends = np.array([bands.frequency_band, rate])
     return (ends[:, :, 0] < truth) & (truth < ends[:, :, 1])
 
 
-def truth_of(one):
+def truth_of(oscillator):
     """Return frequency (Hz) and rate of decay (1/s) at ``SIZES``, (2, 3)."""
-    return np.array([one.backbone(size, OMEGA) for size in SIZES]).T
+    return np.array([oscillator.backbone(size, OMEGA) for size in SIZES]).T

@@ -47,11 +47,14 @@ def curve(unit, relative, quantity, amplitudes, f=F, **settings):
 
 
 @cache
-def decay(one, size, seconds=8.0, std=2e-5, seed=3):
+def decay(oscillator, size, seconds=8.0, std=2e-5, seed=3):
     """Return the free decay of an elastic oscillator, integrated in time, with noise."""
     t = np.arange(0.0, seconds, 0.01)
-    run = solve_ivp(lambda t, y: [y[1], -one.c * y[1] - one.loading(y[0])], (0, t[-1]), [size, 0.0], t_eval=t,
-                    rtol=1e-9, atol=1e-12, method="DOP853")  # fmt: skip
+
+    def rate(_, y):
+        return [y[1], -oscillator.c * y[1] - oscillator.loading(y[0])]
+
+    run = solve_ivp(rate, (0, t[-1]), [size, 0.0], t_eval=t, rtol=1e-9, atol=1e-12, method="DOP853")
     return Measurement(t, run.y[0] + std * np.random.default_rng(seed).standard_normal(t.size))
 
 
@@ -65,17 +68,19 @@ def forced(name, control="force"):
 def test_the_curve_is_the_balance_and_its_derivatives_are_exact(unit, relative, quantity):
     amplitudes = np.linspace(0.01, 0.03, F.size)
     levels, values = steady(unit, relative, quantity, amplitudes)
-    own = response_curve(QUADRATIC, curve(unit, relative, quantity, amplitudes), 4)
-    g, first, second, by_x = motions_at(own, amplitudes, X)
+    curve_function = response_curve(QUADRATIC, curve(unit, relative, quantity, amplitudes), 4)
+    g, first, second, by_x = motions_at(curve_function, amplitudes, X)
     np.testing.assert_allclose(g[:, 2], levels, rtol=1e-12)
     np.testing.assert_allclose(g[:, 0] * np.exp(1j * g[:, 1]), values, rtol=1e-10)
     h = 1e-6
-    above, below = (motions_at(own, amplitudes + side * h, X) for side in (1, -1))
+    above, below = (motions_at(curve_function, amplitudes + side * h, X) for side in (1, -1))
     np.testing.assert_allclose(first, (above[0] - below[0]) / (2 * h), rtol=1e-5, atol=1e-6 * np.abs(first).max())
     np.testing.assert_allclose(second, (above[1] - below[1]) / (2 * h), rtol=1e-5, atol=1e-6 * np.abs(second).max())
     for k in range(len(X)):
         step = np.where(np.arange(len(X)) == k, 1e-6 * X, 0.0)
-        slope = (motions_at(own, amplitudes, X + step)[0] - motions_at(own, amplitudes, X - step)[0]) / (2e-6 * X[k])
+        slope = (
+            motions_at(curve_function, amplitudes, X + step)[0] - motions_at(curve_function, amplitudes, X - step)[0]
+        ) / (2e-6 * X[k])
         np.testing.assert_allclose(by_x[:, :, k], slope, rtol=1e-5, atol=1e-6 * np.abs(slope).max())
 
 
@@ -83,7 +88,7 @@ def test_the_curve_is_the_balance_and_its_derivatives_are_exact(unit, relative, 
 def test_known_values_are_recovered_from_any_excitation_and_sensor(unit, relative, quantity):
     curves = [curve(unit, relative, quantity, size / (1 + (40 * (F / 10 - 1)) ** 2) ** 0.5) for size in (0.003, 0.02)]
     rng = np.random.default_rng(1)
-    slightly = [noisy(one, rng, 1e-5) for one in curves]
+    slightly = [noisy(curve, rng, 1e-5) for curve in curves]
     fit = fit_mode(slightly, law="quadratic", frequency_law="quadratic")
     assert fit.warnings == ()
     at_largest = 10.0 * (1 + 5.0 * fit.max_amplitude**2)
@@ -97,12 +102,12 @@ def test_known_values_are_recovered_from_any_excitation_and_sensor(unit, relativ
 
 def test_the_harmonics_of_the_references_are_those_of_an_integration_in_time():
     """The simulated oscillator that the other tests rely on: 400 periods, integrated from the computed state."""
-    one, A = cubic(), 0.008
-    W = 0.999 * 2 * np.pi * one.backbone(A, OMEGA)[0]
-    force = one.phasor(A, W)
+    oscillator, A = cubic(), 0.008
+    W = 0.999 * 2 * np.pi * oscillator.backbone(A, OMEGA)[0]
+    force = oscillator.phasor(A, W)
 
     def rate(t, y):
-        return [y[1], abs(force) * np.cos(W * t + np.angle(force)) - one.c * y[1] - one.loading(y[0])]
+        return [y[1], abs(force) * np.cos(W * t + np.angle(force)) - oscillator.c * y[1] - oscillator.loading(y[0])]
 
     T = 2 * np.pi / W
     run = solve_ivp(rate, (0, 60 * T), [A, 0.0], rtol=1e-9, atol=1e-12, t_eval=59 * T + T * np.arange(64) / 64,
@@ -117,16 +122,19 @@ def test_the_harmonics_of_the_references_are_those_of_an_integration_in_time():
         ("cubic", "response"),
         ("micro-slip", "force"),
         *(
-            pytest.param(*one, marks=pytest.mark.slow)
-            for one in (("micro-slip", "response"), *((SQUARE_ROOT, control) for control in ("force", "response")))
+            pytest.param(*oscillator, marks=pytest.mark.slow)
+            for oscillator in (
+                ("micro-slip", "response"),
+                *((SQUARE_ROOT, control) for control in ("force", "response")),
+            )
         ),
     ],
 )
 def test_frequency_and_damping_of_simulated_oscillators_are_recovered(name, control):
-    one, laws = CASES[name]
+    oscillator, laws = CASES[name]
     fit = fit_mode(forced(name, control), **laws)
     curve = fit.law_curve(oscillators.SIZES)
-    frequency, rate = truth_of(one)
+    frequency, rate = truth_of(oscillator)
     # the laws are of first order in the shift of 0.5 %
     np.testing.assert_allclose(curve.frequency, frequency, atol=6e-5)
     np.testing.assert_allclose(curve.damping_ratio * fit.fit["omega"], rate, rtol=2e-3)
@@ -136,8 +144,8 @@ def test_frequency_and_damping_of_simulated_oscillators_are_recovered(name, cont
 @pytest.mark.parametrize("control", ["force", "response"])
 @pytest.mark.parametrize("name", ["cubic", "micro-slip"])
 def test_the_bands_hold_the_truth(name, control):
-    one, laws = CASES[name]
-    truth = truth_of(one)
+    oscillator, laws = CASES[name]
+    truth = truth_of(oscillator)
     hits = np.array([oscillators.held(forced(name, control), laws, truth, seed) for seed in range(20)])
     for quantity in (0, 1):
         assert covers(int(hits[:, quantity, 1].sum()), 20)
@@ -165,39 +173,41 @@ def test_phases_that_count_from_elsewhere_are_turned_and_named(turn, lag):
 
 def test_phases_that_do_not_decide_stay_as_they_are():
     f = np.linspace(5.0, 6.0, 12)  # far below the resonance
-    far = curve("N", False, "displacement", np.full(12, 1e-3), f)
+    distant = curve("N", False, "displacement", np.full(12, 1e-3), f)
     rng = np.random.default_rng(0)
-    phases = far.measured_phases + 0.01 * rng.standard_normal(12)
-    near = curve("N", False, "displacement", np.full(F.size, 1e-3))
-    far = ResponseRecord(f, far.amplitudes, phases, levels=far.a, excitation_unit="N")
-    assert fit_mode([near, far]).notes == ()
+    phases = distant.measured_phases + 0.01 * rng.standard_normal(12)
+    resonant = curve("N", False, "displacement", np.full(F.size, 1e-3))
+    distant = ResponseRecord(f, distant.amplitudes, phases, levels=distant.a, excitation_unit="N")
+    assert fit_mode([resonant, distant]).notes == ()
 
 
 @pytest.mark.slow
 def test_a_decay_alone_gives_what_fit_decay_gives():
     record = decay(cubic(), 0.01)
     settings = {"law": "quadratic", "frequency_law": "quadratic"}
-    own, other = fit_mode(record, **settings), fit_decay(record, **settings)
-    ours, theirs = (curve([0.003, 0.01]) for curve in (own.law_curve, partial(law_curve, other)))
+    mode_fit, decay_fit = fit_mode(record, **settings), fit_decay(record, **settings)
+    ours, theirs = (curve([0.003, 0.01]) for curve in (mode_fit.law_curve, partial(law_curve, decay_fit)))
     assert ours.frequency == pytest.approx(theirs.frequency, rel=1e-8)
     assert ours.frequency_band == pytest.approx(theirs.frequency_band, rel=1e-8)
     for name in ("eta1", "frequency_curvature"):
-        assert own.estimates[name] == pytest.approx(other.estimates[name], abs=1e-3 * other.standard_errors[name])
-        assert own.standard_errors[name] == pytest.approx(other.standard_errors[name], rel=1e-3)
+        assert mode_fit.estimates[name] == pytest.approx(
+            decay_fit.estimates[name], abs=1e-3 * decay_fit.standard_errors[name]
+        )
+        assert mode_fit.standard_errors[name] == pytest.approx(decay_fit.standard_errors[name], rel=1e-3)
 
 
 @pytest.mark.slow
 def test_a_decay_and_a_resonance_together_have_smaller_errors_than_either():
-    one, laws = CASES["cubic"]
+    oscillator, laws = CASES["cubic"]
     rng = np.random.default_rng(5)
-    free, driven = decay(one, 0.01, std=5e-5), [noisy(record, rng) for record in forced("cubic")]
+    free, driven = decay(oscillator, 0.01, std=5e-5), [noisy(record, rng) for record in forced("cubic")]
     alone = [fit_mode(free, **laws), fit_mode(driven, **laws)]
-    both = fit_mode([free, *driven], **laws)
+    joint = fit_mode([free, *driven], **laws)
     for name in ("frequency", "damping_ratio", "frequency_curvature"):
-        assert both.standard_errors[name] < 0.95 * min(fit.standard_errors[name] for fit in alone)
-    natural, _ = one.backbone(both.max_amplitude, OMEGA)
-    assert both.estimates["frequency"] == pytest.approx(natural, abs=3 * both.standard_errors["frequency"])
-    assert {one.name for one in both.agreements} >= {"frequency_at_zero", "damping_ratio"}
+        assert joint.standard_errors[name] < 0.95 * min(fit.standard_errors[name] for fit in alone)
+    natural, _ = oscillator.backbone(joint.max_amplitude, OMEGA)
+    assert joint.estimates["frequency"] == pytest.approx(natural, abs=3 * joint.standard_errors["frequency"])
+    assert {agreement.name for agreement in joint.agreements} >= {"frequency_at_zero", "damping_ratio"}
 
 
 @pytest.mark.slow
@@ -206,22 +216,22 @@ def test_amplitudes_without_phases_are_enough():
     rng = np.random.default_rng(2)
     bare = []
     for record in forced("micro-slip"):
-        own = noisy(record, rng)
-        bare.append(ResponseRecord(own.f, own.amplitudes, levels=own.a, excitation_unit="N"))
+        record_ = noisy(record, rng)
+        bare.append(ResponseRecord(record_.f, record_.amplitudes, levels=record_.a, excitation_unit="N"))
     fit = fit_mode(bare, **laws)
-    found, errors = fit.estimates, fit.standard_errors
+    estimates, errors = fit.estimates, fit.standard_errors
     for name, value in {
         "frequency": 10.0 * (1 - 0.5 * fit.max_amplitude),
         "frequency_slope": -0.5,
         "eta1": 0.004 * OMEGA,
     }.items():
-        assert found[name] == pytest.approx(value, abs=3.5 * errors[name])
+        assert estimates[name] == pytest.approx(value, abs=3.5 * errors[name])
 
 
 @pytest.mark.slow
 def test_a_phase_locked_backbone_needs_a_decay_or_the_modal_constant():
-    one, sizes = cubic(), np.array([0.002, 0.004, 0.006, 0.008, 0.01])
-    f, rate = np.array([one.backbone(size, OMEGA) for size in sizes]).T
+    oscillator, sizes = cubic(), np.array([0.002, 0.004, 0.006, 0.008, 0.01])
+    f, rate = np.array([oscillator.backbone(size, OMEGA) for size in sizes]).T
     levels = 2 * rate * 2 * np.pi * f * sizes
     rng = np.random.default_rng(0)
     values, phases = sizes * (1 + 0.005 * rng.standard_normal(5)), 0.01 * rng.standard_normal(5)
@@ -232,9 +242,9 @@ def test_a_phase_locked_backbone_needs_a_decay_or_the_modal_constant():
     fit = fit_mode(locked, modal_constant=1.0, **laws)
     assert fit.damping_ratio == pytest.approx(0.003, abs=3.5 * fit.standard_errors["damping_ratio"])
     reversed_ = ResponseRecord(f, values, phases + np.pi / 2, levels=levels, excitation_unit="N")
-    both = fit_mode([decay(one, 0.01), reversed_], **laws)
-    assert both.estimates["modal_constant"] == pytest.approx(1.0, abs=3.5 * both.standard_errors["modal_constant"])
-    assert "180 degrees were added" in both.notes[0]
+    joint = fit_mode([decay(oscillator, 0.01), reversed_], **laws)
+    assert joint.estimates["modal_constant"] == pytest.approx(1.0, abs=3.5 * joint.standard_errors["modal_constant"])
+    assert "180 degrees were added" in joint.notes[0]
 
 
 def test_in_response_control_the_error_is_that_of_the_force():
@@ -242,17 +252,17 @@ def test_in_response_control_the_error_is_that_of_the_force():
     rng = np.random.default_rng(0)
     fit = fit_mode([noisy(record, rng, 0.03) for record in forced("cubic", "response")], **laws)
     (data,) = (account.data["records"] for account in fit.accounts)
-    assert {one["quantity"] for one in data} == {"level"}
-    assert all(0.015 < one["relative_error"] < 0.05 for one in data)
+    assert {row["quantity"] for row in data} == {"level"}
+    assert all(0.015 < row["relative_error"] < 0.05 for row in data)
     assert "root mean square error of the level" in fit.report()
 
 
 def test_a_level_in_another_unit_is_said():
     _, laws = CASES["cubic"]
-    small, *others = (noisy(record, np.random.default_rng(k)) for k, record in enumerate(forced("cubic")))
+    small, *remaining = (noisy(record, np.random.default_rng(k)) for k, record in enumerate(forced("cubic")))
     small = ResponseRecord(small.f, small.amplitudes, small.measured_phases, levels=1e3 * small.a, excitation_unit="N")
     with pytest.raises(FitError, match=r"its response per level is 0.00[01]\d+ times .* such as mm"):
-        fit_mode([small, *others], **laws)
+        fit_mode([small, *remaining], **laws)
     amplitudes = 0.01 / (1 + (40 * (F / 10 - 1)) ** 2) ** 0.5
     base = curve("m/s^2", True, "displacement", amplitudes)
     settings = {"levels": base.a / 98.0665, "excitation_unit": "m/s^2", "relative": True}
@@ -270,12 +280,12 @@ def test_a_fit_that_explains_little_is_no_result():
 
 @pytest.mark.slow
 def test_a_prediction_of_another_level_and_of_a_decay_is_close():
-    one, laws = CASES["cubic"]
+    oscillator, laws = CASES["cubic"]
     rng = np.random.default_rng(7)
     fit = fit_mode([noisy(record, rng) for record in forced("cubic")[:2]], **laws)
-    found = fit.predict(noisy(forced("cubic")[2], rng))
-    assert found.relative_errors["amplitude"] < 0.1 and found.standard_errors["amplitude"] > 0.0
-    assert fit.predict(decay(one, 0.005)).relative_errors["displacement"] < 0.05
+    prediction = fit.predict(noisy(forced("cubic")[2], rng))
+    assert prediction.relative_errors["amplitude"] < 0.1 and prediction.standard_errors["amplitude"] > 0.0
+    assert fit.predict(decay(oscillator, 0.005)).relative_errors["displacement"] < 0.05
     with pytest.raises(InputError, match="has levels in V; the fit has levels in N"):
         fit.predict(ResponseRecord([10.0], [1.0], excitation_unit="V"))
 
@@ -323,11 +333,11 @@ def test_priors_add_their_information_and_keep_what_they_hold():
     decay = Measurement(t, clean + 1e-3 * np.random.default_rng(0).standard_normal(len(t)))
     free = fit_mode(decay)
     error, value = free.standard_errors["frequency"], free.frequency
-    held = fit_mode(decay, priors={"frequency": (value, error), "damping_ratio": (1 / 120, 1e-7)})
-    assert held.standard_errors["frequency"] == pytest.approx(error / math.sqrt(2), rel=0.1)
-    assert held.damping_ratio == pytest.approx(1 / 120, rel=1e-4)
-    assert held.fit.data_shares["omega"] == pytest.approx(0.5, abs=0.1)
-    assert "frequency: the data determine" in held.report() and "omega" not in held.report()
+    informed = fit_mode(decay, priors={"frequency": (value, error), "damping_ratio": (1 / 120, 1e-7)})
+    assert informed.standard_errors["frequency"] == pytest.approx(error / math.sqrt(2), rel=0.1)
+    assert informed.damping_ratio == pytest.approx(1 / 120, rel=1e-4)
+    assert informed.fit.data_shares["omega"] == pytest.approx(0.5, abs=0.1)
+    assert "frequency: the data determine" in informed.report() and "omega" not in informed.report()
     with pytest.raises(InputError, match="priors"):
         fit_mode(decay, priors={"omega": (12.0, 0.1)})
 
@@ -388,11 +398,11 @@ def test_a_smooth_frequency_does_not_swing_between_the_levels(levels):
 def test_a_smooth_damping_ratio_follows_a_mode_that_no_law_does(levels):
     fit = fit_mode(held_responses(levels), law="smooth", frequency_law="smooth")
     at_levels, between = 1e-4 * np.array(levels), np.geomspace(fit.min_amplitude, fit.max_amplitude, 13)
-    for amplitudes, most in ((at_levels, 3e-5), (between, 2e-3)):
+    for amplitudes, tolerance in ((at_levels, 3e-5), (between, 2e-3)):
         curve, (_, truth) = fit.law_curve(amplitudes), law_of_the_issue(amplitudes)
         half = np.ptp(curve.damping_ratio_band, axis=1) / 2
         assert (np.abs(curve.damping_ratio - truth) < np.maximum(2 * half, 0.005 * truth)).all()
-        assert np.median(half) < most
+        assert np.median(half) < tolerance
     assert fit.estimates["damping_ratio"] == pytest.approx(truth[-1], abs=4 * fit.standard_errors["damping_ratio"])
 
 
@@ -415,9 +425,11 @@ def test_a_smooth_damping_ratio_of_a_decay_is_that_of_fit_decay():
     decay = Measurement(time, 0.02 * (size * np.cos(2 * np.pi * 5.0 * time) + noise))
     alone, mode = fit_decay(decay, law="smooth"), fit_mode(decay, law="smooth")
     amplitudes = np.geomspace(*alone.amplitude_range, 5)
-    curve, other = law_curve(alone, amplitudes), mode.law_curve(amplitudes)
-    assert curve.damping_ratio == pytest.approx(other.damping_ratio, rel=0.02)
-    assert np.ptp(curve.damping_ratio_band, axis=1) == pytest.approx(np.ptp(other.damping_ratio_band, axis=1), rel=0.1)
+    curve, mode_curve = law_curve(alone, amplitudes), mode.law_curve(amplitudes)
+    assert curve.damping_ratio == pytest.approx(mode_curve.damping_ratio, rel=0.02)
+    assert np.ptp(curve.damping_ratio_band, axis=1) == pytest.approx(
+        np.ptp(mode_curve.damping_ratio_band, axis=1), rel=0.1
+    )
     truth = 0.15 / (2 * np.pi * 5.0) * amplitudes / 0.02
     assert (np.abs(curve.damping_ratio - truth) < np.ptp(curve.damping_ratio_band, axis=1)).all()
 
@@ -432,11 +444,13 @@ def test_a_smooth_frequency_of_a_decay_is_that_of_fit_decay(noise, length):
     alone = fit_decay(decay, frequency_law="smooth", release_time=0.0)
     mode = fit_mode(decay, frequency_law="smooth", release_times=[0.0])
     amplitudes = np.geomspace(*alone.amplitude_range, 5)
-    one, other = law_curve(alone, amplitudes), mode.law_curve(amplitudes)
-    assert one.frequency == pytest.approx(other.frequency, rel=5e-4)
-    assert np.ptp(one.frequency_band, axis=1) == pytest.approx(np.ptp(other.frequency_band, axis=1), rel=0.1)
+    decay_curve, mode_curve = law_curve(alone, amplitudes), mode.law_curve(amplitudes)
+    assert decay_curve.frequency == pytest.approx(mode_curve.frequency, rel=5e-4)
+    assert np.ptp(decay_curve.frequency_band, axis=1) == pytest.approx(
+        np.ptp(mode_curve.frequency_band, axis=1), rel=0.1
+    )
     truth = 6.92 * (1 - 0.01 * amplitudes / 0.02)
-    assert one.frequency == pytest.approx(truth, abs=float(np.ptp(one.frequency_band, axis=1).max()))
+    assert decay_curve.frequency == pytest.approx(truth, abs=float(np.ptp(decay_curve.frequency_band, axis=1).max()))
 
 
 @pytest.mark.parametrize(("control", "swing"), [("excitation", 0.5), ("excitation", 0.0), ("response", 0.3)])
@@ -494,5 +508,5 @@ def test_the_digits_of_a_decay_limit_the_errors_of_its_mode(offset):
 def test_the_intervals_of_a_decay_beside_a_mode_close_by_hold_the_truth():
     """They did in 38 of 100 records, and those of fit_decay in 73: the record hardly shows a mode so near."""
     fits = [fit_mode(disturbed("mode close by", seed), law="quadratic", release_times=[0.0]) for seed in range(60)]
-    held = [low < 0.15 < high for low, high in (fit.intervals()["eta1"] for fit in fits)]
-    assert np.mean(held) > 0.6
+    covered = [low < 0.15 < high for low, high in (fit.intervals()["eta1"] for fit in fits)]
+    assert np.mean(covered) > 0.6

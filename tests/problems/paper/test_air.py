@@ -70,7 +70,7 @@ def test_the_viscous_force_on_a_tapered_strip_takes_the_energy_that_the_ratio_sa
     beam = paper_beam(4, width=(7e-3, 6e-3, 4.5e-3, 3e-3), gravity=(0.0, 0.0))
     modes = natural_modes(Model(beam), count=2)
     omega, width = modes.angular_frequencies, np.array(beam.width)
-    gamma = np.array([[strip_function(one * b**2 / (4 * NU)) for one in omega] for b in width])
+    gamma = np.array([[strip_function(ω * b**2 / (4 * NU)) for ω in omega] for b in width])
     c = np.pi / 4 * 1.2 * omega * width[:, None] ** 2 * gamma.imag
     points = (np.arange(1000) + 0.5) / 1000 * 0.5
     squares = np.array([((modes.model.interpolation(s) @ modes.shapes) ** 2).sum(axis=0) for s in points])
@@ -79,9 +79,9 @@ def test_the_viscous_force_on_a_tapered_strip_takes_the_energy_that_the_ratio_sa
 
 
 def test_the_drag_coefficients_of_the_first_three_modes_of_table_4_are_0_99_0_54_and_0_45(paper_beam):
-    found = [implied_drag_coefficient(eta2, paper_beam(), Air())[0] for eta2 in (0.11, 0.06, 0.05)]
-    assert found == pytest.approx([0.99, 0.54, 0.45], abs=5e-3)
-    assert found[0] == pytest.approx(2 * 8000 * 0.5e-3 * 0.11 * 1183 / 876 / 1.2)
+    coefficients = [implied_drag_coefficient(eta2, paper_beam(), Air())[0] for eta2 in (0.11, 0.06, 0.05)]
+    assert coefficients == pytest.approx([0.99, 0.54, 0.45], abs=5e-3)
+    assert coefficients[0] == pytest.approx(2 * 8000 * 0.5e-3 * 0.11 * 1183 / 876 / 1.2)
 
 
 def test_the_drag_coefficient_returns_the_law_from_which_it_follows(paper_beam):

@@ -26,11 +26,11 @@ def effects(monkeypatch):
 
 
 def test_decays_under_eta1_take_the_same_time_at_every_frequency_on_the_beam_and_by_formula(effects):
-    times, words, left = effects.tables
+    times, words, amplitudes = effects.tables
     assert column(times, "frequency") == [2.0, 4.0] * 2
     linear = column(times, "time to 10 %, beam")[:2]
     assert linear == pytest.approx([math.log(10)] * 2, rel=0.01)  # exp(-eta1 t/2)
-    drag = column(left, "after 5 s, beam")[2:]
+    drag = column(amplitudes, "after 5 s, beam")[2:]
     exact = [76 / (1 + 8 * math.pi * f * 0.076 * 5 / (3 * math.pi)) for f in (2.0, 4.0)]  # Eq. (27), eta1 = 0
     assert drag == pytest.approx(exact, rel=0.01)
     assert column(words, "residual motion") == ["controllable", "uncontrollable"]

@@ -13,11 +13,11 @@ from problems.paper.effects import (
     Envelope,
     characteristics,
     crossing,
-    displaced,
+    displace_tip,
     peaks,
     ratios_over_time,
     simulate_decay,
-    tuned,
+    tune_beam,
 )
 
 TIME = np.linspace(0.0, 15.0, 3001)
@@ -36,7 +36,7 @@ def decay(paper_beam):
 
 
 def test_a_tuned_beam_has_the_frequency_and_no_weight(paper_beam):
-    beam = tuned(paper_beam(4, elastic_modulus=(200e9, 210e9, 190e9, 220e9)), 5.0)
+    beam = tune_beam(paper_beam(4, elastic_modulus=(200e9, 210e9, 190e9, 220e9)), 5.0)
     assert natural_modes(Model(beam), count=1).frequencies[0] == pytest.approx(5.0)
     assert beam.gravity == (0.0, 0.0)
     assert beam.elastic_modulus[3] / beam.elastic_modulus[2] == pytest.approx(220 / 190)
@@ -45,11 +45,11 @@ def test_a_tuned_beam_has_the_frequency_and_no_weight(paper_beam):
 @pytest.mark.parametrize("axis", [(0.0, -1.0), (1.0, 0.0), (-0.6, 0.8)])
 def test_a_decay_starts_in_mode_1_without_stretching_the_beam(paper_beam, axis):
     modes = natural_modes(Model(paper_beam(10, axis=axis, gravity=(0.0, 0.0))), count=3)
-    start = displaced(modes, 0.076)
+    start = displace_tip(modes, 0.076)
     across = start.tip @ np.array([-axis[1], axis[0]])
     assert abs(across) == pytest.approx(0.076)
-    own, *others = (abs(modes.modal_coordinate(start.coordinates, mode)) for mode in range(3))
-    assert max(others) < 0.002 * own
+    first, *remaining = (abs(modes.modal_coordinate(start.coordinates, mode)) for mode in range(3))
+    assert max(remaining) < 0.002 * first
     points = np.array([modes.model.interpolation(s) @ start.coordinates for s in np.linspace(0.0, 0.5, 2001)])
     assert np.linalg.norm(np.diff(points, axis=0), axis=1).sum() == pytest.approx(0.5, rel=1e-6)
     assert np.linalg.norm(start.tip) < 0.4995  # a mode shape of this amplitude would stretch to 0.506 m
@@ -57,9 +57,9 @@ def test_a_decay_starts_in_mode_1_without_stretching_the_beam(paper_beam, axis):
 
 def test_for_a_small_amplitude_the_start_is_mode_1_alone(paper_beam):
     modes = natural_modes(Model(paper_beam(20, gravity=(0.0, 0.0))), count=3)
-    start = displaced(modes, 1e-3)
-    own, *others = (abs(modes.modal_coordinate(start.coordinates, mode)) for mode in range(3))
-    assert max(others) < 2e-4 * own
+    start = displace_tip(modes, 1e-3)
+    first, *remaining = (abs(modes.modal_coordinate(start.coordinates, mode)) for mode in range(3))
+    assert max(remaining) < 2e-4 * first
 
 
 def test_the_motion_by_the_formula_solves_eq_26_from_rest(decay):
@@ -81,8 +81,8 @@ def test_the_motion_by_the_formula_solves_eq_26_from_rest(decay):
 
 
 def test_the_beam_decays_as_the_formula_says_within_a_percent_at_76_mm(decay):
-    found = [decay.envelope.at(t) / decay.formula.at(t) for t in (0.5, 1.5, 3.0)]
-    assert found == pytest.approx([1.0, 1.0, 1.0], abs=0.01)
+    ratios = [decay.envelope.at(t) / decay.formula.at(t) for t in (0.5, 1.5, 3.0)]
+    assert ratios == pytest.approx([1.0, 1.0, 1.0], abs=0.01)
     assert decay.formula.at(3.0) < 0.6 * 0.076
 
 
@@ -91,8 +91,8 @@ def test_the_beam_decays_as_the_formula_says_within_a_percent_at_76_mm(decay):
 def test_at_small_amplitudes_the_beam_decays_as_one_mode(paper_beam, eta1, eta2):
     """The drag constant of mode 1 is 0.7389, that of the shape (21) 0.7405, 0.2 % more."""
     small = simulate_decay(paper_beam(8), QuadraticDamping(eta1, eta2), frequency=5.0, amplitude=2e-3, duration=1.5)
-    rest = 0.7389 / (876 / 1183)
-    exact = quadratic_envelope(cs.DM(1.5), *map(cs.DM, (10 * np.pi, eta1, rest * eta2, 2e-3)))
+    drag_constant = 0.7389 / (876 / 1183)
+    exact = quadratic_envelope(cs.DM(1.5), *map(cs.DM, (10 * np.pi, eta1, drag_constant * eta2, 2e-3)))
     assert small.envelope.at(1.5) == pytest.approx(float(exact), rel=2e-3)
 
 
@@ -120,18 +120,18 @@ def test_an_envelope_gives_amplitudes_and_the_time_to_a_fraction():
 def test_peaks_lie_on_the_envelope_of_a_decay_between_its_samples():
     time = np.arange(0.0, 5.0, 1 / 73.0)
     omega, rate = 2 * np.pi * 1.85, 0.2
-    found = peaks(time, np.exp(-rate * time) * (np.cos(omega * time) + rate / omega * np.sin(omega * time)))
-    assert np.diff(found.time) == pytest.approx(0.5 / 1.85, abs=2e-3)
-    assert found.amplitude == pytest.approx(np.exp(-rate * found.time), rel=1e-3)
+    envelope = peaks(time, np.exp(-rate * time) * (np.cos(omega * time) + rate / omega * np.sin(omega * time)))
+    assert np.diff(envelope.time) == pytest.approx(0.5 / 1.85, abs=2e-3)
+    assert envelope.amplitude == pytest.approx(np.exp(-rate * envelope.time), rel=1e-3)
 
 
 def test_the_words_of_table_6_follow_from_eq_27():
     first, second = characteristics(
         [by_formula(f, 2.0, 0.0) for f in (1.0, 5.0, 20.0)], [by_formula(f, 1e-9, 1.0) for f in (1.0, 5.0, 20.0)]
     )
-    found = [tuple(one[key] for key in ("gross_motion", "frequency", "residual_motion")) for one in (first, second)]
-    assert found[0] == ("rapid decay", "independent", "controllable")
-    assert found[1] == ("slow decay", "dependent", "uncontrollable")
+    words = [tuple(row[key] for key in ("gross_motion", "frequency", "residual_motion")) for row in (first, second)]
+    assert words[0] == ("rapid decay", "independent", "controllable")
+    assert words[1] == ("slow decay", "dependent", "uncontrollable")
     assert first["decay_rates"] == pytest.approx((1.0, 1.0, 1.0))
     ω = 2 * math.pi * np.array([1.0, 5.0, 20.0])
     assert second["left"] == pytest.approx(1 / (1 + 4 * ω * 0.076 * 5 / (3 * math.pi)))

@@ -49,9 +49,11 @@ class TestContents:
 
     def test_a_quick_look_shows_something_of_every_section(self):
         """Of the numbered tables and figures, those of one part are missing, which repeat others with another law."""
-        kept = PAPER.shortened().steps
-        names = {step.name for step in kept}
-        assert [step.section for step in kept if step.section] == [step.section for step in PAPER.steps if step.section]
+        steps = PAPER.shortened().steps
+        names = {step.name for step in steps}
+        assert [step.section for step in steps if step.section] == [
+            step.section for step in PAPER.steps if step.section
+        ]
         (missing,) = (step for step in PAPER.steps if step.tables + step.figures and step.name not in names)
         assert missing.tables + missing.figures == ("Table 12", *(f"Figure {k}" for k in range(24, 28)))
 
@@ -86,7 +88,7 @@ class TestResults:
                 assert keys <= row.keys(), name
         for name in ("modal_identification", "quadratic"):
             assert [row["mode"] for row in small_paper.results[name]] == [1, 2, 3, 4, 5]
-        assert list(small_paper.results["timing"]) == [part.name for part in small_paper.parts]
+        assert list(small_paper.results["timing"]) == [step.name for step in small_paper.parts]
 
     def test_validates_against_its_schema(self, small_paper):
         folder = small_paper.page.parent
@@ -97,7 +99,7 @@ class TestResults:
         assert results == small_paper.to_dict()
 
     @pytest.mark.parametrize(
-        ("part", "change"),
+        ("step", "change"),
         [
             ("modal_identification", lambda rows: rows[0].pop("frequency_hz")),
             ("modal_identification", lambda rows: rows[0].update(frequency_hz="1.85")),
@@ -106,10 +108,10 @@ class TestResults:
             ("study", lambda about: about.pop("seed")),
         ],
     )
-    def test_does_not_validate_otherwise(self, small_paper, part, change):
+    def test_does_not_validate_otherwise(self, small_paper, step, change):
         schema = json.loads((small_paper.page.parent / "results.schema.json").read_text())
         results = json.loads((small_paper.page.parent / "results.json").read_text())
-        change(results[part])
+        change(results[step])
         with pytest.raises(jsonschema.ValidationError):
             jsonschema.validate(results, schema)
 
@@ -152,7 +154,7 @@ class TestResults:
 
     def test_tables_stand_beside_the_papers_numbers(self, small_paper):
         """The printed numbers, those computed, and the right values beside misprints."""
-        tables = {table.name: table for part in small_paper.parts for table in part.tables}
+        tables = {table.name: table for step in small_paper.parts for table in step.tables}
         assert [label for label in tables if "A" not in label] == [
             "Table 1", "Table 2", "Table 3", "Table 4", "Table 9", "Table 10", "Table 11",
         ]  # fmt: skip
@@ -165,12 +167,12 @@ class TestResults:
 
     def test_synthetic_data_say_so(self, small_paper):
         """Erratum 20: no raw record is published; table, note and each figure say that the decays are synthetic."""
-        for part in small_paper.parts:
-            if part.name in ("modal_identification", "quadratic"):
-                for table in part.tables:
+        for step in small_paper.parts:
+            if step.name in ("modal_identification", "quadratic"):
+                for table in step.tables:
                     assert "synthetic" in table.title
                     assert any("no raw record was published" in note for note in table.notes)
-                for figure in part.figures:
+                for figure in step.figures:
                     assert "synthetic" in figure.caption
                     assert "SYNTHETIC" in figure.svg
 
@@ -233,11 +235,11 @@ def test_a_study_that_was_killed_continues(small_study, tmp_path):
         process.send_signal(signal.SIGKILL)
         process.communicate()
     assert not (out / "results.json").exists()
-    kept = {path: path.stat().st_mtime_ns for path in (out / "steps").glob("*.msgpack")}
-    assert len(kept) >= 3
+    modified = {path: path.stat().st_mtime_ns for path in (out / "steps").glob("*.msgpack")}
+    assert len(modified) >= 3
     again = finished(run("run", file, "--out", out))
     assert without_times(again) == without_times(small_study.to_dict())
-    assert kept == {path: path.stat().st_mtime_ns for path in kept}  # none of them ran again
+    assert modified == {path: path.stat().st_mtime_ns for path in modified}  # none of them ran again
     names = [{path.name for path in folder.rglob("*.svg")} for folder in (out, small_study.page.parent)]
     assert names[0] == names[1]
 
@@ -266,7 +268,7 @@ def test_the_command_reproduces_the_paper(tmp_path):
     results = finished(run("reproduce", "--out", tmp_path / "whole"))
     assert results == json.loads((tmp_path / "whole" / "results.json").read_text())
     jsonschema.validate(results, json.loads((tmp_path / "whole" / "results.schema.json").read_text()))
-    labels = [label for part in results["study"]["parts"] for label in (*part["tables"], *part["figures"])]
+    labels = [label for result in results["study"]["parts"] for label in (*result["tables"], *result["figures"])]
     labels += results["photographs"]["omitted"]
     expected = {f"Table {k}" for k in range(1, 12)} | {f"Figure {k}" for k in range(1, 24)}
     assert expected <= set(labels)
@@ -276,8 +278,8 @@ def test_the_command_reproduces_the_paper(tmp_path):
     assert comparison["proportional"][:4] == pytest.approx(PROPORTIONAL[:4], rel=0.03)
     ratios = np.array(paper.ETA1[0]) / (4 * math.pi * np.array(paper.TARGET_FREQUENCIES))  # of eta1 alone
     assert (np.array(comparison["quadratic"]) > ratios).all()
-    for part in ("independence", "damping_comparison"):
-        for row in results[part]["runs"]:
+    for step in ("independence", "damping_comparison"):
+        for row in results[step]["runs"]:
             expected = row["expected_damping_ratio"]
             # the largest of 19 deviations, whose standard errors rest on the few periods of a quick look: mode 5 under
             # drag leaves 3.1; a ratio that is off by a tenth is seen in all runs but two of mode 5

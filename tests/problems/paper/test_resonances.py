@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from problems.paper.steady_vibration import range_of, resonances
+from problems.paper.steady_vibration import frequency_range, resonances
 from problems.study.compute import Compute
 from problems.study.kinds.experiment import RequestedRun
 from problems.study.step import Finding, LawChoice
@@ -50,8 +50,8 @@ def test_the_range_reaches_the_peak_of_a_mode_that_softens_and_ends_at_three_per
     """The peak at the amplitude of the steady vibration has four times the change of frequency of the decay."""
     run = {"law": "modal", "mode": 2, "natural_frequency_hz": 10.0, "expected_damping_ratio": 0.002, "stop_s": 1e3,
            "requested_amplitude_m": 0.02, "amplitude_m": 0.01, "frequency_hz": 9.99}  # fmt: skip
-    first, last = range_of(run)
+    first, last = frequency_range(run)
     assert first == pytest.approx(10.0 * 1.01)
     assert 9.8 < last < 10.0 * (1 - 4e-3 - 5 * 0.002)
-    assert range_of({**run, "frequency_hz": 9.9})[1] == pytest.approx(9.7)
-    assert range_of({**run, "frequency_hz": 10.01})[0] > 10.0 * (1 + 4e-3 + 5 * 0.002)
+    assert frequency_range({**run, "frequency_hz": 9.9})[1] == pytest.approx(9.7)
+    assert frequency_range({**run, "frequency_hz": 10.01})[0] > 10.0 * (1 + 4e-3 + 5 * 0.002)

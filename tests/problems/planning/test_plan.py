@@ -58,15 +58,15 @@ def release():
 
 def test_expected_errors_are_those_of_a_fit_to_the_expected_records(values):
     counts = {"sag": 2, "tones": 1, "loaded": 1}
-    records = [one for name, one in zip(values.names, values.records, strict=True) for _ in range(counts[name])]
+    records = [record for name, record in zip(values.names, values.records, strict=True) for _ in range(counts[name])]
     fit = fit_beam(LEVEL, records, unknowns=PROPERTIES)
     assert values.errors_of(counts) == pytest.approx(fit.standard_errors, rel=1e-6)
 
 
 def test_expected_values_are_those_of_the_solvers(values):
     sag, tones, _ = values.records
-    rest, held = (static_equilibrium(LEVEL, loads=loads) for loads in ((), [WEIGHTS[2]]))
-    assert sag.measured[4] == pytest.approx((rest.tip - held.tip)[1], rel=1e-6)
+    unloaded, loaded = (static_equilibrium(LEVEL, loads=loads) for loads in ((), [WEIGHTS[2]]))
+    assert sag.measured[4] == pytest.approx((unloaded.tip - loaded.tip)[1], rel=1e-6)
     assert tones.measured == pytest.approx(natural_modes(MODEL, count=2).frequencies, rel=1e-8)
 
 
@@ -83,13 +83,15 @@ def test_an_expected_motion_is_that_of_a_simulation(release):
 def test_an_expected_response_is_that_of_harmonic_balance_on_the_branch_from_rest():
     f, base = natural_modes(MODEL, count=1).frequencies[0] * np.array([0.97, 1.0, 1.02]), HarmonicBase(2e-3, 1.0)
     curve = PlannedRecord.response(f, base=base)
-    found = plan(MODEL, {"curve": curve}, LAW, unknowns=["natural_frequencies"], modes=2, harmonics=3)
+    planned = plan(MODEL, {"curve": curve}, LAW, unknowns=["natural_frequencies"], modes=2, harmonics=3)
     reduced = reduce_model(MODEL, modes=2, damping=LAW)
-    motions = [periodic_motion(reduced, base=HarmonicBase(2e-3, one)).harmonics(relative=False)[1] for one in f]
-    assert found.records[0].complex_values == pytest.approx(np.array(motions), rel=2e-3)
-    record = found.records[0]
+    motions = [
+        periodic_motion(reduced, base=HarmonicBase(2e-3, frequency)).harmonics(relative=False)[1] for frequency in f
+    ]
+    assert planned.records[0].complex_values == pytest.approx(np.array(motions), rel=2e-3)
+    record = planned.records[0]
     fit = fit_beam(MODEL, record, LAW, unknowns=["natural_frequencies"], modes=2, harmonics=3)
-    assert fit.estimates["eta1"] == pytest.approx(0.5, abs=0.1 * found.errors_of({"curve": 1})["eta1"])
+    assert fit.estimates["eta1"] == pytest.approx(0.5, abs=0.1 * planned.errors_of({"curve": 1})["eta1"])
 
 
 @pytest.mark.slow
@@ -97,40 +99,42 @@ def test_levels_of_their_own_count_as_unknowns_with_their_priors():
     f = natural_modes(MODEL, count=1).frequencies[0] * np.array([0.99, 1.0, 1.01])
     curves = {f"{a} mm": PlannedRecord.response(f, base=HarmonicBase(1e-3 * a, 1.0)) for a in (1, 2)}
     unknowns, levels = ["natural_frequencies", "excitations"], ("excitation_1", "excitation_2")
-    known, certain, loose = (
+    informed, certain, loose = (
         plan(MODEL, curves, LAW, modes=1, harmonics=1, **settings).errors_of({"1 mm": 1, "2 mm": 1})["eta1"]
         for settings in ({"unknowns": unknowns[:1]},
                          *({"unknowns": unknowns, "priors": dict.fromkeys(levels, (1.0, std))} for std in (1e-6, 0.05)))
     )  # fmt: skip
-    assert certain == pytest.approx(known, rel=1e-4) and loose > 1.2 * known
+    assert certain == pytest.approx(informed, rel=1e-4) and loose > 1.2 * informed
 
 
 @pytest.mark.slow
 def test_estimates_from_simulated_records_scatter_as_expected(values, release):
     """The squared errors in units of the expected covariance are chi-squared; the limits are those of 99.9 %."""
-    for found, model, law, unknowns, runs in (
+    for planned, model, law, unknowns, runs in (
         (values, LEVEL, None, PROPERTIES, 24), (release, MODEL, LAW, ["elastic_modulus"], 2),
     ):  # fmt: skip
-        fit = fit_beam(model, found.records, law, unknowns=unknowns)
-        covariance = np.linalg.inv(found.design.total(np.ones(len(found.names))))
+        fit = fit_beam(model, planned.records, law, unknowns=unknowns)
+        covariance = np.linalg.inv(planned.design.total(np.ones(len(planned.names))))
         rng, total = np.random.default_rng(0), 0.0
         for _ in range(runs):
             noise = fit.solution.problem.scale * rng.standard_normal(len(fit.fit.residuals))
             estimates = dict(zip(fit.estimates, fit.resampled(noise), strict=True))
             # in units of the scales; the reciprocals of stiffnesses are nearly linear
             z = [
-                one.guess / estimates[one.name] - 1 if one.offset is not None else estimates[one.name] / one.guess - 1
-                for one in found.unknowns
+                unknown.guess / estimates[unknown.name] - 1
+                if unknown.offset is not None
+                else estimates[unknown.name] / unknown.guess - 1
+                for unknown in planned.unknowns
             ]
             total += float(z @ np.linalg.solve(covariance, z))
-        low, high = chi2.ppf([0.0005, 0.9995], runs * len(found.unknowns))
+        low, high = chi2.ppf([0.0005, 0.9995], runs * len(planned.unknowns))
         assert low < total < high
 
 
 @pytest.mark.slow
 def test_every_repetition_divides_the_variance(release):
-    one, four = (release.errors_of({"release": count}) for count in (1, 4))
-    assert four == pytest.approx({name: error / 2 for name, error in one.items()})
+    single, four = (release.errors_of({"release": count}) for count in (1, 4))
+    assert four == pytest.approx({name: error / 2 for name, error in single.items()})
 
 
 @pytest.mark.slow
@@ -141,10 +145,10 @@ def test_errors_over_time_are_those_of_shorter_records(release):
     start = static_equilibrium(MODEL, tip_force=(4e-3, 0.0))
     sensors = [channel.sensor for channel in release.records[0].own_channels]
     half = PlannedRecord.motion(sensors, duration=0.5, sample_rate=40.0, std=2e-4, start=start)
-    own = plan(MODEL, {"half": half}, LAW, unknowns=["elastic_modulus"]).errors_of({"half": 1})
+    separate_errors = plan(MODEL, {"half": half}, LAW, unknowns=["elastic_modulus"]).errors_of({"half": 1})
     k = int(np.argmin(np.abs(times - 0.5)))
-    assert {name: one[k] for name, one in errors.items()} == pytest.approx(own, rel=1e-4)
-    assert release.duration("release", "eta1", own["eta1"] * 1.001) == pytest.approx(0.5)
+    assert {name: values[k] for name, values in errors.items()} == pytest.approx(separate_errors, rel=1e-4)
+    assert release.duration("release", "eta1", separate_errors["eta1"] * 1.001) == pytest.approx(0.5)
     assert math.isinf(release.duration("release", "eta1", 1e-9))
 
 
@@ -153,7 +157,7 @@ def test_sensor_places_are_the_best_of_all(release):
     record = release.expected[0]
 
     def loss(pair):
-        return -np.linalg.slogdet(record.of_series(list(pair)))[1]
+        return -np.linalg.slogdet(record.series_information(list(pair)))[1]
 
     best = min(combinations(range(4), 2), key=loss)
     assert release.places("release", 2) == tuple(record.places[list(best)])
@@ -175,8 +179,8 @@ def two_modes():
     )
     model = Model(beam)
     law = ModalDamping(natural_modes(model, count=2), (0.01, 0.01))
-    held = static_equilibrium(model, loads=[PointLoad(force=(0.0, 1e-4), point=0.15)]).coordinates
-    start = State(held, np.zeros(held.size))
+    loaded = static_equilibrium(model, loads=[PointLoad(force=(0.0, 1e-4), point=0.15)]).coordinates
+    start = State(loaded, np.zeros(loaded.size))
     sensors = [Sensor("displacement", x, (0.0, 1.0)) for x in 0.5 * np.arange(1, 21) / 40]
     pluck = PlannedRecord.motion(sensors, duration=2.0, sample_rate=160.0, std=1e-6, start=start)
     return plan(model, {"pluck": pluck}, law)
@@ -199,10 +203,10 @@ def test_the_best_list_of_four_tests_beats_200_random_ones(clamped, goal):
     weights = None if goal == "D" else np.array([1.0, 1.0, 1.0]) if goal == "A" else np.array([0.0, 0.0, 1.0])
     rng, design = np.random.default_rng(0), clamped.design
     lists = rng.multinomial(4, np.full(12, 1 / 12), size=200)
-    random = [float(design.loss(design.total(one), weights)) for one in lists]
+    random = [float(design.loss(design.total(list), weights)) for list in lists]
     best = clamped.best(4, goal)
-    own = float(design.loss(design.total(np.array(list(best.values()))), weights))
-    assert sum(best.values()) == 4 and own < min(random)
+    loss = float(design.loss(design.total(np.array(list(best.values()))), weights))
+    assert sum(best.values()) == 4 and loss < min(random)
 
 
 def test_d_optimal_shares_satisfy_the_equivalence_theorem(clamped):
@@ -217,18 +221,18 @@ def test_an_earlier_fit_counts_with_its_information_and_its_noise(release):
     record = plan(MODEL, {"release": PlannedRecord(release.records[0])}, law).records[0]
     rng = np.random.default_rng(0)
     noisy = [
-        type(own.measurement)(
-            own.measurement.time, own.measurement.values + 2e-4 * rng.standard_normal(41), sensor=own.sensor
+        type(channel.measurement)(
+            channel.measurement.time, channel.measurement.values + 2e-4 * rng.standard_normal(41), sensor=channel.sensor
         )
-        for own in record.own_channels
+        for channel in record.own_channels
     ]
     fit = fit_beam(MODEL, type(record)(noisy, start=start), law)
-    sensors = [own.sensor for own in record.own_channels]
+    sensors = [channel.sensor for channel in record.own_channels]
     again = PlannedRecord.motion(sensors, duration=1.0, sample_rate=40.0, start=start)
-    found = plan(MODEL, {"again": again}, law, before=fit)
-    assert found.errors_of({})["alpha"] == pytest.approx(fit.standard_errors["alpha"])
-    both = found.errors_of({"again": 1})["alpha"]
-    assert both == pytest.approx(fit.standard_errors["alpha"] / math.sqrt(2), rel=0.05)
+    planned = plan(MODEL, {"again": again}, law, before=fit)
+    assert planned.errors_of({})["alpha"] == pytest.approx(fit.standard_errors["alpha"])
+    errors_of_both = planned.errors_of({"again": 1})["alpha"]
+    assert errors_of_both == pytest.approx(fit.standard_errors["alpha"] / math.sqrt(2), rel=0.05)
     with pytest.raises(InputError, match="again: std: is needed"):
         plan(MODEL, {"again": again}, law)
 
@@ -242,9 +246,9 @@ def test_a_relative_prior_at_the_guess_is_the_absolute_one_to_first_order():
 
 
 def test_priors_count_once_however_often_a_record_is_repeated(values):
-    known = plan(LEVEL, {"tones": TONES}, unknowns=PROPERTIES, priors={"density": (8000.0, 80.0)})
-    assert known.errors_of({"tones": 1e6})["density"] == pytest.approx(80.0, rel=1e-3)
-    assert known.errors_of({"tones": 1e6})["elastic_modulus"] == pytest.approx(2.1e9, rel=1e-2)
+    informed = plan(LEVEL, {"tones": TONES}, unknowns=PROPERTIES, priors={"density": (8000.0, 80.0)})
+    assert informed.errors_of({"tones": 1e6})["density"] == pytest.approx(80.0, rel=1e-3)
+    assert informed.errors_of({"tones": 1e6})["elastic_modulus"] == pytest.approx(2.1e9, rel=1e-2)
 
 
 def test_what_the_candidates_leave_open_is_said():
@@ -266,14 +270,14 @@ def test_a_plan_has_text_data_and_can_be_sent(values):
 
 
 @pytest.mark.parametrize(("call", "message"), [
-    (lambda one: plan(MODEL, {}), "candidates: must hold at least one"),
-    (lambda one: plan(MODEL, {"a": 1}), "candidates: a: must be"),
-    (lambda one: one.errors_of({"other": 1}), "counts: must be one of sag"),
-    (lambda one: one.errors_of({"sag": -1}), "counts: sag: must be positive"),
-    (lambda one: one.best(0.5), "budget: pays for no candidate"),
-    (lambda one: one.best(4, "E"), "goal: must be one of D, A, elastic_modulus"),
-    (lambda one: one.places("sag"), "name: sag is no motion"),
-    (lambda one: one.duration("tones", "density", 1.0), "name: tones is no motion"),
+    (lambda planned: plan(MODEL, {}), "candidates: must hold at least one"),
+    (lambda planned: plan(MODEL, {"a": 1}), "candidates: a: must be"),
+    (lambda planned: planned.errors_of({"other": 1}), "counts: must be one of sag"),
+    (lambda planned: planned.errors_of({"sag": -1}), "counts: sag: must be positive"),
+    (lambda planned: planned.best(0.5), "budget: pays for no candidate"),
+    (lambda planned: planned.best(4, "E"), "goal: must be one of D, A, elastic_modulus"),
+    (lambda planned: planned.places("sag"), "name: sag is no motion"),
+    (lambda planned: planned.duration("tones", "density", 1.0), "name: tones is no motion"),
 ])  # fmt: skip
 def test_what_cannot_be_planned_is_refused(values, call, message):
     with pytest.raises(InputError, match=message):

@@ -35,8 +35,8 @@ def test_the_expected_difference_is_what_the_best_wrong_law_misses(monkeypatch):
         return Expectation(0.0, 1.0)
 
     monkeypatch.setattr(comparison, "expectation", seen)
-    found = plan_comparison(MODEL, {"release": release(std)}, LAWS)
-    assert list(found.expected) == [("release", 0, 1), ("release", 1, 0)]
+    planned = plan_comparison(MODEL, {"release": release(std)}, LAWS)
+    assert list(planned.expected) == [("release", 0, 1), ("release", 1, 0)]
 
     def tip(law):
         run = simulate(MODEL, damping=law, start=START, duration=0.6, sample_rate=30.0, tolerance=1e-8)
@@ -57,6 +57,9 @@ def test_a_single_law_and_unknown_candidates_are_refused():
         plan_comparison(MODEL, candidates, LAWS[:1])
     with pytest.raises(InputError, match="counts: must be"):
         plan_comparison(MODEL, candidates, LAWS, counts={"swing": 1})
-    for given, message in (({1: 2}, "candidates: must be a text, got 1"), ({}, "candidates: must hold at least one")):
+    for unusable, message in (
+        ({1: 2}, "candidates: must be a text, got 1"),
+        ({}, "candidates: must hold at least one"),
+    ):
         with pytest.raises(InputError, match=message):
-            plan_comparison(MODEL, given, LAWS, counts={"swing": 1})
+            plan_comparison(MODEL, unusable, LAWS, counts={"swing": 1})

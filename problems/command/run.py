@@ -23,8 +23,8 @@ def add_run(parser: argparse.ArgumentParser) -> None:
         "steps",
         nargs="*",
         metavar="STEP",
-        help="tables or parts to run, with what they need: decays, modes, match, simulation, response, fit, compare, "
-        "plan, or the name of a part (default: all that the file has)",
+        help="steps to run, with what they need: decays, modes, match, simulation, response, fit, compare, "
+        "plan, or the name of a step (default: all that the file has)",
     )
     _add_options(parser, out=None, files="write report.html, results.json, tables, figures and further files")
 
@@ -43,7 +43,7 @@ def _add_options(parser: argparse.ArgumentParser, *, out: Path | None, files: st
         "--jobs",
         type=positive_count,
         metavar="N",
-        help="processes (default: all cores for more than three parts; else this one, which shows progress of fits)",
+        help="processes (default: all cores for more than three steps; else this one, which shows progress of fits)",
     )
 
 

@@ -20,7 +20,7 @@ from ancf_casadi.support.inputs import check_keys
 from ancf_casadi.support.specs import convert, keys_of
 
 FILE_TABLES = set(
-    "beam match damping base load release simulation response markers records frequencies predictions fit study parts"
+    "beam match damping base load release simulation response markers records frequencies predictions fit study steps"
     " laws decays statics curves plan candidates".split()
 )  # fmt: skip
 
@@ -68,6 +68,8 @@ class StudyFile:
         if isinstance(source, StudyFile):
             return source
         tables = {"beam": {"document": Path(source).name}} if is_document(source) else read_toml(source)
+        if "parts" in tables:
+            raise InputError("the table [[parts]] is now [[steps]]", source)
         check_keys(tables, set(required), FILE_TABLES, source)
         return cls(source, tables)
 

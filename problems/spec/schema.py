@@ -49,16 +49,16 @@ SEVERAL: Alternatives = {  # tables of which the file may have several
 }
 
 
-def file_schema(further: Mapping[str, type], parts: Mapping[str, type]) -> dict[str, Any]:
-    """Return the schema, with the declarations of further tables, and of the kinds of [[parts]], by their names."""
+def file_schema(further: Mapping[str, type], steps: Mapping[str, type]) -> dict[str, Any]:
+    """Return the schema, with the declarations of further tables, and of the kinds of [[steps]], by their names."""
     definitions: dict[str, Any] = {}
     properties = {name: _table(kinds, definitions) for name, kinds in ONE.items()}
     several = {name: _table(kinds, definitions, whole=False) for name, kinds in SEVERAL.items()}  # of channels as well
     several |= {name: _object((declared,), definitions) for name, declared in further.items()}
-    kinds = [_object((kind,), definitions) for kind in parts.values()]
-    for name, kind in zip(parts, kinds, strict=True):
+    kinds = [_object((kind,), definitions) for kind in steps.values()]
+    for name, kind in zip(steps, kinds, strict=True):
         kind["properties"]["kind"] = {"const": name}
-    several |= {"damping": _described(LawSpec, definitions), "parts": {"anyOf": kinds}}
+    several |= {"damping": _described(LawSpec, definitions), "steps": {"anyOf": kinds}}
     for name, table in several.items():
         definitions[name] = table
         reference = {"$ref": f"#/$defs/{name}"}

@@ -1,6 +1,6 @@
 """Reading a study from a TOML file: the table [study], the laws, and the steps in the order of the document.
 
-A table [[parts]] declares a step.  A file without such tables has the steps that its other tables suggest: the beam and
+A table [[steps]] declares a step.  A file without such tables has the steps that its other tables suggest: the beam and
 its modes, the decays, the match, the simulation, the steady vibration, and the plan.  A fit to measured motion comes
 first, and the beam is the one that it identifies.
 """
@@ -46,11 +46,11 @@ def read_study(path: str | Path, names: Sequence[str] = ()) -> Study:
     file = StudyFile.of(str(path), required=set())
     study = convert(file.tables.get("study", {}), Study, file.where("study"))
     study = replace(study, title=study.title or Path(path).stem, file=file, laws=_laws(file))
-    where, kinds = file.where("parts"), {kind.kind: kind for kind in KINDS}
-    tables = _named_tables(file.several("parts") or _suggested(file, names), kinds, where)
+    where, kinds = file.where("steps"), {kind.kind: kind for kind in KINDS}
+    tables = _named_tables(file.several("steps") or _suggested(file, names), kinds, where)
     chosen = [step for name in names for step in _chosen(name, tables, kinds, str(path))] or list(tables)
     if not tables:
-        raise InputError("has nothing to study; add [beam], [[decays]] or [[parts]]", str(path))
+        raise InputError("has nothing to study; add [beam], [[decays]] or [[steps]]", str(path))
     steps: dict[str, Step] = {}
     while missing := [name for name in chosen if name not in steps]:
         for name in missing:
@@ -83,8 +83,10 @@ def _laws(file: StudyFile) -> tuple[LawChoice, ...]:
             raise InputError(f"must be made of letters, digits and _, and differ, got {shown(law.name)}",
                              f"{where}: name")  # fmt: skip
         for term in law.terms:
-            if not isinstance(term.get("part", ""), str):
-                raise InputError(f"must be the name of a part, got {shown(term['part'])}", f"{where}: {law.name}: part")
+            if "part" in term:
+                raise InputError('the key is now step = "STEP"', f"{where}: {law.name}: part")
+            if not isinstance(term.get("step", ""), str):
+                raise InputError(f"must be the name of a step, got {shown(term['step'])}", f"{where}: {law.name}: step")
         laws[law.name] = law if law.title else replace(law, title=law.name)
     return tuple(laws.values())
 
@@ -104,7 +106,7 @@ def _named_tables(tables: Sequence[Any], kinds: Mapping[str, type[Step]], where:
                 f"must be made of letters, digits and _, and not one of {taken}, got {shown(name)}", f"{where}: name"
             )
         if name in named:
-            raise InputError(f"{name!r} is taken by an earlier part; choose another one", f"{where}: name")
+            raise InputError(f"{name!r} is taken by an earlier step; choose another one", f"{where}: name")
         named[name] = table
     return named
 
@@ -147,11 +149,11 @@ def _check_needs(steps: Mapping[str, Step], where: str) -> None:
     for name, step in steps.items():
         for needed in step.needs:
             if needed and needed not in steps:
-                raise InputError(f"needs the part {needed!r}, which does not exist", f"{where}: {name}")
+                raise InputError(f"needs the step {needed!r}, which does not exist", f"{where}: {name}")
     try:
         TopologicalSorter({name: step.needs for name, step in steps.items()}).prepare()
     except CycleError as error:
-        raise InputError(f"the parts {', '.join(sorted(set(error.args[1])))} need each other", where) from None
+        raise InputError(f"the steps {', '.join(sorted(set(error.args[1])))} need each other", where) from None
 
 
 def _check_labels(steps: Mapping[str, Step], where: str) -> None:

@@ -66,23 +66,23 @@ class LawChoice:
     """A damping law of a table [[laws]], whose terms may be those that an earlier step has found."""
 
     name: str
-    terms: Annotated[Terms, Meta(description='tables [[damping]], or {part = "PART"}')]
+    terms: Annotated[Terms, Meta(description='tables [[damping]], or {step = "STEP"}')]
     title: str = ""  # in figures
 
     @property
     def needs(self) -> tuple[str, ...]:
         """Names of the steps that find terms."""
-        return tuple(term["part"] for term in self.terms if "part" in term)
+        return tuple(term["step"] for term in self.terms if "step" in term)
 
     def resolved(self, findings: Findings) -> LawChoice:
         """Return the law with terms in place of references."""
         for name in self.needs:
             if not findings[name].terms:
-                raise InputError(f"the part {name!r} finds no damping law", f"[laws]: {self.name}")
+                raise InputError(f"the step {name!r} finds no damping law", f"[laws]: {self.name}")
         terms: list[dict[str, Any]] = []
-        for term in self.terms:  # other keys beside ``part`` override those of the terms that the step has found
-            overriding = {key: value for key, value in term.items() if key != "part"}
-            terms += [other | overriding for other in findings[term["part"]].terms] if "part" in term else [term]
+        for term in self.terms:  # other keys beside ``step`` override those of the terms that the step has found
+            overriding = {key: value for key, value in term.items() if key != "step"}
+            terms += [other | overriding for other in findings[term["step"]].terms] if "step" in term else [term]
         return replace(self, terms=tuple(terms))
 
 
@@ -121,7 +121,7 @@ def beside_printed(
 class Step:
     """Base class of the kinds of steps; each kind is final.
 
-    The fields are the keys of a table [[parts]] of a TOML file, but those that are ``UNLISTED``.
+    The fields are the keys of a table [[steps]] of a TOML file, but those that are ``UNLISTED``.
     """
 
     kind: ClassVar[str]  # as in the table of a TOML file
@@ -164,7 +164,7 @@ class Step:
         beam = findings[name].beam
         if beam is None:
             raise InputError(
-                f"the part {name!r} finds no beam; name one of the kind match or motion", f"{self.where}: beam"
+                f"the step {name!r} finds no beam; name one of the kind match or motion", f"{self.where}: beam"
             )
         return beam.beam()
 
@@ -187,11 +187,11 @@ class Study:
     def model(self) -> Model:
         """The beam of the file."""
         if "beam" not in self.file.tables:
-            raise InputError("the table is missing; this part needs a beam", self.file.where("beam"))
+            raise InputError("the table is missing; this step needs a beam", self.file.where("beam"))
         model = read_beam(self.file).model
         if model.measures != StrainMeasures():
             raise InputError(
-                "the document has strain measures that this part does not support; use the defaults",
+                "the document has strain measures that this step does not support; use the defaults",
                 self.file.where("beam"),
             )
         return model
@@ -201,7 +201,7 @@ class Study:
         for law in self.laws:
             if law.name == name:
                 for term in law.terms:
-                    if "part" not in term:
+                    if "step" not in term:
                         spec = convert(term, LawSpec, f"{where}: {name}")
                         whole(len(getattr(spec, "ratios", ())), f"{where}: {name}: ratios", 0, self.model.freedoms)
                 return law

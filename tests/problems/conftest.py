@@ -27,13 +27,13 @@ SMALL = {
     "frequency_matching", "damping_comparison",
 }  # fmt: skip
 RAYLEIGH = """
-[[parts]]
+[[steps]]
 kind = "rayleigh"
 frequencies = [1.85, 10.19]
 ratios = [0.0100, 0.0028]
 """
 DECAYS = """
-[[parts]]
+[[steps]]
 kind = "decays"
 sample_rate = 200.0
 duration = 2.0
@@ -98,13 +98,13 @@ def small_study(tmp_path_factory) -> StudyReport:
     experiment = """
 [[laws]]
 name = "proportional"
-terms = [{part = "rayleigh"}]
+terms = [{step = "rayleigh"}]
 
-[[parts]]
+[[steps]]
 kind = "match"
 targets = [1.85, 10.19]
 
-[[parts]]
+[[steps]]
 kind = "transients"
 beam = "match"
 laws = ["proportional"]
@@ -117,7 +117,7 @@ runs = [{mode = 1, amplitude = 0.02, stop = 1.0}]
 
 @pytest.fixture(scope="session")
 def small_paper(tmp_path_factory) -> StudyReport:
-    """The study of the paper in small: the promised parts, with a moment of the first experiment."""
+    """The study of the paper in small: the promised steps, with a moment of the first experiment."""
 
     def short(*laws: Any) -> list[Any]:
         return [replace(run, amplitude=0.02, stop=1.0) for run in inputs.experiments(*laws, modes=(1,))]

@@ -47,7 +47,7 @@ class BeamProperties(Step):
     kind, about, heading = "beam", "the properties of [beam]; {}", "The beam"
     naming = ("beam",)
 
-    beam: Annotated[str, Meta(description='"PART"')] = ""
+    beam: Annotated[str, Meta(description='"STEP"')] = ""
     printed: Annotated[
         Printed,
         Meta(
@@ -110,7 +110,7 @@ class ModesOfBeam(Step):
     naming = ("beam",)
 
     modes: Annotated[int, Meta(ge=1)] = 5
-    beam: Annotated[str, Meta(description='"PART"')] = ""
+    beam: Annotated[str, Meta(description='"STEP"')] = ""
     printed: Annotated[Printed, Meta(description="{frequency (Hz)}")] = field(default_factory=dict)
 
     def checked(self, study: Study, where: str) -> Self:

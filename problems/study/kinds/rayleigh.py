@@ -38,7 +38,7 @@ class Rayleigh(Step):
     frequencies: Annotated[tuple[float, ...], Meta(description="Hz, of the modes to fit")]
     ratios: tuple[float, ...]
     ratio_std: tuple[float, ...] = ()
-    identified_by: Annotated[str, Meta(description='"PART": decays whose standard errors to use')] = ""
+    identified_by: Annotated[str, Meta(description='"STEP": decays whose standard errors to use')] = ""
     others: Annotated[OtherModes, Meta(description="{frequencies, ratios}: modes to draw beside the law")] = field(
         default_factory=OtherModes
     )
@@ -70,7 +70,7 @@ class Rayleigh(Step):
         errors = [row.get("damping_ratio_stderr") for row in rows if "damping_ratio" in row]
         if len(errors) < len(self.ratios):
             raise InputError(
-                f"the part {self.identified_by!r} does not identify these {len(self.ratios)} modes; name a part of the "
+                f"the step {self.identified_by!r} does not identify these {len(self.ratios)} modes; name a step of the "
                 "kind decays",
                 f"{self.where}: identified_by",
             )

@@ -56,7 +56,7 @@ class Transients(Step):
 
     runs: Annotated[tuple[RequestedRun, ...], Meta(min_length=1, description=f"[{{{RUN_KEYS}}}, ...]")]
     laws: Annotated[tuple[LawChoice, ...], Meta(description="names of [[laws]]")] = ()
-    beam: Annotated[str, Meta(description='"PART"')] = ""
+    beam: Annotated[str, Meta(description='"STEP"')] = ""
     printed: Annotated[Printed, Meta(description="{LAW = [damping ratio of each run, %]}")] = field(
         default_factory=dict
     )

@@ -269,7 +269,7 @@ class TestSimulate:
     @pytest.mark.slow
     def test_motion_as_csv(self, files, capsys):
         """All digits; the base stays where it first rests after 0.2 s, at three quarters of a period."""
-        part = '\n[[parts]]\nkind = "simulation"\nanimate = true\nslower = 2\nanimation = "motion.html"\n'
+        part = '\n[[steps]]\nkind = "simulation"\nanimate = true\nslower = 2\nanimation = "motion.html"\n'
         (files / "study.toml").write_text((files / "study.toml").read_text() + part)
         assert main(["run", "study.toml", "simulation", "--out", "new"]) == 0
         assert "samples" in capsys.readouterr().out
@@ -404,7 +404,7 @@ def test_version_and_help_import_none_of_the_large_packages(option):
 def test_data_say_which_version_made_them(files, capsys):
     assert main(["run", "beam.toml", "modes", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
-    assert (data["version"], data["study"]["parts"][0]["kind"]) == (__version__, "modes")
+    assert (data["version"], data["study"]["steps"][0]["kind"]) == (__version__, "modes")
 
 
 @pytest.mark.parametrize("command", REPLACED)

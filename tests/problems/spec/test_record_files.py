@@ -33,11 +33,11 @@ column = "tip_mm"
 channels = [{{}}, {{begin = 0.1}}]
 [fit]
 tolerance = 0.01
-[[parts]]
+[[steps]]
 kind = "decays"
-[[parts]]
+[[steps]]
 kind = "simulation"
-[[parts]]
+[[steps]]
 kind = "motion"
 """
 RAYLEIGH = '[[damping]]\nlaw = "rayleigh"\nalpha = 0.5\n'

@@ -17,7 +17,7 @@ from problems.study.study import run_study
 from tests.problems.paper import numbers as paper
 
 QUADRATIC = """
-[[parts]]
+[[steps]]
 kind = "decays"
 law = "quadratic"
 rest = "zero"
@@ -76,8 +76,8 @@ class TestFits:
     @pytest.mark.slow
     def test_recover_the_truth_within_their_errors(self, study_file):
         """Frequency, eta1 and eta2 within four standard errors; the equivalent ratio at the amplitude of release."""
-        (part,) = read_study(study_file(QUADRATIC)).steps
-        rows = part.finding(Compute(), {}).data
+        (step,) = read_study(study_file(QUADRATIC)).steps
+        rows = step.finding(Compute(), {}).data
         for row, (f, eta1, eta2) in zip(rows, [(3.0, 0.3, 5.0), (7.0, 0.2, 8.0)], strict=True):
             assert abs(row["frequency_hz"] - f) < 4 * row["frequency_stderr_hz"]
             assert abs(row["eta1"] - eta1) < 4 * row["eta1_stderr"]
@@ -89,13 +89,13 @@ class TestFits:
     def test_of_a_record_without_damping_is_zero(self, study_file):
         """The ratio is a result: where the record has none, none is found."""
         undamped = "rest = 'zero'\nrecords = [{synthetic = {frequency = 3.0, damping_ratio = 0.0, amplitude = 0.02}}]"
-        (part,) = read_study(study_file('[[parts]]\nkind = "decays"\nduration = 10.0\n', undamped)).steps
-        (row,) = part.finding(Compute(), {}).data
+        (step,) = read_study(study_file('[[steps]]\nkind = "decays"\nduration = 10.0\n', undamped)).steps
+        (row,) = step.finding(Compute(), {}).data
         assert abs(row["damping_ratio"]) < 5e-5
 
     def test_name_the_record_that_cannot_be_fitted(self, study_file):
-        (part,) = read_study(study_file(QUADRATIC)).steps
-        decay = part.decays[0]
+        (step,) = read_study(study_file(QUADRATIC)).steps
+        decay = step.decays[0]
         still = replace(decay, record=Measurement(decay.record.time, 0 * decay.record.values, decay.record.name))
         with pytest.raises((InputError, FitError), match="mode 1"):
             fit_plain(still, "linear", False)
@@ -111,12 +111,12 @@ def test_measured_and_synthetic_records_stand_in_one_table(study_file, tmp_path)
     np.savetxt(tmp_path / "tip.csv", np.c_[time, motion], delimiter=",", header="time_s,tip_mm", comments="")
     synthetic = "{synthetic = {frequency = 9.0, damping_ratio = 0.01, amplitude = 0.01}}"
     records = f'records = [{{file = "tip.csv", release_time = 0.5}}, {synthetic}]'
-    report = run_study(study_file('[[parts]]\nkind = "decays"\n', records), tmp_path / "results")
+    report = run_study(study_file('[[steps]]\nkind = "decays"\n', records), tmp_path / "results")
     measured, synthetic = report.results["decays"]
     assert (measured["synthetic"], synthetic["synthetic"]) == (False, True)
     assert measured["frequency_hz"] * math.sqrt(1 - 0.01**2) == pytest.approx(4.0, rel=2e-4)
     assert measured["amplitude_m"] == pytest.approx(8e-3, rel=0.01)
-    first, second = report.parts[0].figures
+    first, second = report.steps[0].figures
     assert "SYNTHETIC" not in first.svg
     assert "SYNTHETIC" in second.svg
 

@@ -1,4 +1,4 @@
-"""A matched beam in a study: its numbers, its figures, and the beam that later parts take."""
+"""A matched beam in a study: its numbers, its figures, and the beam that later steps take."""
 
 import numpy as np
 import pytest
@@ -19,12 +19,12 @@ targets = [1.85, 10.19]
 bounds = 0.1
 """
 LATER = """
-[[parts]]
+[[steps]]
 kind = "match"
 weightless = 7850.0
 printed = {standard = [1.67, 10.47]}
 
-[[parts]]
+[[steps]]
 kind = "modes"
 modes = 2
 beam = "match"
@@ -57,7 +57,7 @@ def test_the_beam_of_the_outcome_has_the_frequencies(study_file):
 
 def test_extremes_along_the_beam_are_not_named_as_the_range_that_fits_equally_well(report):
     """``lowest`` and ``highest`` are that range, in the report of a match."""
-    properties, _ = report.parts[0].tables
+    properties, _ = report.steps[0].tables
     width = 1e3 * np.array(report.results["match"]["width_m"])
     row = dict(zip(properties.columns, properties.rows[0], strict=True))
     assert (row["smallest"], row["largest"]) == pytest.approx((width.min(), width.max()))
@@ -65,7 +65,7 @@ def test_extremes_along_the_beam_are_not_named_as_the_range_that_fits_equally_we
 
 
 def test_tables_name_properties_and_frequencies(report):
-    properties, frequencies = report.parts[0].tables
+    properties, frequencies = report.steps[0].tables
     assert column(properties, "property") == ["width", "thickness", "density", "elastic modulus"]
     heads = formatted_table(frequencies).columns
     assert heads[:4] == ["mode", "measured, Hz", "before, Hz", "7850 kg/m³, no gravity, Hz"]

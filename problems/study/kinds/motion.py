@@ -71,10 +71,12 @@ class SimulationStep(Step):
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the simulation."""
         file = SimulationTables.of(self.file).with_records()
-        return compute(simulated, file, self.animate, self.animation, self.slower, cost=10.0)
+        return compute(simulated, file, compute.all_formats, self.animate, self.animation, self.slower, cost=10.0)
 
 
-def simulated(file: StudyFile, animate: bool, animation: str, slower: float | None) -> Finding:
+def simulated(
+    file: StudyFile, formats: tuple[str, ...], animate: bool, animation: str, slower: float | None
+) -> Finding:
     """Simulate the motion of a study file: range and energies, and the figure of the motion."""
     arguments, markers = read_simulation(file)
     with located(file.where("simulation")):
@@ -93,7 +95,7 @@ def simulated(file: StudyFile, animate: bool, animation: str, slower: float | No
         ("largest energy balance error", "mJ", 1e3 * data["balance_error_j"]),
     ]
     caption = "Motion of the tip relative to the clamp, and shapes of the beam."
-    figure = drawn(caption, run.figure)
+    figure = drawn(caption, run.figure, formats)
     files: dict[str, bytes] = {"motion.csv": _positions(run, markers).csv().encode()}
     if animate or animation:
         from ancf_casadi.animation.motions import moving_pictures  # matplotlib is slow to import
@@ -130,15 +132,15 @@ class MotionFit(Step):
 
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the fit."""
-        return compute(fitted, Measurements.of(self.file).with_records(), cost=60.0)
+        return compute(fitted, Measurements.of(self.file).with_records(), compute.all_formats, cost=60.0)
 
 
-def fitted(file: StudyFile) -> Finding:
+def fitted(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     """Fit the motion in the files of a study: estimates, predictions and their figures."""
     read = read_measurements(file)
     with located(file.where("fit")):
         fit = fit_beam(read.model, read.records, read.damping, **read.settings)
-    figures = [drawn("Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
+    figures = [drawn("Measured motion (dots), fitted motion (lines), and residuals.", fit.figure, formats)]
     predictions, failures = [], []
     for k, record in enumerate(read.predictions, start=1):
         try:
@@ -147,7 +149,7 @@ def fitted(file: StudyFile) -> Finding:
             failures.append(f"record {k} could not be predicted: {error}")
             continue
         caption = f"Record {k} that was predicted, not fitted: measured (dots) and computed (lines), and residuals."
-        figures.append(drawn(caption, prediction.figure))
+        figures.append(drawn(caption, prediction.figure, formats))
     warnings = (*fit.warnings, *(text for prediction in predictions for text in prediction.warnings), *failures)
     data: dict[str, Any] = {"fit": fit.to_dict(), "predictions": [one.to_dict() for one in predictions]}
     tables = [_estimates(data["fit"]["estimates"])]
@@ -228,10 +230,10 @@ class Comparison(Step):
 
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the comparison."""
-        return compute(compared, Measurements.of(self.file).with_records(), cost=120.0)
+        return compute(compared, Measurements.of(self.file).with_records(), compute.all_formats, cost=120.0)
 
 
-def compared(file: StudyFile) -> Finding:
+def compared(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     """Fit the laws of a study file to its records: the criteria, as a table and as a figure."""
     read = read_measurements(file)
     with located(file.where("fit")):
@@ -243,7 +245,8 @@ def compared(file: StudyFile) -> Finding:
     heads = ("law", "unknowns", "rms residual", "BIC above the lowest")
     rows = [(law["law"], law["estimated"], law["residual_rms"], law["bic"] - lowest) for law in laws]
     table = Table("", "Damping laws fitted to the measured motion", heads, rows, found.table().notes)
-    return Finding(data, (table,), (drawn(caption, found.figure),), tuple(data["warnings"]), text=found.report())
+    figures = (drawn(caption, found.figure, formats),)
+    return Finding(data, (table,), figures, tuple(data["warnings"]), text=found.report())
 
 
 @final
@@ -262,16 +265,16 @@ class PlanStep(Step):
 
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the plan."""
-        return compute(planned, PlanTables.of(self.file).with_records(), cost=20.0)
+        return compute(planned, PlanTables.of(self.file).with_records(), compute.all_formats, cost=20.0)
 
 
-def planned(file: StudyFile) -> Finding:
+def planned(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     """Plan the candidates of a study file: the errors of each and of all, and the best list."""
     task = PlanTables.of(file)
     if task.table.laws:
         compared = task.compared()
         table = compared.table()
-        figures = (drawn("Probability that each candidate tells two laws apart.", compared.figure),)
+        figures = (drawn("Probability that each candidate tells two laws apart.", compared.figure, formats),)
         return Finding(compared.to_dict(), (table,), figures, text=compared.report())
     found = task.planned()
     choice = task.chosen(found)
@@ -288,5 +291,5 @@ def planned(file: StudyFile) -> Finding:
     lines = [found.report(), "", f"best list within the budget {choice['budget']:g} for {choice['goal']}: {chosen}"]
     errors = choice["standard_errors"]
     lines += [f"  {name}: standard error {error:.3g} {found.units[name]}".rstrip() for name, error in errors.items()]
-    figures = (drawn(caption, found.figure),)
+    figures = (drawn(caption, found.figure, formats),)
     return Finding(found.to_dict() | choice, tables, figures, found.warnings, text="\n".join(lines))

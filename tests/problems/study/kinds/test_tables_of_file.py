@@ -85,6 +85,9 @@ def test_a_motion_is_computed_again_if_a_file_changes(study_file, tmp_path):
     assert not first.keys() & second.keys()
     assert third == second  # the times of the kept results
     moving = (tmp_path / "results" / "figures" / "figure_01.gif").read_bytes()
+    quick = run_study(path, tmp_path / "results", quick=True)
+    assert quick.steps[-1].times == third  # whatever the formats of its figure
+    assert not (tmp_path / "results" / "figures" / "figure_01.png").exists()
     assert moving.startswith(b"GIF89a") and base64.b64encode(moving).decode() in report.page.read_text()
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any
@@ -23,7 +23,7 @@ from problems.planning.result import Plan
 from problems.spec.beam import DampedBeam
 from problems.spec.file import StudyFile, convert_groups
 from problems.spec.help import table_help
-from problems.spec.motion import Deferred, StepTables, convert_motion
+from problems.spec.motion import StepTables, convert_motion
 from problems.spec.record_files import SensorSpec
 from problems.spec.records import (
     CurveTestSpec,
@@ -105,8 +105,10 @@ PLAN_TABLES = {"beam", "damping", "base", "load", "release", "candidates", "fit"
 class PlanTables(StepTables):
     """The arguments of ``plan`` from a file, and what its result is asked for."""
 
+    objects = ("candidates",)
+
     law_terms: Sequence[Sequence[int]]  # of each law to tell apart, as indices of the tables [[damping]]
-    tables: Mapping[str, Deferred]  # of the candidates
+    makers: Mapping[str, Callable[[], PlannedRecord]]  # of the candidates
     settings: Mapping[str, Any]  # other arguments of ``plan``
     table: PlanSpec
 
@@ -116,22 +118,21 @@ class PlanTables(StepTables):
         file = StudyFile.of(source)
         beam, where = DampedBeam.of(file), file.where("candidates")
         file.needed("candidates", "each names an experiment that could be done")
-        tables: dict[str, Deferred] = {}
+        makers: dict[str, Callable[[], PlannedRecord]] = {}
         for k, candidate in enumerate(file.several("candidates"), start=1):
             name = candidate.get("name", f"candidate {k}") if isinstance(candidate, dict) else ""
-            if not isinstance(name, str) or name in tables:
+            if not isinstance(name, str) or name in makers:
                 raise InputError(f"must be a text that no other candidate has, got {shown(name)}", f"{where}: name")
-            tables[name] = _candidate(file, candidate, beam.model, f"{where}: {name}")
-        sources = [source for deferred in tables.values() for source in deferred.sources]
+            makers[name] = _candidate(file, candidate, beam.model, f"{where}: {name}")
         fit = convert(file.tables.get("fit", {}), FitSpec, file.where("fit"))
         settings = {key: value for key, value in fit.given().items() if key in ("unknowns", "fixed", "priors")}
         table = convert(file.tables.get("plan", {}), PlanSpec, file.where("plan"))
-        return cls(file, beam, sources, law_terms(file, fit, beam), tables, settings, table)
+        return cls(file, beam, law_terms(file, fit, beam), makers, settings, table)
 
     @cached_property
     def candidates(self) -> dict[str, PlannedRecord]:
         """The experiments that could be done."""
-        return {name: deferred.make() for name, deferred in self.tables.items()}
+        return {name: make() for name, make in self.makers.items()}
 
     def planned(self) -> Plan:
         """Return the plan."""
@@ -155,7 +156,7 @@ class PlanTables(StepTables):
         return {"goal": table.goal, "budget": table.budget, "best": best, **errors}
 
 
-def _candidate(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
+def _candidate(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], PlannedRecord]:
     """Return the experiment of a table, of a kind that its keys tell."""
     keys = set(table) if isinstance(table, dict) else set()
     kinds = {"duration": _motion, "loads": _static, "modes": _frequencies, "frequencies": _curve}
@@ -167,25 +168,25 @@ def _candidate(file: StudyFile, table: Any, model: Model, where: str) -> Deferre
     )
 
 
-def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
+def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], PlannedRecord]:
     (candidate, configuration, motion), channels = channel_groups(
         table, where, (CandidateSpec, ConfigurationSpec, PlannedMotionSpec), (PlannedChannelSpec, SensorSpec)
     )
     other_model = configuration.other_model(model, where)
     sensors, std = _sensors(channels)
-    excited = convert_motion(file, motion.given(), where)
+    excitation_on = convert_motion(file, motion.given(), where)
 
     def record() -> PlannedRecord:
-        arguments = excited.make(other_model or model)
+        arguments = excitation_on(other_model or model)
         for name in ("duration", "sample_rate", "release_time", "offset", "zero"):
             arguments[name] = getattr(motion, name)
         with located(where):
             return PlannedRecord.motion(sensors, std=std, model=other_model, cost=candidate.cost, **arguments)
 
-    return Deferred(record, excited.sources)
+    return record
 
 
-def _static(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
+def _static(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], PlannedRecord]:
     (candidate, configuration, static), channels = channel_groups(
         table, where, (CandidateSpec, ConfigurationSpec, StaticTestSpec), (PlannedChannelSpec, SensorSpec)
     )
@@ -194,20 +195,20 @@ def _static(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     with located(where):
         loads = load_cases(static.loads)
         record = PlannedRecord.static(beam, loads, sensors, std=std, tared=static.tared, cost=candidate.cost)
-    return Deferred(lambda: record)
+    return lambda: record
 
 
-def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
+def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], PlannedRecord]:
     candidate, configuration, planned = convert_groups(
         table, where, CandidateSpec, ConfigurationSpec, PlannedFrequenciesSpec
     )
     beam = configuration.other_model(model, where) or model
     with located(where):
         record = PlannedRecord.natural_frequencies(beam, planned.modes, std=planned.std, cost=candidate.cost)
-    return Deferred(lambda: record)
+    return lambda: record
 
 
-def _curve(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
+def _curve(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], PlannedRecord]:
     candidate, configuration, curve, sensor = convert_groups(
         table, where, CandidateSpec, ConfigurationSpec, PlannedCurveSpec, SensorSpec
     )
@@ -215,7 +216,7 @@ def _curve(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     arguments |= {"model": configuration.other_model(model, where), "sensor": sensor.make("displacement", where)}
     with located(where):
         record = PlannedRecord.response(cost=candidate.cost, **arguments)
-    return Deferred(lambda: record)
+    return lambda: record
 
 
 def _sensors(channels: Any) -> tuple[list[Sensor], list[float]]:

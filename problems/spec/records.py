@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any
@@ -35,7 +35,7 @@ from problems.beam.values.records import FrequencyRecord, StaticRecord
 from problems.spec.beam import DampedBeam
 from problems.spec.file import StudyFile, convert_groups
 from problems.spec.help import table_help
-from problems.spec.motion import Deferred, StepTables, convert_motion
+from problems.spec.motion import StepTables, convert_motion
 from problems.spec.record_files import ChannelSpec, CurveFileSpec, SensorSpec
 
 Values = float | tuple[float, ...]  # one number, or one per value
@@ -202,9 +202,11 @@ Record = MotionRecord | FrequencyRecord | StaticRecord | ResponseRecord
 class Measurements(StepTables):
     """Measurements of a beam, with guesses of its properties and its damping, and what to estimate from them."""
 
+    objects = ("laws", "records", "predictions")
+
     law_terms: Sequence[Sequence[int]]  # of each law to compare, as indices of the tables [[damping]]
-    fitted: Sequence[Deferred]  # tables of measurements
-    predicted: Sequence[Deferred]  # tables of measurements to predict, not to fit
+    fitted: Sequence[Callable[[], Record]]  # make the measurements
+    predicted: Sequence[Callable[[], Record]]  # make those to predict, not to fit
     settings: Mapping[str, Any]  # other arguments of ``fit_beam``
 
     @classmethod
@@ -227,9 +229,8 @@ class Measurements(StepTables):
         }
         predicted = tables.pop("predictions")
         fitted = [table for several in tables.values() for table in several]
-        sources = [source for table in (*fitted, *predicted) for source in table.sources]
         settings = {key: value for key, value in fit.given().items() if key != "laws"}
-        return cls(file, beam, sources, law_terms(file, fit, beam), fitted, predicted, settings)
+        return cls(file, beam, law_terms(file, fit, beam), fitted, predicted, settings)
 
     @cached_property
     def laws(self) -> tuple[DampingLaw, ...]:
@@ -239,31 +240,23 @@ class Measurements(StepTables):
     @cached_property
     def records(self) -> tuple[Record, ...]:
         """The measurements."""
-        return tuple(table.make() for table in self.fitted)
+        return tuple(make() for make in self.fitted)
 
     @cached_property
     def predictions(self) -> tuple[Record, ...]:
         """Measurements to predict, not to fit."""
-        return tuple(table.make() for table in self.predicted)
+        return tuple(make() for make in self.predicted)
 
 
-def read_measurements(source: str | StudyFile) -> Measurements:
-    """Read a beam, its damping, measurements, and the unknowns of a fit to them."""
-    measurements = Measurements.of(source)
-    for name in ("laws", "records", "predictions"):
-        getattr(measurements, name)  # so that a message has the place of its table
-    return measurements
-
-
-def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
+def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], Record]:
     spec, configuration = convert_groups(table, where, FrequenciesSpec, ConfigurationSpec)
     beam = configuration.other_model(model, where) or model
     with located(where):
         record = FrequencyRecord(beam, **spec.given())
-    return Deferred(lambda: record)
+    return lambda: record
 
 
-def _static(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
+def _static(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], Record]:
     (spec, configuration), channels = channel_groups(
         table, where, (StaticSpec, ConfigurationSpec), (StaticValuesSpec, SensorSpec)
     )
@@ -281,7 +274,7 @@ def _static(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
         record = StaticRecord(
             beam, loads, values, sensors, None if np.isnan(std).all() else std, tared=spec.tared, name=spec.name
         )
-    return Deferred(lambda: record)
+    return lambda: record
 
 
 def load_cases(loads: Sequence[LoadSpec | Sequence[LoadSpec]]) -> list[list[PointLoad]]:
@@ -296,10 +289,10 @@ def load_cases(loads: Sequence[LoadSpec | Sequence[LoadSpec]]) -> list[list[Poin
 def read_curves(name: str) -> list[ResponseRecord]:
     """Read the response curves of a file, which needs no beam."""
     file = StudyFile.of(name, required={"curves"})
-    return [_curve(file, table, None, file.where("curves")).make() for table in file.several("curves")]
+    return [_curve(file, table, None, file.where("curves"))() for table in file.several("curves")]
 
 
-def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> Deferred:
+def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> Callable[[], ResponseRecord]:
     in_file = isinstance(table, dict) and "file" in table
     kinds = (CurveFileSpec if in_file else CurveValuesSpec, CurveSpec, SensorSpec)
     source, curve, sensor, *configurations = convert_groups(
@@ -314,7 +307,7 @@ def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> Defe
     if not in_file:
         with located(where):
             record = ResponseRecord(**source.given(), **arguments)
-        return Deferred(lambda: record)
+        return lambda: record
     if model is None:
         arguments.setdefault("excitation_unit", "")
     columns = {key: value for key, value in source.given().items() if key not in (*LAYOUT_KEYS, "file")}
@@ -324,7 +317,7 @@ def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> Defe
         with located(where):
             return ResponseRecord.from_file(contents, layout=layout, **columns, **arguments)
 
-    return Deferred(read, [(source, where)])
+    return read
 
 
 def excitation(file: StudyFile, curve: CurveTestSpec, where: str) -> dict[str, HarmonicBase | HarmonicLoad]:
@@ -375,7 +368,7 @@ def channel_groups(
     return objects, channels
 
 
-def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
+def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], Record]:
     (motion, configuration), channels = channel_groups(
         table, where, (MotionSpec, ConfigurationSpec), (ChannelSpec, SensorSpec)
     )
@@ -385,7 +378,7 @@ def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     if motion.release is not UNSET and motion.start is not UNSET:
         raise InputError("is given by the release; leave it out", f"{where}: start")
     other_model = configuration.other_model(model, where)
-    excited = convert_motion(file, motion.given(), where)
+    excitation_on = convert_motion(file, motion.given(), where)
     camera = None if motion.camera is UNSET else convert(motion.camera, Camera, f"{where}: camera")
 
     def read() -> MotionRecord:
@@ -394,7 +387,7 @@ def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
             record = channel.measurement(file, place, sensor)
             with located(place):
                 measured.append(Channel(record, channel.std, channel.offset, channel.zero))
-        arguments = excited.make(other_model or model)
+        arguments = excitation_on(other_model or model)
         with located(where):
             return MotionRecord(
                 measured,
@@ -405,7 +398,7 @@ def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
                 **arguments,
             )
 
-    return Deferred(read, [*((channel, place) for (channel, _), place in channels), *excited.sources])
+    return read
 
 
 def _check_made(file: StudyFile, name: str) -> None:

@@ -7,10 +7,10 @@ measured motion; planned experiments.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Self, final
+from typing import Annotated, Any, ClassVar, Self, final
 
 import numpy as np
 from msgspec import Meta
@@ -31,9 +31,9 @@ from problems.beam.properties import kind_of, value_of
 from problems.beam.result import BeamFit
 from problems.beam.values.records import FrequencyRecord
 from problems.spec.file import StudyFile
-from problems.spec.motion import SimulationTables, read_simulation
+from problems.spec.motion import SimulationTables, StepTables
 from problems.spec.plan import PLAN_TABLES, PlanTables
-from problems.spec.records import NUMBERS, Measurements, read_measurements
+from problems.spec.records import NUMBERS, Measurements
 from problems.study.compute import Compute
 from problems.study.drawing import drawn
 from problems.study.formatting import digits_of
@@ -43,44 +43,37 @@ MODES = 12  # whose natural frequencies get standard errors
 MOTION_TABLES = {"beam", "damping", "base", "load", "release", "records", *NUMBERS, "predictions", "fit"}
 
 
-@final
 @dataclass(frozen=True, kw_only=True)
-class SimulationStep(Step):
-    """One simulated motion."""
+class TablesStep(Step):
+    """A step that one computation makes of tables of the file."""
 
-    kind, heading = "simulation", "Simulated motion"
-    about = "one motion: the tables [[damping]], [base], [load], [release], [simulation]"
-    reading = frozenset({"beam", "damping", "base", "load", "release", "simulation", "markers"})
+    converter: ClassVar[type[StepTables]]
+    function: ClassVar[Callable[..., Finding]]  # of the file, the formats of figures, and ``inputs``
+    cost: ClassVar[float]  # s
 
-    animate: Annotated[bool, Meta(description="with a moving picture")] = False
-    animation: Annotated[str, Meta(description='further file with it, such as "motion.mp4" or "motion.html"')] = ""
-    slower: Annotated[Positive | None, Meta(description="times that it is slower than the motion was")] = None
+    @property
+    def inputs(self) -> tuple[Any, ...]:
+        """Keys of the step that its computation needs."""
+        return ()
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the step with the tables of its motion."""
-        SimulationTables.of(study.file)
-        if self.animation:
-            from ancf_casadi.animation.motions import check_animation  # matplotlib is slow to import
-
-            with located(f"{where}: animation"):
-                check_animation(self.animation)
-                if Path(self.animation).name != self.animation:
-                    raise InputError("must be a name without a folder")
+        """Return the step with its tables, which are checked."""
+        self.converter.of(study.file)
         return super().checked(study, where)
 
     def finding(self, compute: Compute, findings: Findings) -> Finding:
-        """Return the simulation."""
-        file = SimulationTables.of(self.file).with_records()
-        return compute(simulated, file, compute.all_formats, self.animate, self.animation, self.slower, cost=10.0)
+        """Open the files of measurements, and return the finding."""
+        self.converter.of(self.file).read()
+        return compute(type(self).function, self.file, compute.all_formats, *self.inputs, cost=self.cost)
 
 
 def simulated(
     file: StudyFile, formats: tuple[str, ...], animate: bool, animation: str, slower: float | None
 ) -> Finding:
     """Simulate the motion of a study file: range and energies, and the figure of the motion."""
-    arguments, markers = read_simulation(file)
+    tables = SimulationTables.of(file).read()
     with located(file.where("simulation")):
-        run = simulate(**arguments)
+        run = simulate(**tables.arguments)
     data: dict[str, Any] = {
         "tip_position_range_m": np.ptp(run.tip, axis=0).tolist(),
         "dissipated_energy_j": float(run.dissipated_energy[-1]),
@@ -96,7 +89,7 @@ def simulated(
     ]
     caption = "Motion of the tip relative to the clamp, and shapes of the beam."
     figure = drawn(caption, run.figure, formats)
-    files: dict[str, bytes] = {"motion.csv": _positions(run, markers).csv().encode()}
+    files: dict[str, bytes] = {"motion.csv": _positions(run, tables.markers).csv().encode()}
     if animate or animation:
         from ancf_casadi.animation.motions import moving_pictures  # matplotlib is slow to import
 
@@ -108,6 +101,37 @@ def simulated(
     return Finding(data, (table,), (figure,), text=run.report(), files=files)
 
 
+@final
+@dataclass(frozen=True, kw_only=True)
+class SimulationStep(TablesStep):
+    """One simulated motion."""
+
+    kind, heading = "simulation", "Simulated motion"
+    converter, function, cost = SimulationTables, simulated, 10.0
+    about = "one motion: the tables [[damping]], [base], [load], [release], [simulation]"
+    reading = frozenset({"beam", "damping", "base", "load", "release", "simulation", "markers"})
+
+    animate: Annotated[bool, Meta(description="with a moving picture")] = False
+    animation: Annotated[str, Meta(description='further file with it, such as "motion.mp4" or "motion.html"')] = ""
+    slower: Annotated[Positive | None, Meta(description="times that it is slower than the motion was")] = None
+
+    def checked(self, study: Study, where: str) -> Self:
+        """Return the step with its tables and the name of its animation, which are checked."""
+        if self.animation:
+            from ancf_casadi.animation.motions import check_animation  # matplotlib is slow to import
+
+            with located(f"{where}: animation"):
+                check_animation(self.animation)
+                if Path(self.animation).name != self.animation:
+                    raise InputError("must be a name without a folder")
+        return super().checked(study, where)
+
+    @property
+    def inputs(self) -> tuple[Any, ...]:
+        """The settings of the moving picture."""
+        return self.animate, self.animation, self.slower
+
+
 def _positions(run: Trajectory, markers: Mapping[str, float]) -> Table:
     """Return the positions of tip, base and markers over time."""
     places = {"tip": run.tip, "base": run.base} | {name: run.position(s) for name, s in markers.items()}
@@ -115,29 +139,9 @@ def _positions(run: Trajectory, markers: Mapping[str, float]) -> Table:
     return Table("motion", "Motion of the beam", columns, np.column_stack([run.time, *places.values()]).tolist())
 
 
-@final
-@dataclass(frozen=True, kw_only=True)
-class MotionFit(Step):
-    """A fit to measured large motion."""
-
-    kind, heading = "motion", "Fit to measured motion"
-    about = ("fit to measured large motion, and predictions: the tables [[damping]], [base], [[records]], "
-             "[[predictions]], [fit]")  # fmt: skip
-    reading = MOTION_TABLES
-
-    def checked(self, study: Study, where: str) -> Self:
-        """Return the step with the tables of its measurements."""
-        Measurements.of(study.file)
-        return super().checked(study, where)
-
-    def finding(self, compute: Compute, findings: Findings) -> Finding:
-        """Return the fit."""
-        return compute(fitted, Measurements.of(self.file).with_records(), compute.all_formats, cost=60.0)
-
-
 def fitted(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     """Fit the motion in the files of a study: estimates, predictions and their figures."""
-    read = read_measurements(file)
+    read = Measurements.of(file).read()
     with located(file.where("fit")):
         fit = fit_beam(read.model, read.records, read.damping, **read.settings)
     figures = [drawn("Measured motion (dots), fitted motion (lines), and residuals.", fit.figure, formats)]
@@ -211,31 +215,19 @@ def _errors(predictions: Sequence[Mapping[str, Any]]) -> Table:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Comparison(Step):
-    """A comparison of damping laws on measured large motion."""
+class MotionFit(TablesStep):
+    """A fit to measured large motion."""
 
-    kind, heading = "comparison", "Damping laws compared on measured motion"
-    about = ('the law that explains measured large motion best: the tables of "motion" with several [[damping]], or '
-             "laws in [fit]")  # fmt: skip
+    kind, heading = "motion", "Fit to measured motion"
+    about = ("fit to measured large motion, and predictions: the tables [[damping]], [base], [[records]], "
+             "[[predictions]], [fit]")  # fmt: skip
     reading = MOTION_TABLES
-
-    def checked(self, study: Study, where: str) -> Self:
-        """Return the step with the tables of its records and laws, of which there must be several."""
-        motions = Measurements.of(study.file)
-        if len(motions.law_terms) < 2:
-            raise InputError("there is only one law; add tables [[damping]]", where)
-        if "fixed" in motions.settings:
-            raise InputError("all parameters of the laws are compared; leave out fixed", study.file.where("fit"))
-        return super().checked(study, where)
-
-    def finding(self, compute: Compute, findings: Findings) -> Finding:
-        """Return the comparison."""
-        return compute(compared, Measurements.of(self.file).with_records(), compute.all_formats, cost=120.0)
+    converter, function, cost = Measurements, fitted, 60.0
 
 
 def compared(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     """Fit the laws of a study file to its records: the criteria, as a table and as a figure."""
-    read = read_measurements(file)
+    read = Measurements.of(file).read()
     with located(file.where("fit")):
         found = compare_laws(read.model, read.records, read.laws, **read.settings)
     caption = "Information criteria of the laws above the lowest: smaller is better."
@@ -251,21 +243,23 @@ def compared(file: StudyFile, formats: tuple[str, ...]) -> Finding:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class PlanStep(Step):
-    """The standard errors that candidates will have, and the list that is worth measuring."""
+class Comparison(TablesStep):
+    """A comparison of damping laws on measured large motion."""
 
-    kind, heading = "plan", "Planned experiments"
-    about = "expected errors of experiments: the tables [[damping]], [[candidates]], [fit] (unknowns), [plan]"
-    reading = PLAN_TABLES
+    kind, heading = "comparison", "Damping laws compared on measured motion"
+    about = ('the law that explains measured large motion best: the tables of "motion" with several [[damping]], or '
+             "laws in [fit]")  # fmt: skip
+    reading = MOTION_TABLES
+    converter, function, cost = Measurements, compared, 120.0
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the step with the tables of its candidates."""
-        PlanTables.of(study.file)
+        """Return the step with the tables of its records and laws, of which there must be several."""
+        motions = Measurements.of(study.file)
+        if len(motions.law_terms) < 2:
+            raise InputError("there is only one law; add tables [[damping]]", where)
+        if "fixed" in motions.settings:
+            raise InputError("all parameters of the laws are compared; leave out fixed", study.file.where("fit"))
         return super().checked(study, where)
-
-    def finding(self, compute: Compute, findings: Findings) -> Finding:
-        """Return the plan."""
-        return compute(planned, PlanTables.of(self.file).with_records(), compute.all_formats, cost=20.0)
 
 
 def planned(file: StudyFile, formats: tuple[str, ...]) -> Finding:
@@ -293,3 +287,14 @@ def planned(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     lines += [f"  {name}: standard error {error:.3g} {found.units[name]}".rstrip() for name, error in errors.items()]
     figures = (drawn(caption, found.figure, formats),)
     return Finding(found.to_dict() | choice, tables, figures, found.warnings, text="\n".join(lines))
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class PlanStep(TablesStep):
+    """The standard errors that candidates will have, and the list that is worth measuring."""
+
+    kind, heading = "plan", "Planned experiments"
+    about = "expected errors of experiments: the tables [[damping]], [[candidates]], [fit] (unknowns), [plan]"
+    reading = PLAN_TABLES
+    converter, function, cost = PlanTables, planned, 20.0

@@ -36,7 +36,7 @@ from ancf_casadi.vibration.modes import natural_modes
 from problems.cli import COMMANDS, REPLACED, main
 from problems.command import fit_decay as fit_decay_command
 from problems.paper.reproduce import PAPER
-from problems.spec.motion import read_simulation
+from problems.spec.motion import SimulationTables
 from problems.study import compute as computing
 from problems.study import study as study_module
 from problems.study.kinds import beam as beam_kinds
@@ -442,7 +442,7 @@ class TestExport:
         written = json.loads(capsys.readouterr().out)
         assert written["format"] == "json"
         assert written["files"] == [{"path": "new/beam.json", "bytes": (files / "new/beam.json").stat().st_size}]
-        (given, _), found = read_simulation("study.toml"), read_document("new/beam.json")
+        given, found = SimulationTables.of("study.toml").arguments, read_document("new/beam.json")
         model, law = given["model"], given["damping"]
         assert found.model == model
         assert np.array_equal(found.damping.projection(found.model), law.projection(model))

@@ -29,12 +29,17 @@ from ancf_casadi.support.inputs import numbers
 from problems import Global, MeasuredModes, PerElement, Smooth
 from problems.spec.beam import read_beam, read_damped
 from problems.spec.match import request_of
-from problems.spec.motion import read_simulation
+from problems.spec.motion import SimulationTables
 from problems.study.reading import read_study
 from tests.problems.conftest import STRIP
 
 BEAM = f"{STRIP}elements = 4\n"
 SIMULATION = "[simulation]\nduration = 2.0\n"
+
+
+def arguments(path):
+    """Return the arguments of ``simulate`` in a file."""
+    return SimulationTables.of(path).read().arguments
 
 
 def read_match(path):
@@ -241,20 +246,19 @@ class TestMatch:
 class TestSimulation:
     def test_least(self, file):
         """With a beam and a duration alone: undamped, on a fixed base, with the defaults of ``simulate``."""
-        given, markers = read_simulation(file(BEAM, SIMULATION))
+        given = arguments(file(BEAM, SIMULATION))
         assert given == {"model": Model(beam()), "damping": None, "duration": 2.0}
-        assert markers == {}
 
     def test_settings(self, file):
         text = 'sample_rate = 250.0\nstart = "straight"\nmethod = "radau"\ntolerance = 1e-9\n'
         settings = {"duration": 2.0, "sample_rate": 250.0, "start": "straight", "method": "radau", "tolerance": 1e-9}
-        given, _ = read_simulation(file(BEAM, SIMULATION, text))
+        given = arguments(file(BEAM, SIMULATION, text))
         assert given == {"model": Model(beam()), "damping": None, **settings}
 
     def test_base(self, file):
         text = '[base]\namplitude = 1e-3\nfrequency = 2.0\nstop = 3\ndirection = [0.0, 2.0]\nstop_at = "once"\n'
         base = HarmonicBase(1e-3, 2.0, stop=3.0, direction=(0.0, 1.0), stop_at="once")
-        assert read_simulation(file(BEAM, SIMULATION, text))[0]["base"] == base
+        assert arguments(file(BEAM, SIMULATION, text))["base"] == base
 
     @pytest.mark.parametrize("head", ["[damping]", "[[damping]]"])
     @pytest.mark.parametrize(
@@ -268,11 +272,11 @@ class TestSimulation:
         ],
     )
     def test_one_law(self, file, head, text, law):
-        assert read_simulation(file(BEAM, SIMULATION, head, "\n", text))[0]["damping"] == law
+        assert arguments(file(BEAM, SIMULATION, head, "\n", text))["damping"] == law
 
     def test_modal_law(self, file):
         text = '[damping]\nlaw = "modal"\nratios = [0.01, 0.02]\nfrequencies = [1.8, 10]\n'
-        law = read_simulation(file(BEAM, SIMULATION, text))[0]["damping"]
+        law = arguments(file(BEAM, SIMULATION, text))["damping"]
         assert isinstance(law, ModalDamping)
         assert (law.ratios, law.frequencies) == ((0.01, 0.02), (1.8, 10.0))
         assert law.modes.frequencies == pytest.approx(natural_modes(Model(beam()), count=2).frequencies)
@@ -282,7 +286,7 @@ class TestSimulation:
         quadratic = '[[damping]]\nlaw = "quadratic"\neta2 = 0.11\n'
         modes = natural_modes(Model(beam()), count=1)
         both, first, second = (
-            read_simulation(file(BEAM, SIMULATION, text))[0]["damping"].damping_ratios(modes, np.array([0.05]))
+            arguments(file(BEAM, SIMULATION, text))["damping"].damping_ratios(modes, np.array([0.05]))
             for text in (modal + quadratic, modal, quadratic)
         )
         assert first == pytest.approx([0.01])
@@ -325,7 +329,7 @@ class TestSimulation:
     )
     def test_unusable(self, file, text, message):
         with pytest.raises(InputError, match=message):
-            read_simulation(file(BEAM, SIMULATION, text))
+            arguments(file(BEAM, SIMULATION, text))
 
     @pytest.mark.parametrize(
         ("text", "message"),
@@ -337,11 +341,11 @@ class TestSimulation:
     )
     def test_tables_that_are_none(self, file, text, message):
         with pytest.raises(InputError, match=message):
-            read_simulation(file(text, BEAM, SIMULATION))
+            arguments(file(text, BEAM, SIMULATION))
 
     def test_without_settings(self, file):
         with pytest.raises(InputError, match=r"\[simulation\]: the table is missing"):
-            read_simulation(file(BEAM))
+            arguments(file(BEAM))
 
 
 @pytest.mark.parametrize("values", [1.0, "1, 2", {"a": 1}, None])
@@ -363,7 +367,7 @@ def test_examples_can_be_read(name):
     if name == "beam.toml":
         assert read_match(path)[1]["targets"] == [1.85, 10.19, 26.84, 53.20, 88.60]
     else:
-        assert read_simulation(path)[0]["sample_rate"] == 500.0
+        assert arguments(path)["sample_rate"] == 500.0
 
 
 def test_a_quadratic_law_may_be_given_by_its_drag_coefficient(tmp_path):

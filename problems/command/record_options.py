@@ -17,7 +17,6 @@ from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.specs import alternatives, listed_fields
 from problems.command.output import comma_numbers, finite, positive_count
-from problems.spec.help import description
 from problems.spec.record_files import ChannelSpec, SensorSpec
 
 MOST_LINES = 100_000  # lines that an option may leave out
@@ -30,8 +29,9 @@ def add_keys(parser: Any, table: type, *names: str) -> None:
     """Add keys of a declared table as options."""
     declared = {field.encode_name: field for field in listed_fields(table)}
     for name in names:
-        text = description(declared[name])
-        arguments = _argument(alternatives(declared[name].type), text)
+        kind = declared[name].type
+        text = (kind.extra_json_schema or {}).get("description", "") if isinstance(kind, types.Metadata) else ""
+        arguments = _argument(alternatives(kind), text)
         parser.add_argument(f"--{name.replace('_', '-')}", **arguments)
 
 

@@ -10,33 +10,20 @@ from typing import Annotated, Any
 from msgspec import Meta
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, SumOfLaws
-from ancf_casadi.damping.spec import FrictionSpec, LawSpec, ModalSpec, QuadraticSpec, RayleighSpec, sum_laws
+from ancf_casadi.damping.spec import LawSpec, sum_laws
 from ancf_casadi.export.model_document import Document, read_document
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.spec import AttachmentSpec, BeamSpec, SupportSpec
+from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.specs import Spec, convert
 from ancf_casadi.vibration.modes import natural_modes
 from problems.spec.file import StudyFile, is_document
-from problems.spec.help import table_help, tagged_help
 
 
 class DocumentName(Spec, frozen=True):
-    """A beam in a JSON document."""
+    """Or a beam with its damping in a JSON document."""
 
     document: Annotated[str, Meta(description='"BEAM.json", beside this file')]
-
-
-PROPERTY_KEYS = table_help(
-    "[beam]",
-    "{}; a property is one number, or a list with one value per element; supports = []: a free beam.  Or only {}: a "
-    "JSON document with a beam and its damping",
-    BeamSpec,
-    DocumentName,
-)
-PART_KEYS = tagged_help("[[beam.supports]]", SupportSpec) + tagged_help("[[beam.attachments]]", AttachmentSpec)
-DAMPING_KEYS = tagged_help("[[damping]]", RayleighSpec | QuadraticSpec | FrictionSpec | ModalSpec)
-BEAM_KEYS = PROPERTY_KEYS + PART_KEYS + DAMPING_KEYS
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ from ancf_casadi.support.specs import NotNegative, Positive, Spec
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.response import Objective
 from problems.matching.unknowns import Global, PerElement, PropertyUnknown, Smooth
-from problems.spec.help import table_help
 
 RelativeBounds = Annotated[float, Meta(gt=0.0, le=1.0)]
 Deviations = float | tuple[float | tuple[float, ...], ...]
@@ -45,7 +44,7 @@ KINDS = {"global": UnknownSpec(all_elements=True), "element": UnknownSpec(elemen
 
 @dataclass(frozen=True, kw_only=True)
 class MatchTable:
-    """Targets and unknowns of a frequency matching; None for keys that are not given."""
+    """Targets and unknowns of a frequency matching."""
 
     targets: Annotated[tuple[Positive, ...] | None, Meta(description="Hz")] = None
     frequency_std: Annotated[Positive | tuple[Positive, ...] | None, Meta(description="Hz")] = None
@@ -70,9 +69,6 @@ class MatchTable:
         """The keys that are given."""
         keys = {declared.name: getattr(self, declared.name) for declared in fields(MatchTable)}
         return {key: value for key, value in keys.items() if value is not None}
-
-
-MATCH_KEYS = table_help("[match]", "{}", MatchTable)
 
 
 def request_of(table: MatchTable) -> dict[str, Any]:

@@ -33,7 +33,6 @@ from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.statics import static_equilibrium
 from problems.spec.beam import DampedBeam, read_damped
 from problems.spec.file import StudyFile, convert_groups
-from problems.spec.help import Kinds, kinds_help, table_help
 from problems.spec.record_files import ColumnName, FileSpec
 
 Maker = Callable[[Model], Any]  # makes an object of a table on a beam
@@ -71,7 +70,7 @@ class StepTables:
 
 
 class BaseColumns(Spec, frozen=True):
-    """Columns with the motion of the base; one is enough."""
+    """Columns of a file with the motion of the base; one is enough."""
 
     x: ColumnName | None = None
     y: ColumnName | None = None
@@ -80,7 +79,7 @@ class BaseColumns(Spec, frozen=True):
 
 
 class LoadColumns(Spec, frozen=True):
-    """Columns with the load at the tip; one is enough."""
+    """Columns of a file with the load at the tip; one is enough."""
 
     force_x: ColumnName | None = None
     force_y: ColumnName | None = None
@@ -106,7 +105,7 @@ class ReleaseSpec(Spec, frozen=True):
 
 
 class SimulationSpec(Spec, frozen=True):
-    """A simulated motion."""
+    """A simulated motion; [markers] has the arc length from the clamp (m) of more points in the output, by name."""
 
     duration: Annotated[Positive, Meta(description="s")]
     sample_rate: Annotated[Positive | UnsetType, Meta(description="1/s")] = UNSET
@@ -115,26 +114,10 @@ class SimulationSpec(Spec, frozen=True):
     start: Start | UnsetType = UNSET
 
 
-BASE_KINDS: Kinds = {
-    "harmonic": (HarmonicBase,),
-    "sweep": (SweepBase,),
-    "fixed": (FixedBase,),
-    "sampled": (FileSpec, BaseColumns),
-}
-LOAD_KINDS: Kinds = {
-    "harmonic": (HarmonicLoad,),
-    "moving": (MovingForce,),
-    "values": (LoadValues,),
-    "sampled": (FileSpec, LoadColumns),
-}
-MOTION_KEYS = (
-    kinds_help("[base]", BASE_KINDS)
-    + kinds_help("[load]", LOAD_KINDS)
-    + table_help("[release]", "the load that holds the beam until time 0: {}", ReleaseSpec)
-)
+# alternatives of the keys of a table
+BASE_KINDS = [(HarmonicBase,), (SweepBase,), (FixedBase,), (BaseColumns, FileSpec)]
+LOAD_KINDS = [(HarmonicLoad,), (MovingForce,), (LoadValues,), (LoadColumns, FileSpec)]
 COLUMN_NAMES = ("time", "tip", "base")  # names of columns that are always there
-MARKERS_KEYS = table_help("[markers]", "NAME = arc length from the clamp (m): points in the output")
-SIMULATION_KEYS = table_help("[simulation]", "{}", SimulationSpec) + MARKERS_KEYS
 
 
 def convert_motion(file: StudyFile, nested: Mapping[str, Any], where: str) -> Callable[[Model], dict[str, Any]]:
@@ -302,9 +285,6 @@ class ResponseSpec(Spec, frozen=True):
     tolerance: Annotated[
         float, Meta(gt=0.0, le=0.01, description=f"error of each motion relative to its size, {RESPONSE_TOLERANCE:g}")
     ] = RESPONSE_TOLERANCE
-
-
-RESPONSE_KEYS = table_help("[response]", "steady vibration: {}", ResponseSpec)
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,6 @@ from problems.planning.record import PlannedRecord
 from problems.planning.result import Plan
 from problems.spec.beam import DampedBeam
 from problems.spec.file import StudyFile, convert_groups
-from problems.spec.help import table_help
 from problems.spec.motion import StepTables, convert_motion
 from problems.spec.record_files import SensorSpec
 from problems.spec.records import (
@@ -68,7 +67,7 @@ class PlannedChannelSpec(Spec, frozen=True):
 
 
 class PlannedMotionSpec(MotionTestSpec, frozen=True, kw_only=True):
-    """A motion."""
+    """A motion that could be measured."""
 
     duration: Annotated[Positive, Meta(description="s")]
     sample_rate: Annotated[Positive, Meta(description="1/s")]
@@ -77,27 +76,20 @@ class PlannedMotionSpec(MotionTestSpec, frozen=True, kw_only=True):
 
 
 class PlannedFrequenciesSpec(Spec, frozen=True):
-    """Natural frequencies."""
+    """Natural frequencies that could be measured."""
 
     modes: tuple[int, ...]
     std: Annotated[Values, Meta(description="Hz")]
 
 
 class PlannedCurveSpec(CurveTestSpec, frozen=True, kw_only=True):
-    """A response curve."""
+    """A response curve that could be measured."""
 
     frequencies: Annotated[tuple[float, ...], Meta(description="Hz")]
     phases: bool = True
     levels: tuple[float, ...] | UnsetType = UNSET
 
 
-PLAN_KEYS = table_help("[plan]", "{}", PlanSpec) + table_help(
-    "[[candidates]]",
-    "an experiment that could be done: {}, {}, and a motion: {}; or a static test: {}; keys of a channel of both: {}, "
-    "{}; or natural frequencies: {}; or a response curve: {}",
-    CandidateSpec, ConfigurationSpec, PlannedMotionSpec, StaticTestSpec, PlannedChannelSpec, SensorSpec,
-    PlannedFrequenciesSpec, PlannedCurveSpec,
-)  # fmt: skip
 PLAN_TABLES = {"beam", "damping", "base", "load", "release", "candidates", "fit", "plan"}
 
 

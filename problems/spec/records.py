@@ -34,18 +34,20 @@ from problems.beam.motions.record import Camera, Channel, MotionRecord
 from problems.beam.values.records import FrequencyRecord, StaticRecord
 from problems.spec.beam import DampedBeam
 from problems.spec.file import StudyFile, convert_groups
-from problems.spec.help import table_help
 from problems.spec.motion import StepTables, convert_motion
 from problems.spec.record_files import ChannelSpec, CurveFileSpec, SensorSpec
 
 Values = float | tuple[float, ...]  # one number, or one per value
 Table = dict[str, Any]
+Channels = Annotated[
+    tuple[Table, ...], Meta(min_length=1, description="[{keys of a file, sensor, std}, ...] if several")
+]
 
 
 class MotionTestSpec(Spec, frozen=True, kw_only=True):
     """A motion; a key of its channels beside them holds for all."""
 
-    channels: Annotated[tuple[Table, ...], Meta(min_length=1, description="[{KEYS OF A CHANNEL}, ...]")] = ()
+    channels: Channels = ()
     release_time: Annotated[float | Pair, Meta(description="start in the times of the record, s, or its bounds")] = 0.0
     base: Table | UnsetType = UNSET
     load: Table | UnsetType = UNSET
@@ -54,7 +56,7 @@ class MotionTestSpec(Spec, frozen=True, kw_only=True):
 
 
 class MotionSpec(MotionTestSpec, frozen=True, kw_only=True):
-    """A measured motion; a key of its channels beside them holds for all."""
+    """A measured motion, to fit or in [[predictions]]; a key of its channels beside them holds for all."""
 
     name: str = ""
     camera: Annotated[Table | UnsetType, Meta(description="{scale, rotation, origin}: bounds of an unknown view")] = (
@@ -79,8 +81,8 @@ class LoadLevelSpec(Spec, frozen=True):
 class CurveTestSpec(Spec, frozen=True):
     """The excitation of a curve of steady vibration, and standard deviations."""
 
-    base: Annotated[BaseLevelSpec | UnsetType, Meta(description="{amplitude (m), direction} at level 1")] = UNSET
-    load: Annotated[LoadLevelSpec | UnsetType, Meta(description="{force (N), moment (N m)} at level 1")] = UNSET
+    base: Annotated[BaseLevelSpec | UnsetType, Meta(description="at level 1")] = UNSET
+    load: Annotated[LoadLevelSpec | UnsetType, Meta(description="at level 1")] = UNSET
     control: Annotated[Control, Meta(description="quantity that was held")] = "excitation"
     amplitude_std: Values | None = None
     phase_std: Values | None = None
@@ -91,7 +93,13 @@ class CurveSpec(CurveTestSpec, frozen=True):
     """A curve of steady vibration."""
 
     name: str | UnsetType = UNSET
-    excitation_unit: Annotated[ExcitationUnit | UnsetType, Meta(description="of the levels")] = UNSET
+    excitation_unit: Annotated[
+        ExcitationUnit | UnsetType,
+        Meta(
+            description="of the levels; without [base] and [load], levels in N are a force in x at the tip, those in m "
+            "or m/s^2 motions of the base in x"
+        ),
+    ] = UNSET
     relative: Annotated[bool, Meta(description="whether the sensor moves with the base")] = False
     sweep: Sweep | None = None
 
@@ -128,9 +136,9 @@ class StaticTestSpec(Spec, frozen=True):
 
     loads: Annotated[
         tuple[LoadSpec | tuple[LoadSpec, ...], ...],
-        Meta(description="[{mass (kg), or force (N) and moment (N m), point (m)}, ...] by case, or lists of these"),
+        Meta(description="one or several by case"),
     ]
-    channels: Annotated[tuple[Table, ...], Meta(min_length=1, description="[{KEYS OF A CHANNEL}, ...]")] = ()
+    channels: Channels = ()
     tared: Annotated[bool, Meta(description="whether all sensors read 0 without loads")] = False
 
 
@@ -180,20 +188,6 @@ class FitSpec(Spec, frozen=True):
     ] = UNSET
 
 
-CURVE_KEYS = table_help("[[curves]]", "steady vibration: {}; or {}; and {}; {}; without [base], [load] and levels with "
-                        "a unit, levels in N are a force in x at the tip, those in m or m/s^2 motions of the base in x",
-                        CurveFileSpec, CurveValuesSpec, CurveSpec, SensorSpec)  # fmt: skip
-FIT_KEYS = table_help("[fit]", "{}", FitSpec)
-RECORD_KEYS = (
-    table_help("[[records]]", "a measured motion: {}; keys of a channel: {}, {}", MotionSpec, ChannelSpec, SensorSpec)
-    + table_help("[[predictions]]", "records to predict with the estimates; the same keys")
-    + CURVE_KEYS
-    + table_help("[[statics]]", "beam at rest under loads: {}; keys of a channel: {}, {}", StaticSpec, StaticValuesSpec,
-                 SensorSpec)
-    + table_help("[[frequencies]]", "natural frequencies: {}", FrequenciesSpec)
-    + table_help("", "a measurement in another configuration of the beam has {}", ConfigurationSpec)
-    + FIT_KEYS
-)  # fmt: skip
 NUMBERS = ("frequencies", "statics", "curves")  # tables of values, each made on its own
 Record = MotionRecord | FrequencyRecord | StaticRecord | ResponseRecord
 

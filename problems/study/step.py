@@ -63,7 +63,7 @@ Findings = Mapping[str, Finding]  # by the name of their step
 
 @dataclass(frozen=True)
 class LawChoice:
-    """A damping law of a table [[laws]], whose terms may be those that an earlier step has found."""
+    """A damping law, whose terms may be those that an earlier step has found."""
 
     name: str
     terms: Annotated[Terms, Meta(description='tables [[damping]], or {step = "STEP"}')]
@@ -119,13 +119,12 @@ def beside_printed(
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """Base class of the kinds of steps; each kind is final.
+    """Base class of the kinds of steps; each kind is final, and the help shows the first line about it.
 
     The fields are the keys of a table [[steps]] of a TOML file, but those that are ``UNLISTED``.
     """
 
     kind: ClassVar[str]  # as in the table of a TOML file
-    about: ClassVar[str]  # what it shows, for the help; {} stands for its keys
     heading: ClassVar[str]  # title of a step that gives none
     naming: ClassVar[tuple[str, ...]] = ()  # keys that name steps; an empty ``beam`` stands for that of the file
     reading: ClassVar[Set[str]] = frozenset()  # tables of the file that its computations read
@@ -171,7 +170,10 @@ class Step:
 
 @dataclass(frozen=True)
 class Study:
-    """A study: the keys of the table [study], its file with what all steps share, and the steps in their order."""
+    """A study, with its steps in the order of the document.
+
+    The keys of the table [study] are those that are not ``UNLISTED``.
+    """
 
     title: str = ""
     steps: Annotated[tuple[Step, ...], UNLISTED] = ()

@@ -28,19 +28,14 @@ from ancf_casadi.support.inputs import check_instance, flag, instances, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Displayed, counted, to_json
 from ancf_casadi.version import __version__
-from problems.spec.beam import BEAM_KEYS
-from problems.spec.help import table_help
-from problems.spec.match import MATCH_KEYS
-from problems.spec.motion import MOTION_KEYS, RESPONSE_KEYS, SIMULATION_KEYS
-from problems.spec.plan import PLAN_KEYS
-from problems.spec.records import RECORD_KEYS
-from problems.spec.schema import file_schema
+from problems.spec.schema import file_schema, object_schema
 from problems.study.formatting import formatted_table, numeric_table
 from problems.study.kinds.decays import DecayRecord
+from problems.study.kinds.experiment import RequestedRun
 from problems.study.reading import KINDS, read_study
 from problems.study.results import file_name, labelled, page, results, schema
 from problems.study.runner import run_steps
-from problems.study.step import Finding, LawChoice, Step, Study
+from problems.study.step import Finding, LawChoice, Study
 
 NUMBERED = re.compile(r"(table|figure)_a?\d+\.(csv|svg|png|gif)")  # names of files of tables and figures
 FEW_STEPS = 3  # that run in the process of the command
@@ -100,32 +95,11 @@ class StudyReport(Displayed):
         return f"{str(self.page or '')!r}, {counted(len(self.steps), 'step')}, {counted(len(self.warnings), 'warning')}"
 
 
-def study_keys() -> str:
-    """Return the tables of a study file and their keys."""
-    return "".join((
-        "tables of a TOML file, in SI units; names of files start at its folder:\n",
-        table_help("[study]", "{}", Study),
-        BEAM_KEYS,
-        MATCH_KEYS,
-        MOTION_KEYS,
-        SIMULATION_KEYS,
-        RESPONSE_KEYS,
-        RECORD_KEYS,
-        PLAN_KEYS,
-        table_help("[[decays]]", "measured free decays: {}", DecayRecord),
-        table_help("[[laws]]", "damping laws: {}", LawChoice),
-        table_help("[[steps]]", "the document in order; without it, the steps that the other tables suggest.  Each "
-                   "step has a kind, and may have {}", Step),
-        *(table_help(f'kind = "{kind.kind}"', kind.about, kind, indent=24, base=Step) for kind in KINDS),
-    ))  # fmt: skip
-
-
 def study_schema() -> dict[str, Any]:
     """Return the JSON Schema of a study file."""
-    schema = file_schema(
-        {"study": Study, "laws": LawChoice, "decays": DecayRecord}, {kind.kind: kind for kind in KINDS}
-    )
+    schema = file_schema(Study, {"laws": LawChoice, "decays": DecayRecord}, {kind.kind: kind for kind in KINDS})
     schema["$defs"]["LawChoice"] = {"type": "string", "description": "name of a table [[laws]]"}  # as steps give it
+    schema["$defs"]["RequestedRun"] = object_schema((RequestedRun,), {})
     return schema
 
 

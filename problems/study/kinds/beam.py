@@ -42,9 +42,9 @@ ELEMENT_ROWS = BEAM_ROWS[1:]  # of each element, which a match may change
 @final
 @dataclass(frozen=True, kw_only=True)
 class BeamProperties(Step):
-    """The properties of a beam."""
+    """The properties of the beam."""
 
-    kind, about, heading = "beam", "the properties of [beam]; {}", "The beam"
+    kind, heading = "beam", "The beam"
     naming = ("beam",)
 
     beam: Annotated[str, Meta(description='"STEP"')] = ""
@@ -104,9 +104,9 @@ def properties_finding(beam: Beam, printed: Printed, origin: Finding | None = No
 @final
 @dataclass(frozen=True, kw_only=True)
 class ModesOfBeam(Step):
-    """The lowest modes of a beam."""
+    """Natural frequencies and shapes of the lowest modes of the beam."""
 
-    kind, about, heading = "modes", "natural frequencies and shapes: {}", "Natural modes"
+    kind, heading = "modes", "Natural modes"
     naming = ("beam",)
 
     modes: Annotated[int, Meta(ge=1)] = 5
@@ -186,10 +186,9 @@ def match_plain(beam: Beam, request: dict[str, Any], file: StudyFile = NO_FILE) 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Match(Step, MatchTable):
-    """A beam matched to measured frequencies."""
+    """The nearest beam with measured frequencies; without targets, the keys are those of [match]."""
 
     kind, heading = "match", "Beam matched to measured frequencies"
-    about = "nearest beam with measured frequencies; without targets, the table [match]: {}"
     naming, beam = ("beam",), ""
 
     weightless: Annotated[Positive, Meta(description="density, kg/m^3, of a beam without gravity to show beside")] = 0.0

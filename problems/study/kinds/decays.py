@@ -140,7 +140,7 @@ def _numbers(fit: DecayFit) -> dict[str, Any]:
 class Decays(Step):
     """Free decays, one per mode, and their fits."""
 
-    kind, about, heading = "decays", "free decays: {}", "Free decays"
+    kind, heading = "decays", "Free decays"
 
     law: Literal[Law, "auto"] = "linear"
     rest: Annotated[Rest | None, Meta(description="default: constant; with the law auto the best")] = None

@@ -104,11 +104,10 @@ def simulated(
 @final
 @dataclass(frozen=True, kw_only=True)
 class SimulationStep(TablesStep):
-    """One simulated motion."""
+    """One simulated motion: the tables [[damping]], [base], [load], [release], [simulation], [markers]."""
 
     kind, heading = "simulation", "Simulated motion"
     converter, function, cost = SimulationTables, simulated, 10.0
-    about = "one motion: the tables [[damping]], [base], [load], [release], [simulation]"
     reading = frozenset({"beam", "damping", "base", "load", "release", "simulation", "markers"})
 
     animate: Annotated[bool, Meta(description="with a moving picture")] = False
@@ -216,11 +215,9 @@ def _errors(predictions: Sequence[Mapping[str, Any]]) -> Table:
 @final
 @dataclass(frozen=True, kw_only=True)
 class MotionFit(TablesStep):
-    """A fit to measured large motion."""
+    """A fit to measurements, and predictions: [[damping]], [base], [[records]] and others, [[predictions]], [fit]."""
 
     kind, heading = "motion", "Fit to measured motion"
-    about = ("fit to measured large motion, and predictions: the tables [[damping]], [base], [[records]], "
-             "[[predictions]], [fit]")  # fmt: skip
     reading = MOTION_TABLES
     converter, function, cost = Measurements, fitted, 60.0
 
@@ -244,11 +241,9 @@ def compared(file: StudyFile, formats: tuple[str, ...]) -> Finding:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Comparison(TablesStep):
-    """A comparison of damping laws on measured large motion."""
+    """The law that explains measured motion best, of several [[damping]] or of laws in [fit]; tables as for motion."""
 
     kind, heading = "comparison", "Damping laws compared on measured motion"
-    about = ('the law that explains measured large motion best: the tables of "motion" with several [[damping]], or '
-             "laws in [fit]")  # fmt: skip
     reading = MOTION_TABLES
     converter, function, cost = Measurements, compared, 120.0
 
@@ -292,9 +287,8 @@ def planned(file: StudyFile, formats: tuple[str, ...]) -> Finding:
 @final
 @dataclass(frozen=True, kw_only=True)
 class PlanStep(TablesStep):
-    """The standard errors that candidates will have, and the list that is worth measuring."""
+    """Expected errors of experiments, and the best list: [[damping]], [[candidates]], [fit] (unknowns), [plan]."""
 
     kind, heading = "plan", "Planned experiments"
-    about = "expected errors of experiments: the tables [[damping]], [[candidates]], [fit] (unknowns), [plan]"
     reading = PLAN_TABLES
     converter, function, cost = PlanTables, planned, 20.0

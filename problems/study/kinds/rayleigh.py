@@ -30,9 +30,9 @@ class OtherModes(Spec, frozen=True):
 @final
 @dataclass(frozen=True, kw_only=True)
 class Rayleigh(Step):
-    """Rayleigh damping from the damping ratios of modes."""
+    """Rayleigh damping from the damping ratios of modes, Eq. (17)."""
 
-    kind, about, heading = "rayleigh", "alpha and beta, Eq. (17): {}", "Rayleigh (proportional) damping"
+    kind, heading = "rayleigh", "Rayleigh (proportional) damping"
     naming = ("identified_by",)
 
     frequencies: Annotated[tuple[float, ...], Meta(description="Hz, of the modes to fit")]

@@ -60,11 +60,6 @@ class PlannedChannelSpec(Spec, frozen=True):
     std: Annotated[float, Meta(description="standard deviation")]
     points: Annotated[tuple[float, ...], Meta(description="m, one channel at each")] = ()
 
-    def sensors(self, sensor: SensorSpec, where: str) -> list[Sensor]:
-        """Return the sensor at each of the points."""
-        at_points = [replace(sensor, point=point) for point in self.points] or [sensor]
-        return [placed.make("displacement", where) for placed in at_points]
-
 
 class PlannedMotionSpec(MotionTestSpec, frozen=True, kw_only=True):
     """A motion that could be measured."""
@@ -212,10 +207,7 @@ def _curve(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[]
 
 
 def _sensors(channels: Any) -> tuple[list[Sensor], list[float]]:
-    """Return the sensors of all channels and their standard deviations."""
-    sensors, std = [], []
-    for (channel, sensor), place in channels:
-        at_points = channel.sensors(sensor, place)
-        sensors += at_points
-        std += [channel.std] * len(at_points)
-    return sensors, std
+    """Return the sensors of all channels, one at each of their points, and their standard deviations."""
+    placed = [(replace(sensor, point=point).make("displacement", place), channel.std)
+              for (channel, sensor), place in channels for point in channel.points or (sensor.point,)]  # fmt: skip
+    return [sensor for sensor, _ in placed], [std for _, std in placed]

@@ -26,7 +26,7 @@ from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import ConfigurationSpec
 from ancf_casadi.records.layout import LAYOUT_KEYS, TableLayout
-from ancf_casadi.support.inputs import located, whole
+from ancf_casadi.support.inputs import check_keys, located, whole
 from ancf_casadi.support.specs import Pair, Positive, Spec, convert, keys_of
 from problems.beam.curves.reading import ExcitationUnit
 from problems.beam.curves.record import Control, ResponseRecord, Sweep
@@ -64,25 +64,11 @@ class MotionSpec(MotionTestSpec, frozen=True, kw_only=True):
     )
 
 
-class BaseLevelSpec(Spec, frozen=True):
-    """A harmonic motion of the base at level 1; its frequency has no effect."""
-
-    amplitude: Annotated[float, Meta(description="m")]
-    direction: Pair = (1.0, 0.0)
-
-
-class LoadLevelSpec(Spec, frozen=True):
-    """A harmonic load at the tip at level 1; its frequency has no effect."""
-
-    force: Annotated[Pair, Meta(description="N")]
-    moment: Annotated[float, Meta(description="N m")] = 0.0
-
-
 class CurveTestSpec(Spec, frozen=True):
     """The excitation of a curve of steady vibration, and standard deviations."""
 
-    base: Annotated[BaseLevelSpec | UnsetType, Meta(description="at level 1")] = UNSET
-    load: Annotated[LoadLevelSpec | UnsetType, Meta(description="at level 1")] = UNSET
+    base: Annotated[Table | UnsetType, Meta(description="{amplitude (m), direction} at level 1")] = UNSET
+    load: Annotated[Table | UnsetType, Meta(description="{force (N), moment (N m)} at level 1")] = UNSET
     control: Annotated[Control, Meta(description="quantity that was held")] = "excitation"
     amplitude_std: Values | None = None
     phase_std: Values | None = None
@@ -188,6 +174,9 @@ class FitSpec(Spec, frozen=True):
     ] = UNSET
 
 
+LEVEL_KEYS: dict[str, tuple[Any, set[str]]] = {  # of a harmonic excitation whose frequency has no effect
+    "base": (HarmonicBase, {"amplitude", "direction"}), "load": (HarmonicLoad, {"force", "moment"}),
+}  # fmt: skip
 NUMBERS = ("frequencies", "statics", "curves")  # tables of values, each made on its own
 Record = MotionRecord | FrequencyRecord | StaticRecord | ResponseRecord
 
@@ -316,18 +305,15 @@ def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> Call
 
 def excitation(file: StudyFile, curve: CurveTestSpec, where: str) -> dict[str, HarmonicBase | HarmonicLoad]:
     """Return base or load of a curve, at level 1: those of its table, or else of the file."""
-    in_file = curve.base is UNSET and curve.load is UNSET
-    excitations: dict[str, HarmonicBase | HarmonicLoad] = {}
-    kinds: dict[str, Any] = {"base": (BaseLevelSpec, HarmonicBase), "load": (LoadLevelSpec, HarmonicLoad)}
-    for name, (spec, harmonic) in kinds.items():
-        level, place = getattr(curve, name), f"{where}: {name}"
-        if in_file and name in file.tables:
-            table, place = file.tables[name], file.where(name)
-            keys = {key: table[key] for key in keys_of(spec) & set(table)} if isinstance(table, dict) else table
-            level = convert(keys, spec, place)
-        if level is not UNSET:
-            with located(place):
-                excitations[name] = harmonic(**level.given(), frequency=1.0)
+    own_tables = {name: table for name in LEVEL_KEYS if (table := getattr(curve, name)) is not UNSET}
+    excitations = {}
+    for name, (kind, keys) in LEVEL_KEYS.items():
+        table, place = own_tables.get(name), f"{where}: {name}"
+        if not own_tables and isinstance(table := file.tables.get(name), dict):
+            table, place = {key: table[key] for key in keys & table.keys()}, file.where(name)
+        if table is not None:
+            check_keys(table, set(), keys, place)
+            excitations[name] = convert(table | {"frequency": 1.0}, kind, place)
     return excitations
 
 

@@ -22,7 +22,7 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.mechanics.strain import StrainMeasures
-from ancf_casadi.support.inputs import is_sequence, number, shown, whole
+from ancf_casadi.support.inputs import shown, whole
 from ancf_casadi.support.specs import UNLISTED, convert
 from ancf_casadi.support.tables import Cell, Table
 from problems.spec.beam import read_beam
@@ -31,7 +31,7 @@ from problems.study.compute import Compute
 from problems.study.drawing import Drawing
 
 Terms = tuple[dict[str, Any], ...]  # tables [[damping]], the terms of one law
-Printed = dict[str, Any]  # printed numbers by column
+Printed = Mapping[str, Sequence[float | None]]  # printed numbers by column
 
 
 @dataclass(frozen=True)
@@ -87,21 +87,16 @@ class LawChoice:
 
 
 def printed_numbers(table: Printed, columns: Mapping[str, int], where: str) -> Printed:
-    """Return the printed numbers of a step by column, from its key ``printed``; nan stands for a missing number.
+    """Return the printed numbers of a step by column, from its key ``printed``; None for one that is nan there.
 
     ``columns`` holds the number of rows of each column that may be given.
     """
-    numbers = {}
     for name, values in table.items():
-        place = f"{where}: printed"
         if name not in columns:
-            raise InputError(f"must be one of {', '.join(columns)}, got {shown(name)}", place)
-        if not is_sequence(values):
-            raise InputError(f"must be a list of numbers, got {shown(values)}", f"{place}: {name}")
+            raise InputError(f"must be one of {', '.join(columns)}, got {shown(name)}", f"{where}: printed")
         if len(values) != columns[name]:
-            raise InputError(f"has {len(values)} values for {columns[name]} rows", f"{place}: {name}")
-        numbers[name] = tuple(None if value != value else number(value, f"{place}: {name}") for value in values)
-    return numbers
+            raise InputError(f"has {len(values)} values for {columns[name]} rows", f"{where}: printed: {name}")
+    return {name: [None if number != number else number for number in values] for name, values in table.items()}
 
 
 def beside_printed(

@@ -97,7 +97,7 @@ class StudyReport(Displayed):
 
 def study_schema() -> dict[str, Any]:
     """Return the JSON Schema of a study file."""
-    schema = file_schema(Study, {"laws": LawChoice, "decays": DecayRecord}, {kind.kind: kind for kind in KINDS})
+    schema = file_schema(Study, {"laws": LawChoice, "decays": DecayRecord}, KINDS)
     schema["$defs"]["LawChoice"] = {"type": "string", "description": "name of a table [[laws]]"}  # as steps give it
     schema["$defs"]["RequestedRun"] = object_schema((RequestedRun,), {})
     return schema

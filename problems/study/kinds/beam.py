@@ -26,7 +26,7 @@ from ancf_casadi.support.tables import Cell, Table, to_json
 from ancf_casadi.vibration.modes import STATIONS, Modes, natural_modes
 from problems.matching.frequency_matching import match_frequencies
 from problems.matching.measured_modes import MeasuredModes
-from problems.spec.beam import damping_on
+from problems.spec.beam import DampedBeam
 from problems.spec.file import NO_FILE, StudyFile
 from problems.spec.match import MOST_ELEMENTS, MatchTable, request_of
 from problems.study.compute import Compute
@@ -179,7 +179,9 @@ def match_plain(beam: Beam, request: dict[str, Any], file: StudyFile = NO_FILE) 
     data["density_per_element"] = data["density"]
     data["elastic_modulus"], data["density"] = data["elastic_modulus"][0], data["density"][0]
     model = Model(match.beam)
-    document = Document(model, damping_on(file, model) if file.tables else None, [Identification.of(match)])
+    document = Document(
+        model, DampedBeam.of(file).damping_on(model) if file.tables else None, [Identification.of(match)]
+    )
     return MatchedBeam(BeamSpec.of(match.beam), data, ranges, match.report(), to_json(document.to_dict()))
 
 

@@ -424,7 +424,7 @@ def test_every_command_has_help_and_json(command, capsys):
 def test_the_help_of_studies_names_every_kind(capsys):
     with pytest.raises(SystemExit):
         main(["run", "--keys"])
-    assert re.findall(r'kind\s+=\s+"(\w+)"', capsys.readouterr().out) == [kind.kind for kind in study_module.KINDS]
+    assert re.findall(r'kind\s+=\s+"(\w+)"', capsys.readouterr().out) == list(study_module.KINDS)
 
 
 def one_line(capsys) -> str:

@@ -175,7 +175,7 @@ MISTAKES = {  # what is replaced, by what, and the message after the name of the
     "printed for another beam": ("[500.0, 5.0, 0.5, 8000.0, 210.0]", "[500.0]",
                                  ": [steps]: beam: printed: value: has 1 values for 5 rows"),
     "printed text": ("weak = [1.0]", 'weak = ["1"]',
-                     ": [steps]: swing: printed: weak: must be a finite number, got '1'"),
+                     ": [steps]: swing: printed: weak: 1: must be a number"),
     "targets": ("targets = [1.85, 10.19]", "targets = [1.85, inf]",
                 ": [steps]: match: targets: 2: must be a finite number, got inf"),
     "unknowns": ('width = "global"', 'width = "local"',

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import csv
 import re
 from collections.abc import Callable
 from typing import Any
@@ -84,8 +85,8 @@ def read_record(path: str, options: argparse.Namespace) -> Measurement:
 
 
 def columns(text: str) -> tuple[str, ...]:
-    """Return names or numbers of columns, separated by commas."""
-    return tuple(text.split(","))
+    """Return names or numbers of columns, separated by commas; a name with commas is in quotation marks, as in CSV."""
+    return tuple(next(csv.reader([text], skipinitialspace=True)))
 
 
 def line_numbers(text: str) -> tuple[int, ...]:

@@ -183,8 +183,14 @@ def test_a_curve_without_windows_has_the_law(run, decay, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("options", "what"),
     [
-        ([*"a.csv a.csv".split(), "--law", "auto"], "--law auto: compares the laws on one record"),
-        (["a.csv", "--law", "auto", "--robust"], "--law auto: compares sums of squares; leave out --robust"),
+        (
+            [*"a.csv a.csv".split(), "--law", "auto"],
+            "--law auto: compares sums of squares on one record",
+        ),
+        (
+            ["a.csv", "--law", "auto", "--robust"],
+            "it does not go with --robust",
+        ),
         (["a.csv", "--band", "1"], "--band: must be two frequencies LOW,HIGH"),
         (["a.csv", "--band", "4,2"], "a.csv: band: must be in order, got 4, 2 Hz"),
         (["a.csv", "--band", "a,b"], "argument --band: must be numbers separated by commas, got 'a,b'"),

@@ -175,7 +175,7 @@ class Study:
     text: str = ""  # introduction, paragraphs separated by empty lines
     source: Annotated[str, Meta(description="a reference")] = ""  # of the work that the study follows
     printed_by: Annotated[str, Meta(description="origin of printed numbers")] = "printed"
-    seed: Annotated[int, Meta(ge=0)] = 0  # of all random numbers
+    seed: Annotated[int, UNLISTED] = 0  # of all random numbers
     file: Annotated[StudyFile, UNLISTED] = NO_FILE
     laws: Annotated[tuple[LawChoice, ...], UNLISTED] = ()  # the tables [[laws]]
     beam: Annotated[Beam | None, UNLISTED] = None  # of the file, if a step needs it

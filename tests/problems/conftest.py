@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from ancf_casadi.support.tables import Table
@@ -33,15 +34,25 @@ frequencies = [1.85, 10.19]
 ratios = [0.0100, 0.0028]
 """
 DECAYS = """
+[[decays]]
+file = "mode1.csv"
+
+[[decays]]
+file = "mode2.csv"
+
 [[steps]]
 kind = "decays"
-sample_rate = 200.0
-duration = 2.0
-records = [
-    {synthetic = {frequency = 3.0, damping_ratio = 0.02, amplitude = 0.01}},
-    {synthetic = {frequency = 9.0, damping_ratio = 0.01, amplitude = 0.01}},
-]
 """
+
+
+def write_decays(folder: Path) -> None:
+    """Write the records of ``DECAYS``: damping ratios of 2 % at 3 Hz and 1 % at 9 Hz, and white noise."""
+    rng, time = np.random.default_rng(0), np.arange(0.0, 2.0, 0.005)
+    for mode, (frequency, ratio) in enumerate([(3.0, 0.02), (9.0, 0.01)], start=1):
+        omega = 2 * np.pi * frequency
+        motion = 0.01 * np.exp(-ratio * omega * time) * np.cos(omega * np.sqrt(1 - ratio**2) * time)
+        columns = np.column_stack([time, motion + 0.2e-3 * rng.standard_normal(time.size)])
+        np.savetxt(folder / f"mode{mode}.csv", columns, delimiter=",", header="time_s,tip_m", comments="")
 
 
 @pytest.fixture
@@ -51,6 +62,8 @@ def study_file(tmp_path) -> Callable[..., Path]:
     def write(*pieces: str, name: str = "study.toml") -> Path:
         path = tmp_path / name
         path.write_text("\n".join(pieces), encoding="utf-8")
+        if DECAYS in pieces:
+            write_decays(tmp_path)
         return path
 
     return write
@@ -59,6 +72,7 @@ def study_file(tmp_path) -> Callable[..., Path]:
 def run_in(folder: Path, text: str, *, quick: bool = False, name: str = "study.toml") -> StudyReport:
     """Run a study in the folder ``results`` beside its file."""
     (folder / name).write_text(text, encoding="utf-8")
+    write_decays(folder)
     return run_study(folder / name, folder / "results", quick=quick)
 
 
@@ -100,9 +114,11 @@ def small_study(tmp_path_factory) -> StudyReport:
 name = "proportional"
 terms = [{step = "rayleigh"}]
 
+[match]
+targets = [1.85, 10.19]
+
 [[steps]]
 kind = "match"
-targets = [1.85, 10.19]
 
 [[steps]]
 kind = "transients"

@@ -28,7 +28,6 @@ from ancf_casadi.export import Document, write_document
 from ancf_casadi.support.inputs import numbers
 from problems import Global, MeasuredModes, PerElement, Smooth
 from problems.spec.beam import read_beam, read_damped
-from problems.spec.match import request_of
 from problems.spec.motion import SimulationTables
 from problems.study.reading import read_study
 from tests.problems.conftest import STRIP
@@ -46,7 +45,7 @@ def read_match(path):
     """Return the beam of a file and the arguments of ``match_frequencies`` after it."""
     study = read_study(path, ["match"])
     (step,) = study.steps
-    return study.beam, request_of(step)
+    return study.beam, step.table.request()
 
 
 def beam(**changes) -> Beam:

@@ -17,7 +17,7 @@ from problems.study.results import _numeric, file_name, inline_svg, labelled
 from problems.study.results import page as document
 from problems.study.step import Finding, Study
 from problems.study.study import StudyReport, run_study
-from tests.problems.conftest import BEAM, DECAYS, RAYLEIGH
+from tests.problems.conftest import BEAM, DECAYS, RAYLEIGH, write_decays
 from tests.problems.study.test_runner import Doubles
 
 NASTY = '<script>alert("x")</script> & $\\bad$ {{ 7 * 7 }} black'
@@ -103,6 +103,7 @@ def nasty(tmp_path_factory) -> StudyReport:
     """A study whose every text has the letters of HTML, of formulas and of templates."""
     folder, text = tmp_path_factory.mktemp("nasty"), json.dumps(NASTY)
     head = f"[study]\ntitle = {text}\ntext = {text}\nsource = {text}\nprinted_by = {text}\n"
+    write_decays(folder)
     (folder / "study.toml").write_text(head + BEAM + DECAYS + LAW.replace("TEXT", text), encoding="utf-8")
     return run_study(folder / "study.toml", folder / "results", quick=True, command=f"study {NASTY}")
 

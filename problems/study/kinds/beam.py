@@ -191,8 +191,6 @@ class Match(Step):
 
     kind, heading = "match", "Beam matched to measured frequencies"
     naming, beam = ("beam",), ""
-    reading = frozenset({"beam", "damping"})
-
     printed: Annotated[
         Printed,
         Meta(
@@ -216,7 +214,9 @@ class Match(Step):
         modes = len(table.targets)
         columns = {"standard": modes, "optimum": modes, "value": len(ELEMENT_ROWS)}
         printed = printed_numbers(self.printed, columns, where)
-        return replace(super().checked(study, where), table=table, printed=printed)
+        undamped = DampedBeam.of(study.file).undamped
+        file = NO_FILE if undamped else study.file.only({"beam", "damping"})  # for the document of the matched beam
+        return replace(self, table=table, printed=printed, file=file)
 
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the properties, the frequencies, and both as figures."""

@@ -116,10 +116,7 @@ class TestSimulate:
         [
             ("middle = 0.6", "[markers]: middle: point: the point must be on the beam, 0 to 0.5 m, got 0.6"),
             ('middle = "x"', "[markers]: middle: point: must be a finite number"),
-            (
-                "tip = 0.2",
-                "[markers]: 'tip': a name must be made of letters and digits and differ from time, tip, base",
-            ),
+            ("tip = 0.2", "[markers]: 'tip': a name must be made of letters and digits and differ from time, tip,"),
             ('"a,b" = 0.2', "[markers]: 'a,b': a name must be made of"),
         ],
     )

@@ -138,25 +138,13 @@ class TestBeam:
             ('supports = [{kind = "glue"}]', "supports: 1: kind: must be one of clamp, pin, roller, guide, got 'glue'"),
             ("supports = [{kind = 1}]", "supports: 1: kind: must be a text, got 1"),
             ('supports = [{kind = "pin"}]', "supports: 1: the key 'point' is missing"),
-            (
-                'supports = [{kind = "clamp"}, {kind = "pin", point = 0.5, rotation = 1}]',
-                "supports: 2: unknown key 'rotation'; known are displacement, point",
-            ),
+            ('supports = [{kind = "clamp"}, {kind = "pin", point = 0.5, rotation = 1}]', "supports: 2: unknown key"),
             ('supports = [{kind = "clamp", stiffness = -1}]', "supports: 1: stiffness: must be positive, got -1"),
             ('supports = [{kind = "pin", point = 0.7}]', "supports: the point 0.7 m is not on the beam"),
-            (
-                'supports = [{kind = "pin", point = 0}, {kind = "clamp"}]',
-                "supports: two supports hold the point at 0 m; give one that holds both",
-            ),
-            (
-                'attachments = [{kind = "clamp"}]',
-                "attachments: 1: kind: must be one of mass, spring, rotational_spring, dashpot, got 'clamp'",
-            ),
+            ('supports = [{kind = "pin", point = 0}, {kind = "clamp"}]', "supports: two supports hold the point at"),
+            ('attachments = [{kind = "clamp"}]', "attachments: 1: kind: must be one of mass, spring,"),
             ('attachments = [{kind = "mass", point = 0}]', "attachments: 1: the key 'mass' is missing"),
-            (
-                'attachments = [{kind = "spring", point = 0, stiffness = 3.0}]',
-                "attachments: 1: stiffness: must be a pair of numbers (x, y), got 3.0",
-            ),
+            ('attachments = [{kind = "spring", point = 0, stiffness = 3.0}]', "attachments: 1: stiffness: must be"),
             ("natural_curvature = [1.0]", "natural_curvature: has 1 values for 4 elements"),
         ],
     )
@@ -211,19 +199,10 @@ class TestMatch:
             ("[match]\ntargets = 1\n", "targets: must be a list, got 1"),
             ("[match]\ntargets = [2, 1]\nfrequency_std = 0.1\n", "targets: must be ascending"),
             ("[match]\ntargets = [1]\nunknowns = 3\n", "unknowns: must be a table, got 3"),
-            (
-                "[match]\ntargets = [1]\nunknowns.width = 'all'\n",
-                "unknowns: width: must be one of element, global, got",
-            ),
-            (
-                "[match]\ntargets = [1]\nunknowns.width = {smooth = 2, order = 1}\n",
-                "unknowns: width: unknown key 'order'",
-            ),
+            ("[match]\ntargets = [1]\nunknowns.width = 'all'\n", "unknowns: width: must be one of element, global,"),
+            ("[match]\ntargets = [1]\nunknowns.width = {smooth = 2, order = 1}\n", "unknowns: width: unknown key"),
             ("[match]\ntargets = [1]\nunknowns.width = {element = false}\n", "unknowns: width: must be"),
-            (
-                "[match]\ntargets = [1]\nunknowns.width = 'smooth'\n",
-                "unknowns: width: must be one of element, global, got",
-            ),
+            ("[match]\ntargets = [1]\nunknowns.width = 'smooth'\n", "unknowns: width: must be one of element,"),
             ("[match]\ntargets = [1]\nunknowns.length = 'global'\n", "unknowns: must be one of width"),
             ("[match]\ntargets = [1]\nunknowns.width = {smooth = 'x'}\n", "unknowns: width: smooth: must be a whole"),
         ],
@@ -295,30 +274,15 @@ class TestSimulation:
     @pytest.mark.parametrize(
         ("text", "message"),
         [
-            (
-                "[damping]\neta2 = 0.1\n",
-                r"\[damping\]: the key 'law' is missing; it is one of rayleigh, quadratic, friction, modal",
-            ),
-            (
-                "[damping]\nlaw = 'air'\n",
-                r"\[damping\]: law: must be one of rayleigh, quadratic, friction, modal, sum, got 'air'",
-            ),
+            ("[damping]\neta2 = 0.1\n", r"\[damping\]: the key 'law' is missing; it is one of rayleigh, quadratic,"),
+            ("[damping]\nlaw = 'air'\n", r"\[damping\]: law: must be one of rayleigh, quadratic, friction, modal,"),
             ("[damping]\nlaw = ['modal']\n", r"\[damping\]: law: must be a text, got \['modal'\]"),
-            (
-                "[damping]\nlaw = 'quadratic'\nalpha = 1\n",
-                r"\[damping\]: unknown key 'alpha'; known are air_density, drag_coeff",
-            ),
+            ("[damping]\nlaw = 'quadratic'\nalpha = 1\n", r"\[damping\]: unknown key 'alpha'; known are"),
             ("[damping]\nlaw = 'rayleigh'\nalpha = -1\n", r"\[damping\]: alpha: must not be negative"),
             ("[damping]\nlaw = 'modal'\n", r"\[damping\]: the key 'ratios' is missing"),
-            (
-                "[damping]\nlaw = 'modal'\nratios = 0.01\n",
-                r"\[damping\]: ratios: must be a list, got 0.01",
-            ),
+            ("[damping]\nlaw = 'modal'\nratios = 0.01\n", r"\[damping\]: ratios: must be a list, got 0.01"),
             ("[damping]\nlaw = 'modal'\nratios = []\n", r"\[damping\]: ratios: must be a list of 1 or more, got \[\]"),
-            (
-                "[damping]\nlaw = 'modal'\nratios = [1.0]\n",
-                r"\[damping\]: ratios: 1: must be at least 0 and below 1",
-            ),
+            ("[damping]\nlaw = 'modal'\nratios = [1.0]\n", r"\[damping\]: ratios: 1: must be at least 0 and below 1"),
             (f"[damping]\nlaw = 'modal'\nratios = {[0.01] * 17}\n", r"\[damping\]: ratios: has 17 values for 16 modes"),
             ("[damping]\nlaw = 'modal'\nratios = [0.01]\nfrequencies = [1, 2]\n", r"frequencies: has 2 values for 1"),
             ("[base]\namplitude = 1e-3\n", r"\[base\]: the key 'frequency' is missing"),

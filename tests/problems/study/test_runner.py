@@ -214,7 +214,7 @@ for k in range(40):
 @pytest.mark.skipif(os.name != "posix", reason="kill -9 is a signal of POSIX")
 def test_a_study_that_is_killed_at_any_of_40_instants_continues(study_file, tmp_path):
     """The same numbers as in one run; no finished computation is repeated, and no damaged one is used."""
-    path = study_file(BEAM, DECAYS, RAYLEIGH, '[[steps]]\nkind = "modes"\n')
+    path = study_file(DECAYS, RAYLEIGH)
     subprocess.run([sys.executable, "-c", KILLED_RUNS], cwd=tmp_path, check=True, timeout=300)
     whole = without_times(json.loads((tmp_path / "whole" / "results.json").read_text()))
     counts = set()

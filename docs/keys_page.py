@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
+from problems.spec.help import Schema, sections
 from problems.study.study import study_schema
 
 HEAD = """\
@@ -23,14 +23,13 @@ KINDS = {"number": "number", "integer": "whole number", "string": "text", "boole
 def write_keys_page(path: Path) -> None:
     """Write the page."""
     schema = study_schema()
-    sections = [_section(name, table, schema["$defs"]) for name, table in schema["properties"].items()]
-    path.write_text("\n".join([HEAD, *sections]), encoding="utf-8")
+    texts = [_section(head, kinds, schema["$defs"]) for head, kinds in sections(schema)]
+    path.write_text("\n".join([HEAD, *texts]), encoding="utf-8")
 
 
-def _section(name: str, table: dict[str, Any], definitions: dict[str, Any]) -> str:
-    several = any(alternative.get("type") == "array" for alternative in table.get("anyOf", ()))
-    lines = [f"## [[{name}]]" if several else f"## [{name}]", ""]
-    for kind in _tables(table, definitions):
+def _section(head: str, kinds: list[Schema], definitions: Schema) -> str:
+    lines = [f"## {head}", ""]
+    for kind in kinds:
         tags = [
             f"{key} = {json.dumps(value['const'])}" for key, value in kind["properties"].items() if "const" in value
         ]
@@ -50,16 +49,7 @@ def _section(name: str, table: dict[str, Any], definitions: dict[str, Any]) -> s
     return "\n".join(lines)
 
 
-def _tables(schema: dict[str, Any], definitions: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the tables with keys among the alternatives of a schema, and among those to which it refers."""
-    if "$ref" in schema:
-        return _tables(definitions[schema["$ref"].rpartition("/")[2]], definitions)
-    if "anyOf" in schema:
-        return [table for alternative in schema["anyOf"] for table in _tables(alternative, definitions)]
-    return [schema] if "properties" in schema else []
-
-
-def _kind(schema: dict[str, Any], definitions: dict[str, Any]) -> str:
+def _kind(schema: Schema, definitions: Schema) -> str:
     """Return the values that a schema allows, in words."""
     if "$ref" in schema:
         return _kind(definitions[schema["$ref"].rpartition("/")[2]], definitions)

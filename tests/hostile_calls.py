@@ -125,7 +125,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
     level_read = columns_read | {"path": folder / "sweep.csv", "level": 2, "level_unit": "N", "sensor": None}
     (folder / "a.toml").write_text("[beam]\n" + "".join(f"{key} = {value}\n" for key, value in uniform.items()))
     (folder / "study.toml").write_text(
-        '[[parts]]\nkind = "rayleigh"\nfrequencies = [1.85, 10.19]\nratios = [0.01, 0.0028]\n'
+        '[[steps]]\nkind = "rayleigh"\nfrequencies = [1.85, 10.19]\nratios = [0.01, 0.0028]\n'
     )
     export.write_document(folder / "a.json", export.Document(model, rayleigh))
     functions = export.beam_functions(model, modes=1)

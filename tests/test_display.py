@@ -115,7 +115,7 @@ density = 8000.0
 elastic_modulus = 210e9
 elements = 4
 
-[[parts]]
+[[steps]]
 kind = "beam"
 """
 

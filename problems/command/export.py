@@ -58,6 +58,16 @@ SIMULATORS: dict[str, Callable[..., ExportedBeam]] = {
 }
 
 
+SIMULATOR_OPTIONS, DOCUMENT_OPTIONS = ("segments", "tolerance", "amplitude"), ("identification", "data")
+REFUSED = {  # options by format
+    **dict.fromkeys(("fmu", "co-simulation"), SIMULATOR_OPTIONS),
+    **dict.fromkeys(("c", "casadi"), (*SIMULATOR_OPTIONS, *DOCUMENT_OPTIONS)),
+    **dict.fromkeys(SIMULATORS, ("markers", "reduced", *DOCUMENT_OPTIONS)),
+    "json": (*SIMULATOR_OPTIONS, "markers", "reduced"),
+    "exudyn": ("segments", "markers", "reduced", *DOCUMENT_OPTIONS),
+}
+
+
 def add_export(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.epilog = "ancf-casadi run --keys lists the keys of the tables"
@@ -91,8 +101,14 @@ def run_export(options: argparse.Namespace) -> Output:
     with located("--markers"):
         for marker in options.markers:
             source.model.element_at(marker)
-    beam = _simulator(source, options)
-    paths = _export(source, options) if beam is None else [options.out]
+    for name in REFUSED[options.format]:
+        if getattr(options, name) not in (None, (), []):
+            raise InputError(f"does not apply to {options.format}; leave it out, or choose another format", f"--{name}")
+    beam: ExportedBeam | None = None
+    if options.format in SIMULATORS:
+        settings = {name: value for name in SIMULATOR_OPTIONS if (value := getattr(options, name)) is not None}
+        beam = SIMULATORS[options.format](source.model, options.out, damping=source.damping, **settings)
+    paths = [options.out] if beam else _export(source, options)
     files = [{"path": str(path), "bytes": path.stat().st_size} for path in paths]
     advice = DAMP_DOCUMENT.format(file=options.file) if options.file.endswith(".json") else DAMP_TABLES
     notes = [] if source.damping else [UNDAMPED.format(file=options.file, advice=advice)]
@@ -104,32 +120,10 @@ def run_export(options: argparse.Namespace) -> Output:
     return Output(lambda: data | {"beam": beam.to_dict()}, lambda: f"{text}\n\n{beam.report()}")
 
 
-def _simulator(source: Document, options: argparse.Namespace) -> ExportedBeam | None:
-    """Write a beam for a simulator, and return its account; None for another format, which has no such options."""
-    settings = {name: getattr(options, name) for name in ("segments", "tolerance", "amplitude")}
-    settings = {name: value for name, value in settings.items() if value is not None}
-    if options.format not in SIMULATORS:
-        for name in settings:
-            raise InputError(f"does not apply to {options.format}; choose {', '.join(SIMULATORS)}", f"--{name}")
-        return None
-    if "segments" in settings and options.format == "exudyn":
-        raise InputError("does not apply to exudyn, which has the elements of the beam", "--segments")
-    for name in ("markers", "reduced", "identification", "data"):
-        if getattr(options, name):
-            raise InputError(f"cannot be kept for {options.format}; choose another format", f"--{name}")
-    return SIMULATORS[options.format](source.model, options.out, damping=source.damping, **settings)
-
-
 def _export(source: Document, options: argparse.Namespace) -> Sequence[Path]:
     """Write a beam and its damping, and return the files."""
     form, out, markers, modes = options.format, options.out, options.markers, options.reduced
     identifications = _identifications(options.identification, options.data)
-    if identifications and form in ("c", "casadi"):
-        raise InputError(f"cannot be kept in {form}; choose json, fmu or co-simulation", "--identification")
-    if markers and form == "json":
-        raise InputError("a JSON document has no outputs; choose another format", "--markers")
-    if modes is not None and form == "json":
-        raise InputError("a JSON document holds the full beam; choose another format", "--reduced")
     document = replace(
         source,
         identifications=[*source.identifications, *identifications],

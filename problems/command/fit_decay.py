@@ -84,7 +84,10 @@ def run_fit_decay(options: argparse.Namespace) -> Output:
         times = [None] * len(records)
         _check_outputs(options, len(records))
     if options.modes is not None:
-        return _modes(options, options.files[0], records[0], times[0])
+        with located(options.files[0]):
+            return result_output(
+                fit_modes(records[0], modes=options.modes or None, release_time=times[0]), options.plot
+            )
     isolated: list[IsolatedMode] = []
     if options.band is not None:
         for path, record, time in zip(options.files, records, times, strict=True):
@@ -99,44 +102,29 @@ def _check_outputs(options: argparse.Namespace, count: int) -> None:
     new_files(options.files, *_numbered(options.plot, count), *_numbered(options.curve, count))
 
 
-def _modes(options: argparse.Namespace, file: str, record: Measurement, release: float | None) -> Output:
-    """Fit several modes to the record of a file."""
-    with located(file):
-        fits = fit_modes(record, modes=options.modes or None, release_time=release)
-    return result_output(fits, options.plot)
-
-
 def _check(options: argparse.Namespace) -> None:
     """Refuse options that do not go together."""
-    several = len(options.files) > 1
-    if options.release == "all":
-        excluded = {"--release-time": options.release_time, "--modes": options.modes, "--band": options.band,
-                  _automatic(options): _automatic(options) or None}  # fmt: skip
-        for name, value in excluded.items():
-            if value is not None:
-                raise InputError(
-                    f"fits one mode by one law to all releases; it does not go with {name}", "--release all"
-                )
-    if automatic := _automatic(options):
-        if options.robust:
-            raise InputError("compares sums of squares; leave out --robust", automatic)
-        if several:
-            raise InputError("compares the laws on one record; give one file, or choose a law", automatic)
+    automatic, several = _automatic(options), len(options.files) > 1
+    excluded: dict[str, tuple[bool, str, dict[str, bool]]] = {  # by option: whether it is given, and what it does
+        "--release all": (options.release == "all", "fits one mode by one law to all releases", {
+            **{f"--{name.replace('_', '-')}": getattr(options, name) is not None
+               for name in ("release_time", "modes", "band")}, automatic: bool(automatic),
+        }),
+        "--modes": (options.modes is not None, "fits modes with linear damping to one record", {
+            "several files": several, f"--law {options.law}": options.law != "linear", "--robust": options.robust,
+            **{f"--{name.replace('_', '-')}": getattr(options, name) is not None
+               for name in ("frequency_law", "rest", "band", "curve")},
+        }),
+        automatic: (bool(automatic), "compares sums of squares on one record", {
+            "several files": several, "--robust": options.robust,
+        }),
+    }  # fmt: skip
+    for option, (given, action, others) in excluded.items():
+        for name, present in others.items():
+            if given and present:
+                raise InputError(f"{action}; it does not go with {name}", option)
     if options.band is not None and len(options.band) != 2:
         raise InputError("must be two frequencies LOW,HIGH", "--band")
-    if options.modes is not None:
-        excluded = {
-            "several files": several,
-            f"--law {options.law}": options.law != "linear",
-            "--frequency-law": options.frequency_law is not None,
-            "--rest": options.rest is not None,
-            "--robust": options.robust,
-            "--band": options.band is not None,
-            "--curve": options.curve is not None,
-        }
-        for name, present in excluded.items():
-            if present:
-                raise InputError(f"fits modes with linear damping to one record; it does not go with {name}", "--modes")
 
 
 def _automatic(options: argparse.Namespace) -> str:
@@ -176,10 +164,10 @@ def _fitted(
     if isolated:
         extra["subtracted_hz"] = [[subtracted.frequency for subtracted in mode.others] for mode in isolated]
     files: list[Callable[[], object]] = []
-    for path, fit in zip(_numbered(options.plot, len(fits)), fits, strict=True):
-        files += figure_writers(path, fit.figure)
-    for path, fit in zip(_numbered(options.curve, len(fits)), fits, strict=True):
-        files += file_writers(path, partial(_curve, fit))
+    for plot, fit in zip(_numbered(options.plot, len(fits)), fits, strict=True):
+        files += figure_writers(plot, fit.figure)
+    for curve, fit in zip(_numbered(options.curve, len(fits)), fits, strict=True):
+        files += file_writers(curve, partial(_curve, fit))
     return Output(lambda: fits[0].to_dict() | extra, lambda: "\n".join([text, *lines]), files)
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import csv
+import io
 import math
 import shlex
 from collections.abc import Mapping, Sequence
@@ -239,9 +241,11 @@ def _command(name: str, options: argparse.Namespace, column: str | int | None) -
     values = {key: getattr(options, key) for key in (*FILE_KEYS, "sensor")} | {"column": column}
     for key, value in values.items():
         if value is not None:
-            several = value if isinstance(value, tuple) else (value,)
-            text = ",".join(map(str, several))
-            words += [f"--{key.replace('_', '-')}", text]
+            text = io.StringIO(str(value))
+            if isinstance(value, tuple):
+                text = io.StringIO()
+                csv.writer(text, lineterminator="").writerow(value)
+            words += [f"--{key.replace('_', '-')}", text.getvalue()]
     return shlex.join(words)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import csv
 import re
 from collections.abc import Callable
 from typing import Any
@@ -17,7 +18,6 @@ from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.specs import alternatives, listed_fields
 from problems.command.output import comma_numbers, finite, positive_count
-from problems.spec.help import description
 from problems.spec.record_files import ChannelSpec, SensorSpec
 
 MOST_LINES = 100_000  # lines that an option may leave out
@@ -30,8 +30,9 @@ def add_keys(parser: Any, table: type, *names: str) -> None:
     """Add keys of a declared table as options."""
     declared = {field.encode_name: field for field in listed_fields(table)}
     for name in names:
-        text = description(declared[name])
-        arguments = _argument(alternatives(declared[name].type), text)
+        kind = declared[name].type
+        text = (kind.extra_json_schema or {}).get("description", "") if isinstance(kind, types.Metadata) else ""
+        arguments = _argument(alternatives(kind), text)
         parser.add_argument(f"--{name.replace('_', '-')}", **arguments)
 
 
@@ -84,8 +85,8 @@ def read_record(path: str, options: argparse.Namespace) -> Measurement:
 
 
 def columns(text: str) -> tuple[str, ...]:
-    """Return names or numbers of columns, separated by commas."""
-    return tuple(text.split(","))
+    """Return names or numbers of columns, separated by commas; a name with commas is in quotation marks, as in CSV."""
+    return tuple(next(csv.reader([text], skipinitialspace=True)))
 
 
 def line_numbers(text: str) -> tuple[int, ...]:

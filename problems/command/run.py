@@ -15,18 +15,28 @@ if TYPE_CHECKING:
 
 def add_run(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    from problems.study.study import study_keys
-
-    parser.add_argument("--keys", action="version", version=study_keys(), help="list all tables and their keys")
+    parser.add_argument("--keys", action=_Keys, nargs=0, help="list all tables and their keys")
     parser.add_argument("file", metavar="STUDY.toml", help="the study, or a JSON document; init writes a file")
     parser.add_argument(
         "steps",
         nargs="*",
         metavar="STEP",
-        help="tables or parts to run, with what they need: decays, modes, match, simulation, response, fit, compare, "
-        "plan, or the name of a part (default: all that the file has)",
+        help="steps to run, with what they need: decays, modes, match, simulation, response, fit, compare, "
+        "plan, or the name of a step (default: all that the file has)",
     )
     _add_options(parser, out=None, files="write report.html, results.json, tables, figures and further files")
+
+
+class _Keys(argparse.Action):
+    """The option ``--keys``, which prints the keys and exits."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *values: Any) -> None:
+        """Print the keys."""
+        from problems.spec.help import keys_help
+        from problems.study.study import study_schema  # slow to import
+
+        print(keys_help(study_schema()), end="")
+        parser.exit()
 
 
 def add_reproduce(parser: argparse.ArgumentParser) -> None:
@@ -43,7 +53,7 @@ def _add_options(parser: argparse.ArgumentParser, *, out: Path | None, files: st
         "--jobs",
         type=positive_count,
         metavar="N",
-        help="processes (default: all cores for more than three parts; else this one, which shows progress of fits)",
+        help="processes (default: all cores for more than three steps; else this one, which shows progress of fits)",
     )
 
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from ancf_casadi.mechanics.beam import Beam
 from problems.modal_damping.rayleigh import fit_rayleigh
+from problems.spec.match import MatchTable
 from problems.study.compute import Compute
 from problems.study.kinds.beam import MatchedBeam, match_plain
 from problems.study.kinds.experiment import RequestedRun
@@ -51,7 +52,7 @@ def three_laws() -> tuple[LawChoice, LawChoice, LawChoice]:
 
 def match_standard_beam(compute: Compute) -> MatchedBeam:
     """Change the standard beam by at most 10 %, to have the measured frequencies: Tables 9 and 10."""
-    return compute(match_plain, STANDARD_BEAM, {"targets": FREQUENCIES, "bounds": 0.10}, cost=2.0)
+    return compute(match_plain, STANDARD_BEAM, MatchTable(targets=FREQUENCIES, bounds=0.10), cost=2.0)
 
 
 def matched_beam(compute: Compute) -> Beam:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from problems.paper.inputs import FREQUENCIES, STANDARD_BEAM
 from problems.paper.step import paper_step
+from problems.spec.match import MatchTable
 from problems.study.compute import Compute
 from problems.study.kinds.beam import match_finding, match_plain
 from problems.study.step import Finding
 
-REQUEST = {
-    "targets": FREQUENCIES,
-    "bounds": 0.10,
-    "objective": "worst-error",
-    "unknowns": dict.fromkeys(("width", "thickness", "density", "elastic_modulus"), "global"),
-}
+UNIFORM = MatchTable(
+    targets=FREQUENCIES,
+    bounds=0.10,
+    objective="worst-error",
+    unknowns=dict.fromkeys(("width", "thickness", "density", "elastic_modulus"), "global"),
+)
 
 
 @paper_step(
@@ -26,4 +27,4 @@ frequencies. The smallest possible largest error is about 3 %; with one value pe
 )
 def uniform_beam(compute: Compute) -> Finding:
     """Return the uniform beam with the smallest largest error."""
-    return match_finding(compute, STANDARD_BEAM, compute(match_plain, STANDARD_BEAM, REQUEST, cost=2.0))
+    return match_finding(compute, STANDARD_BEAM, compute(match_plain, STANDARD_BEAM, UNIFORM, cost=2.0))

@@ -10,33 +10,20 @@ from typing import Annotated, Any
 from msgspec import Meta
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, SumOfLaws
-from ancf_casadi.damping.spec import FrictionSpec, LawSpec, ModalSpec, QuadraticSpec, RayleighSpec, sum_laws
+from ancf_casadi.damping.spec import LawSpec, sum_laws
 from ancf_casadi.export.model_document import Document, read_document
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.spec import AttachmentSpec, BeamSpec, SupportSpec
+from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.specs import Spec, convert
 from ancf_casadi.vibration.modes import natural_modes
 from problems.spec.file import StudyFile, is_document
-from problems.spec.help import table_help, tagged_help
 
 
 class DocumentName(Spec, frozen=True):
-    """A beam in a JSON document."""
+    """Or a beam with its damping in a JSON document."""
 
     document: Annotated[str, Meta(description='"BEAM.json", beside this file')]
-
-
-PROPERTY_KEYS = table_help(
-    "[beam]",
-    "{}; a property is one number, or a list with one value per element; supports = []: a free beam.  Or only {}: a "
-    "JSON document with a beam and its damping",
-    BeamSpec,
-    DocumentName,
-)
-PART_KEYS = tagged_help("[[beam.supports]]", SupportSpec) + tagged_help("[[beam.attachments]]", AttachmentSpec)
-DAMPING_KEYS = tagged_help("[[damping]]", RayleighSpec | QuadraticSpec | FrictionSpec | ModalSpec)
-BEAM_KEYS = PROPERTY_KEYS + PART_KEYS + DAMPING_KEYS
 
 
 @dataclass(frozen=True)
@@ -78,6 +65,14 @@ class DampedBeam:
         """The sum of the laws of the tables, or the law of the document."""
         return sum_laws(self.laws) or self.source.damping
 
+    def damping_on(self, model: Model) -> DampingLaw | None:
+        """Return the damping law of another beam; modal laws take the modes of that beam."""
+        law = self.source.damping
+        laws = law.laws if isinstance(law, SumOfLaws) else [law] if law else []
+        modal = [ModalDamping(natural_modes(model, count=len(law.ratios)), law.ratios)
+                 if isinstance(law, ModalDamping) else law for law in laws]  # fmt: skip
+        return sum_laws([*(term.law(model, self.where) for term in self.terms), *modal])
+
 
 def read_beam(source: str | StudyFile) -> Document:
     """Read the beam of a TOML file, or the JSON document that holds it with its damping."""
@@ -96,22 +91,6 @@ def read_damped(source: str | StudyFile) -> Document:
     """Read a beam and its damping; the damping of a document holds unless the file has its own."""
     beam = DampedBeam.of(StudyFile.of(source))
     return replace(beam.source, damping=beam.damping)
-
-
-def damping_on(source: str | StudyFile, model: Model) -> DampingLaw | None:
-    """Return the damping of a file on another beam than that of the file; modal laws take the modes of that beam."""
-    file = StudyFile.of(source)
-    if "damping" in file.tables:
-        return law_of(file.several("damping"), model, file.where("damping"))
-    law = read_beam(file).damping
-    return sum_laws(
-        [
-            ModalDamping(natural_modes(model, count=len(term.ratios)), term.ratios)
-            if isinstance(term, ModalDamping)
-            else term
-            for term in (law.laws if isinstance(law, SumOfLaws) else () if law is None else (law,))
-        ]
-    )
 
 
 def law_of(terms: Sequence[Any], model: Model, where: str) -> DampingLaw | None:

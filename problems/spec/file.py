@@ -20,7 +20,7 @@ from ancf_casadi.support.inputs import check_keys
 from ancf_casadi.support.specs import convert, keys_of
 
 FILE_TABLES = set(
-    "beam match damping base load release simulation response markers records frequencies predictions fit study parts"
+    "beam match damping base load release simulation response markers records frequencies predictions fit study steps"
     " laws decays statics curves plan candidates".split()
 )  # fmt: skip
 
@@ -31,23 +31,30 @@ def convert_groups(table: Any, where: str, *kinds: Any, shared: Set[str] = froze
     return tuple(convert({key: table[key] for key in keys_of(kind) & table.keys()}, kind, where) for kind in kinds)
 
 
-class RecordFiles(Struct, frozen=True, dict=True):
-    """Files of measurements, each of which is opened when a step needs it, and once.
+Recordings = dict[tuple[str, TableLayout], Recording]  # contents of files by path and layout
 
-    A copy in another process, and the key of a kept computation, hold the contents that a step has read, and no others.
+
+class RecordFiles(Struct, dict=True):
+    """The files of measurements that a step has read.
+
+    A copy in another process, and the key of a kept computation, hold their contents.
     """
 
-    contents: tuple[tuple[str, TableLayout, Recording], ...] = ()
+    contents: Recordings = {}
 
     @cached_property
-    def _recordings(self) -> dict[tuple[str, TableLayout], Recording]:
-        return {(path, layout): recording for path, layout, recording in self.contents}
+    def opened(self) -> Recordings:
+        """Contents that the steps of a study share, so that each file is opened once."""
+        return {}
 
     def recording(self, path: str, layout: TableLayout) -> Recording:
         """Return the columns of a file."""
-        if (path, layout) not in self._recordings:
-            self._recordings[path, layout] = read_contents(path, layout=layout, progress=True)
-        return self._recordings[path, layout]
+        key = path, layout
+        if key not in self.contents:
+            if key not in self.opened:
+                self.opened[key] = read_contents(path, layout=layout, progress=True)
+            self.contents[key] = self.opened[key]
+        return self.contents[key]
 
 
 @dataclass(frozen=True)
@@ -68,6 +75,8 @@ class StudyFile:
         if isinstance(source, StudyFile):
             return source
         tables = {"beam": {"document": Path(source).name}} if is_document(source) else read_toml(source)
+        if "parts" in tables:
+            raise InputError("the table [[parts]] is now [[steps]]", source)
         check_keys(tables, set(required), FILE_TABLES, source)
         return cls(source, tables)
 
@@ -102,8 +111,10 @@ class StudyFile:
         return self.beside(name) if isinstance(name, str) else None
 
     def only(self, names: Set[str]) -> StudyFile:
-        """Return the file with the tables of the given names alone, as far as they are there."""
-        file = replace(self, tables={name: table for name, table in self.tables.items() if name in names})
+        """Return the file with the tables of the given names alone, as far as they are there, for a step."""
+        tables = {name: table for name, table in self.tables.items() if name in names}
+        file = replace(self, tables=tables, record_files=RecordFiles())
+        file.record_files.opened = self.record_files.opened
         content = b"" if file.document is None else read_bytes(file.document)
         return replace(file, document_hash=hashlib.sha256(content).hexdigest() if content else "")
 

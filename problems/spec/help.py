@@ -1,62 +1,67 @@
-"""The help on tables, made from their declarations."""
+"""The help on the tables of a file, made from their JSON Schema."""
 
 from __future__ import annotations
 
+import json
 import textwrap
-import typing
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from msgspec import inspect as types
-
-from ancf_casadi.support.specs import alternatives, listed_fields, plain
-
-Kinds = Mapping[str, tuple[Any, ...]]  # the declarations of each kind of a table, whose keys stand side by side
+Schema = Mapping[str, Any]
 
 
-def table_help(head: str, text: str, *declared: type, indent: int = 16, base: type | None = None) -> str:
-    """Return the help on a table: its head, and beside it a text in which each {} stands for the keys of a class."""
-    full = f"  {head} ".ljust(indent) + text.format(*(", ".join(described_keys(kind, base)) for kind in declared))
-    return _folded(full, 80, " " * indent) + "\n"
+def keys_help(schema: Schema) -> str:
+    """Return all tables with their keys as text."""
+    lines = ["tables of a TOML file, in SI units; names of files start at its folder:"]
+    fold = textwrap.TextWrapper(80, " " * 6, " " * 8, break_long_words=False, break_on_hyphens=False).wrap
+    for head, kinds in sections(schema):
+        lines.append(f"  {head}")
+        first, *others = [kind["properties"] for kind in kinds]
+        shared = {
+            key: value for key, value in first.items() if others and all(keys.get(key) == value for keys in others)
+        }
+        lines += fold(f"each has {_described(shared)}") if shared else []
+        for kind in kinds:
+            keys = {key: value for key, value in kind["properties"].items() if key not in shared}
+            text = kind["description"].rstrip(".")
+            lines += fold(": ".join([text, _described(keys)]) if keys else text)
+    return "\n".join(lines) + "\n"
 
 
-def kinds_help(head: str, kinds: Kinds) -> str:
-    """Return the help on a table of several kinds."""
-    keys = {name: [key for kind in declared for key in described_keys(kind)] for name, declared in kinds.items()}
-    lines = [_folded(f"{name}: {', '.join(listed)}", 64) for name, listed in keys.items()]
-    return f"  {head}\n" + textwrap.indent("\n".join(lines), " " * 16) + "\n"
+def sections(schema: Schema) -> Iterator[tuple[str, list[Schema]]]:
+    """Yield each table, and each within it, with the alternatives of its keys; equal tables once."""
+    listed: list[list[Schema]] = []
+    for name, table in schema["properties"].items():
+        properties = [item for kind in tables(table, schema["$defs"]) for item in kind["properties"].items()]
+        for place, inner in ((name, table), *((f"{name}.{key}", value) for key, value in properties)):
+            kinds = tables(inner, schema["$defs"])
+            if kinds and kinds not in listed:
+                listed.append(kinds)
+                several = any(alternative.get("type") == "array" for alternative in (inner, *inner.get("anyOf", ())))
+                yield f"[[{place}]]" if several else f"[{place}]", kinds
 
 
-def tagged_help(head: str, kinds: Any) -> str:
-    """Return the help on a table of several kinds, which a key tells apart."""
-    infos: list[Any] = [plain(types.type_info(kind)) for kind in typing.get_args(kinds)]
-    return kinds_help(head, {f'{info.tag_field} = "{info.tag}"': (info.cls,) for info in infos})
+def tables(schema: Schema, definitions: Schema) -> list[Schema]:
+    """Return the tables with keys among the alternatives of a schema, and among those to which it refers."""
+    if "$ref" in schema:
+        return tables(definitions[schema["$ref"].rpartition("/")[2]], definitions)
+    found = [schema] if "properties" in schema else []
+    for inner in (*schema.get("anyOf", ()), schema.get("items"), schema.get("additionalProperties")):
+        found += [table for table in tables(inner, definitions) if table not in found] if inner else []
+    return found
 
 
-def _folded(text: str, width: int, indent: str = "") -> str:
-    return textwrap.fill(text, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
-
-
-def described_keys(kind: type, base: type | None = None) -> list[str]:
-    """Return the keys that a class declares beyond its base, each with its description."""
-    base_keys = described_keys(base) if base else []
-    return [key for field in listed_fields(kind) if (key := _described(field)) not in base_keys]
-
-
-def description(field: types.Field) -> str:
-    """Return the description of a key; empty if it has none."""
-    declared = field.type
-    return (declared.extra_json_schema or {}).get("description", "") if isinstance(declared, types.Metadata) else ""
-
-
-def _described(field: types.Field) -> str:
-    """Return a key with its description, or the names that it may have."""
-    note = description(field)
-    for kind in alternatives(field.type):
-        if isinstance(kind, types.LiteralType):
-            note = note or " or ".join(f'"{value}"' for value in kind.values if value)
-        elif isinstance(kind, types.BoolType):
-            note = f"true or false{note and f': {note}'}"
-    if note[:1] in ("[", "{"):
-        return f"{field.encode_name} = {note}"
-    return f"{field.encode_name} ({note})" if note else field.encode_name
+def _described(properties: Schema) -> str:
+    """Return keys with their descriptions, or with the values that they may have."""
+    texts = []
+    for key, value in properties.items():
+        note = value.get("description", "")
+        for kind in value.get("anyOf", (value,)):
+            if choices := kind.get("enum"):
+                note = note or " or ".join(json.dumps(name) for name in choices if name)
+            elif kind.get("type") == "boolean":
+                note = f"true or false{note and f': {note}'}"
+        assigned = "const" in value or note[:1] in ("[", "{")
+        note = json.dumps(value["const"]) if "const" in value else note
+        texts.append(f"{key} = {note}" if assigned else f"{key} ({note})" if note else key)
+    return ", ".join(texts)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
 from typing import Annotated, Any, Literal
 
-from msgspec import Meta, field
+from msgspec import UNSET, Meta, UnsetType, field
 
-from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.specs import NotNegative, Positive, Spec
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.response import Objective
 from problems.matching.unknowns import Global, PerElement, PropertyUnknown, Smooth
-from problems.spec.help import table_help
 
 RelativeBounds = Annotated[float, Meta(gt=0.0, le=1.0)]
 Deviations = float | tuple[float | tuple[float, ...], ...]
@@ -43,46 +40,33 @@ class UnknownSpec(Spec, frozen=True):
 KINDS = {"global": UnknownSpec(all_elements=True), "element": UnknownSpec(element=True)}
 
 
-@dataclass(frozen=True, kw_only=True)
-class MatchTable:
-    """Targets and unknowns of a frequency matching; None for keys that are not given."""
+class MatchTable(Spec, frozen=True, kw_only=True):
+    """Targets and unknowns of a frequency matching."""
 
-    targets: Annotated[tuple[Positive, ...] | None, Meta(description="Hz")] = None
-    frequency_std: Annotated[Positive | tuple[Positive, ...] | None, Meta(description="Hz")] = None
-    points: Annotated[tuple[NotNegative, ...] | None, Meta(description="m, of measured shapes")] = None
-    shapes: tuple[tuple[float, ...], ...] | None = None
-    shape_std: Deviations | None = None
-    bounds: Annotated[RelativeBounds | None, Meta(description="largest relative change")] = None
-    objective: Objective | None = None
+    targets: Annotated[tuple[Positive, ...], Meta(description="Hz")]
+    frequency_std: Annotated[Positive | tuple[Positive, ...] | UnsetType, Meta(description="Hz")] = UNSET
+    points: Annotated[tuple[NotNegative, ...] | UnsetType, Meta(description="m, of measured shapes")] = UNSET
+    shapes: tuple[tuple[float, ...], ...] | UnsetType = UNSET
+    shape_std: Deviations | UnsetType = UNSET
+    bounds: Annotated[RelativeBounds | UnsetType, Meta(description="largest relative change")] = UNSET
+    objective: Objective | UnsetType = UNSET
     priors: Annotated[
-        dict[str, Any] | None,
+        dict[str, Any] | UnsetType,
         Meta(description='{density = [7850.0, 50.0]}, or [MEDIAN, RELATIVE STD, "log-normal"]'),
-    ] = None
-    starts: Annotated[int, Meta(ge=1)] | None = None
-    seed: Annotated[int, Meta(ge=0)] | None = None
+    ] = UNSET
+    starts: Annotated[int, Meta(ge=1)] | UnsetType = UNSET
+    seed: Annotated[int, Meta(ge=0)] | UnsetType = UNSET
     unknowns: Annotated[
-        dict[str, Literal["global", "element"] | UnknownSpec] | None,
+        dict[str, Literal["global", "element"] | UnknownSpec] | UnsetType,
         Meta(description='{width = "element", density = "global", thickness = {smooth = 3, relative_bounds = 0.05}}'),
-    ] = None
+    ] = UNSET
 
-    @property
     def request(self) -> dict[str, Any]:
-        """The keys that are given."""
-        keys = {declared.name: getattr(self, declared.name) for declared in fields(MatchTable)}
-        return {key: value for key, value in keys.items() if value is not None}
-
-
-MATCH_KEYS = table_help("[match]", "{}", MatchTable)
-
-
-def request_of(table: MatchTable) -> dict[str, Any]:
-    """Return the arguments of ``match_frequencies`` after the beam from the keys of a table [match]."""
-    request = table.request
-    if table.targets is None:
-        raise InputError("the key 'targets' is missing")
-    measured = {key: request.pop(key) for key in MODE_KEYS if key in request}
-    request["targets"] = MeasuredModes(frequencies=table.targets, **measured) if measured else list(table.targets)
-    if table.unknowns is not None:
-        kinds = {name: KINDS[kind] if isinstance(kind, str) else kind for name, kind in table.unknowns.items()}
-        request["unknowns"] = tuple(kind.unknown(name) for name, kind in kinds.items())
-    return request
+        """Return the arguments of ``match_frequencies`` after the beam."""
+        request = self.given()
+        measured = {key: request.pop(key) for key in MODE_KEYS if key in request}
+        request["targets"] = MeasuredModes(frequencies=self.targets, **measured) if measured else list(self.targets)
+        if self.unknowns is not UNSET:
+            kinds = {name: KINDS[kind] if isinstance(kind, str) else kind for name, kind in self.unknowns.items()}
+            request["unknowns"] = tuple(kind.unknown(name) for name, kind in kinds.items())
+        return request

@@ -7,10 +7,10 @@ Those of a simulation also have [simulation] with its settings, and [markers] wi
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from msgspec import UNSET, Meta, UnsetType
@@ -32,26 +32,20 @@ from ancf_casadi.support.specs import Pair, Positive, Spec, convert
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.statics import static_equilibrium
 from problems.spec.beam import DampedBeam, read_damped
-from problems.spec.file import RecordFiles, StudyFile, convert_groups
-from problems.spec.help import Kinds, kinds_help, table_help
-from problems.spec.record_files import ColumnName, FileSpec, Source
+from problems.spec.file import StudyFile, convert_groups
+from problems.spec.record_files import ColumnName, FileSpec
 
-
-@dataclass(frozen=True)
-class Deferred:
-    """An object of a table, before its files of measurements are opened and anything is solved."""
-
-    make: Callable[..., Any]
-    sources: Sequence[Source] = ()
+Maker = Callable[[Model], Any]  # makes an object of a table on a beam
 
 
 @dataclass(frozen=True)
 class StepTables:
-    """The tables of a step, converted and checked, before its files of measurements are opened."""
+    """The tables of a step, converted and checked; its files are opened, and its objects made, when they are read."""
+
+    objects: ClassVar[tuple[str, ...]]  # properties that open files or solve
 
     file: StudyFile
     beam: DampedBeam
-    sources: Sequence[Source]
 
     @property
     def model(self) -> Model:
@@ -63,16 +57,20 @@ class StepTables:
         """The damping law."""
         return self.beam.damping
 
-    def with_records(self) -> StudyFile:
-        """Open the files of measurements, and return the file with their contents, which its step reads."""
-        contents = {source.key(self.file): source.contents(self.file, where) for source, where in self.sources}
-        return replace(
-            self.file, record_files=RecordFiles(tuple((*key, recording) for key, recording in contents.items()))
-        )
+    @classmethod
+    def of(cls, source: str | StudyFile) -> Self:
+        """Convert the tables of a file."""
+        raise NotImplementedError
+
+    def read(self) -> Self:
+        """Make the objects of the tables, so that a message has the place of its table."""
+        for name in self.objects:
+            getattr(self, name)
+        return self
 
 
 class BaseColumns(Spec, frozen=True):
-    """Columns with the motion of the base; one is enough."""
+    """Columns of a file with the motion of the base; one is enough."""
 
     x: ColumnName | None = None
     y: ColumnName | None = None
@@ -81,7 +79,7 @@ class BaseColumns(Spec, frozen=True):
 
 
 class LoadColumns(Spec, frozen=True):
-    """Columns with the load at the tip; one is enough."""
+    """Columns of a file with the load at the tip; one is enough."""
 
     force_x: ColumnName | None = None
     force_y: ColumnName | None = None
@@ -107,7 +105,7 @@ class ReleaseSpec(Spec, frozen=True):
 
 
 class SimulationSpec(Spec, frozen=True):
-    """A simulated motion."""
+    """A simulated motion; [markers] has the arc length from the clamp (m) of more points in the output, by name."""
 
     duration: Annotated[Positive, Meta(description="s")]
     sample_rate: Annotated[Positive | UnsetType, Meta(description="1/s")] = UNSET
@@ -116,59 +114,43 @@ class SimulationSpec(Spec, frozen=True):
     start: Start | UnsetType = UNSET
 
 
-BASE_KINDS: Kinds = {
-    "harmonic": (HarmonicBase,),
-    "sweep": (SweepBase,),
-    "fixed": (FixedBase,),
-    "sampled": (FileSpec, BaseColumns),
-}
-LOAD_KINDS: Kinds = {
-    "harmonic": (HarmonicLoad,),
-    "moving": (MovingForce,),
-    "values": (LoadValues,),
-    "sampled": (FileSpec, LoadColumns),
-}
-MOTION_KEYS = (
-    kinds_help("[base]", BASE_KINDS)
-    + kinds_help("[load]", LOAD_KINDS)
-    + table_help("[release]", "the load that holds the beam until time 0: {}", ReleaseSpec)
-)
+# alternatives of the keys of a table
+BASE_KINDS = [(HarmonicBase,), (SweepBase,), (FixedBase,), (BaseColumns, FileSpec)]
+LOAD_KINDS = [(HarmonicLoad,), (MovingForce,), (LoadValues,), (LoadColumns, FileSpec)]
 COLUMN_NAMES = ("time", "tip", "base")  # names of columns that are always there
-MARKERS_KEYS = table_help("[markers]", "NAME = arc length from the clamp (m): points in the output")
-SIMULATION_KEYS = table_help("[simulation]", "{}", SimulationSpec) + MARKERS_KEYS
 
 
-def convert_motion(file: StudyFile, nested: Mapping[str, Any], where: str) -> Deferred:
-    """Convert the tables of a motion; on a beam they make the arguments ``base``, ``load`` and ``start`` of the motion.
+def convert_motion(file: StudyFile, nested: Mapping[str, Any], where: str) -> Callable[[Model], dict[str, Any]]:
+    """Convert the tables of a motion to a function, which makes the arguments ``base``, ``load``, ``start`` on a beam.
 
     They are ``nested`` in the table at a place, or else those of the file.  A nested start holds instead of a release.
     """
-    tables: dict[str, Deferred] = {}
+    makers: dict[str, Maker] = {}
     for name, converter in {"base": _base, "load": _load, "release": _release}.items():
         table, place = (
             (nested[name], f"{where}: {name}") if name in nested else (file.tables.get(name), file.where(name))
         )
         if table is not None and not (name == "release" and "start" in nested):
-            tables[name] = converter(file, table, place)
+            makers[name] = converter(file, table, place)
 
     def arguments(model: Model) -> dict[str, Any]:
         start = {"start": nested["start"]} if "start" in nested else {}
-        return start | {{"release": "start"}.get(name, name): table.make(model) for name, table in tables.items()}
+        return start | {{"release": "start"}.get(name, name): make(model) for name, make in makers.items()}
 
-    return Deferred(arguments, [source for table in tables.values() for source in table.sources])
+    return arguments
 
 
-def _base(file: StudyFile, table: Any, where: str) -> Deferred:
+def _base(file: StudyFile, table: Any, where: str) -> Maker:
     """Convert a base motion, of one of four kinds that the keys of its table tell apart."""
     keys = set(table) if isinstance(table, dict) else set()
     if "file" in keys:
         return _sampled(file, table, SampledBase, BaseColumns, ("position", "position", "slope"), where)
     fixed = keys and keys <= {"displacement", "rotation"}
     base = convert(table, SweepBase if "frequencies" in keys else FixedBase if fixed else HarmonicBase, where)
-    return Deferred(lambda model: base)
+    return lambda model: base
 
 
-def _load(file: StudyFile, table: Any, where: str) -> Deferred:
+def _load(file: StudyFile, table: Any, where: str) -> Maker:
     """Convert a load at the tip, of one of four kinds that the keys of its table tell apart."""
     keys = set(table) if isinstance(table, dict) else set()
     if "file" in keys:
@@ -177,10 +159,10 @@ def _load(file: StudyFile, table: Any, where: str) -> Deferred:
     if isinstance(load, LoadValues):
         with located(where):
             load = SampledLoad(**load.given())
-    return Deferred(lambda model: load)
+    return lambda model: load
 
 
-def _release(file: StudyFile, table: Any, where: str) -> Deferred:
+def _release(file: StudyFile, table: Any, where: str) -> Maker:
     """Convert the load before time 0; the motion starts from the equilibrium under it."""
     release = convert(table, ReleaseSpec, where)
 
@@ -188,12 +170,12 @@ def _release(file: StudyFile, table: Any, where: str) -> Deferred:
         with located(where):
             return static_equilibrium(model, **release.given())
 
-    return Deferred(start)
+    return start
 
 
 def _sampled(
     file: StudyFile, table: Any, kind: Any, columns: type[Spec], quantities: tuple[Quantity, ...], where: str
-) -> Deferred:
+) -> Maker:
     """Convert an excitation with the times and columns of a file, in SI units; one without a column is zero."""
     source, chosen = convert_groups(table, where, FileSpec, columns)
     names = columns.__struct_fields__[:-1]  # the unit holds for those of the first quantity
@@ -219,15 +201,17 @@ def _sampled(
         with located(where):
             return kind(time, np.column_stack([x, y]), turning)
 
-    return Deferred(excitation, [(source, where)])
+    return excitation
 
 
 @dataclass(frozen=True)
 class SimulationTables(StepTables):
     """The tables of a simulated motion."""
 
+    objects = ("excitation", "damping")
+
     settings: Mapping[str, Any]  # arguments of ``simulate``
-    motion: Deferred
+    motion: Callable[[Model], dict[str, Any]]  # other arguments
     markers: Mapping[str, float]  # arc length of each point to output, m
 
     @classmethod
@@ -239,15 +223,17 @@ class SimulationTables(StepTables):
         _check_size(settings, beam.model, where)
         if "start" in settings and "release" in file.tables:
             raise InputError("is given by the table [release]; leave it out", f"{where}: start")
-        motion = convert_motion(file, settings, where)
-        return cls(file, beam, motion.sources, settings, motion, read_markers(file, beam.model))
+        return cls(file, beam, settings, convert_motion(file, settings, where), read_markers(file, beam.model))
 
+    @cached_property
+    def excitation(self) -> dict[str, Any]:
+        """Base, load and start of the motion, as arguments of ``simulate``."""
+        return self.motion(self.model)
 
-def read_simulation(source: str | StudyFile) -> tuple[dict[str, Any], Mapping[str, float]]:
-    """Read the arguments of ``simulate``, and the points to output: arc length by name, m."""
-    tables = SimulationTables.of(source)
-    motion = {**tables.settings, **tables.motion.make(tables.model)}
-    return {"model": tables.model, "damping": tables.damping, **motion}, tables.markers
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """All arguments of ``simulate``."""
+        return {"model": self.model, "damping": self.damping, **self.settings, **self.excitation}
 
 
 def _check_size(settings: Mapping[str, Any], model: Model, where: str) -> None:
@@ -299,9 +285,6 @@ class ResponseSpec(Spec, frozen=True):
     tolerance: Annotated[
         float, Meta(gt=0.0, le=0.01, description=f"error of each motion relative to its size, {RESPONSE_TOLERANCE:g}")
     ] = RESPONSE_TOLERANCE
-
-
-RESPONSE_KEYS = table_help("[response]", "steady vibration: {}", ResponseSpec)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any
@@ -22,8 +22,7 @@ from problems.planning.record import PlannedRecord
 from problems.planning.result import Plan
 from problems.spec.beam import DampedBeam
 from problems.spec.file import StudyFile, convert_groups
-from problems.spec.help import table_help
-from problems.spec.motion import Deferred, StepTables, convert_motion
+from problems.spec.motion import StepTables, convert_motion
 from problems.spec.record_files import SensorSpec
 from problems.spec.records import (
     CurveTestSpec,
@@ -61,14 +60,9 @@ class PlannedChannelSpec(Spec, frozen=True):
     std: Annotated[float, Meta(description="standard deviation")]
     points: Annotated[tuple[float, ...], Meta(description="m, one channel at each")] = ()
 
-    def sensors(self, sensor: SensorSpec, where: str) -> list[Sensor]:
-        """Return the sensor at each of the points."""
-        at_points = [replace(sensor, point=point) for point in self.points] or [sensor]
-        return [placed.make("displacement", where) for placed in at_points]
-
 
 class PlannedMotionSpec(MotionTestSpec, frozen=True, kw_only=True):
-    """A motion."""
+    """A motion that could be measured."""
 
     duration: Annotated[Positive, Meta(description="s")]
     sample_rate: Annotated[Positive, Meta(description="1/s")]
@@ -77,27 +71,20 @@ class PlannedMotionSpec(MotionTestSpec, frozen=True, kw_only=True):
 
 
 class PlannedFrequenciesSpec(Spec, frozen=True):
-    """Natural frequencies."""
+    """Natural frequencies that could be measured."""
 
     modes: tuple[int, ...]
     std: Annotated[Values, Meta(description="Hz")]
 
 
 class PlannedCurveSpec(CurveTestSpec, frozen=True, kw_only=True):
-    """A response curve."""
+    """A response curve that could be measured."""
 
     frequencies: Annotated[tuple[float, ...], Meta(description="Hz")]
     phases: bool = True
     levels: tuple[float, ...] | UnsetType = UNSET
 
 
-PLAN_KEYS = table_help("[plan]", "{}", PlanSpec) + table_help(
-    "[[candidates]]",
-    "an experiment that could be done: {}, {}, and a motion: {}; or a static test: {}; keys of a channel of both: {}, "
-    "{}; or natural frequencies: {}; or a response curve: {}",
-    CandidateSpec, ConfigurationSpec, PlannedMotionSpec, StaticTestSpec, PlannedChannelSpec, SensorSpec,
-    PlannedFrequenciesSpec, PlannedCurveSpec,
-)  # fmt: skip
 PLAN_TABLES = {"beam", "damping", "base", "load", "release", "candidates", "fit", "plan"}
 
 
@@ -105,8 +92,10 @@ PLAN_TABLES = {"beam", "damping", "base", "load", "release", "candidates", "fit"
 class PlanTables(StepTables):
     """The arguments of ``plan`` from a file, and what its result is asked for."""
 
+    objects = ("candidates",)
+
     law_terms: Sequence[Sequence[int]]  # of each law to tell apart, as indices of the tables [[damping]]
-    tables: Mapping[str, Deferred]  # of the candidates
+    makers: Mapping[str, Callable[[], PlannedRecord]]  # of the candidates
     settings: Mapping[str, Any]  # other arguments of ``plan``
     table: PlanSpec
 
@@ -116,22 +105,21 @@ class PlanTables(StepTables):
         file = StudyFile.of(source)
         beam, where = DampedBeam.of(file), file.where("candidates")
         file.needed("candidates", "each names an experiment that could be done")
-        tables: dict[str, Deferred] = {}
+        makers: dict[str, Callable[[], PlannedRecord]] = {}
         for k, candidate in enumerate(file.several("candidates"), start=1):
             name = candidate.get("name", f"candidate {k}") if isinstance(candidate, dict) else ""
-            if not isinstance(name, str) or name in tables:
+            if not isinstance(name, str) or name in makers:
                 raise InputError(f"must be a text that no other candidate has, got {shown(name)}", f"{where}: name")
-            tables[name] = _candidate(file, candidate, beam.model, f"{where}: {name}")
-        sources = [source for deferred in tables.values() for source in deferred.sources]
+            makers[name] = _candidate(file, candidate, beam.model, f"{where}: {name}")
         fit = convert(file.tables.get("fit", {}), FitSpec, file.where("fit"))
         settings = {key: value for key, value in fit.given().items() if key in ("unknowns", "fixed", "priors")}
         table = convert(file.tables.get("plan", {}), PlanSpec, file.where("plan"))
-        return cls(file, beam, sources, law_terms(file, fit, beam), tables, settings, table)
+        return cls(file, beam, law_terms(file, fit, beam), makers, settings, table)
 
     @cached_property
     def candidates(self) -> dict[str, PlannedRecord]:
         """The experiments that could be done."""
-        return {name: deferred.make() for name, deferred in self.tables.items()}
+        return {name: make() for name, make in self.makers.items()}
 
     def planned(self) -> Plan:
         """Return the plan."""
@@ -155,7 +143,7 @@ class PlanTables(StepTables):
         return {"goal": table.goal, "budget": table.budget, "best": best, **errors}
 
 
-def _candidate(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
+def _candidate(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], PlannedRecord]:
     """Return the experiment of a table, of a kind that its keys tell."""
     keys = set(table) if isinstance(table, dict) else set()
     kinds = {"duration": _motion, "loads": _static, "modes": _frequencies, "frequencies": _curve}
@@ -167,25 +155,25 @@ def _candidate(file: StudyFile, table: Any, model: Model, where: str) -> Deferre
     )
 
 
-def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
+def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], PlannedRecord]:
     (candidate, configuration, motion), channels = channel_groups(
         table, where, (CandidateSpec, ConfigurationSpec, PlannedMotionSpec), (PlannedChannelSpec, SensorSpec)
     )
     other_model = configuration.other_model(model, where)
     sensors, std = _sensors(channels)
-    excited = convert_motion(file, motion.given(), where)
+    excitation_on = convert_motion(file, motion.given(), where)
 
     def record() -> PlannedRecord:
-        arguments = excited.make(other_model or model)
+        arguments = excitation_on(other_model or model)
         for name in ("duration", "sample_rate", "release_time", "offset", "zero"):
             arguments[name] = getattr(motion, name)
         with located(where):
             return PlannedRecord.motion(sensors, std=std, model=other_model, cost=candidate.cost, **arguments)
 
-    return Deferred(record, excited.sources)
+    return record
 
 
-def _static(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
+def _static(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], PlannedRecord]:
     (candidate, configuration, static), channels = channel_groups(
         table, where, (CandidateSpec, ConfigurationSpec, StaticTestSpec), (PlannedChannelSpec, SensorSpec)
     )
@@ -194,20 +182,20 @@ def _static(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     with located(where):
         loads = load_cases(static.loads)
         record = PlannedRecord.static(beam, loads, sensors, std=std, tared=static.tared, cost=candidate.cost)
-    return Deferred(lambda: record)
+    return lambda: record
 
 
-def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
+def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], PlannedRecord]:
     candidate, configuration, planned = convert_groups(
         table, where, CandidateSpec, ConfigurationSpec, PlannedFrequenciesSpec
     )
     beam = configuration.other_model(model, where) or model
     with located(where):
         record = PlannedRecord.natural_frequencies(beam, planned.modes, std=planned.std, cost=candidate.cost)
-    return Deferred(lambda: record)
+    return lambda: record
 
 
-def _curve(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
+def _curve(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], PlannedRecord]:
     candidate, configuration, curve, sensor = convert_groups(
         table, where, CandidateSpec, ConfigurationSpec, PlannedCurveSpec, SensorSpec
     )
@@ -215,14 +203,11 @@ def _curve(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     arguments |= {"model": configuration.other_model(model, where), "sensor": sensor.make("displacement", where)}
     with located(where):
         record = PlannedRecord.response(cost=candidate.cost, **arguments)
-    return Deferred(lambda: record)
+    return lambda: record
 
 
 def _sensors(channels: Any) -> tuple[list[Sensor], list[float]]:
-    """Return the sensors of all channels and their standard deviations."""
-    sensors, std = [], []
-    for (channel, sensor), place in channels:
-        at_points = channel.sensors(sensor, place)
-        sensors += at_points
-        std += [channel.std] * len(at_points)
-    return sensors, std
+    """Return the sensors of all channels, one at each of their points, and their standard deviations."""
+    placed = [(replace(sensor, point=point).make("displacement", place), channel.std)
+              for (channel, sensor), place in channels for point in channel.points or (sensor.point,)]  # fmt: skip
+    return [sensor for sensor, _ in placed], [std for _, std in placed]

@@ -29,11 +29,7 @@ class RecordFile(Spec, frozen=True, kw_only=True):
     def contents(self, file: StudyFile, where: str) -> Recording:
         """Return the columns of the file, beside that of a study; it is opened once."""
         with located(where):
-            return file.record_files.recording(*self.key(file))
-
-    def key(self, file: StudyFile) -> tuple[str, TableLayout]:
-        """Return the path of the file and the layout by which it is read."""
-        return str(file.beside(self.file)), TableLayout.of(self.given())
+            return file.record_files.recording(str(file.beside(self.file)), TableLayout.of(self.given()))
 
 
 class FileSpec(RecordFile, frozen=True, kw_only=True):
@@ -102,6 +98,3 @@ class SensorSpec(Spec, frozen=True):
         arguments = self.given()
         with located(where):
             return Sensor(arguments.pop("sensor", quantity), **arguments)
-
-
-Source = tuple[RecordFile, str]  # a file of measurements, and the place of its table

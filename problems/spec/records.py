@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any
@@ -26,7 +26,7 @@ from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import ConfigurationSpec
 from ancf_casadi.records.layout import LAYOUT_KEYS, TableLayout
-from ancf_casadi.support.inputs import located, whole
+from ancf_casadi.support.inputs import check_keys, located, whole
 from ancf_casadi.support.specs import Pair, Positive, Spec, convert, keys_of
 from problems.beam.curves.reading import ExcitationUnit
 from problems.beam.curves.record import Control, ResponseRecord, Sweep
@@ -34,18 +34,20 @@ from problems.beam.motions.record import Camera, Channel, MotionRecord
 from problems.beam.values.records import FrequencyRecord, StaticRecord
 from problems.spec.beam import DampedBeam
 from problems.spec.file import StudyFile, convert_groups
-from problems.spec.help import table_help
-from problems.spec.motion import Deferred, StepTables, convert_motion
+from problems.spec.motion import StepTables, convert_motion
 from problems.spec.record_files import ChannelSpec, CurveFileSpec, SensorSpec
 
 Values = float | tuple[float, ...]  # one number, or one per value
 Table = dict[str, Any]
+Channels = Annotated[
+    tuple[Table, ...], Meta(min_length=1, description="[{keys of a file, sensor, std}, ...] if several")
+]
 
 
 class MotionTestSpec(Spec, frozen=True, kw_only=True):
     """A motion; a key of its channels beside them holds for all."""
 
-    channels: Annotated[tuple[Table, ...], Meta(min_length=1, description="[{KEYS OF A CHANNEL}, ...]")] = ()
+    channels: Channels = ()
     release_time: Annotated[float | Pair, Meta(description="start in the times of the record, s, or its bounds")] = 0.0
     base: Table | UnsetType = UNSET
     load: Table | UnsetType = UNSET
@@ -54,7 +56,7 @@ class MotionTestSpec(Spec, frozen=True, kw_only=True):
 
 
 class MotionSpec(MotionTestSpec, frozen=True, kw_only=True):
-    """A measured motion; a key of its channels beside them holds for all."""
+    """A measured motion, to fit or in [[predictions]]; a key of its channels beside them holds for all."""
 
     name: str = ""
     camera: Annotated[Table | UnsetType, Meta(description="{scale, rotation, origin}: bounds of an unknown view")] = (
@@ -62,25 +64,11 @@ class MotionSpec(MotionTestSpec, frozen=True, kw_only=True):
     )
 
 
-class BaseLevelSpec(Spec, frozen=True):
-    """A harmonic motion of the base at level 1; its frequency has no effect."""
-
-    amplitude: Annotated[float, Meta(description="m")]
-    direction: Pair = (1.0, 0.0)
-
-
-class LoadLevelSpec(Spec, frozen=True):
-    """A harmonic load at the tip at level 1; its frequency has no effect."""
-
-    force: Annotated[Pair, Meta(description="N")]
-    moment: Annotated[float, Meta(description="N m")] = 0.0
-
-
 class CurveTestSpec(Spec, frozen=True):
     """The excitation of a curve of steady vibration, and standard deviations."""
 
-    base: Annotated[BaseLevelSpec | UnsetType, Meta(description="{amplitude (m), direction} at level 1")] = UNSET
-    load: Annotated[LoadLevelSpec | UnsetType, Meta(description="{force (N), moment (N m)} at level 1")] = UNSET
+    base: Annotated[Table | UnsetType, Meta(description="{amplitude (m), direction} at level 1")] = UNSET
+    load: Annotated[Table | UnsetType, Meta(description="{force (N), moment (N m)} at level 1")] = UNSET
     control: Annotated[Control, Meta(description="quantity that was held")] = "excitation"
     amplitude_std: Values | None = None
     phase_std: Values | None = None
@@ -91,7 +79,13 @@ class CurveSpec(CurveTestSpec, frozen=True):
     """A curve of steady vibration."""
 
     name: str | UnsetType = UNSET
-    excitation_unit: Annotated[ExcitationUnit | UnsetType, Meta(description="of the levels")] = UNSET
+    excitation_unit: Annotated[
+        ExcitationUnit | UnsetType,
+        Meta(
+            description="of the levels; without [base] and [load], levels in N are a force in x at the tip, those in m "
+            "or m/s^2 motions of the base in x"
+        ),
+    ] = UNSET
     relative: Annotated[bool, Meta(description="whether the sensor moves with the base")] = False
     sweep: Sweep | None = None
 
@@ -128,9 +122,9 @@ class StaticTestSpec(Spec, frozen=True):
 
     loads: Annotated[
         tuple[LoadSpec | tuple[LoadSpec, ...], ...],
-        Meta(description="[{mass (kg), or force (N) and moment (N m), point (m)}, ...] by case, or lists of these"),
+        Meta(description="one or several by case"),
     ]
-    channels: Annotated[tuple[Table, ...], Meta(min_length=1, description="[{KEYS OF A CHANNEL}, ...]")] = ()
+    channels: Channels = ()
     tared: Annotated[bool, Meta(description="whether all sensors read 0 without loads")] = False
 
 
@@ -180,20 +174,9 @@ class FitSpec(Spec, frozen=True):
     ] = UNSET
 
 
-CURVE_KEYS = table_help("[[curves]]", "steady vibration: {}; or {}; and {}; {}; without [base], [load] and levels with "
-                        "a unit, levels in N are a force in x at the tip, those in m or m/s^2 motions of the base in x",
-                        CurveFileSpec, CurveValuesSpec, CurveSpec, SensorSpec)  # fmt: skip
-FIT_KEYS = table_help("[fit]", "{}", FitSpec)
-RECORD_KEYS = (
-    table_help("[[records]]", "a measured motion: {}; keys of a channel: {}, {}", MotionSpec, ChannelSpec, SensorSpec)
-    + table_help("[[predictions]]", "records to predict with the estimates; the same keys")
-    + CURVE_KEYS
-    + table_help("[[statics]]", "beam at rest under loads: {}; keys of a channel: {}, {}", StaticSpec, StaticValuesSpec,
-                 SensorSpec)
-    + table_help("[[frequencies]]", "natural frequencies: {}", FrequenciesSpec)
-    + table_help("", "a measurement in another configuration of the beam has {}", ConfigurationSpec)
-    + FIT_KEYS
-)  # fmt: skip
+LEVEL_KEYS: dict[str, tuple[Any, set[str]]] = {  # of a harmonic excitation whose frequency has no effect
+    "base": (HarmonicBase, {"amplitude", "direction"}), "load": (HarmonicLoad, {"force", "moment"}),
+}  # fmt: skip
 NUMBERS = ("frequencies", "statics", "curves")  # tables of values, each made on its own
 Record = MotionRecord | FrequencyRecord | StaticRecord | ResponseRecord
 
@@ -202,9 +185,11 @@ Record = MotionRecord | FrequencyRecord | StaticRecord | ResponseRecord
 class Measurements(StepTables):
     """Measurements of a beam, with guesses of its properties and its damping, and what to estimate from them."""
 
+    objects = ("laws", "records", "predictions")
+
     law_terms: Sequence[Sequence[int]]  # of each law to compare, as indices of the tables [[damping]]
-    fitted: Sequence[Deferred]  # tables of measurements
-    predicted: Sequence[Deferred]  # tables of measurements to predict, not to fit
+    fitted: Sequence[Callable[[], Record]]  # make the measurements
+    predicted: Sequence[Callable[[], Record]]  # make those to predict, not to fit
     settings: Mapping[str, Any]  # other arguments of ``fit_beam``
 
     @classmethod
@@ -227,9 +212,8 @@ class Measurements(StepTables):
         }
         predicted = tables.pop("predictions")
         fitted = [table for several in tables.values() for table in several]
-        sources = [source for table in (*fitted, *predicted) for source in table.sources]
         settings = {key: value for key, value in fit.given().items() if key != "laws"}
-        return cls(file, beam, sources, law_terms(file, fit, beam), fitted, predicted, settings)
+        return cls(file, beam, law_terms(file, fit, beam), fitted, predicted, settings)
 
     @cached_property
     def laws(self) -> tuple[DampingLaw, ...]:
@@ -239,31 +223,23 @@ class Measurements(StepTables):
     @cached_property
     def records(self) -> tuple[Record, ...]:
         """The measurements."""
-        return tuple(table.make() for table in self.fitted)
+        return tuple(make() for make in self.fitted)
 
     @cached_property
     def predictions(self) -> tuple[Record, ...]:
         """Measurements to predict, not to fit."""
-        return tuple(table.make() for table in self.predicted)
+        return tuple(make() for make in self.predicted)
 
 
-def read_measurements(source: str | StudyFile) -> Measurements:
-    """Read a beam, its damping, measurements, and the unknowns of a fit to them."""
-    measurements = Measurements.of(source)
-    for name in ("laws", "records", "predictions"):
-        getattr(measurements, name)  # so that a message has the place of its table
-    return measurements
-
-
-def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
+def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], Record]:
     spec, configuration = convert_groups(table, where, FrequenciesSpec, ConfigurationSpec)
     beam = configuration.other_model(model, where) or model
     with located(where):
         record = FrequencyRecord(beam, **spec.given())
-    return Deferred(lambda: record)
+    return lambda: record
 
 
-def _static(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
+def _static(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], Record]:
     (spec, configuration), channels = channel_groups(
         table, where, (StaticSpec, ConfigurationSpec), (StaticValuesSpec, SensorSpec)
     )
@@ -281,7 +257,7 @@ def _static(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
         record = StaticRecord(
             beam, loads, values, sensors, None if np.isnan(std).all() else std, tared=spec.tared, name=spec.name
         )
-    return Deferred(lambda: record)
+    return lambda: record
 
 
 def load_cases(loads: Sequence[LoadSpec | Sequence[LoadSpec]]) -> list[list[PointLoad]]:
@@ -296,10 +272,10 @@ def load_cases(loads: Sequence[LoadSpec | Sequence[LoadSpec]]) -> list[list[Poin
 def read_curves(name: str) -> list[ResponseRecord]:
     """Read the response curves of a file, which needs no beam."""
     file = StudyFile.of(name, required={"curves"})
-    return [_curve(file, table, None, file.where("curves")).make() for table in file.several("curves")]
+    return [_curve(file, table, None, file.where("curves"))() for table in file.several("curves")]
 
 
-def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> Deferred:
+def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> Callable[[], ResponseRecord]:
     in_file = isinstance(table, dict) and "file" in table
     kinds = (CurveFileSpec if in_file else CurveValuesSpec, CurveSpec, SensorSpec)
     source, curve, sensor, *configurations = convert_groups(
@@ -314,7 +290,7 @@ def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> Defe
     if not in_file:
         with located(where):
             record = ResponseRecord(**source.given(), **arguments)
-        return Deferred(lambda: record)
+        return lambda: record
     if model is None:
         arguments.setdefault("excitation_unit", "")
     columns = {key: value for key, value in source.given().items() if key not in (*LAYOUT_KEYS, "file")}
@@ -324,23 +300,20 @@ def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> Defe
         with located(where):
             return ResponseRecord.from_file(contents, layout=layout, **columns, **arguments)
 
-    return Deferred(read, [(source, where)])
+    return read
 
 
 def excitation(file: StudyFile, curve: CurveTestSpec, where: str) -> dict[str, HarmonicBase | HarmonicLoad]:
     """Return base or load of a curve, at level 1: those of its table, or else of the file."""
-    in_file = curve.base is UNSET and curve.load is UNSET
-    excitations: dict[str, HarmonicBase | HarmonicLoad] = {}
-    kinds: dict[str, Any] = {"base": (BaseLevelSpec, HarmonicBase), "load": (LoadLevelSpec, HarmonicLoad)}
-    for name, (spec, harmonic) in kinds.items():
-        level, place = getattr(curve, name), f"{where}: {name}"
-        if in_file and name in file.tables:
-            table, place = file.tables[name], file.where(name)
-            keys = {key: table[key] for key in keys_of(spec) & set(table)} if isinstance(table, dict) else table
-            level = convert(keys, spec, place)
-        if level is not UNSET:
-            with located(place):
-                excitations[name] = harmonic(**level.given(), frequency=1.0)
+    own_tables = {name: table for name in LEVEL_KEYS if (table := getattr(curve, name)) is not UNSET}
+    excitations = {}
+    for name, (kind, keys) in LEVEL_KEYS.items():
+        table, place = own_tables.get(name), f"{where}: {name}"
+        if not own_tables and isinstance(table := file.tables.get(name), dict):
+            table, place = {key: table[key] for key in keys & table.keys()}, file.where(name)
+        if table is not None:
+            check_keys(table, set(), keys, place)
+            excitations[name] = convert(table | {"frequency": 1.0}, kind, place)
     return excitations
 
 
@@ -375,7 +348,7 @@ def channel_groups(
     return objects, channels
 
 
-def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
+def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], Record]:
     (motion, configuration), channels = channel_groups(
         table, where, (MotionSpec, ConfigurationSpec), (ChannelSpec, SensorSpec)
     )
@@ -385,7 +358,7 @@ def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     if motion.release is not UNSET and motion.start is not UNSET:
         raise InputError("is given by the release; leave it out", f"{where}: start")
     other_model = configuration.other_model(model, where)
-    excited = convert_motion(file, motion.given(), where)
+    excitation_on = convert_motion(file, motion.given(), where)
     camera = None if motion.camera is UNSET else convert(motion.camera, Camera, f"{where}: camera")
 
     def read() -> MotionRecord:
@@ -394,7 +367,7 @@ def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
             record = channel.measurement(file, place, sensor)
             with located(place):
                 measured.append(Channel(record, channel.std, channel.offset, channel.zero))
-        arguments = excited.make(other_model or model)
+        arguments = excitation_on(other_model or model)
         with located(where):
             return MotionRecord(
                 measured,
@@ -405,7 +378,7 @@ def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
                 **arguments,
             )
 
-    return Deferred(read, [*((channel, place) for (channel, _), place in channels), *excited.sources])
+    return read
 
 
 def _check_made(file: StudyFile, name: str) -> None:

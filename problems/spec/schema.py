@@ -24,41 +24,41 @@ Alternatives = dict[str, list[tuple[Any, ...]]]
 ONE: Alternatives = {  # tables of the file, by the alternatives of their keys, each of one or several declarations
     "beam": [(BeamSpec,), (DocumentName,)],
     "match": [(MatchTable,)],
-    "base": list(motion.BASE_KINDS.values()),
-    "load": list(motion.LOAD_KINDS.values()),
+    "base": motion.BASE_KINDS,
+    "load": motion.LOAD_KINDS,
     "release": [(motion.ReleaseSpec,)],
     "simulation": [(motion.SimulationSpec,)],
     "response": [(motion.ResponseSpec,)],
     "fit": [(records.FitSpec,)],
     "plan": [(plan.PlanSpec,)],
 }  # fmt: skip
-CURVE = (records.CurveSpec, record_files.SensorSpec, ConfigurationSpec)
+CURVE = (record_files.SensorSpec, ConfigurationSpec)
 CANDIDATE = (plan.CandidateSpec, ConfigurationSpec)
 PLANNED = (plan.PlannedChannelSpec, record_files.SensorSpec)
 SEVERAL: Alternatives = {  # tables of which the file may have several
     "records": [(records.MotionSpec, ConfigurationSpec, record_files.ChannelSpec, record_files.SensorSpec)],
-    "curves": [(record_files.CurveFileSpec, *CURVE), (records.CurveValuesSpec, *CURVE)],
+    "curves": [(records.CurveSpec, kind, *CURVE) for kind in (record_files.CurveFileSpec, records.CurveValuesSpec)],
     "statics": [(records.StaticSpec, records.StaticValuesSpec, record_files.SensorSpec, ConfigurationSpec)],
     "frequencies": [(records.FrequenciesSpec, ConfigurationSpec)],
     "candidates": [
-        (*CANDIDATE, plan.PlannedMotionSpec, *PLANNED),
-        (*CANDIDATE, records.StaticTestSpec, *PLANNED),
-        (*CANDIDATE, plan.PlannedFrequenciesSpec),
-        (*CANDIDATE, plan.PlannedCurveSpec, record_files.SensorSpec),
+        (plan.PlannedMotionSpec, *CANDIDATE, *PLANNED),
+        (records.StaticTestSpec, *CANDIDATE, *PLANNED),
+        (plan.PlannedFrequenciesSpec, *CANDIDATE),
+        (plan.PlannedCurveSpec, *CANDIDATE, record_files.SensorSpec),
     ],
 }
 
 
-def file_schema(further: Mapping[str, type], parts: Mapping[str, type]) -> dict[str, Any]:
-    """Return the schema, with the declarations of further tables, and of the kinds of [[parts]], by their names."""
+def file_schema(study: type, further: Mapping[str, type], steps: Mapping[str, type]) -> dict[str, Any]:
+    """Return the schema, with the declarations of [study], of further tables, and of the kinds of [[steps]]."""
     definitions: dict[str, Any] = {}
-    properties = {name: _table(kinds, definitions) for name, kinds in ONE.items()}
+    properties = {name: _table(kinds, definitions) for name, kinds in (ONE | {"study": [(study,)]}).items()}
     several = {name: _table(kinds, definitions, whole=False) for name, kinds in SEVERAL.items()}  # of channels as well
-    several |= {name: _object((declared,), definitions) for name, declared in further.items()}
-    kinds = [_object((kind,), definitions) for kind in parts.values()]
-    for name, kind in zip(parts, kinds, strict=True):
-        kind["properties"]["kind"] = {"const": name}
-    several |= {"damping": _described(LawSpec, definitions), "parts": {"anyOf": kinds}}
+    several |= {name: object_schema((declared,), definitions) for name, declared in further.items()}
+    kinds = [object_schema((kind,), definitions) for kind in steps.values()]
+    for name, kind in zip(steps, kinds, strict=True):
+        kind["properties"] = {"kind": {"const": name}, **kind["properties"]}
+    several |= {"damping": _described(LawSpec, definitions), "steps": {"anyOf": kinds}}
     for name, table in several.items():
         definitions[name] = table
         reference = {"$ref": f"#/$defs/{name}"}
@@ -77,11 +77,11 @@ def file_schema(further: Mapping[str, type], parts: Mapping[str, type]) -> dict[
 
 def _table(kinds: list[tuple[Any, ...]], definitions: dict[str, Any], *, whole: bool = True) -> dict[str, Any]:
     """Return the schema of a table with alternatives of keys."""
-    tables = [_object(declarations, definitions, whole=whole) for declarations in kinds]
+    tables = [object_schema(declarations, definitions, whole=whole) for declarations in kinds]
     return tables[0] if len(tables) == 1 else {"anyOf": tables}
 
 
-def _object(declarations: tuple[Any, ...], definitions: dict[str, Any], *, whole: bool = True) -> dict[str, Any]:
+def object_schema(declarations: tuple[Any, ...], definitions: dict[str, Any], *, whole: bool = True) -> dict[str, Any]:
     """Return the schema of a table that has the keys of several declarations, some of them elsewhere if not whole."""
     properties: dict[str, Any] = {}
     required: list[str] = []
@@ -90,7 +90,8 @@ def _object(declarations: tuple[Any, ...], definitions: dict[str, Any], *, whole
         for field in listed_fields(declared):
             properties[field.encode_name] = _described(hints[field.name], definitions) | _default(field.default)
             required += [field.encode_name] if field.required else []
-    schema = {"type": "object", "description": declarations[0].__doc__.split("\n")[0], "properties": properties}
+    description = " ".join(declarations[0].__doc__.partition("\n\n")[0].split())
+    schema = {"type": "object", "description": description, "properties": properties}
     return schema | {"additionalProperties": False} | ({"required": required} if required and whole else {})
 
 

@@ -36,7 +36,7 @@ import ancf_casadi
 import problems
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.files import write_file
-from problems.study.drawing import Drawing, drawn, only
+from problems.study.drawing import FORMATS, Drawing, drawn
 
 SUFFIX = ".msgpack"
 DIGEST_BYTES = hashlib.sha256().digest_size
@@ -87,29 +87,22 @@ class Store:
         self._running: list[Future[bytes]] = []
         self._stopped, self._lock = False, threading.Lock()
 
-    def start(self, function: Callable[..., Any], inputs: Sequence[Any], cost: float, formats: tuple[str, ...]) -> str:
-        """Start a computation, whose figures have these formats, unless it has started, and return its key."""
-        key = key_of(function, formats, *inputs)
+    def start(self, function: Callable[..., Any], inputs: Sequence[Any], cost: float) -> str:
+        """Start a computation unless it has started, and return its key."""
+        key = key_of(function, *inputs)
         if key not in self.computations:
             path = self._folder and self._folder / f"{key}{SUFFIX}"
-            self.computations[key] = self._threads.submit(self._run, function, inputs, path, cost, formats)
+            self.computations[key] = self._threads.submit(self._run, function, inputs, path, cost)
         return key
 
-    def _run(
-        self,
-        function: Callable[..., Any],
-        inputs: Sequence[Any],
-        path: Path | None,
-        cost: float,
-        formats: tuple[str, ...],
-    ) -> Computation:
+    def _run(self, function: Callable[..., Any], inputs: Sequence[Any], path: Path | None, cost: float) -> Computation:
         if path and (computation := kept(path, function)):
             return computation
         with self._lock:
             if self._stopped:
                 raise CancelledError
             self._bar.total += cost
-            self._running.append(future := self._executor().submit(run_function, function, inputs, formats))
+            self._running.append(future := self._executor().submit(run_function, function, inputs))
         content = future.result()
         with self._lock:
             self._running.remove(future)
@@ -147,7 +140,7 @@ class Compute:
     quick : bool
         Whether this is a quick look, for which simulations are shortened.
     formats : tuple of str
-        Formats of figures, of ``"svg"`` and ``"png"``; none are drawn if there are none.
+        Formats of figures, of ``"svg"`` and ``"png"``; no figures are drawn if there are none.
     draw : bool
         Whether the step has figures.
     """
@@ -157,10 +150,11 @@ class Compute:
         store: Store | None = None,
         *,
         quick: bool = False,
-        formats: tuple[str, ...] = ("svg", "png"),
+        formats: tuple[str, ...] = FORMATS,
         draw: bool = True,
     ) -> None:
         self.quick = quick
+        self.all_formats = FORMATS if formats else ()  # of figures that a computation draws beside its numbers
         self.times: dict[str, float] = {}  # of the computations when they ran, s, by key
         self._store, self._formats, self._draw = store or Store(), formats, draw
 
@@ -176,7 +170,7 @@ class Compute:
         keys, expected = [""] * len(inputs), np.broadcast_to(costs, len(inputs))
         for number in np.argsort(-expected, kind="stable").tolist():
             cost = float(expected[number])
-            keys[number] = self._store.start(function, inputs[number], cost, self._formats)
+            keys[number] = self._store.start(function, inputs[number], cost)
         self._store.wait_for(keys)
         computations = [self._store.computations[key].result() for key in keys]
         self.times |= {key: computation.seconds for key, computation in zip(keys, computations, strict=True)}
@@ -188,12 +182,14 @@ class Compute:
             return ()
         if not self._formats:
             return tuple(Drawing(caption, "", b"") for caption, *_ in figures)
-        inputs = [(caption, function, arguments) for caption, function, *arguments in figures]
+        inputs = [(caption, function, arguments, self._formats) for caption, function, *arguments in figures]
         return tuple(self.all(_drawing, inputs, DRAWING_COST))
 
 
-def _drawing(caption: str, function: Callable[..., Figure], arguments: Sequence[Any]) -> Drawing:
-    return drawn(caption, partial(function, *arguments))
+def _drawing(
+    caption: str, function: Callable[..., Figure], arguments: Sequence[Any], formats: tuple[str, ...]
+) -> Drawing:
+    return drawn(caption, partial(function, *arguments), formats)
 
 
 def wait_for(futures: Iterable[Future[Any]]) -> None:
@@ -217,13 +213,10 @@ def decoded(content: bytes, kind: Any) -> Any:
     return msgspec.msgpack.decode(content, type=kind, dec_hook=_array)
 
 
-def run_function(
-    function: Callable[..., Any], inputs: Sequence[Any], formats: tuple[str, ...] = ("svg", "png")
-) -> bytes:
+def run_function(function: Callable[..., Any], inputs: Sequence[Any]) -> bytes:
     """Return computing time and result of a function as they are kept; all results pass through this form."""
     began = time.perf_counter()
-    with only(formats):
-        result = function(*inputs)
+    result = function(*inputs)
     return encoded((time.perf_counter() - began, result))
 
 

@@ -6,11 +6,9 @@ differ in dash and marker as well as in colour.  Text and axes are black; a page
 
 from __future__ import annotations
 
-import contextlib
 import io
 import threading
-from collections.abc import Callable, Iterator
-from contextvars import ContextVar
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,7 +34,7 @@ STYLE: dict[Any, Any] = {
 }
 
 _one_at_a_time = threading.Lock()  # the style is one for all threads
-_wanted: ContextVar[tuple[str, ...]] = ContextVar("wanted", default=("svg", "png"))
+FORMATS = ("svg", "png")
 
 
 @dataclass(frozen=True)
@@ -50,19 +48,12 @@ class Drawing:
     name: str = ""  # label
 
 
-@contextlib.contextmanager
-def only(formats: tuple[str, ...]) -> Iterator[None]:
-    """Leave out all formats of figures but these: drawing a figure in one of them takes a tenth of a second."""
-    before = _wanted.set(formats)
-    try:
-        yield
-    finally:
-        _wanted.reset(before)
+def drawn(caption: str, draw: Callable[[], Figure], formats: Sequence[str] = FORMATS) -> Drawing:
+    """Draw a figure in the style of the documents, identical for identical data; each format takes a tenth of a second.
 
-
-def drawn(caption: str, draw: Callable[[], Figure]) -> Drawing:
-    """Draw a figure in the style of the documents, identical for identical data, in the formats that are wanted."""
-    svg, png, formats = io.StringIO(), io.BytesIO(), _wanted.get()
+    Without a format nothing is drawn.
+    """
+    svg, png = io.StringIO(), io.BytesIO()
     if not formats:
         return Drawing(caption, "", b"")
     from matplotlib import rc_context  # slow to import

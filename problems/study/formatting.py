@@ -10,38 +10,37 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ancf_casadi.support.tables import Cell, Table
+from ancf_casadi.support.tables import Cell, Table, known
 
 
 def formatted_table(table: Table) -> Table:
     """Return a table as a document shows it: texts, with value and standard error in one cell."""
-    heads: list[str] = []
-    columns: list[Sequence[str]] = []
+    columns: list[tuple[str, Sequence[Cell]]] = []
     for head, values in zip(table.columns, zip(*table.rows, strict=True), strict=True):
-        heads.append(head)
         errors, digits = table.errors.get(head, [None] * len(values)), table.digits.get(head, [4] * len(values))
-        columns.append([*map(shown, values, errors, digits)])
+        columns.append((head, [*map(shown, values, errors, digits)]))
         if printed := table.printed.get(head):
-            heads += [table.source, "difference"]
-            columns += [[shown(number, digits=6) for number in printed], [*map(difference, values, printed)]]
-    return replace(table, columns=heads, rows=list(zip(*columns, strict=True)))
+            columns.append((table.source, [shown(number, digits=6) for number in printed]))
+            columns.append(("difference", [*map(difference, values, printed)]))
+    return _with_columns(table, columns)
 
 
 def numeric_table(table: Table) -> Table:
     """Return a table with one number per cell, all digits, for CSV."""
-    heads: list[str] = []
-    columns: list[Sequence[Cell]] = []
+    columns: list[tuple[str, Sequence[Cell]]] = []
     for head, values in zip(table.columns, zip(*table.rows, strict=True), strict=True):
         quantity, _, unit = head.rpartition(", ")
-        heads.append(f"{quantity} ({unit})" if quantity else head)
-        columns.append(values)
+        columns.append((f"{quantity} ({unit})" if quantity else head, values))
         if errors := table.errors.get(head):
-            heads.append("standard error")
-            columns.append([None if error is None or math.isnan(error) else error for error in errors])
+            columns.append(("standard error", [None if error is None else known(error) for error in errors]))
         if printed := table.printed.get(head):
-            heads.append(table.source)
-            columns.append(printed)
-    return replace(table, columns=heads, rows=list(zip(*columns, strict=True)))
+            columns.append((table.source, printed))
+    return _with_columns(table, columns)
+
+
+def _with_columns(table: Table, columns: Sequence[tuple[str, Sequence[Cell]]]) -> Table:
+    heads, values = zip(*columns, strict=True)
+    return replace(table, columns=list(heads), rows=list(zip(*values, strict=True)))
 
 
 def shown(value: Cell, error: float | None = None, digits: int = 4) -> str:

@@ -1,6 +1,6 @@
 """Reading a study from a TOML file: the table [study], the laws, and the steps in the order of the document.
 
-A table [[parts]] declares a step.  A file without such tables has the steps that its other tables suggest: the beam and
+A table [[steps]] declares a step.  A file without such tables has the steps that its other tables suggest: the beam and
 its modes, the decays, the match, the simulation, the steady vibration, and the plan.  A fit to measured motion comes
 first, and the beam is the one that it identifies.
 """
@@ -28,10 +28,9 @@ from problems.study.kinds.transients import Transients
 from problems.study.results import file_name
 from problems.study.step import LawChoice, Step, Study
 
-KINDS: tuple[type[Step], ...] = (  # in the order of the help
-    BeamProperties, ModesOfBeam, Decays, Rayleigh, Match, SimulationStep, ResponseStep, MotionFit, Comparison,
-    Transients, PlanStep,
-)  # fmt: skip
+STEPS = (BeamProperties, ModesOfBeam, Decays, Rayleigh, Match, SimulationStep, ResponseStep, MotionFit, Comparison,
+         Transients, PlanStep)  # fmt: skip
+KINDS: dict[str, type[Step]] = {step.kind: step for step in STEPS}  # in the order of the help
 SUGGESTED_KEYS = {  # kinds of steps that a table suggests
     "beam": ("beam", "modes"), "decays": ("decays",), "match": ("match",), "simulation": ("simulation",),
     "response": ("response",), "records": ("motion",), "curves": ("motion",), "statics": ("motion",),
@@ -46,15 +45,15 @@ def read_study(path: str | Path, names: Sequence[str] = ()) -> Study:
     file = StudyFile.of(str(path), required=set())
     study = convert(file.tables.get("study", {}), Study, file.where("study"))
     study = replace(study, title=study.title or Path(path).stem, file=file, laws=_laws(file))
-    where, kinds = file.where("parts"), {kind.kind: kind for kind in KINDS}
-    tables = _named_tables(file.several("parts") or _suggested(file, names), kinds, where)
-    chosen = [step for name in names for step in _chosen(name, tables, kinds, str(path))] or list(tables)
+    where = file.where("steps")
+    tables = _named_tables(file.several("steps") or _suggested(file, names), where)
+    chosen = [step for name in names for step in _chosen(name, tables, str(path))] or list(tables)
     if not tables:
-        raise InputError("has nothing to study; add [beam], [[decays]] or [[parts]]", str(path))
+        raise InputError("has nothing to study; add [beam], [[decays]] or [[steps]]", str(path))
     steps: dict[str, Step] = {}
     while missing := [name for name in chosen if name not in steps]:
         for name in missing:
-            steps[name] = _step(study, tables[name], kinds, name, where)
+            steps[name] = _step(study, tables[name], name, where)
             chosen += [needed for needed in steps[name].needs if needed in tables]
     steps = {name: steps[name] for name in tables if name in steps}  # in the order of the document
     _check_needs(steps, where)
@@ -83,19 +82,21 @@ def _laws(file: StudyFile) -> tuple[LawChoice, ...]:
             raise InputError(f"must be made of letters, digits and _, and differ, got {shown(law.name)}",
                              f"{where}: name")  # fmt: skip
         for term in law.terms:
-            if not isinstance(term.get("part", ""), str):
-                raise InputError(f"must be the name of a part, got {shown(term['part'])}", f"{where}: {law.name}: part")
+            if "part" in term:
+                raise InputError('the key is now step = "STEP"', f"{where}: {law.name}: part")
+            if not isinstance(term.get("step", ""), str):
+                raise InputError(f"must be the name of a step, got {shown(term['step'])}", f"{where}: {law.name}: step")
         laws[law.name] = law if law.title else replace(law, title=law.name)
     return tuple(laws.values())
 
 
-def _named_tables(tables: Sequence[Any], kinds: Mapping[str, type[Step]], where: str) -> dict[str, dict[str, Any]]:
+def _named_tables(tables: Sequence[Any], where: str) -> dict[str, dict[str, Any]]:
     """Return the tables of steps by the names of the steps."""
     named: dict[str, dict[str, Any]] = {}
     for table in tables:
         kind = table.get("kind") if isinstance(table, dict) else None
-        if not isinstance(kind, str) or kind not in kinds:
-            raise InputError(f"kind must be one of {', '.join(kinds)}, got {shown(kind)}", where)
+        if not isinstance(kind, str) or kind not in KINDS:
+            raise InputError(f"kind must be one of {', '.join(KINDS)}, got {shown(kind)}", where)
         free = next(name for k in itertools.count(1) if (name := f"{kind}_{k}" if k > 1 else kind) not in named)
         name = table.get("name", free)
         if not isinstance(name, str) or not name.isidentifier() or name in STUDY_TABLES:
@@ -104,16 +105,16 @@ def _named_tables(tables: Sequence[Any], kinds: Mapping[str, type[Step]], where:
                 f"must be made of letters, digits and _, and not one of {taken}, got {shown(name)}", f"{where}: name"
             )
         if name in named:
-            raise InputError(f"{name!r} is taken by an earlier part; choose another one", f"{where}: name")
+            raise InputError(f"{name!r} is taken by an earlier step; choose another one", f"{where}: name")
         named[name] = table
     return named
 
 
-def _chosen(name: str, tables: dict[str, dict[str, Any]], kinds: Mapping[str, type[Step]], path: str) -> list[str]:
+def _chosen(name: str, tables: dict[str, dict[str, Any]], path: str) -> list[str]:
     """Return the names of the steps of a name or kind, which may be a new step of this kind."""
     kind = STEP_KINDS.get(name, name)
     names = [step for step, table in tables.items() if name == step or kind == table["kind"]]
-    if not names and kind not in kinds:
+    if not names and kind not in KINDS:
         choices = ", ".join(dict.fromkeys([*tables, *STEP_KINDS]))
         raise InputError(f"there is no step {shown(name)}; steps are {choices}", path)
     if not names:
@@ -121,8 +122,8 @@ def _chosen(name: str, tables: dict[str, dict[str, Any]], kinds: Mapping[str, ty
     return names or [kind]
 
 
-def _step(study: Study, table: dict[str, Any], kinds: Mapping[str, type[Step]], name: str, where: str) -> Step:
-    kind = kinds[table["kind"]]
+def _step(study: Study, table: dict[str, Any], name: str, where: str) -> Step:
+    kind = KINDS[table["kind"]]
     place = f"{where}: {name}"
     keys = {"title": kind.heading, **_with_laws(table, study, place), "name": name}
     del keys["kind"]
@@ -147,11 +148,11 @@ def _check_needs(steps: Mapping[str, Step], where: str) -> None:
     for name, step in steps.items():
         for needed in step.needs:
             if needed and needed not in steps:
-                raise InputError(f"needs the part {needed!r}, which does not exist", f"{where}: {name}")
+                raise InputError(f"needs the step {needed!r}, which does not exist", f"{where}: {name}")
     try:
         TopologicalSorter({name: step.needs for name, step in steps.items()}).prepare()
     except CycleError as error:
-        raise InputError(f"the parts {', '.join(sorted(set(error.args[1])))} need each other", where) from None
+        raise InputError(f"the steps {', '.join(sorted(set(error.args[1])))} need each other", where) from None
 
 
 def _check_labels(steps: Mapping[str, Step], where: str) -> None:

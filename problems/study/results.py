@@ -2,7 +2,7 @@
 
 A step may give labels; all other tables and figures have running numbers.
 
-    {"study": {"title", "source", "seed", "quick", "parts": [{"name", "kind", "title", "tables", "figures"}]},
+    {"study": {"title", "source", "seed", "quick", "steps": [{"name", "kind", "title", "tables", "figures"}]},
      "versions": {...},
      "<name of a step>": ...,       its numbers: SI units, ratios as fractions, lists in the order of modes or runs
      "timing": {...}}               computing time of each step, s
@@ -86,7 +86,7 @@ def results(study: Study, findings: Sequence[Finding], versions: Mapping[str, st
     ]
     source = study.source.strip()
     return {
-        "study": {"title": study.title, "source": source, "seed": study.seed, "quick": quick, "parts": steps},
+        "study": {"title": study.title, "source": source, "seed": study.seed, "quick": quick, "steps": steps},
         "versions": dict(versions),
         **{finding.name: finding.data for finding in findings},
         "timing": {finding.name: finding.seconds for finding in findings},

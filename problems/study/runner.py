@@ -59,8 +59,8 @@ def run_steps(
             except NumericsError as error:
                 error.args = (f"{step.name}: {error}",)
                 raise
-        figures = finding.figures if step.draw else ()
-        return replace(finding, name=step.name, times=compute.times, figures=figures)
+        figures = [figure if "png" in formats else replace(figure, png=b"") for figure in finding.figures if step.draw]
+        return replace(finding, name=step.name, times=compute.times, figures=tuple(figures))
 
     with contextlib.ExitStack() as stack:
         stack.enter_context(unbroken())

@@ -22,7 +22,7 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.mechanics.strain import StrainMeasures
-from ancf_casadi.support.inputs import is_sequence, number, shown, whole
+from ancf_casadi.support.inputs import shown, whole
 from ancf_casadi.support.specs import UNLISTED, convert
 from ancf_casadi.support.tables import Cell, Table
 from problems.spec.beam import read_beam
@@ -31,7 +31,7 @@ from problems.study.compute import Compute
 from problems.study.drawing import Drawing
 
 Terms = tuple[dict[str, Any], ...]  # tables [[damping]], the terms of one law
-Printed = dict[str, Any]  # printed numbers by column
+Printed = Mapping[str, Sequence[float | None]]  # printed numbers by column
 
 
 @dataclass(frozen=True)
@@ -63,45 +63,40 @@ Findings = Mapping[str, Finding]  # by the name of their step
 
 @dataclass(frozen=True)
 class LawChoice:
-    """A damping law of a table [[laws]], whose terms may be those that an earlier step has found."""
+    """A damping law, whose terms may be those that an earlier step has found."""
 
     name: str
-    terms: Annotated[Terms, Meta(description='tables [[damping]], or {part = "PART"}')]
+    terms: Annotated[Terms, Meta(description='tables [[damping]], or {step = "STEP"}')]
     title: str = ""  # in figures
 
     @property
     def needs(self) -> tuple[str, ...]:
         """Names of the steps that find terms."""
-        return tuple(term["part"] for term in self.terms if "part" in term)
+        return tuple(term["step"] for term in self.terms if "step" in term)
 
     def resolved(self, findings: Findings) -> LawChoice:
         """Return the law with terms in place of references."""
         for name in self.needs:
             if not findings[name].terms:
-                raise InputError(f"the part {name!r} finds no damping law", f"[laws]: {self.name}")
+                raise InputError(f"the step {name!r} finds no damping law", f"[laws]: {self.name}")
         terms: list[dict[str, Any]] = []
-        for term in self.terms:  # other keys beside ``part`` override those of the terms that the step has found
-            overriding = {key: value for key, value in term.items() if key != "part"}
-            terms += [other | overriding for other in findings[term["part"]].terms] if "part" in term else [term]
+        for term in self.terms:  # other keys beside ``step`` override those of the terms that the step has found
+            overriding = {key: value for key, value in term.items() if key != "step"}
+            terms += [other | overriding for other in findings[term["step"]].terms] if "step" in term else [term]
         return replace(self, terms=tuple(terms))
 
 
 def printed_numbers(table: Printed, columns: Mapping[str, int], where: str) -> Printed:
-    """Return the printed numbers of a step by column, from its key ``printed``; nan stands for a missing number.
+    """Return the printed numbers of a step by column, from its key ``printed``; None for one that is nan there.
 
     ``columns`` holds the number of rows of each column that may be given.
     """
-    numbers = {}
     for name, values in table.items():
-        place = f"{where}: printed"
         if name not in columns:
-            raise InputError(f"must be one of {', '.join(columns)}, got {shown(name)}", place)
-        if not is_sequence(values):
-            raise InputError(f"must be a list of numbers, got {shown(values)}", f"{place}: {name}")
+            raise InputError(f"must be one of {', '.join(columns)}, got {shown(name)}", f"{where}: printed")
         if len(values) != columns[name]:
-            raise InputError(f"has {len(values)} values for {columns[name]} rows", f"{place}: {name}")
-        numbers[name] = tuple(None if value != value else number(value, f"{place}: {name}") for value in values)
-    return numbers
+            raise InputError(f"has {len(values)} values for {columns[name]} rows", f"{where}: printed: {name}")
+    return {name: [None if number != number else number for number in values] for name, values in table.items()}
 
 
 def beside_printed(
@@ -119,13 +114,12 @@ def beside_printed(
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """Base class of the kinds of steps; each kind is final.
+    """Base class of the kinds of steps; each kind is final, and the help shows the first line about it.
 
-    The fields are the keys of a table [[parts]] of a TOML file, but those that are ``UNLISTED``.
+    The fields are the keys of a table [[steps]] of a TOML file, but those that are ``UNLISTED``.
     """
 
     kind: ClassVar[str]  # as in the table of a TOML file
-    about: ClassVar[str]  # what it shows, for the help; {} stands for its keys
     heading: ClassVar[str]  # title of a step that gives none
     naming: ClassVar[tuple[str, ...]] = ()  # keys that name steps; an empty ``beam`` stands for that of the file
     reading: ClassVar[Set[str]] = frozenset()  # tables of the file that its computations read
@@ -164,21 +158,24 @@ class Step:
         beam = findings[name].beam
         if beam is None:
             raise InputError(
-                f"the part {name!r} finds no beam; name one of the kind match or motion", f"{self.where}: beam"
+                f"the step {name!r} finds no beam; name one of the kind match or motion", f"{self.where}: beam"
             )
         return beam.beam()
 
 
 @dataclass(frozen=True)
 class Study:
-    """A study: the keys of the table [study], its file with what all steps share, and the steps in their order."""
+    """A study, with its steps in the order of the document.
+
+    The keys of the table [study] are those that are not ``UNLISTED``.
+    """
 
     title: str = ""
     steps: Annotated[tuple[Step, ...], UNLISTED] = ()
     text: str = ""  # introduction, paragraphs separated by empty lines
     source: Annotated[str, Meta(description="a reference")] = ""  # of the work that the study follows
     printed_by: Annotated[str, Meta(description="origin of printed numbers")] = "printed"
-    seed: Annotated[int, Meta(ge=0)] = 0  # of all random numbers
+    seed: Annotated[int, UNLISTED] = 0  # of all random numbers
     file: Annotated[StudyFile, UNLISTED] = NO_FILE
     laws: Annotated[tuple[LawChoice, ...], UNLISTED] = ()  # the tables [[laws]]
     beam: Annotated[Beam | None, UNLISTED] = None  # of the file, if a step needs it
@@ -187,11 +184,11 @@ class Study:
     def model(self) -> Model:
         """The beam of the file."""
         if "beam" not in self.file.tables:
-            raise InputError("the table is missing; this part needs a beam", self.file.where("beam"))
+            raise InputError("the table is missing; this step needs a beam", self.file.where("beam"))
         model = read_beam(self.file).model
         if model.measures != StrainMeasures():
             raise InputError(
-                "the document has strain measures that this part does not support; use the defaults",
+                "the document has strain measures that this step does not support; use the defaults",
                 self.file.where("beam"),
             )
         return model
@@ -201,7 +198,7 @@ class Study:
         for law in self.laws:
             if law.name == name:
                 for term in law.terms:
-                    if "part" not in term:
+                    if "step" not in term:
                         spec = convert(term, LawSpec, f"{where}: {name}")
                         whole(len(getattr(spec, "ratios", ())), f"{where}: {name}: ratios", 0, self.model.freedoms)
                 return law

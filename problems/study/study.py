@@ -28,19 +28,14 @@ from ancf_casadi.support.inputs import check_instance, flag, instances, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Displayed, counted, to_json
 from ancf_casadi.version import __version__
-from problems.spec.beam import BEAM_KEYS
-from problems.spec.help import table_help
-from problems.spec.match import MATCH_KEYS
-from problems.spec.motion import MOTION_KEYS, RESPONSE_KEYS, SIMULATION_KEYS
-from problems.spec.plan import PLAN_KEYS
-from problems.spec.records import RECORD_KEYS
-from problems.spec.schema import file_schema
+from problems.spec.schema import file_schema, object_schema
 from problems.study.formatting import formatted_table, numeric_table
 from problems.study.kinds.decays import DecayRecord
+from problems.study.kinds.experiment import RequestedRun
 from problems.study.reading import KINDS, read_study
 from problems.study.results import file_name, labelled, page, results, schema
 from problems.study.runner import run_steps
-from problems.study.step import Finding, LawChoice, Step, Study
+from problems.study.step import Finding, LawChoice, Study
 
 NUMBERED = re.compile(r"(table|figure)_a?\d+\.(csv|svg|png|gif)")  # names of files of tables and figures
 FEW_STEPS = 3  # that run in the process of the command
@@ -57,29 +52,29 @@ class StudyReport(Displayed):
         The HTML document; None if none was written.
     results : dict
         The numbers, as in ``results.json``.
-    parts : tuple of Finding
-        The parts with their tables, figures and times.
+    steps : tuple of Finding
+        The steps with their tables, figures and times.
 
     Examples
     --------
     >>> from pathlib import Path
     >>> from problems import run_study
     >>> lines = ["[beam]", "length = 0.5", "width = 5e-3", "thickness = 0.5e-3", "density = 8000.0",
-    ...          "elastic_modulus = 210e9", "elements = 4", "[[parts]]", 'kind = "beam"']
+    ...          "elastic_modulus = 210e9", "elements = 4", "[[steps]]", 'kind = "beam"']
     >>> _ = Path("strip.toml").write_text("\n".join(lines))
     >>> report = run_study("strip.toml", "results")
-    >>> [table.name for part in report.parts for table in part.tables], report.warnings
+    >>> [table.name for step in report.steps for table in step.tables], report.warnings
     (['Table 1'], ())
     """
 
     page: Path | None
     results: Mapping[str, Any]
-    parts: tuple[Finding, ...]
+    steps: tuple[Finding, ...]
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Limitations of the results, with the name of the part."""
-        return tuple(f"{finding.name}: {warning}" for finding in self.parts for warning in finding.warnings)
+        """Limitations of the results, with the name of the step."""
+        return tuple(f"{finding.name}: {warning}" for finding in self.steps for warning in finding.warnings)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the results for JSON."""
@@ -88,7 +83,7 @@ class StudyReport(Displayed):
     def report(self) -> str:
         """Return the tables as text."""
         texts = []
-        for finding in self.parts:
+        for finding in self.steps:
             if finding.text:
                 texts.append(finding.text)
             else:
@@ -97,35 +92,14 @@ class StudyReport(Displayed):
         return "\n\n".join(texts)
 
     def _summary(self) -> str:
-        return f"{str(self.page or '')!r}, {counted(len(self.parts), 'part')}, {counted(len(self.warnings), 'warning')}"
-
-
-def study_keys() -> str:
-    """Return the tables of a study file and their keys."""
-    return "".join((
-        "tables of a TOML file, in SI units; names of files start at its folder:\n",
-        table_help("[study]", "{}", Study),
-        BEAM_KEYS,
-        MATCH_KEYS,
-        MOTION_KEYS,
-        SIMULATION_KEYS,
-        RESPONSE_KEYS,
-        RECORD_KEYS,
-        PLAN_KEYS,
-        table_help("[[decays]]", "measured free decays: {}", DecayRecord),
-        table_help("[[laws]]", "damping laws: {}", LawChoice),
-        table_help("[[parts]]", "the document in order; without it, the parts that the other tables suggest.  Each "
-                   "part has a kind, and may have {}", Step),
-        *(table_help(f'kind = "{kind.kind}"', kind.about, kind, indent=24, base=Step) for kind in KINDS),
-    ))  # fmt: skip
+        return f"{str(self.page or '')!r}, {counted(len(self.steps), 'step')}, {counted(len(self.warnings), 'warning')}"
 
 
 def study_schema() -> dict[str, Any]:
     """Return the JSON Schema of a study file."""
-    schema = file_schema(
-        {"study": Study, "laws": LawChoice, "decays": DecayRecord}, {kind.kind: kind for kind in KINDS}
-    )
-    schema["$defs"]["LawChoice"] = {"type": "string", "description": "name of a table [[laws]]"}  # as parts give it
+    schema = file_schema(Study, {"laws": LawChoice, "decays": DecayRecord}, KINDS)
+    schema["$defs"]["LawChoice"] = {"type": "string", "description": "name of a table [[laws]]"}  # as steps give it
+    schema["$defs"]["RequestedRun"] = object_schema((RequestedRun,), {})
     return schema
 
 
@@ -156,7 +130,7 @@ def run_study(
     quick : bool
         Whether to shorten the simulations, for a first look.
     executor, jobs, progress
-        As in ``run_all``; with None for ``jobs``, all cores for more than a few parts.
+        As in ``run_all``; with None for ``jobs``, all cores for more than a few steps.
     command : str
         Command that the document names.
 
@@ -171,7 +145,7 @@ def run_study(
     --------
     >>> from pathlib import Path
     >>> from problems import run_study
-    >>> lines = ["[[parts]]", 'kind = "rayleigh"', "frequencies = [1.85, 10.19]", "ratios = [0.01, 0.0028]"]
+    >>> lines = ["[[steps]]", 'kind = "rayleigh"', "frequencies = [1.85, 10.19]", "ratios = [0.01, 0.0028]"]
     >>> _ = Path("study.toml").write_text("\n".join(lines))
     >>> report = run_study("study.toml", "results")
     >>> round(report.results["rayleigh"]["alpha"], 6), report.page.name
@@ -232,7 +206,7 @@ def write_study(
 def _write(report: StudyReport, folder: Path, layout: str, document: str) -> None:
     """Write all files of a study, all or none, and remove numbered ones that are left from another study."""
     contents: dict[Path, str | bytes] = {}
-    for finding in report.parts:
+    for finding in report.steps:
         for name, content in finding.files.items():
             contents[folder / (f"{finding.name}_{name}" if folder / name in contents else name)] = content
         for table in finding.tables:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from ancf_casadi.support.tables import Table
@@ -27,21 +28,31 @@ SMALL = {
     "frequency_matching", "damping_comparison",
 }  # fmt: skip
 RAYLEIGH = """
-[[parts]]
+[[steps]]
 kind = "rayleigh"
 frequencies = [1.85, 10.19]
 ratios = [0.0100, 0.0028]
 """
 DECAYS = """
-[[parts]]
+[[decays]]
+file = "mode1.csv"
+
+[[decays]]
+file = "mode2.csv"
+
+[[steps]]
 kind = "decays"
-sample_rate = 200.0
-duration = 2.0
-records = [
-    {synthetic = {frequency = 3.0, damping_ratio = 0.02, amplitude = 0.01}},
-    {synthetic = {frequency = 9.0, damping_ratio = 0.01, amplitude = 0.01}},
-]
 """
+
+
+def write_decays(folder: Path) -> None:
+    """Write the records of ``DECAYS``: damping ratios of 2 % at 3 Hz and 1 % at 9 Hz, and white noise."""
+    rng, time = np.random.default_rng(0), np.arange(0.0, 2.0, 0.005)
+    for mode, (frequency, ratio) in enumerate([(3.0, 0.02), (9.0, 0.01)], start=1):
+        omega = 2 * np.pi * frequency
+        motion = 0.01 * np.exp(-ratio * omega * time) * np.cos(omega * np.sqrt(1 - ratio**2) * time)
+        columns = np.column_stack([time, motion + 0.2e-3 * rng.standard_normal(time.size)])
+        np.savetxt(folder / f"mode{mode}.csv", columns, delimiter=",", header="time_s,tip_m", comments="")
 
 
 @pytest.fixture
@@ -51,6 +62,8 @@ def study_file(tmp_path) -> Callable[..., Path]:
     def write(*pieces: str, name: str = "study.toml") -> Path:
         path = tmp_path / name
         path.write_text("\n".join(pieces), encoding="utf-8")
+        if DECAYS in pieces:
+            write_decays(tmp_path)
         return path
 
     return write
@@ -59,6 +72,7 @@ def study_file(tmp_path) -> Callable[..., Path]:
 def run_in(folder: Path, text: str, *, quick: bool = False, name: str = "study.toml") -> StudyReport:
     """Run a study in the folder ``results`` beside its file."""
     (folder / name).write_text(text, encoding="utf-8")
+    write_decays(folder)
     return run_study(folder / name, folder / "results", quick=quick)
 
 
@@ -98,13 +112,15 @@ def small_study(tmp_path_factory) -> StudyReport:
     experiment = """
 [[laws]]
 name = "proportional"
-terms = [{part = "rayleigh"}]
+terms = [{step = "rayleigh"}]
 
-[[parts]]
-kind = "match"
+[match]
 targets = [1.85, 10.19]
 
-[[parts]]
+[[steps]]
+kind = "match"
+
+[[steps]]
 kind = "transients"
 beam = "match"
 laws = ["proportional"]
@@ -117,7 +133,7 @@ runs = [{mode = 1, amplitude = 0.02, stop = 1.0}]
 
 @pytest.fixture(scope="session")
 def small_paper(tmp_path_factory) -> StudyReport:
-    """The study of the paper in small: the promised parts, with a moment of the first experiment."""
+    """The study of the paper in small: the promised steps, with a moment of the first experiment."""
 
     def short(*laws: Any) -> list[Any]:
         return [replace(run, amplitude=0.02, stop=1.0) for run in inputs.experiments(*laws, modes=(1,))]

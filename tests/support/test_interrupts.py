@@ -212,7 +212,7 @@ def test_handlers_of_the_program_are_left_alone():
 
 
 DECAY_STUDY = """
-[[parts]]
+[[steps]]
 kind = "decays"
 
 [[decays]]

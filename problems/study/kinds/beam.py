@@ -21,14 +21,13 @@ from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import located, whole
-from ancf_casadi.support.specs import Positive, convert
+from ancf_casadi.support.specs import UNLISTED, convert
 from ancf_casadi.support.tables import Cell, Table, to_json
 from ancf_casadi.vibration.modes import STATIONS, Modes, natural_modes
 from problems.matching.frequency_matching import match_frequencies
-from problems.matching.measured_modes import MeasuredModes
-from problems.spec.beam import damping_on
+from problems.spec.beam import DampedBeam
 from problems.spec.file import NO_FILE, StudyFile
-from problems.spec.match import MOST_ELEMENTS, MatchTable, request_of
+from problems.spec.match import MOST_ELEMENTS, MatchTable
 from problems.study.compute import Compute
 from problems.study.drawing import FIGURE_WIDTH, new_figure, series
 from problems.study.formatting import shown
@@ -42,12 +41,12 @@ ELEMENT_ROWS = BEAM_ROWS[1:]  # of each element, which a match may change
 @final
 @dataclass(frozen=True, kw_only=True)
 class BeamProperties(Step):
-    """The properties of a beam."""
+    """The properties of the beam."""
 
-    kind, about, heading = "beam", "the properties of [beam]; {}", "The beam"
+    kind, heading = "beam", "The beam"
     naming = ("beam",)
 
-    beam: Annotated[str, Meta(description='"PART"')] = ""
+    beam: Annotated[str, Meta(description='"STEP"')] = ""
     printed: Annotated[
         Printed,
         Meta(
@@ -104,13 +103,13 @@ def properties_finding(beam: Beam, printed: Printed, origin: Finding | None = No
 @final
 @dataclass(frozen=True, kw_only=True)
 class ModesOfBeam(Step):
-    """The lowest modes of a beam."""
+    """Natural frequencies and shapes of the lowest modes of the beam."""
 
-    kind, about, heading = "modes", "natural frequencies and shapes: {}", "Natural modes"
+    kind, heading = "modes", "Natural modes"
     naming = ("beam",)
 
     modes: Annotated[int, Meta(ge=1)] = 5
-    beam: Annotated[str, Meta(description='"PART"')] = ""
+    beam: Annotated[str, Meta(description='"STEP"')] = ""
     printed: Annotated[Printed, Meta(description="{frequency (Hz)}")] = field(default_factory=dict)
 
     def checked(self, study: Study, where: str) -> Self:
@@ -167,9 +166,9 @@ class MatchedBeam:
     document: str  # the beam with the damping of the file, as a JSON document
 
 
-def match_plain(beam: Beam, request: dict[str, Any], file: StudyFile = NO_FILE) -> MatchedBeam:
+def match_plain(beam: Beam, table: MatchTable, file: StudyFile = NO_FILE) -> MatchedBeam:
     """Match a beam, whose damping is that of a file."""
-    match = match_frequencies(beam, **request_of(MatchTable(**request)))
+    match = match_frequencies(beam, **table.request())
     if match.max_relative_error > 0.5:  # of a frequency; such a beam is not the one that was measured
         raise FitError(match.warnings[0])
     space = match.matching.space
@@ -179,20 +178,19 @@ def match_plain(beam: Beam, request: dict[str, Any], file: StudyFile = NO_FILE) 
     data["density_per_element"] = data["density"]
     data["elastic_modulus"], data["density"] = data["elastic_modulus"][0], data["density"][0]
     model = Model(match.beam)
-    document = Document(model, damping_on(file, model) if file.tables else None, [Identification.of(match)])
+    document = Document(
+        model, DampedBeam.of(file).damping_on(model) if file.tables else None, [Identification.of(match)]
+    )
     return MatchedBeam(BeamSpec.of(match.beam), data, ranges, match.report(), to_json(document.to_dict()))
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Match(Step, MatchTable):
-    """A beam matched to measured frequencies."""
+class Match(Step):
+    """The nearest beam with measured frequencies: the tables [match], [[damping]]."""
 
     kind, heading = "match", "Beam matched to measured frequencies"
-    about = "nearest beam with measured frequencies; without targets, the table [match]: {}"
     naming, beam = ("beam",), ""
-
-    weightless: Annotated[Positive, Meta(description="density, kg/m^3, of a beam without gravity to show beside")] = 0.0
     printed: Annotated[
         Printed,
         Meta(
@@ -200,32 +198,31 @@ class Match(Step, MatchTable):
             "elastic modulus (GPa)]}"
         ),
     ] = field(default_factory=dict)
+    table: Annotated[MatchTable | None, UNLISTED] = None
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the step with the keys of [match], if it has none of its own."""
-        table: MatchTable = self
-        place, elements = where, study.model.beam.elements
-        if not self.request:
-            place = study.file.where("match")
-            table = convert(study.file.needed("match", "run --keys lists its keys"), MatchTable, place)
+        """Return the step with the table [match]."""
+        elements = study.model.beam.elements
+        table = convert(study.file.needed("match"), MatchTable, study.file.where("match"))
         if elements > MOST_ELEMENTS:
             raise InputError(
                 f"a match takes {MOST_ELEMENTS} at most, got {elements}; 20 to 100 are enough",
                 f"{study.file.where('beam')}: elements",
             )
-        with located(place):
-            targets = request_of(table)["targets"]
-        modes = len(targets.frequencies if isinstance(targets, MeasuredModes) else targets)
+        with located(study.file.where("match")):
+            table.request()
+        modes = len(table.targets)
         columns = {"standard": modes, "optimum": modes, "value": len(ELEMENT_ROWS)}
-        damped = "damping" in study.file.tables or "document" in study.file.tables.get("beam", {})
-        file = study.file.only({"beam", "damping"}) if damped else self.file
-        return replace(self, **table.request, printed=printed_numbers(self.printed, columns, where), file=file)
+        printed = printed_numbers(self.printed, columns, where)
+        undamped = DampedBeam.of(study.file).undamped
+        file = NO_FILE if undamped else study.file.only({"beam", "damping"})  # for the document of the matched beam
+        return replace(self, table=table, printed=printed, file=file)
 
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the properties, the frequencies, and both as figures."""
         beam = self.beam_in(findings)
-        match = compute(match_plain, beam, self.request, self.file, cost=2.0)
-        return match_finding(compute, beam, match, self.printed, self.printed_by, weightless=self.weightless)
+        match = compute(match_plain, beam, self.table, self.file, cost=2.0)
+        return match_finding(compute, beam, match, self.printed, self.printed_by)
 
 
 def match_finding(

@@ -1,7 +1,7 @@
 """A step with modal parameters identified from free decays, Eq. (10): Tables 2 and 4, Figures 5 to 9 of the paper.
 
-The decays are measured files, or synthetic ones: Eq. (9) or (27) with given parameters and seeded white noise.  Every
-figure and table made from synthetic decays says so.
+The decays of users are measured files; those of the paper are synthetic: Eq. (9) or (27) with given parameters and
+seeded white noise.  Every figure and table made from synthetic decays says so.
 """
 
 from __future__ import annotations
@@ -18,12 +18,11 @@ from msgspec import Meta
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
 from ancf_casadi.decay.rest import Rest
 from ancf_casadi.estimation.agreement import subset_estimates
-from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure, prefixed
-from ancf_casadi.support.inputs import check_keys, located
-from ancf_casadi.support.specs import UNLISTED, Positive, Spec, convert
+from ancf_casadi.support.inputs import located
+from ancf_casadi.support.specs import convert
 from ancf_casadi.support.tables import Cell, Table, known
 from problems.decay.fitting import fit_decay
 from problems.decay.laws import Law
@@ -36,7 +35,6 @@ from problems.study.step import Finding, Findings, Printed, Step, Study, beside_
 
 PRINTED = ("frequency", "damping_ratio", "eta1", "eta2")
 SYNTHETIC_RATE, SYNTHETIC_DURATION, SYNTHETIC_STD = 500.0, 5.0, 0.2e-3  # 1/s, s, m, of synthetic decays
-MOST_DECAY_SAMPLES = 10_000_000  # of a synthetic decay
 
 
 class DecayRecord(ColumnSpec, frozen=True, kw_only=True):
@@ -49,20 +47,15 @@ class DecayRecord(ColumnSpec, frozen=True, kw_only=True):
         return Decay(self.measurement(file, where), "", self.release_time)
 
 
-class SyntheticDecay(Spec, frozen=True):
+@dataclass(frozen=True)
+class SyntheticDecay:
     """Parameters of a free decay by Eq. (9), with a damping ratio, or by Eq. (27), with eta1 and eta2."""
 
-    frequency: Positive
-    amplitude: Positive
-    damping_ratio: Annotated[float, Meta(ge=0.0, lt=1.0)] | None = None
-    eta1: Positive | None = None
-    eta2: Positive | None = None
-
-    def __post_init__(self) -> None:
-        """Refuse parameters of both laws, or of none."""
-        present = (self.damping_ratio is not None, self.eta1 is not None, self.eta2 is not None)
-        if present not in ((True, False, False), (False, True, True)):
-            raise InputError("give either damping_ratio, or both of eta1 (1/s) and eta2 (1/m)")
+    frequency: float
+    amplitude: float
+    damping_ratio: float = 0.0
+    eta1: float | None = None
+    eta2: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -140,88 +133,47 @@ def _numbers(fit: DecayFit) -> dict[str, Any]:
 class Decays(Step):
     """Free decays, one per mode, and their fits."""
 
-    kind, about, heading = "decays", "free decays: {}", "Free decays"
+    kind, heading = "decays", "Free decays"
+    reading = frozenset({"decays"})
 
     law: Literal[Law, "auto"] = "linear"
     rest: Annotated[Rest | None, Meta(description="default: constant; with the law auto the best")] = None
-    records: Annotated[
-        tuple[Any, ...] | None,
-        Meta(
-            description="default: the tables [[decays]]; or {synthetic = {frequency (Hz), amplitude (m), "
-            "damping_ratio; or eta1 (1/s), eta2 (1/m)}}"
-        ),
-    ] = None
-    sample_rate: Annotated[Positive, Meta(description="1/s, of synthetic decays")] = SYNTHETIC_RATE
-    duration: Annotated[Positive, Meta(description="s")] = SYNTHETIC_DURATION
-    std: Annotated[float, Meta(ge=0.0, description="m")] = SYNTHETIC_STD
-    seed: Annotated[int, Meta(ge=0)] | None = None
     printed: Annotated[Printed, Meta(description="{frequency (Hz), damping_ratio (%), eta1, eta2}")] = field(
         default_factory=dict
     )
-    sources: Annotated[tuple[Any, ...], UNLISTED] = ()  # synthetic decays, and measured ones that are not read yet
-    places: Annotated[str, UNLISTED] = ""  # where the file lists them, for messages
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the step with its synthetic decays, and the tables of its measured ones."""
-        tables = study.file.several("decays") if self.records is None else self.records
-        if not tables:
-            raise InputError("is missing; name the records, or add tables [[decays]]", f"{where}: records")
-        places = study.file.where("decays") if self.records is None else f"{where}: records"
-        sources: list[Decay | DecayRecord] = []
-        for k, table in enumerate(tables, start=1):
-            place = f"{places}: {k}"
-            if isinstance(table, dict) and "synthetic" in table:
-                check_keys(table, {"synthetic"}, set(), place)
-                parameters = convert(table["synthetic"], SyntheticDecay, f"{place}: synthetic")
-                seed = study.seed if self.seed is None else self.seed
-                with located(place):
-                    sources.append(synthetic_decay(parameters, k, seed, self.sample_rate, self.duration, self.std))
-            else:
-                sources.append(convert(table, DecayRecord, place))
-        printed = printed_numbers(self.printed, dict.fromkeys(PRINTED, len(sources)), where)
-        files = study.file.only(set())
-        return replace(self, records=None, sources=tuple(sources), places=places, printed=printed, file=files)
-
-    @property
-    def decays(self) -> tuple[Decay, ...]:
-        """The decays, of which the measured ones are read from their files."""
-        return tuple(
-            source.decay(self.file, f"{self.places}: {k}") if isinstance(source, DecayRecord) else source
-            for k, source in enumerate(self.sources, start=1)
-        )
+        """Return the step with the tables of its decays, and its printed numbers."""
+        study.file.needed("decays", "each names the file of a free decay")
+        printed = printed_numbers(self.printed, dict.fromkeys(PRINTED, len(_records(study.file))), where)
+        return replace(super().checked(study, where), printed=printed)
 
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the table of modal parameters, and a figure per record."""
-        decays = self.decays
+        decays = [record.decay(self.file, place) for place, record in _records(self.file).items()]
         fits = fit_all(compute, decays, self.law, self.rest)
         return decays_finding(compute, decays, fits, self.printed, with_law=self.law == "auto")
 
 
-def synthetic_decay(
-    parameters: SyntheticDecay,
-    mode: int,
-    seed: int,
-    sample_rate: float = SYNTHETIC_RATE,
-    duration: float = SYNTHETIC_DURATION,
-    std: float = SYNTHETIC_STD,
-) -> Decay:
+def _records(file: StudyFile) -> dict[str, DecayRecord]:
+    """Return the tables [[decays]] by their places."""
+    places = {f"{file.where('decays')}: {k}": table for k, table in enumerate(file.several("decays"), start=1)}
+    return {place: convert(table, DecayRecord, place) for place, table in places.items()}
+
+
+def synthetic_decay(parameters: SyntheticDecay, mode: int, seed: int) -> Decay:
     """Return a decay by Eq. (9) or (27) with white noise, released at rest at time 0."""
-    if sample_rate * duration > MOST_DECAY_SAMPLES:
-        raise InputError(
-            f"gives {sample_rate * duration:.3g} samples, {MOST_DECAY_SAMPLES:g} at most; lower the rate", "duration"
-        )
-    time = np.arange(0.0, duration, 1 / sample_rate)
-    ω, amplitude = cs.DM(2 * math.pi * parameters.frequency), cs.DM(parameters.amplitude)
-    if parameters.eta1 is not None and parameters.eta2 is not None:
+    time = np.arange(0.0, SYNTHETIC_DURATION, 1 / SYNTHETIC_RATE)
+    ω, amplitude, rest = (cs.DM(value) for value in (2 * math.pi * parameters.frequency, parameters.amplitude, 0.0))
+    if parameters.eta1 is None:
+        law, exact = "Eq. (9)", linear_decay(cs.DM(time), ω, cs.DM(parameters.damping_ratio), amplitude, rest)
+    else:
         η1, η2 = cs.DM(parameters.eta1), cs.DM(parameters.eta2)
-        exact = quadratic_decay(cs.DM(time), ω, η1, η2, amplitude, cs.DM(0.0))
-    elif parameters.damping_ratio is not None:
-        exact = linear_decay(cs.DM(time), ω, cs.DM(parameters.damping_ratio), amplitude, cs.DM(0.0))
-    noise = std * np.random.default_rng((seed, mode)).standard_normal(len(time))
-    law = "Eq. (27)" if parameters.damping_ratio is None else "Eq. (9)"
+        law, exact = "Eq. (27)", quadratic_decay(cs.DM(time), ω, η1, η2, amplitude, rest)
+    noise = SYNTHETIC_STD * np.random.default_rng((seed, mode)).standard_normal(len(time))
     about = (
-        f"Synthetic decays by {law}, because no raw record was published: {sample_rate:g} samples/s, {duration:g} s, "
-        f"white noise of {1e3 * std:g} mm, seed {seed}."
+        f"Synthetic decays by {law}, because no raw record was published: {SYNTHETIC_RATE:g} samples/s, "
+        f"{SYNTHETIC_DURATION:g} s, white noise of {1e3 * SYNTHETIC_STD:g} mm, seed {seed}."
     )
     return Decay(Measurement(time, exact.full().ravel() + noise, f"mode {mode}, synthetic"), about, 0.0)
 

@@ -7,10 +7,10 @@ measured motion; planned experiments.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Self, final
+from typing import Annotated, Any, ClassVar, Self, final
 
 import numpy as np
 from msgspec import Meta
@@ -31,9 +31,9 @@ from problems.beam.properties import changed_property, property_value
 from problems.beam.result import BeamFit
 from problems.beam.values.records import FrequencyRecord
 from problems.spec.file import StudyFile
-from problems.spec.motion import SimulationTables, read_simulation
+from problems.spec.motion import SimulationTables, StepTables
 from problems.spec.plan import PLAN_TABLES, PlanTables
-from problems.spec.records import NUMBERS, Measurements, read_measurements
+from problems.spec.records import NUMBERS, Measurements
 from problems.study.compute import Compute
 from problems.study.drawing import drawn
 from problems.study.formatting import digits_of
@@ -43,42 +43,37 @@ MODES = 12  # whose natural frequencies get standard errors
 MOTION_TABLES = {"beam", "damping", "base", "load", "release", "records", *NUMBERS, "predictions", "fit"}
 
 
-@final
 @dataclass(frozen=True, kw_only=True)
-class SimulationStep(Step):
-    """One simulated motion."""
+class TablesStep(Step):
+    """A step that one computation makes of tables of the file."""
 
-    kind, heading = "simulation", "Simulated motion"
-    about = "one motion: the tables [[damping]], [base], [load], [release], [simulation]"
-    reading = frozenset({"beam", "damping", "base", "load", "release", "simulation", "markers"})
+    converter: ClassVar[type[StepTables]]
+    function: ClassVar[Callable[..., Finding]]  # of the file, the formats of figures, and ``inputs``
+    cost: ClassVar[float]  # s
 
-    animate: Annotated[bool, Meta(description="with a moving picture")] = False
-    animation: Annotated[str, Meta(description='further file with it, such as "motion.mp4" or "motion.html"')] = ""
-    slower: Annotated[Positive | None, Meta(description="times that it is slower than the motion was")] = None
+    @property
+    def inputs(self) -> tuple[Any, ...]:
+        """Keys of the step that its computation needs."""
+        return ()
 
     def checked(self, study: Study, where: str) -> Self:
-        """Return the step with the tables of its motion."""
-        SimulationTables.of(study.file)
-        if self.animation:
-            from ancf_casadi.animation.motions import check_animation  # matplotlib is slow to import
-
-            with located(f"{where}: animation"):
-                check_animation(self.animation)
-                if Path(self.animation).name != self.animation:
-                    raise InputError("must be a name without a folder")
+        """Return the step with its tables, which are checked."""
+        self.converter.of(study.file)
         return super().checked(study, where)
 
     def finding(self, compute: Compute, findings: Findings) -> Finding:
-        """Return the simulation."""
-        file = SimulationTables.of(self.file).with_records()
-        return compute(simulated, file, self.animate, self.animation, self.slower, cost=10.0)
+        """Open the files of measurements, and return the finding."""
+        self.converter.of(self.file).read()
+        return compute(type(self).function, self.file, compute.all_formats, *self.inputs, cost=self.cost)
 
 
-def simulated(file: StudyFile, animate: bool, animation: str, slower: float | None) -> Finding:
+def simulated(
+    file: StudyFile, formats: tuple[str, ...], animate: bool, animation: str, slower: float | None
+) -> Finding:
     """Simulate the motion of a study file: range and energies, and the figure of the motion."""
-    arguments, markers = read_simulation(file)
+    tables = SimulationTables.of(file).read()
     with located(file.where("simulation")):
-        run = simulate(**arguments)
+        run = simulate(**tables.arguments)
     data: dict[str, Any] = {
         "tip_position_range_m": np.ptp(run.tip, axis=0).tolist(),
         "dissipated_energy_j": float(run.dissipated_energy[-1]),
@@ -93,8 +88,8 @@ def simulated(file: StudyFile, animate: bool, animation: str, slower: float | No
         ("largest energy balance error", "mJ", 1e3 * data["balance_error_j"]),
     ]
     caption = "Motion of the tip relative to the clamp, and shapes of the beam."
-    figure = drawn(caption, run.figure)
-    files: dict[str, bytes] = {"motion.csv": _positions(run, markers).csv().encode()}
+    figure = drawn(caption, run.figure, formats)
+    files: dict[str, bytes] = {"motion.csv": _positions(run, tables.markers).csv().encode()}
     if animate or animation:
         from ancf_casadi.animation.motions import moving_pictures  # matplotlib is slow to import
 
@@ -106,6 +101,36 @@ def simulated(file: StudyFile, animate: bool, animation: str, slower: float | No
     return Finding(data, (table,), (figure,), text=run.report(), files=files)
 
 
+@final
+@dataclass(frozen=True, kw_only=True)
+class SimulationStep(TablesStep):
+    """One simulated motion: the tables [[damping]], [base], [load], [release], [simulation], [markers]."""
+
+    kind, heading = "simulation", "Simulated motion"
+    converter, function, cost = SimulationTables, simulated, 10.0
+    reading = frozenset({"beam", "damping", "base", "load", "release", "simulation", "markers"})
+
+    animate: Annotated[bool, Meta(description="with a moving picture")] = False
+    animation: Annotated[str, Meta(description='further file with it, such as "motion.mp4" or "motion.html"')] = ""
+    slower: Annotated[Positive | None, Meta(description="times that it is slower than the motion was")] = None
+
+    def checked(self, study: Study, where: str) -> Self:
+        """Return the step with its tables and the name of its animation, which are checked."""
+        if self.animation:
+            from ancf_casadi.animation.motions import check_animation  # matplotlib is slow to import
+
+            with located(f"{where}: animation"):
+                check_animation(self.animation)
+                if Path(self.animation).name != self.animation:
+                    raise InputError("must be a name without a folder")
+        return super().checked(study, where)
+
+    @property
+    def inputs(self) -> tuple[Any, ...]:
+        """The settings of the moving picture."""
+        return self.animate, self.animation, self.slower
+
+
 def _positions(run: Trajectory, markers: Mapping[str, float]) -> Table:
     """Return the positions of tip, base and markers over time."""
     places = {"tip": run.tip, "base": run.base} | {name: run.position(s) for name, s in markers.items()}
@@ -113,32 +138,12 @@ def _positions(run: Trajectory, markers: Mapping[str, float]) -> Table:
     return Table("motion", "Motion of the beam", columns, np.column_stack([run.time, *places.values()]).tolist())
 
 
-@final
-@dataclass(frozen=True, kw_only=True)
-class MotionFit(Step):
-    """A fit to measured large motion."""
-
-    kind, heading = "motion", "Fit to measured motion"
-    about = ("fit to measured large motion, and predictions: the tables [[damping]], [base], [[records]], "
-             "[[predictions]], [fit]")  # fmt: skip
-    reading = MOTION_TABLES
-
-    def checked(self, study: Study, where: str) -> Self:
-        """Return the step with the tables of its measurements."""
-        Measurements.of(study.file)
-        return super().checked(study, where)
-
-    def finding(self, compute: Compute, findings: Findings) -> Finding:
-        """Return the fit."""
-        return compute(fitted, Measurements.of(self.file).with_records(), cost=60.0)
-
-
-def fitted(file: StudyFile) -> Finding:
+def fitted(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     """Fit the motion in the files of a study: estimates, predictions and their figures."""
-    read = read_measurements(file)
+    read = Measurements.of(file).read()
     with located(file.where("fit")):
         fit = fit_beam(read.model, read.records, read.damping, **read.settings)
-    figures = [drawn("Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
+    figures = [drawn("Measured motion (dots), fitted motion (lines), and residuals.", fit.figure, formats)]
     predictions, failures = [], []
     for k, record in enumerate(read.predictions, start=1):
         try:
@@ -147,7 +152,7 @@ def fitted(file: StudyFile) -> Finding:
             failures.append(f"record {k} could not be predicted: {error}")
             continue
         caption = f"Record {k} that was predicted, not fitted: measured (dots) and computed (lines), and residuals."
-        figures.append(drawn(caption, prediction.figure))
+        figures.append(drawn(caption, prediction.figure, formats))
     warnings = (*fit.warnings, *(text for prediction in predictions for text in prediction.warnings), *failures)
     data: dict[str, Any] = {"fit": fit.to_dict(), "predictions": [one.to_dict() for one in predictions]}
     tables = [_estimates(data["fit"]["estimates"])]
@@ -209,13 +214,38 @@ def _errors(predictions: Sequence[Mapping[str, Any]]) -> Table:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Comparison(Step):
-    """A comparison of damping laws on measured large motion."""
+class MotionFit(TablesStep):
+    """A fit to measurements, and predictions: [[damping]], [base], [[records]] and others, [[predictions]], [fit]."""
+
+    kind, heading = "motion", "Fit to measured motion"
+    reading = MOTION_TABLES
+    converter, function, cost = Measurements, fitted, 60.0
+
+
+def compared(file: StudyFile, formats: tuple[str, ...]) -> Finding:
+    """Fit the laws of a study file to its records: the criteria, as a table and as a figure."""
+    read = Measurements.of(file).read()
+    with located(file.where("fit")):
+        found = compare_laws(read.model, read.records, read.laws, **read.settings)
+    caption = "Information criteria of the laws above the lowest: smaller is better."
+    data = found.to_dict()
+    laws = data["laws"]
+    lowest = min(law["bic"] for law in laws)
+    heads = ("law", "unknowns", "rms residual", "BIC above the lowest")
+    rows = [(law["law"], law["estimated"], law["residual_rms"], law["bic"] - lowest) for law in laws]
+    table = Table("", "Damping laws fitted to the measured motion", heads, rows, found.table().notes)
+    figures = (drawn(caption, found.figure, formats),)
+    return Finding(data, (table,), figures, tuple(data["warnings"]), text=found.report())
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Comparison(TablesStep):
+    """The law that explains measured motion best, of several [[damping]] or of laws in [fit]; tables as for motion."""
 
     kind, heading = "comparison", "Damping laws compared on measured motion"
-    about = ('the law that explains measured large motion best: the tables of "motion" with several [[damping]], or '
-             "laws in [fit]")  # fmt: skip
     reading = MOTION_TABLES
+    converter, function, cost = Measurements, compared, 120.0
 
     def checked(self, study: Study, where: str) -> Self:
         """Return the step with the tables of its records and laws, of which there must be several."""
@@ -226,52 +256,14 @@ class Comparison(Step):
             raise InputError("all parameters of the laws are compared; leave out fixed", study.file.where("fit"))
         return super().checked(study, where)
 
-    def finding(self, compute: Compute, findings: Findings) -> Finding:
-        """Return the comparison."""
-        return compute(compared, Measurements.of(self.file).with_records(), cost=120.0)
 
-
-def compared(file: StudyFile) -> Finding:
-    """Fit the laws of a study file to its records: the criteria, as a table and as a figure."""
-    read = read_measurements(file)
-    with located(file.where("fit")):
-        found = compare_laws(read.model, read.records, read.laws, **read.settings)
-    caption = "Information criteria of the laws above the lowest: smaller is better."
-    data = found.to_dict()
-    laws = data["laws"]
-    lowest = min(law["bic"] for law in laws)
-    heads = ("law", "unknowns", "rms residual", "BIC above the lowest")
-    rows = [(law["law"], law["estimated"], law["residual_rms"], law["bic"] - lowest) for law in laws]
-    table = Table("", "Damping laws fitted to the measured motion", heads, rows, found.table().notes)
-    return Finding(data, (table,), (drawn(caption, found.figure),), tuple(data["warnings"]), text=found.report())
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class PlanStep(Step):
-    """The standard errors that candidates will have, and the list that is worth measuring."""
-
-    kind, heading = "plan", "Planned experiments"
-    about = "expected errors of experiments: the tables [[damping]], [[candidates]], [fit] (unknowns), [plan]"
-    reading = PLAN_TABLES
-
-    def checked(self, study: Study, where: str) -> Self:
-        """Return the step with the tables of its candidates."""
-        PlanTables.of(study.file)
-        return super().checked(study, where)
-
-    def finding(self, compute: Compute, findings: Findings) -> Finding:
-        """Return the plan."""
-        return compute(planned, PlanTables.of(self.file).with_records(), cost=20.0)
-
-
-def planned(file: StudyFile) -> Finding:
+def planned(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     """Plan the candidates of a study file: the errors of each and of all, and the best list."""
     task = PlanTables.of(file)
     if task.table.laws:
         compared = task.compared()
         table = compared.table()
-        figures = (drawn("Probability that each candidate tells two laws apart.", compared.figure),)
+        figures = (drawn("Probability that each candidate tells two laws apart.", compared.figure, formats),)
         return Finding(compared.to_dict(), (table,), figures, text=compared.report())
     found = task.planned()
     choice = task.chosen(found)
@@ -288,5 +280,15 @@ def planned(file: StudyFile) -> Finding:
     lines = [found.report(), "", f"best list within the budget {choice['budget']:g} for {choice['goal']}: {chosen}"]
     errors = choice["standard_errors"]
     lines += [f"  {name}: standard error {error:.3g} {found.units[name]}".rstrip() for name, error in errors.items()]
-    figures = (drawn(caption, found.figure),)
+    figures = (drawn(caption, found.figure, formats),)
     return Finding(found.to_dict() | choice, tables, figures, found.warnings, text="\n".join(lines))
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class PlanStep(TablesStep):
+    """Expected errors of experiments, and the best list: [[damping]], [[candidates]], [fit] (unknowns), [plan]."""
+
+    kind, heading = "plan", "Planned experiments"
+    reading = PLAN_TABLES
+    converter, function, cost = PlanTables, planned, 20.0

@@ -12,7 +12,6 @@ from msgspec import Meta
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.figures import Figure, plain_log_ticks
 from ancf_casadi.support.inputs import located
-from ancf_casadi.support.specs import Positive, Spec
 from ancf_casadi.support.tables import known
 from problems.modal_damping.rayleigh import fit_rayleigh, rayleigh_ratio
 from problems.study.compute import Compute
@@ -20,40 +19,35 @@ from problems.study.drawing import line, new_figure
 from problems.study.step import Finding, Findings, Printed, Step, Study, beside_printed, printed_numbers
 
 
-class OtherModes(Spec, frozen=True):
+@dataclass(frozen=True)
+class OtherModes:
     """Frequencies (Hz) and damping ratios of modes."""
 
-    frequencies: tuple[Positive, ...] = ()
-    ratios: tuple[Positive, ...] = ()
+    frequencies: tuple[float, ...] = ()
+    ratios: tuple[float, ...] = ()
+
+
+NO_MODES = OtherModes()
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Rayleigh(Step):
-    """Rayleigh damping from the damping ratios of modes."""
+    """Rayleigh damping from the damping ratios of modes, Eq. (17)."""
 
-    kind, about, heading = "rayleigh", "alpha and beta, Eq. (17): {}", "Rayleigh (proportional) damping"
+    kind, heading = "rayleigh", "Rayleigh (proportional) damping"
     naming = ("identified_by",)
 
     frequencies: Annotated[tuple[float, ...], Meta(description="Hz, of the modes to fit")]
     ratios: tuple[float, ...]
     ratio_std: tuple[float, ...] = ()
-    identified_by: Annotated[str, Meta(description='"PART": decays whose standard errors to use')] = ""
-    others: Annotated[OtherModes, Meta(description="{frequencies, ratios}: modes to draw beside the law")] = field(
-        default_factory=OtherModes
-    )
-    examples: Annotated[tuple[tuple[float, float], ...], Meta(description="[[alpha, beta], ...]: laws to draw")] = ()
+    identified_by: Annotated[str, Meta(description='"STEP": decays whose standard errors to use')] = ""
     printed: Annotated[Printed, Meta(description="{value = [alpha, beta]}")] = field(default_factory=dict)
 
     def checked(self, study: Study, where: str) -> Self:
         """Return the step with its printed numbers, once its modes have a law."""
         with located(where):
             fit_rayleigh(self.frequencies, self.ratios, ratio_std=self.ratio_std or None)
-            if len(self.others.ratios) != len(self.others.frequencies):
-                raise InputError(
-                    f"has {len(self.others.ratios)} values for {len(self.others.frequencies)} frequencies",
-                    "others: ratios",
-                )
         return replace(self, printed=printed_numbers(self.printed, {"value": 2}, where))
 
     def finding(self, compute: Compute, findings: Findings) -> Finding:
@@ -61,8 +55,7 @@ class Rayleigh(Step):
         deviations = self.ratio_std
         if self.identified_by:
             deviations = self._identified(findings[self.identified_by].data)
-        modes = (self.frequencies, self.ratios, deviations)
-        return rayleigh_finding(compute, *modes, others=self.others, examples=self.examples, printed=self.printed)
+        return rayleigh_finding(compute, self.frequencies, self.ratios, deviations, printed=self.printed)
 
     def _identified(self, data: Any) -> tuple[float, ...]:
         """Return the standard errors that a step with decays has found; none if one is unknown."""
@@ -70,7 +63,7 @@ class Rayleigh(Step):
         errors = [row.get("damping_ratio_stderr") for row in rows if "damping_ratio" in row]
         if len(errors) < len(self.ratios):
             raise InputError(
-                f"the part {self.identified_by!r} does not identify these {len(self.ratios)} modes; name a part of the "
+                f"the step {self.identified_by!r} does not identify these {len(self.ratios)} modes; name a step of the "
                 "kind decays",
                 f"{self.where}: identified_by",
             )
@@ -83,7 +76,7 @@ def rayleigh_finding(
     ratios: Sequence[float],
     ratio_std: Sequence[float] = (),
     *,
-    others: OtherModes,
+    others: OtherModes = NO_MODES,
     examples: Sequence[tuple[float, float]] = (),
     printed: Printed | None = None,
 ) -> Finding:

@@ -94,10 +94,9 @@ def level_curve(file: StudyFile, level: float) -> dict[str, Any]:
 @final
 @dataclass(frozen=True, kw_only=True)
 class ResponseStep(Step):
-    """Response curves at one or several levels."""
+    """Steady vibration over frequency, with folds and jumps: the tables [[damping]], [response], [markers]."""
 
     kind, heading = "response", "Steady vibration"
-    about = "steady vibration over frequency, with folds and jumps: the tables [[damping]], [response], [markers]"
     reading = frozenset({"beam", "damping", "response", "markers"})
 
     levels: Annotated[tuple[float, ...], UNLISTED] = ()

@@ -19,13 +19,11 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.arrays import Array, maxima
 from ancf_casadi.support.figures import Axes, Figure, plain_log_ticks
 from ancf_casadi.support.tables import Table, known
-from problems.spec.help import described_keys
 from problems.study.compute import Compute
 from problems.study.drawing import draw_band, line, new_figure, series
 from problems.study.kinds.experiment import ExperimentResult, RequestedRun, run_experiment
 from problems.study.step import Finding, Findings, LawChoice, Printed, Step, Study, beside_printed, printed_numbers
 
-RUN_KEYS = ", ".join(described_keys(RequestedRun))
 TRANSIENT_KEYS = {"experiment", "runs"}  # other keys of its numbers
 
 Row = tuple[int, LawChoice, dict[str, Any]]  # number of a run, law, and the numbers of the experiment
@@ -51,12 +49,12 @@ def run_experiments(
 class Transients(Step):
     """Simulated experiments on a beam."""
 
-    kind, about, heading = "transients", "simulated experiments: {}", "Excitation, stop and decay"
+    kind, heading = "transients", "Excitation, stop and decay"
     naming = ("beam",)
 
-    runs: Annotated[tuple[RequestedRun, ...], Meta(min_length=1, description=f"[{{{RUN_KEYS}}}, ...]")]
+    runs: Annotated[tuple[RequestedRun, ...], Meta(min_length=1)]
     laws: Annotated[tuple[LawChoice, ...], Meta(description="names of [[laws]]")] = ()
-    beam: Annotated[str, Meta(description='"PART"')] = ""
+    beam: Annotated[str, Meta(description='"STEP"')] = ""
     printed: Annotated[Printed, Meta(description="{LAW = [damping ratio of each run, %]}")] = field(
         default_factory=dict
     )

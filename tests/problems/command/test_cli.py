@@ -36,7 +36,7 @@ from ancf_casadi.vibration.modes import natural_modes
 from problems.cli import COMMANDS, REPLACED, main
 from problems.command import fit_decay as fit_decay_command
 from problems.paper.reproduce import PAPER
-from problems.spec.motion import read_simulation
+from problems.spec.motion import SimulationTables
 from problems.study import compute as computing
 from problems.study import study as study_module
 from problems.study.kinds import beam as beam_kinds
@@ -248,15 +248,6 @@ class TestFitDecay:
         assert 0.0 < data["frequency_stderr_hz"] < 0.06  # the frequency changes by 0.1 Hz within the record
         assert 0.0 < data["damping_ratio_stderr"] < 0.004
 
-    @real_record
-    def test_measured_release_as_text(self, capsys):
-        assert main(["fit-decay", str(RECORD)]) == 0
-        lines = {line.split()[0]: line.split() for line in capsys.readouterr().out.splitlines()}
-        assert float(lines["frequency"][1]) == pytest.approx(7.77, abs=0.03)
-        assert float(lines["damping_ratio"][1]) == pytest.approx(0.055, abs=0.004)
-        assert [lines["frequency"][2], lines["damping_ratio"][2]] == ["+-", "+-"]
-        assert 0.0 < float(lines["frequency"][3]) < 0.06
-
 
 class TestSimulate:
     @pytest.mark.slow
@@ -269,7 +260,7 @@ class TestSimulate:
     @pytest.mark.slow
     def test_motion_as_csv(self, files, capsys):
         """All digits; the base stays where it first rests after 0.2 s, at three quarters of a period."""
-        part = '\n[[parts]]\nkind = "simulation"\nanimate = true\nslower = 2\nanimation = "motion.html"\n'
+        part = '\n[[steps]]\nkind = "simulation"\nanimate = true\nslower = 2\nanimation = "motion.html"\n'
         (files / "study.toml").write_text((files / "study.toml").read_text() + part)
         assert main(["run", "study.toml", "simulation", "--out", "new"]) == 0
         assert "samples" in capsys.readouterr().out
@@ -404,7 +395,7 @@ def test_version_and_help_import_none_of_the_large_packages(option):
 def test_data_say_which_version_made_them(files, capsys):
     assert main(["run", "beam.toml", "modes", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
-    assert (data["version"], data["study"]["parts"][0]["kind"]) == (__version__, "modes")
+    assert (data["version"], data["study"]["steps"][0]["kind"]) == (__version__, "modes")
 
 
 @pytest.mark.parametrize("command", REPLACED)
@@ -424,8 +415,7 @@ def test_every_command_has_help_and_json(command, capsys):
 def test_the_help_of_studies_names_every_kind(capsys):
     with pytest.raises(SystemExit):
         main(["run", "--keys"])
-    told = re.findall(r'^  kind = "(\w+)"', capsys.readouterr().out, re.MULTILINE)
-    assert told == [kind.kind for kind in study_module.KINDS]
+    assert re.findall(r'kind\s+=\s+"(\w+)"', capsys.readouterr().out) == list(study_module.KINDS)
 
 
 def one_line(capsys) -> str:
@@ -442,7 +432,7 @@ class TestExport:
         written = json.loads(capsys.readouterr().out)
         assert written["format"] == "json"
         assert written["files"] == [{"path": "new/beam.json", "bytes": (files / "new/beam.json").stat().st_size}]
-        (given, _), found = read_simulation("study.toml"), read_document("new/beam.json")
+        given, found = SimulationTables.of("study.toml").arguments, read_document("new/beam.json")
         model, law = given["model"], given["damping"]
         assert found.model == model
         assert np.array_equal(found.damping.projection(found.model), law.projection(model))
@@ -558,18 +548,9 @@ class TestExport:
             (["bad.toml", "--format", "json", "--out", "x"], "bad.json: $.format: must be 'ancf-casadi'"),
             (["beam.toml", "--format", "json", "--out", "."], ".: is a folder"),
             (["beam.toml", "--format", "json", "--out", "beam.toml/x"], "beam.toml: is not a folder"),
-            (
-                ["beam.toml", "--format", "json", "--out", "x", "--markers", "0.1"],
-                "--markers: a JSON document has no outputs",
-            ),
-            (
-                ["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.1;2"],
-                "must be numbers separated by commas",
-            ),
-            (
-                ["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.6"],
-                "--markers: point: the point must be on",
-            ),
+            (["beam.toml", "--format", "json", "--out", "x", "--markers", "0.1"], "--markers: does not apply to"),
+            (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.1;2"], "must be numbers separated by"),
+            (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.6"], "--markers: point: the point must"),
             (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "nan"], "must be numbers separated by commas"),
             (
                 ["beam.toml", "--format", "json", "--out", "x", "--identification", "bad.json"],
@@ -583,18 +564,12 @@ class TestExport:
             (["beam.toml", "--format", "c", "--out", "x", "--markers", "1"], "--markers: point: the point must be on"),
             (
                 ["beam.toml", "--format", "c", "--out", "x", "--identification", "good.json"],
-                "--identification: cannot be kept in c; choose json, fmu or co-simulation",
+                "--identification: does not apply to c;",
             ),
             (["beam.toml", "--format", "json", "--out", "x", "--data", "decay.csv"], "--data: there are 1 for 0"),
-            (
-                ["beam.toml", "--format", "json", "--out", "x", "--reduced", "3"],
-                "--reduced: a JSON document holds the full beam",
-            ),
+            (["beam.toml", "--format", "json", "--out", "x", "--reduced", "3"], "--reduced: does not apply to json"),
             (["beam.toml", "--format", "c", "--out", "x", "--reduced", "0"], "--reduced: must be a whole number above"),
-            (
-                ["beam.toml", "--format", "fmu", "--out", "x", "--reduced", "99"],
-                "modes: must be a whole number, 1 to 80, got 99",
-            ),
+            (["beam.toml", "--format", "fmu", "--out", "x", "--reduced", "99"], "modes: must be a whole number, 1"),
             (["beam.toml", "--format", "fmu", "--out", "x", "--reduced", "40"], "modes: mode 23 stretches the beam"),
         ],
     )
@@ -640,10 +615,7 @@ def refused(arguments: list[str], files: Path, capsys) -> str:
         (["run", "beam.toml", "--out", "beam.toml"], "beam.toml: is not a folder"),
         (["fit-decay", "decay.csv", "--curve", "./decay.csv"], "decay.csv: is an input, which would be lost"),
         (["export", "beam.toml", "--format", "json", "--out", "beam.toml"], "beam.toml: is an input"),
-        (
-            ["fit-decay", "decay.csv", "--curve", "x.png", "--plot", "./x.png"],
-            "x.png: is named for two outputs; choose two names",
-        ),
+        (["fit-decay", "decay.csv", "--curve", "x.png", "--plot", "./x.png"], "x.png: is named for two outputs;"),
         (["fit-decay", "decay.csv", "--curve", "pipe"], "pipe: is a device or a pipe; name a file"),
         (["run", "absent.json", "modes"], "absent.json: cannot be read"),
         (["run", "large.toml", "modes"], "large.toml: is larger than 64 MiB"),
@@ -666,16 +638,8 @@ class TestUnusableInput:
         ("old", "new", "what"),
         [
             ("thickness = 0.5e-3", "", "[beam]: the key 'thickness' is missing"),
-            (
-                "elements = 20",
-                "elements = 20\ncolour = 1",
-                "[beam]: unknown key 'colour'; known are attachments, axis, clamp_stiffness",
-            ),
-            (
-                "[match]",
-                "[mach]",
-                "unknown key 'mach'; known are base, beam, candidates, curves, damping, decays, fit, frequencies",
-            ),
+            ("elements = 20", "elements = 20\ncolour = 1", "[beam]: unknown key 'colour'; known are attachments,"),
+            ("[match]", "[mach]", "unknown key 'mach'; known are base, beam, candidates, curves, damping, decays,"),
             ("[beam]", "[bean]", "unknown key 'bean'; known are base, beam"),
             ("thickness = 0.5e-3", "thickness = -0.5e-3", "[beam]: thickness: must be positive, got -0.0005"),
             ("density = 8000.0", "density = nan", "[beam]: density: must be a finite number, got nan"),
@@ -695,26 +659,15 @@ class TestUnusableInput:
     @pytest.mark.parametrize(
         ("old", "new", "what"),
         [
-            ("1.85, 10.19", "10.19, 1.85", "targets: must be ascending, got 10.19, 1.85, 26.84, 53.2, 88.6 Hz"),
             ("1.85, 10.19", "1.85, -10.19", "targets: 2: must be positive, got -10.19"),
-            ("[1.85", "1.85 #", "targets: must be a list, got 1.85"),
-            (
-                "[1.85",
-                f"[{', '.join(str(0.01 * k) for k in range(1, 40))}, 1.85",
-                "targets: 44 modes are more than the 40",
-            ),
+            ("[1.85", f"[{', '.join(str(0.01 * k) for k in range(1, 40))}, 1.85", "targets: 44 modes are more than"),
             ("bounds = 0.10", "bounds = 0", "bounds: must be positive, got 0"),
             ("bounds = 0.10", "bounds = 1.5", "bounds: must be above 0 and at most 1, got 1.5"),
-            ("bounds = 0.10", "bound = 0.10", "unknown key 'bound'; known are bounds, frequency_std"),
-            ("targets = ", "bounds = 0.10 #", None),
         ],
     )
     def test_match(self, files, capsys, old, new, what):
-        text = edited(BEAM, (old, new))
-        if what is None:
-            text, what = text.replace("\nbounds = 0.10\n", "\n", 1), "the key 'targets' is missing"
-        (files / "beam.toml").write_text(text)
-        assert f"{what}" in refused(["run", "beam.toml", "match"], files, capsys)
+        (files / "beam.toml").write_text(edited(BEAM, (old, new)))
+        assert what in refused(["run", "beam.toml", "match"], files, capsys)
 
     def test_match_without_its_table(self, files, capsys):
         (files / "beam.toml").write_text(BEAM.partition("[match]")[0])
@@ -724,44 +677,20 @@ class TestUnusableInput:
     @pytest.mark.parametrize(
         ("old", "new", "what"),
         [
-            (
-                "ratios = [0.0050,",
-                "ratios = [1.0,",
-                "[damping]: ratios: 1: must be at least 0 and below 1",
-            ),
-            (
-                "ratios = [0.0050,",
-                "ratios = [-0.1,",
-                "[damping]: ratios: 1: must not be negative, got -0.1",
-            ),
+            ("ratios = [0.0050,", "ratios = [1.0,", "[damping]: ratios: 1: must be at least 0 and below 1"),
+            ("ratios = [0.0050,", "ratios = [-0.1,", "[damping]: ratios: 1: must not be negative, got -0.1"),
             ("ratios = [0.0050,", f"ratios = [{'0.01, ' * 16}", "[damping]: ratios: has 20 values for 16 modes"),
             ("ratios = [0.0050,", "rations = [0.0050,", "[damping]: unknown key 'rations'; known are freq"),
-            (
-                '"quadratic"',
-                '"cubic"',
-                "[damping]: law: must be one of rayleigh, quadratic, friction, modal, sum, got 'cubic'",
-            ),
-            (
-                '"quadratic"',
-                '["quadratic"]',
-                "[damping]: law: must be a text, got ['quad",
-            ),
+            ('"quadratic"', '"cubic"', "[damping]: law: must be one of rayleigh, quadratic, friction, modal, sum,"),
+            ('"quadratic"', '["quadratic"]', "[damping]: law: must be a text, got ['quad"),
             ("eta2 = 0.11", "eta2 = -0.11", "[damping]: eta2: must not be negative, got -0.11"),
-            (
-                "eta2 = 0.11",
-                "zeta2 = 0.11",
-                "[damping]: unknown key 'zeta2'; known are air_density, drag",
-            ),
+            ("eta2 = 0.11", "zeta2 = 0.11", "[damping]: unknown key 'zeta2'; known are air_density, drag"),
             ("frequency = 1.876", "frequency = 0", "[base]: frequency: must be positive, got 0"),
             ("stop = 0.2 ", "stop_at = 'once'\nstop = 'late' ", "[base]: stop: must be a number, got 'late'"),
             ("duration = 0.4", "duration = 0", "[simulation]: duration: must be positive, got 0"),
             ("duration = 0.4", "length = 0.4", "[simulation]: unknown key 'length'; known are duration"),
             ("sample_rate = 500.0", "sample_rate = -1", "[simulation]: sample_rate: must be positive, got -1"),
-            (
-                "sample_rate = 500.0",
-                'start = "running"\nsample_rate = 500.0',
-                "[simulation]: start: must be one of equilibrium, impact, straight",
-            ),
+            ("sample_rate = 500.0", 'start = "running"\nsample_rate = 500.0', "[simulation]: start: must be one of"),
         ],
     )
     def test_simulate(self, files, capsys, old, new, what):
@@ -776,18 +705,12 @@ class TestUnusableInput:
             ("t,x\n0,1\n0.1,nan\n", "a.csv: column 2 'x': time: needs at least 2 samples, got 1"),
             ("t,x\n0,1\n0.1\n", "a.csv, line 3: has 1 column where the table has 2"),
             ("t,x\n0,1\n0,2\n", "a.csv, line 3: the time 0 s repeats that of line 2"),
-            (
-                "t,x,y\n0,1,2\n1,2,3\n",
-                "a.csv: has 2 columns of values, 2 'x', 3 'y'; choose with --column",
-            ),
+            ("t,x,y\n0,1,2\n1,2,3\n", "a.csv: has 2 columns of values, 2 'x', 3 'y'; choose with --column"),
             ("", "a.csv: is empty"),
             ("# a note", "a.csv: has no rows"),
             (b"\x00\xff\xfe", "a.csv: is not text, and no other format that is known"),
             ("".join(f"{0.01 * k},1\n" for k in range(300)), "a.csv: record: is constant, nothing oscillates"),
-            (
-                "t,x\n" + "".join(f"{0.01 * k},{k}\n" for k in range(300)),
-                "a.csv: record: is a straight line, nothing oscillates",
-            ),
+            ("t,x\n" + "".join(f"{0.01 * k},{k}\n" for k in range(300)), "a.csv: record: is a straight line,"),
         ],
     )
     def test_record(self, files, capsys, content, what):
@@ -808,16 +731,10 @@ class TestUnusableInput:
             (["run", "."], ".: cannot be read (Is a directory)"),
             (["run", "beam.toml/below"], "beam.toml/below: cannot be read (Not a directory)"),
             (["run"], "the following arguments are required: STUDY.toml"),
-            (
-                ["run", "beam.toml", "fly"],
-                "there is no step 'fly'; steps are beam, modes, match, fit, compare",
-            ),
+            (["run", "beam.toml", "fly"], "there is no step 'fly'; steps are beam, modes, match, fit, compare"),
             (["fit-decay", "absent.csv"], "absent.csv: cannot be read"),
             (["fit-decay", "decay.csv", "--law", "cubic"], "argument --law: invalid choice: 'cubic'"),
-            (
-                ["fit-decay", "decay.csv", "--column", "x"],
-                "decay.csv: --column 'x': there is no such column; there are 2 'tip_mm'",
-            ),
+            (["fit-decay", "decay.csv", "--column", "x"], "decay.csv: --column 'x': there is no such column; there"),
             (["fit-decay", "decay.csv", "--curve", "."], ".: is a folder"),
             (["fit-decay", "decay.csv", "--plot", "beam.toml/fit.png"], "beam.toml: is not a folder"),
             (["run", "beam.toml", "simulation"], "beam.toml: [simulation]: the table is missing"),

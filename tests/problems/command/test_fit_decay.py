@@ -183,15 +183,12 @@ def test_a_curve_without_windows_has_the_law(run, decay, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("options", "what"),
     [
-        ([*"a.csv a.csv".split(), "--law", "auto"], "--law auto: compares the laws on one record"),
-        (["a.csv", "--law", "auto", "--robust"], "--law auto: compares sums of squares; leave out --robust"),
+        ([*"a.csv a.csv".split(), "--law", "auto"], "--law auto: compares sums of squares on one record"),
+        (["a.csv", "--law", "auto", "--robust"], "it does not go with --robust"),
         (["a.csv", "--band", "1"], "--band: must be two frequencies LOW,HIGH"),
         (["a.csv", "--band", "4,2"], "a.csv: band: must be in order, got 4, 2 Hz"),
         (["a.csv", "--band", "a,b"], "argument --band: must be numbers separated by commas, got 'a,b'"),
-        (
-            ["a.csv", "--modes", "2", "--robust"],
-            "--modes: fits modes with linear damping to one record; it does not go",
-        ),
+        (["a.csv", "--modes", "2", "--robust"], "--modes: fits modes with linear damping to one record; it does"),
         (["a.csv", "--modes", "0"], "argument --modes: must be a whole number above 0"),
         (["a.csv", "--release-time", "1,2"], "--release-time: has 2 times for 1 files"),
         (["a.csv", "--begin", "9"], "a.csv: --begin, --end: cut: from 9 to 4.998 s there are 0 samples"),

@@ -15,7 +15,7 @@ from ancf_casadi import (
     periodic_motion,
     reduce_model,
 )
-from problems.spec.records import read_measurements
+from problems.spec.records import Measurements
 from tests.problems.conftest import STRIP
 
 F = np.linspace(5.0, 25.0, 401)
@@ -105,7 +105,7 @@ class TestFitResponse:
         file.write_text(
             f"{BEAM}\n[base]\namplitude = 5e-4\nfrequency = 2.0\n[[curves]]\nfile = 'd.csv'\nsweep = 'up'\n"
         )
-        (record,) = read_measurements(str(file)).records
+        (record,) = Measurements.of(str(file)).records
         assert record.base.amplitude == 5e-4 and record.sweep == "up" and record.phases is None
         np.testing.assert_allclose(record.amplitudes, 1e-3 * table[:, 2])
 
@@ -131,4 +131,4 @@ class TestFitResponse:
         for key, message in (("values = [1.0]", "values"), ("model = 1", "model"), ("notes = ['x']", "notes")):
             file.write_text(f"{BEAM}\n[[curves]]\nfile = 'c.csv'\n{key}\n")
             with pytest.raises(InputError, match=f"unknown key '{message}'"):
-                read_measurements(str(file))
+                Measurements.of(str(file)).read()

@@ -84,7 +84,7 @@ class TestInit:
 
 class TestModes:
     def test_shapes_are_written_and_drawn(self, run, study, tmp_path):
-        study.write_text(study.read_text() + '[[parts]]\nkind = "modes"\nmodes = 2\n')
+        study.write_text(study.read_text() + '[[steps]]\nkind = "modes"\nmodes = 2\n')
         assert run("run", "study.toml", "modes", "--out", "new").code == 0
         header, *_ = (tmp_path / "new/shapes.csv").read_text().splitlines()
         assert header == "arc_length_m,mode1_x,mode1_y,mode2_x,mode2_y"
@@ -116,10 +116,7 @@ class TestSimulate:
         [
             ("middle = 0.6", "[markers]: middle: point: the point must be on the beam, 0 to 0.5 m, got 0.6"),
             ('middle = "x"', "[markers]: middle: point: must be a finite number"),
-            (
-                "tip = 0.2",
-                "[markers]: 'tip': a name must be made of letters and digits and differ from time, tip, base",
-            ),
+            ("tip = 0.2", "[markers]: 'tip': a name must be made of letters and digits and differ from time, tip,"),
             ('"a,b" = 0.2', "[markers]: 'a,b': a name must be made of"),
         ],
     )

@@ -66,8 +66,8 @@ def test_the_file_of_init_is_a_study(run, tmp_path):
     done = run("run", "study.toml", "--out", "results", "--jobs", "1", "--json")
     assert done.code == 0, done.err
     results = json.loads(done.out)
-    parts = [part["name"] for part in results["study"]["parts"]]
-    assert parts == ["motion", "beam", "modes", "match", "simulation", "response"]
+    steps = [step["name"] for step in results["study"]["steps"]]
+    assert steps == ["motion", "beam", "modes", "match", "simulation", "response"]
     assert results["match"]["matched_hz"] == pytest.approx([1.85, 10.19, 26.84], rel=1e-6)
     for one, truth in zip(results["motion"]["fit"]["estimates"], (0.005, 0.003, 0.11), strict=True):
         low, high = one["interval_95"]
@@ -92,7 +92,7 @@ def test_two_silicone_records_are_a_document(run, tmp_path):
     done = run("run", "silicone.toml", "--out", "results", "--jobs", "1", "--json")
     assert done.code == 0, done.err
     results = json.loads(done.out)
-    assert [part["name"] for part in results["study"]["parts"]] == ["motion", "beam", "modes", "decays"]
+    assert [step["name"] for step in results["study"]["steps"]] == ["motion", "beam", "modes", "decays"]
     free, loaded = results["decays"]
     assert not free["synthetic"]
     assert loaded["frequency_hz"] < 0.7 * free["frequency_hz"]  # 52 g at the tip

@@ -48,7 +48,7 @@ class TestContents:
         assert labels == [f"{kind} {number}" for number in range(1, last + 1)]
 
     def test_a_quick_look_shows_something_of_every_section(self):
-        """Of the numbered tables and figures, those of one part are missing, which repeat others with another law."""
+        """Of the numbered tables and figures, those of one step are missing, which repeat others with another law."""
         steps = PAPER.shortened().steps
         names = {step.name for step in steps}
         assert [step.section for step in steps if step.section] == [
@@ -88,7 +88,7 @@ class TestResults:
                 assert keys <= row.keys(), name
         for name in ("modal_identification", "quadratic"):
             assert [row["mode"] for row in small_paper.results[name]] == [1, 2, 3, 4, 5]
-        assert list(small_paper.results["timing"]) == [step.name for step in small_paper.parts]
+        assert list(small_paper.results["timing"]) == [step.name for step in small_paper.steps]
 
     def test_validates_against_its_schema(self, small_paper):
         folder = small_paper.page.parent
@@ -154,7 +154,7 @@ class TestResults:
 
     def test_tables_stand_beside_the_papers_numbers(self, small_paper):
         """The printed numbers, those computed, and the right values beside misprints."""
-        tables = {table.name: table for step in small_paper.parts for table in step.tables}
+        tables = {table.name: table for step in small_paper.steps for table in step.tables}
         assert [label for label in tables if "A" not in label] == [
             "Table 1", "Table 2", "Table 3", "Table 4", "Table 9", "Table 10", "Table 11",
         ]  # fmt: skip
@@ -167,7 +167,7 @@ class TestResults:
 
     def test_synthetic_data_say_so(self, small_paper):
         """Erratum 20: no raw record is published; table, note and each figure say that the decays are synthetic."""
-        for step in small_paper.parts:
+        for step in small_paper.steps:
             if step.name in ("modal_identification", "quadratic"):
                 for table in step.tables:
                     assert "synthetic" in table.title
@@ -268,7 +268,7 @@ def test_the_command_reproduces_the_paper(tmp_path):
     results = finished(run("reproduce", "--out", tmp_path / "whole"))
     assert results == json.loads((tmp_path / "whole" / "results.json").read_text())
     jsonschema.validate(results, json.loads((tmp_path / "whole" / "results.schema.json").read_text()))
-    labels = [label for result in results["study"]["parts"] for label in (*result["tables"], *result["figures"])]
+    labels = [label for result in results["study"]["steps"] for label in (*result["tables"], *result["figures"])]
     labels += results["photographs"]["omitted"]
     expected = {f"Table {k}" for k in range(1, 12)} | {f"Figure {k}" for k in range(1, 24)}
     assert expected <= set(labels)

@@ -10,8 +10,8 @@ import pytest
 
 from ancf_casadi import Beam, Model, RayleighDamping, simulate, static_equilibrium
 from problems.cli import main
-from problems.spec.motion import SimulationTables, read_simulation
-from problems.spec.records import Measurements, read_measurements
+from problems.spec.motion import SimulationTables
+from problems.spec.records import Measurements
 from problems.study.reading import read_study
 from tests.problems.conftest import STRIP
 
@@ -33,11 +33,11 @@ column = "tip_mm"
 channels = [{{}}, {{begin = 0.1}}]
 [fit]
 tolerance = 0.01
-[[parts]]
+[[steps]]
 kind = "decays"
-[[parts]]
+[[steps]]
 kind = "simulation"
-[[parts]]
+[[steps]]
 kind = "motion"
 """
 RAYLEIGH = '[[damping]]\nlaw = "rayleigh"\nalpha = 0.5\n'
@@ -93,19 +93,17 @@ def test_parsing_opens_no_record_and_solves_nothing(study, monkeypatch):
         monkeypatch.setattr(f"ancf_casadi.vibration.{function}", refuse)
     read_study(path)
     assert [times_opened(name) for name in ("swing.csv", "sweep.csv")] == [0, 0]
-    assert {source.file for source, _ in Measurements.of(path).sources} == {"swing.csv", "sweep.csv"}
-    assert [where for _, where in SimulationTables.of(path).sources] == ["study.toml: [base]"]
-    for read in (read_simulation, read_measurements):
+    for tables in (SimulationTables, Measurements):
         with pytest.raises(AssertionError, match="must not solve"):
-            read(path)
+            tables.of(path).read()
 
 
 def test_a_task_has_the_contents_of_the_files_with_it(study):
     """It opens no file, in whatever process it runs."""
     path = study(RAYLEIGH, CURVE)
-    file = Measurements.of(path).with_records()
+    file = Measurements.of(path).read().file
     assert [times_opened(name) for name in ("swing.csv", "sweep.csv")] == [1, 1]
-    motion, curve = read_measurements(pickle.loads(pickle.dumps(file))).records
+    motion, curve = Measurements.of(pickle.loads(pickle.dumps(file))).records
     assert [times_opened(name) for name in ("swing.csv", "sweep.csv")] == [1, 1]
     assert len(motion.channels) == 2 and len(curve.frequencies) == 2
 

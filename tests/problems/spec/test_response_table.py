@@ -63,18 +63,12 @@ def test_markers_are_points_of_the_output(file):
         (RANGE + "base_amplitudes = 1e-4\npoints = 1\n", r"\[response\]: points: must be"),
         (RANGE + "base_amplitudes = 1e-4\ntolerance = 0\n", r"tolerance: must be positive, got 0"),
         (RANGE + "base_amplitudes = 1e-4\ntolerance = 0.1\n", r"tolerance: must be above 0 and at most 0.01, got 0.1"),
-        (
-            RANGE + 'base_amplitudes = 1e-4\nmodel = "both"\n',
-            r"\[response\]: model: must be one of full, reduced, got 'both'",
-        ),
+        (RANGE + 'base_amplitudes = 1e-4\nmodel = "both"\n', r"\[response\]: model: must be one of full, reduced,"),
         (RANGE + 'base_amplitudes = 1e-4\nmodel = "full"\nmodes = 3\n', r"modes: belongs to the reduced model"),
         ("[response]\nfrequencies = [2, 2]\nbase_amplitudes = 1e-4\n", r"frequencies: must be \[FROM, TO\]"),
         ("[response]\nfrequencies = [0, 1]\nbase_amplitudes = 1e-4\n", r"frequencies: 1: must be positive"),
         ("[response]\nfrequencies = 2\nbase_amplitudes = 1e-4\n", r"frequencies: must"),
-        (
-            RANGE + "base_amplitudes = 1e-4\n[markers]\nfar = 2.0\n",
-            r"\[markers\]: far: point: the point must be on the",
-        ),
+        (RANGE + "base_amplitudes = 1e-4\n[markers]\nfar = 2.0\n", r"\[markers\]: far: point: the point must be on"),
     ],
 )
 def test_what_makes_no_sense_is_refused_by_name(file, text, message):

@@ -54,8 +54,8 @@ def test_tables_of_the_documentation_are_valid(page):
         "[response]\nfrequencies = [1]\n",
         "[fit]\nlaws = [[]]\n",
         "[plan]\nbudget = 0\n",
-        '[[parts]]\nkind = "nothing"\n',
-        '[[parts]]\nkind = "modes"\nmode = 3\n',
+        '[[steps]]\nkind = "nothing"\n',
+        '[[steps]]\nkind = "modes"\nmode = 3\n',
     ],
 )
 def test_mistakes_are_found(text):

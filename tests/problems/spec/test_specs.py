@@ -7,15 +7,20 @@ from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.specs import Positive, Spec, convert
-from problems.spec.help import table_help
+from problems.spec.help import keys_help
+from problems.spec.schema import object_schema
 
 
 class Mark(Spec, frozen=True):
+    """Mark."""
+
     place: Annotated[float, Meta(ge=0.0, lt=1.0)]
     name: str = ""
 
 
 class Record(Spec, frozen=True, rename={"begin": "from"}):
+    """Record."""
+
     rate: Annotated[Positive, Meta(description="1/s")]
     begin: float = 0.0
     marks: Annotated[tuple[Mark, ...], Meta(min_length=1)] = ()
@@ -68,10 +73,15 @@ def test_a_mistake_names_its_key(given, message):
 
 
 def test_the_help_lists_keys_with_units_and_choices():
-    text = table_help("[record]", "a record: {}", Record)
-    assert text.splitlines()[0].startswith("  [record]      a record: rate (1/s), from, marks")
-    assert 'side ("left" or "right"), quiet (true or false)' in " ".join(text.split())
+    definitions: dict[str, Any] = {}
+    table = object_schema((Record,), definitions)
+    text = keys_help({"properties": {"record": table, "copy": table}, "$defs": definitions})
     assert all(len(line) <= 80 for line in text.splitlines())
+    _, head, *lines = text.splitlines()
+    text = " ".join(" ".join(lines).split())
+    assert head == "  [record]" and "rate (1/s), from, marks" in text
+    assert 'side ("left" or "right"), quiet (true or false)' in text
+    assert text.endswith("[[record.marks]] Mark: place, name")
 
 
 def test_the_key_of_a_table_with_free_names_is_told():

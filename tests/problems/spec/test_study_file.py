@@ -28,8 +28,7 @@ from ancf_casadi.export import Document, write_document
 from ancf_casadi.support.inputs import numbers
 from problems import Global, MeasuredModes, PerElement, Smooth
 from problems.spec.beam import read_beam, read_damped
-from problems.spec.match import request_of
-from problems.spec.motion import read_simulation
+from problems.spec.motion import SimulationTables
 from problems.study.reading import read_study
 from tests.problems.conftest import STRIP
 
@@ -37,11 +36,16 @@ BEAM = f"{STRIP}elements = 4\n"
 SIMULATION = "[simulation]\nduration = 2.0\n"
 
 
+def arguments(path):
+    """Return the arguments of ``simulate`` in a file."""
+    return SimulationTables.of(path).read().arguments
+
+
 def read_match(path):
     """Return the beam of a file and the arguments of ``match_frequencies`` after it."""
     study = read_study(path, ["match"])
     (step,) = study.steps
-    return study.beam, request_of(step)
+    return study.beam, step.table.request()
 
 
 def beam(**changes) -> Beam:
@@ -134,25 +138,13 @@ class TestBeam:
             ('supports = [{kind = "glue"}]', "supports: 1: kind: must be one of clamp, pin, roller, guide, got 'glue'"),
             ("supports = [{kind = 1}]", "supports: 1: kind: must be a text, got 1"),
             ('supports = [{kind = "pin"}]', "supports: 1: the key 'point' is missing"),
-            (
-                'supports = [{kind = "clamp"}, {kind = "pin", point = 0.5, rotation = 1}]',
-                "supports: 2: unknown key 'rotation'; known are displacement, point",
-            ),
+            ('supports = [{kind = "clamp"}, {kind = "pin", point = 0.5, rotation = 1}]', "supports: 2: unknown key"),
             ('supports = [{kind = "clamp", stiffness = -1}]', "supports: 1: stiffness: must be positive, got -1"),
             ('supports = [{kind = "pin", point = 0.7}]', "supports: the point 0.7 m is not on the beam"),
-            (
-                'supports = [{kind = "pin", point = 0}, {kind = "clamp"}]',
-                "supports: two supports hold the point at 0 m; give one that holds both",
-            ),
-            (
-                'attachments = [{kind = "clamp"}]',
-                "attachments: 1: kind: must be one of mass, spring, rotational_spring, dashpot, got 'clamp'",
-            ),
+            ('supports = [{kind = "pin", point = 0}, {kind = "clamp"}]', "supports: two supports hold the point at"),
+            ('attachments = [{kind = "clamp"}]', "attachments: 1: kind: must be one of mass, spring,"),
             ('attachments = [{kind = "mass", point = 0}]', "attachments: 1: the key 'mass' is missing"),
-            (
-                'attachments = [{kind = "spring", point = 0, stiffness = 3.0}]',
-                "attachments: 1: stiffness: must be a pair of numbers (x, y), got 3.0",
-            ),
+            ('attachments = [{kind = "spring", point = 0, stiffness = 3.0}]', "attachments: 1: stiffness: must be"),
             ("natural_curvature = [1.0]", "natural_curvature: has 1 values for 4 elements"),
         ],
     )
@@ -207,19 +199,10 @@ class TestMatch:
             ("[match]\ntargets = 1\n", "targets: must be a list, got 1"),
             ("[match]\ntargets = [2, 1]\nfrequency_std = 0.1\n", "targets: must be ascending"),
             ("[match]\ntargets = [1]\nunknowns = 3\n", "unknowns: must be a table, got 3"),
-            (
-                "[match]\ntargets = [1]\nunknowns.width = 'all'\n",
-                "unknowns: width: must be one of element, global, got",
-            ),
-            (
-                "[match]\ntargets = [1]\nunknowns.width = {smooth = 2, order = 1}\n",
-                "unknowns: width: unknown key 'order'",
-            ),
+            ("[match]\ntargets = [1]\nunknowns.width = 'all'\n", "unknowns: width: must be one of element, global,"),
+            ("[match]\ntargets = [1]\nunknowns.width = {smooth = 2, order = 1}\n", "unknowns: width: unknown key"),
             ("[match]\ntargets = [1]\nunknowns.width = {element = false}\n", "unknowns: width: must be"),
-            (
-                "[match]\ntargets = [1]\nunknowns.width = 'smooth'\n",
-                "unknowns: width: must be one of element, global, got",
-            ),
+            ("[match]\ntargets = [1]\nunknowns.width = 'smooth'\n", "unknowns: width: must be one of element,"),
             ("[match]\ntargets = [1]\nunknowns.length = 'global'\n", "unknowns: must be one of width"),
             ("[match]\ntargets = [1]\nunknowns.width = {smooth = 'x'}\n", "unknowns: width: smooth: must be a whole"),
         ],
@@ -241,20 +224,19 @@ class TestMatch:
 class TestSimulation:
     def test_least(self, file):
         """With a beam and a duration alone: undamped, on a fixed base, with the defaults of ``simulate``."""
-        given, markers = read_simulation(file(BEAM, SIMULATION))
+        given = arguments(file(BEAM, SIMULATION))
         assert given == {"model": Model(beam()), "damping": None, "duration": 2.0}
-        assert markers == {}
 
     def test_settings(self, file):
         text = 'sample_rate = 250.0\nstart = "straight"\nmethod = "radau"\ntolerance = 1e-9\n'
         settings = {"duration": 2.0, "sample_rate": 250.0, "start": "straight", "method": "radau", "tolerance": 1e-9}
-        given, _ = read_simulation(file(BEAM, SIMULATION, text))
+        given = arguments(file(BEAM, SIMULATION, text))
         assert given == {"model": Model(beam()), "damping": None, **settings}
 
     def test_base(self, file):
         text = '[base]\namplitude = 1e-3\nfrequency = 2.0\nstop = 3\ndirection = [0.0, 2.0]\nstop_at = "once"\n'
         base = HarmonicBase(1e-3, 2.0, stop=3.0, direction=(0.0, 1.0), stop_at="once")
-        assert read_simulation(file(BEAM, SIMULATION, text))[0]["base"] == base
+        assert arguments(file(BEAM, SIMULATION, text))["base"] == base
 
     @pytest.mark.parametrize("head", ["[damping]", "[[damping]]"])
     @pytest.mark.parametrize(
@@ -268,11 +250,11 @@ class TestSimulation:
         ],
     )
     def test_one_law(self, file, head, text, law):
-        assert read_simulation(file(BEAM, SIMULATION, head, "\n", text))[0]["damping"] == law
+        assert arguments(file(BEAM, SIMULATION, head, "\n", text))["damping"] == law
 
     def test_modal_law(self, file):
         text = '[damping]\nlaw = "modal"\nratios = [0.01, 0.02]\nfrequencies = [1.8, 10]\n'
-        law = read_simulation(file(BEAM, SIMULATION, text))[0]["damping"]
+        law = arguments(file(BEAM, SIMULATION, text))["damping"]
         assert isinstance(law, ModalDamping)
         assert (law.ratios, law.frequencies) == ((0.01, 0.02), (1.8, 10.0))
         assert law.modes.frequencies == pytest.approx(natural_modes(Model(beam()), count=2).frequencies)
@@ -282,7 +264,7 @@ class TestSimulation:
         quadratic = '[[damping]]\nlaw = "quadratic"\neta2 = 0.11\n'
         modes = natural_modes(Model(beam()), count=1)
         both, first, second = (
-            read_simulation(file(BEAM, SIMULATION, text))[0]["damping"].damping_ratios(modes, np.array([0.05]))
+            arguments(file(BEAM, SIMULATION, text))["damping"].damping_ratios(modes, np.array([0.05]))
             for text in (modal + quadratic, modal, quadratic)
         )
         assert first == pytest.approx([0.01])
@@ -292,30 +274,15 @@ class TestSimulation:
     @pytest.mark.parametrize(
         ("text", "message"),
         [
-            (
-                "[damping]\neta2 = 0.1\n",
-                r"\[damping\]: the key 'law' is missing; it is one of rayleigh, quadratic, friction, modal",
-            ),
-            (
-                "[damping]\nlaw = 'air'\n",
-                r"\[damping\]: law: must be one of rayleigh, quadratic, friction, modal, sum, got 'air'",
-            ),
+            ("[damping]\neta2 = 0.1\n", r"\[damping\]: the key 'law' is missing; it is one of rayleigh, quadratic,"),
+            ("[damping]\nlaw = 'air'\n", r"\[damping\]: law: must be one of rayleigh, quadratic, friction, modal,"),
             ("[damping]\nlaw = ['modal']\n", r"\[damping\]: law: must be a text, got \['modal'\]"),
-            (
-                "[damping]\nlaw = 'quadratic'\nalpha = 1\n",
-                r"\[damping\]: unknown key 'alpha'; known are air_density, drag_coeff",
-            ),
+            ("[damping]\nlaw = 'quadratic'\nalpha = 1\n", r"\[damping\]: unknown key 'alpha'; known are"),
             ("[damping]\nlaw = 'rayleigh'\nalpha = -1\n", r"\[damping\]: alpha: must not be negative"),
             ("[damping]\nlaw = 'modal'\n", r"\[damping\]: the key 'ratios' is missing"),
-            (
-                "[damping]\nlaw = 'modal'\nratios = 0.01\n",
-                r"\[damping\]: ratios: must be a list, got 0.01",
-            ),
+            ("[damping]\nlaw = 'modal'\nratios = 0.01\n", r"\[damping\]: ratios: must be a list, got 0.01"),
             ("[damping]\nlaw = 'modal'\nratios = []\n", r"\[damping\]: ratios: must be a list of 1 or more, got \[\]"),
-            (
-                "[damping]\nlaw = 'modal'\nratios = [1.0]\n",
-                r"\[damping\]: ratios: 1: must be at least 0 and below 1",
-            ),
+            ("[damping]\nlaw = 'modal'\nratios = [1.0]\n", r"\[damping\]: ratios: 1: must be at least 0 and below 1"),
             (f"[damping]\nlaw = 'modal'\nratios = {[0.01] * 17}\n", r"\[damping\]: ratios: has 17 values for 16 modes"),
             ("[damping]\nlaw = 'modal'\nratios = [0.01]\nfrequencies = [1, 2]\n", r"frequencies: has 2 values for 1"),
             ("[base]\namplitude = 1e-3\n", r"\[base\]: the key 'frequency' is missing"),
@@ -325,7 +292,7 @@ class TestSimulation:
     )
     def test_unusable(self, file, text, message):
         with pytest.raises(InputError, match=message):
-            read_simulation(file(BEAM, SIMULATION, text))
+            arguments(file(BEAM, SIMULATION, text))
 
     @pytest.mark.parametrize(
         ("text", "message"),
@@ -337,11 +304,11 @@ class TestSimulation:
     )
     def test_tables_that_are_none(self, file, text, message):
         with pytest.raises(InputError, match=message):
-            read_simulation(file(text, BEAM, SIMULATION))
+            arguments(file(text, BEAM, SIMULATION))
 
     def test_without_settings(self, file):
         with pytest.raises(InputError, match=r"\[simulation\]: the table is missing"):
-            read_simulation(file(BEAM))
+            arguments(file(BEAM))
 
 
 @pytest.mark.parametrize("values", [1.0, "1, 2", {"a": 1}, None])
@@ -363,7 +330,7 @@ def test_examples_can_be_read(name):
     if name == "beam.toml":
         assert read_match(path)[1]["targets"] == [1.85, 10.19, 26.84, 53.20, 88.60]
     else:
-        assert read_simulation(path)[0]["sample_rate"] == 500.0
+        assert arguments(path)["sample_rate"] == 500.0
 
 
 def test_a_quadratic_law_may_be_given_by_its_drag_coefficient(tmp_path):

@@ -17,7 +17,7 @@ from problems.study.results import _numeric, file_name, inline_svg, labelled
 from problems.study.results import page as document
 from problems.study.step import Finding, Study
 from problems.study.study import StudyReport, run_study
-from tests.problems.conftest import BEAM, DECAYS, RAYLEIGH
+from tests.problems.conftest import BEAM, DECAYS, RAYLEIGH, write_decays
 from tests.problems.study.test_runner import Doubles
 
 NASTY = '<script>alert("x")</script> & $\\bad$ {{ 7 * 7 }} black'
@@ -27,7 +27,7 @@ name = "drag"
 title = TEXT
 terms = [{law = "quadratic", eta1 = 1.0}]
 
-[[parts]]
+[[steps]]
 kind = "transients"
 title = TEXT
 text = TEXT
@@ -103,6 +103,7 @@ def nasty(tmp_path_factory) -> StudyReport:
     """A study whose every text has the letters of HTML, of formulas and of templates."""
     folder, text = tmp_path_factory.mktemp("nasty"), json.dumps(NASTY)
     head = f"[study]\ntitle = {text}\ntext = {text}\nsource = {text}\nprinted_by = {text}\n"
+    write_decays(folder)
     (folder / "study.toml").write_text(head + BEAM + DECAYS + LAW.replace("TEXT", text), encoding="utf-8")
     return run_study(folder / "study.toml", folder / "results", quick=True, command=f"study {NASTY}")
 
@@ -129,19 +130,19 @@ class TestPage:
 
     def test_shows_every_table_and_figure_with_files(self, page, small_paper):
         folder, text = small_paper.page.parent, "".join(data for _, data in page.texts)
-        assert page.names["svg"] == sum(len(part.figures) for part in small_paper.parts)
-        for part in small_paper.parts:
-            for table in part.tables:
+        assert page.names["svg"] == sum(len(step.figures) for step in small_paper.steps)
+        for step in small_paper.steps:
+            for table in step.tables:
                 assert f"{table.name}." in text
                 content = (folder / "tables" / f"{file_name(table.name)}.csv").read_text(encoding="utf-8")
                 assert len(list(csv.reader(io.StringIO(content)))) == 1 + len(table.rows)
-            for figure in part.figures:
+            for figure in step.figures:
                 assert f"{figure.name}." in text
                 name = file_name(figure.name)
                 assert (folder / "figures" / f"{name}.svg").read_text(encoding="utf-8") == figure.svg
                 assert not (folder / "figures" / f"{name}.png").exists()  # in a quick look, whose page shows the SVG
         files = {path.stem for kind in ("tables", "figures") for path in (folder / kind).iterdir()}
-        labels = [item.name for part in small_paper.parts for item in (*part.tables, *part.figures)]
+        labels = [item.name for step in small_paper.steps for item in (*step.tables, *step.figures)]
         assert files == {file_name(label) for label in labels}
 
     def test_names_what_is_not_computed(self, page):
@@ -154,8 +155,8 @@ class TestPage:
         assert "Seed of all random numbers: 20" in text
         for name, version in small_paper.results["versions"].items():
             assert f"{name} {version}" in text
-        for part in small_paper.parts:
-            assert f"{part.seconds:.1f}" in text
+        for step in small_paper.steps:
+            assert f"{step.seconds:.1f}" in text
         assert "Quick look" in text
 
     def test_ink_is_the_colour_of_the_text(self, page):
@@ -189,8 +190,8 @@ class TestPage:
         """Of US letter, beside their captions, with letters of 7 points or more; one law for all modes fills a page."""
         heights = {
             figure.name: float(re.search(r'height="([\d.]+)pt"', figure.svg)[1]) / 72
-            for part in small_paper.parts
-            for figure in part.figures
+            for step in small_paper.steps
+            for figure in step.figures
             if "against its amplitude" not in figure.caption
         }
         scale = float(re.search(r"minmax\(0, ([\d.]+)in\)", page.source)[1]) / FIGURE_WIDTH
@@ -233,7 +234,7 @@ class TestTextsOfUsers:
     def test_stand_in_the_files_as_they_are(self, nasty):
         folder = nasty.page.parent
         assert json.loads((folder / "results.json").read_text())["study"]["title"] == NASTY
-        table = next(table for part in nasty.parts for table in part.tables if table.columns[1] == "law")
+        table = next(table for step in nasty.steps for table in step.tables if table.columns[1] == "law")
         rows = list(csv.reader(io.StringIO(numeric_table(table).csv())))
         assert any(NASTY in row for row in rows)
         assert NASTY in nasty.report()
@@ -259,23 +260,23 @@ class TestLabels:
 
     @pytest.mark.slow
     def test_others_are_numbered(self, small_paper):
-        """Two tables in parts without labels; in a study with labels, theirs start with A and avoid those given."""
-        table, figure = small_paper.parts[1].tables[0], small_paper.parts[0].figures[0]
+        """Two tables in steps without labels; in a study with labels, theirs start with A and avoid those given."""
+        table, figure = small_paper.steps[1].tables[0], small_paper.steps[0].figures[0]
         finding = Finding({}, (table, table), (figure,))
         plain = Study("plain", (self.step("a"), self.step("b")))
         shown = labelled(plain, [finding, finding])
-        assert [item.name for part in shown for item in part.tables] == ["Table 1", "Table 2", "Table 3", "Table 4"]
-        assert [item.name for part in shown for item in part.figures] == ["Figure 1", "Figure 2"]
+        assert [item.name for step in shown for item in step.tables] == ["Table 1", "Table 2", "Table 3", "Table 4"]
+        assert [item.name for step in shown for item in step.figures] == ["Figure 1", "Figure 2"]
         own = Study("own", (self.step("a", tables=("Table 7",)), self.step("b", figures=("Table A1",))))
         shown = labelled(own, [finding, finding])
-        assert [item.name for part in shown for item in part.tables] == ["Table 7", "Table A2", "Table A3", "Table A4"]
-        assert [item.name for part in shown for item in part.figures] == ["Figure A1", "Table A1"]
+        assert [item.name for step in shown for item in step.tables] == ["Table 7", "Table A2", "Table A3", "Table A4"]
+        assert [item.name for step in shown for item in step.figures] == ["Figure A1", "Table A1"]
 
 
 @pytest.mark.slow
 def test_a_study_without_labels_counts(study_file, tmp_path):
     report = run_study(study_file(BEAM, RAYLEIGH, DECAYS), tmp_path / "results")
-    assert [item.name for part in report.parts for item in (*part.tables, *part.figures)] == [
+    assert [item.name for step in report.steps for item in (*step.tables, *step.figures)] == [
         "Table 1", "Table 2", "Figure 1", "Table 3", "Figure 2", "Figure 3",
     ]  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""A study file gives its parts, and each mistake in it gives one line with file, table and key."""
+"""A study file gives its steps, and each mistake in it gives one line with file, table and key."""
 
 import copy
 import math
@@ -20,30 +20,31 @@ terms = [{law = "quadratic", eta1 = 0.1}]
 
 [[laws]]
 name = "found"
-terms = [{part = "rayleigh", stiffness = "tangent"}]
+terms = [{step = "rayleigh", stiffness = "tangent"}]
 """
 MATCH = """
-[[parts]]
-kind = "match"
+[match]
 targets = [1.85, 10.19]
 bounds = 0.1
 unknowns = {width = "global", thickness = {smooth = 2, relative_bounds = 0.05}}
-weightless = 7850.0
+
+[[steps]]
+kind = "match"
 printed = {standard = [1.67, 10.47], optimum = [1.84, 10.18], value = [5.0, 0.49, 8108.0, 205.130]}
 """
 OTHERS = """
-[[parts]]
+[[steps]]
 kind = "beam"
 printed = {value = [500.0, 5.0, 0.5, 8000.0, 210.0]}
 
-[[parts]]
+[[steps]]
 kind = "modes"
 modes = 2
 beam = "match"
 figures = ["Figure 7"]
 printed = {frequency = [1.0, 2.0]}
 
-[[parts]]
+[[steps]]
 kind = "transients"
 name = "swing"
 title = "A swing"
@@ -54,7 +55,7 @@ laws = ["weak", "found"]
 runs = [{mode = 1, amplitude = 0.01, stop = 0.5, frequency = 1.8, window = 1.0, measured_ratio = 0.01, laws = ["weak"]}]
 printed = {weak = [1.0]}
 
-[[parts]]
+[[steps]]
 kind = "transients"
 name = "shapes"
 laws = ["weak"]
@@ -64,14 +65,14 @@ ALL = BEAM + LAWS + DECAYS + RAYLEIGH + MATCH + OTHERS
 RUN = "mode = 1, amplitude = 0.01, stop = 0.5, frequency = 1.8, window = 1.0, measured_ratio = 0.01"
 VALUES: list[Any] = [
     0, -1, 0.5, 1e300, -1e300, 1e-300, math.nan, math.inf, 10000, 99999999999999999999, True, "x", "", [], [[]],
-    [1, 2], [math.nan, 1.0], {}, {"a": 1}, [{}], ["x"], [{"part": "x"}], {"part": "rayleigh"}, "match", "weak",
+    [1, 2], [math.nan, 1.0], {}, {"a": 1}, [{}], ["x"], [{"step": "x"}], {"step": "rayleigh"}, "match", "weak",
     "Table 1", [[1.0, 2.0], [3.0]], [1.0],
 ]  # fmt: skip
-KEYS = ("x", "beam", "laws", "records", "printed", "runs", "name", "file", "others", "examples", "identified_by")
+KEYS = ("x", "beam", "laws", "records", "printed", "runs", "name", "file", "identified_by")
 
 
 class TestDefaults:
-    """A file without [[parts]] has the parts that its tables suggest."""
+    """A file without [[steps]] has the steps that its tables suggest."""
 
     TABLES: ClassVar = {
         "match": ("[match]\ntargets = [1.85]\n", ["match"]),
@@ -84,7 +85,7 @@ class TestDefaults:
 
     def test_of_a_beam(self, study_file):
         study = read_study(study_file(BEAM, name="strip.toml"))
-        assert [(part.kind, part.name) for part in study.steps] == [("beam", "beam"), ("modes", "modes")]
+        assert [(step.kind, step.name) for step in study.steps] == [("beam", "beam"), ("modes", "modes")]
         assert (study.title, study.seed) == ("strip", 0)
 
     @pytest.mark.parametrize("table", TABLES)
@@ -93,7 +94,7 @@ class TestDefaults:
         (tmp_path / "a.csv").write_text(f"time_s,tip_mm\n{rows}\n")
         text, kinds = self.TABLES[table]
         order = [*kinds, "beam", "modes"] if kinds == ["motion"] else ["beam", "modes", *kinds]
-        assert [part.kind for part in read_study(study_file(BEAM, text)).steps] == order
+        assert [step.kind for step in read_study(study_file(BEAM, text)).steps] == order
 
     @pytest.mark.parametrize(
         ("steps", "kinds"),
@@ -106,10 +107,10 @@ class TestDefaults:
         (tmp_path / "a.csv").write_text(f"time_s,tip_mm\n{rows}\n")
         laws = '[[damping]]\nlaw = "rayleigh"\nalpha = 0.1\n'  # beside that of the records
         path = study_file(BEAM, self.TABLES["match"][0], laws, self.TABLES["records"][0])
-        parts = read_study(path, steps).steps
-        assert [part.kind for part in parts] == kinds
+        study = read_study(path, steps)
+        assert [step.kind for step in study.steps] == kinds
         origin = "motion" if "fit" in steps else ""  # of the beam; that of the file is empty
-        assert all(part.needs == (origin,) for part in parts if part.kind == "modes")
+        assert all(step.needs == (origin,) for step in study.steps if step.kind == "modes")
 
     def test_an_unknown_step_is_refused_with_those_there_are(self, study_file):
         with pytest.raises(InputError, match="there is no step 'fly'; steps are beam, modes, fit, compare"):
@@ -117,84 +118,76 @@ class TestDefaults:
 
     def test_decays_need_no_beam(self, study_file, tmp_path):
         (tmp_path / "a.csv").write_text("time_s,tip_mm\n0,1\n0.1,-1\n0.2,0.9\n0.3,-0.9\n")
-        (part,) = read_study(study_file('[[decays]]\nfile = "a.csv"\n')).steps
-        assert part.kind == "decays"
+        (step,) = read_study(study_file('[[decays]]\nfile = "a.csv"\n')).steps
+        assert step.kind == "decays"
 
     def test_names_count_within_a_kind(self, study_file):
         study = read_study(study_file(RAYLEIGH, RAYLEIGH, RAYLEIGH))
-        assert [part.name for part in study.steps] == ["rayleigh", "rayleigh_2", "rayleigh_3"]
+        assert [step.name for step in study.steps] == ["rayleigh", "rayleigh_2", "rayleigh_3"]
 
     def test_all_kinds_together(self, study_file):
         study = read_study(study_file(ALL))
-        needs = {part.name: part.needs for part in study.steps if any(part.needs)}
+        needs = {step.name: step.needs for step in study.steps if any(step.needs)}
         assert needs == {"modes": ("match",), "swing": ("match",)}
-        assert [part.title for part in study.steps if part.name == "swing"] == ["A swing"]
+        assert [step.title for step in study.steps if step.name == "swing"] == ["A swing"]
 
 
 MISTAKES = {  # what is replaced, by what, and the message after the name of the file
-    "comments alone": (ALL, "# a study", ": has nothing to study; add [beam], [[decays]] or [[parts]]"),
+    "comments alone": (ALL, "# a study", ": has nothing to study; add [beam], [[decays]] or [[steps]]"),
     "empty": (ALL, "", ": is empty"),
     "unknown table": ("[beam]", "[bean]", ": unknown key 'bean'"),
     "unknown key of the study": (BEAM, f"{BEAM}[study]\ncolour = 1\n", ": [study]: unknown key 'colour'"),
-    "seed": (BEAM, f"{BEAM}[study]\nseed = -1\n", ": [study]: seed: must be a whole number"),
     "title": (BEAM, f"{BEAM}[study]\ntitle = 1\n", ": [study]: title: must be a text, got 1"),
-    "unknown kind": ('kind = "modes"', 'kind = "mode"', ": [parts]: kind must be one of beam,"),
-    "no kind": ('kind = "modes"', "", ": [parts]: kind must be one of"),
-    "reserved name": ('name = "swing"', 'name = "timing"', ": [parts]: name: must be made of letters"),
-    "unusable name": ('name = "swing"', 'name = "a b"', ": [parts]: name: must be made of letters"),
-    "repeated name": ('name = "swing"', 'name = "match"', ": [parts]: name: 'match' is taken by an earlier part"),
+    "unknown kind": ('kind = "modes"', 'kind = "mode"', ": [steps]: kind must be one of beam,"),
+    "no kind": ('kind = "modes"', "", ": [steps]: kind must be one of"),
+    "reserved name": ('name = "swing"', 'name = "timing"', ": [steps]: name: must be made of letters"),
+    "unusable name": ('name = "swing"', 'name = "a b"', ": [steps]: name: must be made of letters"),
+    "repeated name": ('name = "swing"', 'name = "match"', ": [steps]: name: 'match' is taken by an earlier step"),
     "unknown need": ('beam = "match"\nlaws', 'beam = "mach"\nlaws',
-                     ": [parts]: swing: needs the part 'mach', which does not exist"),
-    "own need": ('beam = "match"\nlaws', 'beam = "swing"\nlaws', ": [parts]: the parts swing need each other"),
-    "unknown key of a part": ("modes = 2", "size = 2", ": [parts]: modes: unknown key 'size'; known are beam, draw"),
-    "modes": ("modes = 2", "modes = 13", ": [parts]: modes: modes: must be a whole number, 1 to 12, got 13"),
-    "missing key": ("stop = 0.5}", "window = 0.5}", ": [parts]: shapes: runs: 1: the key 'stop' is missing"),
-    "no runs": (f"[{{{RUN}, laws = [\"weak\"]}}]", "[]", ": [parts]: swing: runs: must be a list of 1 or more"),
-    "runs of numbers": (f"[{{{RUN}, laws = [\"weak\"]}}]", "[1]", ": [parts]: swing: runs: 1: must be a table, got 1"),
+                     ": [steps]: swing: needs the step 'mach', which does not exist"),
+    "own need": ('beam = "match"\nlaws', 'beam = "swing"\nlaws', ": [steps]: the steps swing need each other"),
+    "unknown key of a step": ("modes = 2", "size = 2", ": [steps]: modes: unknown key 'size'; known are beam, draw"),
+    "modes": ("modes = 2", "modes = 13", ": [steps]: modes: modes: must be a whole number, 1 to 12, got 13"),
+    "missing key": ("stop = 0.5}", "window = 0.5}", ": [steps]: shapes: runs: 1: the key 'stop' is missing"),
+    "no runs": (f"[{{{RUN}, laws = [\"weak\"]}}]", "[]", ": [steps]: swing: runs: must be a list of 1 or more"),
+    "runs of numbers": (f"[{{{RUN}, laws = [\"weak\"]}}]", "[1]", ": [steps]: swing: runs: 1: must be a table, got 1"),
     "mode of a run": ("mode = 1, amplitude = 0.01, stop = 0.5, f", "mode = 13, amplitude = 0.01, stop = 0.5, f",
-                      ": [parts]: swing: runs: 1: mode: must be a whole number, 1 to 12, got 13"),
+                      ": [steps]: swing: runs: 1: mode: must be a whole number, 1 to 12, got 13"),
     "amplitude": ("amplitude = 0.01, stop", "amplitude = nan, stop",
-                  ": [parts]: swing: runs: 1: amplitude: must be a finite number, got nan"),
-    "ramp": ("ramp = 0.5", "ramp = 1", ": [parts]: shapes: runs: 1: ramp: lasts until 0.555556 s, after the stop"),
-    "unknown law": ('laws = ["weak"]}]', 'laws = ["week"]}]', ": [parts]: swing: runs: 1: laws: there is no law"),
+                  ": [steps]: swing: runs: 1: amplitude: must be a finite number, got nan"),
+    "ramp": ("ramp = 0.5", "ramp = 1", ": [steps]: shapes: runs: 1: ramp: lasts until 0.555556 s, after the stop"),
+    "unknown law": ('laws = ["weak"]}]', 'laws = ["week"]}]', ": [steps]: swing: runs: 1: laws: there is no law"),
     "law without a name": ('name = "weak"', "", ": [laws]: the key 'name' is missing"),
     "repeated law": ('name = "found"', 'name = "weak"', ": [laws]: name: must be made of letters, digits and _, and d"),
     "unknown kind of law": ('law = "quadratic"', 'law = "cubic"',
-                            ": [parts]: swing: laws: weak: law: must be one of rayleigh, quadratic, friction"),
-    "law of a part that is a number": ('part = "rayleigh"', "part = 3",
-                                       ": [laws]: found: part: must be the name of a part, got 3"),
+                            ": [steps]: swing: laws: weak: law: must be one of rayleigh, quadratic, friction"),
+    "law of a step that is a number": ('step = "rayleigh"', "step = 3",
+                                       ": [laws]: found: step: must be the name of a step, got 3"),
     "modal law with too many ratios": ('law = "quadratic", eta1 = 0.1', f'law = "modal", ratios = {[0.01] * 13}',
-                                       ": [parts]: swing: laws: weak: ratios: "),
+                                       ": [steps]: swing: laws: weak: ratios: "),
     "modal law with too few frequencies": (
         'law = "quadratic", eta1 = 0.1', 'law = "modal", ratios = [0.01, 0.02], frequencies = [1.0]',
-        ": [parts]: swing: laws: weak: frequencies: "),
-    "printed of another part": ("printed = {frequency", "printed = {ratio",
-                                ": [parts]: modes: printed: must be one of frequency, got 'ratio'"),
+        ": [steps]: swing: laws: weak: frequencies: "),
+    "printed of another step": ("printed = {frequency", "printed = {ratio",
+                                ": [steps]: modes: printed: must be one of frequency, got 'ratio'"),
     "printed that is too short": ("frequency = [1.0, 2.0]", "frequency = [1.0]",
-                                  ": [parts]: modes: printed: frequency: has 1 values for 2 rows"),
+                                  ": [steps]: modes: printed: frequency: has 1 values for 2 rows"),
     "printed for another beam": ("[500.0, 5.0, 0.5, 8000.0, 210.0]", "[500.0]",
-                                 ": [parts]: beam: printed: value: has 1 values for 5 rows"),
+                                 ": [steps]: beam: printed: value: has 1 values for 5 rows"),
     "printed text": ("weak = [1.0]", 'weak = ["1"]',
-                     ": [parts]: swing: printed: weak: must be a finite number, got '1'"),
-    "targets": ("targets = [1.85, 10.19]", "targets = [1.85, inf]",
-                ": [parts]: match: targets: 2: must be a finite number, got inf"),
-    "unknowns": ('width = "global"', 'width = "local"',
-                 ": [parts]: match: unknowns: width: must be one of element, global, got"),
+                     ": [steps]: swing: printed: weak: 1: must be a number"),
+    "targets": ("targets = [1.85, 10.19]", "targets = [1.85, inf]", ": [match]: targets: 2: must be a finite number"),
+    "unknowns": ('width = "global"', 'width = "local"', ": [match]: unknowns: width: must be one of element"),
     "too many frequencies": ("frequencies = [1.85, 10.19]", "frequencies = [1.85, 10.19, 20.0]",
-                             ": [parts]: rayleigh: "),
-    "other modes": (RAYLEIGH, f"{RAYLEIGH}others = {{frequencies = [3.0], ratios = []}}\n",
-                    ": [parts]: rayleigh: others: ratios: has 0 values for 1 frequencies"),
-    "examples": (RAYLEIGH, f"{RAYLEIGH}examples = [[1.0, 2.0, 3.0]]\n",
-                 ": [parts]: rayleigh: examples: 1: must be a pair of numbers"),
-    "decay without a file": (DECAYS, '[[parts]]\nkind = "decays"\n', ": [parts]: decays: records: is missing; name"),
-    "law of decays": (DECAYS, f'{DECAYS}law = "cubic"\n', ": [parts]: decays: law: must be one of"),
-    "samples of a decay": ("duration = 2.0", "duration = 2e8", ": [parts]: decays: records: 1: duration: gives 4e+10"),
-    "ratio of a decay": ("damping_ratio = 0.02", "damping_ratio = 1.0",
-                         ": [parts]: decays: records: 1: synthetic: damping_ratio: must be at least 0 and"),
-    "empty label": ('["Table 3"]', '["--"]', ": [parts]: swing: a label must have letters or digits, and differ"),
-    "repeated label": ('["Table 3"]', '["figure_07"]', ": [parts]: swing: a label must have letters or digits, and d"),
-    "label that is a number": ('["Table 3"]', "[3]", ": [parts]: swing: tables: 1: must be a text, got 3"),
-    "no beam": (BEAM, "", ": [beam]: the table is missing; this part needs a beam"),
+                             ": [steps]: rayleigh: "),
+    "decay without a file": (DECAYS, '[[steps]]\nkind = "decays"\n', ": [decays]: the table is missing"),
+    "law of decays": (DECAYS, f'{DECAYS}law = "cubic"\n', ": [steps]: decays: law: must be one of"),
+    "empty label": ('["Table 3"]', '["--"]', ": [steps]: swing: a label must have letters or digits, and differ"),
+    "repeated label": ('["Table 3"]', '["figure_07"]', ": [steps]: swing: a label must have letters or digits, and d"),
+    "label that is a number": ('["Table 3"]', "[3]", ": [steps]: swing: tables: 1: must be a text, got 3"),
+    "table of earlier versions": ("[[steps]]", "[[parts]]", ": the table [[parts]] is now [[steps]]"),
+    "key of earlier versions": ('step = "rayleigh"', 'part = "rayleigh"', ": [laws]: found: part: the key is now step"),
+    "no beam": (BEAM, "", ": [beam]: the table is missing; this step needs a beam"),
 }  # fmt: skip
 
 
@@ -221,9 +214,9 @@ def test_a_file_that_is_absent_is_named_when_its_part_begins(study_file, tmp_pat
 
 
 def test_parts_that_need_each_other(study_file):
-    cycle = MATCH.replace('kind = "match"', 'kind = "modes"\nname = "one"\nbeam = "two"').partition("targets")[0]
-    other = cycle.replace('"one"', '"one_"').replace('"two"', '"one"').replace('"one_"', '"two"')
-    with pytest.raises(InputError, match=r"\[parts\]: the parts one, two need each other"):
+    cycle, other = (f'[[steps]]\nkind = "modes"\nname = "{name}"\nbeam = "{beam}"\n'
+                    for name, beam in (("one", "two"), ("two", "one")))  # fmt: skip
+    with pytest.raises(InputError, match=r"\[steps\]: the steps one, two need each other"):
         read_study(study_file(BEAM, cycle, other))
 
 

@@ -1,6 +1,9 @@
 """The order of steps, computations that run once, and results that are kept whatever ends a study."""
 
 import json
+import os
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -187,6 +190,41 @@ def test_any_executor_gives_the_same_files(study_file, tmp_path):
             contents.append((numbers, files))
     assert contents[0] == contents[1] == contents[2]
     assert {"tables/table_01.csv", "figures/figure_01.svg", "figures/figure_01.png"} <= contents[0][1].keys()
+
+
+KILLED_RUNS = """
+import os, signal, time
+from problems.study.study import run_study
+for folder in ("imports", "whole"):
+    began = time.perf_counter()
+    run_study("study.toml", folder, quick=True)
+duration = time.perf_counter() - began
+for k in range(40):
+    child = os.fork()
+    if child == 0:
+        run_study("study.toml", f"killed_{k}", quick=True)
+        os._exit(0)
+    time.sleep(duration * (k + 0.5) / 40)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="kill -9 is a signal of POSIX")
+def test_a_study_that_is_killed_at_any_of_40_instants_continues(study_file, tmp_path):
+    """The same numbers as in one run; no finished computation is repeated, and no damaged one is used."""
+    path = study_file(DECAYS, RAYLEIGH)
+    subprocess.run([sys.executable, "-c", KILLED_RUNS], cwd=tmp_path, check=True, timeout=300)
+    whole = without_times(json.loads((tmp_path / "whole" / "results.json").read_text()))
+    counts = set()
+    for k in range(40):
+        folder = tmp_path / f"killed_{k}"
+        kept = {file: file.stat().st_mtime_ns for file in (folder / STEPS_FOLDER).glob("*.msgpack")}
+        assert without_times(run_study(path, folder, quick=True).to_dict()) == whole, k
+        assert kept == {file: file.stat().st_mtime_ns for file in kept}, k
+        counts.add(len(kept))
+    assert len(counts) > 3  # the instants are spread over the run
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

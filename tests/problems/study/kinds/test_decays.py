@@ -10,23 +10,11 @@ import pytest
 from ancf_casadi import FitError, InputError, Measurement
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
 from problems.paper import table_02, table_04
-from problems.study.compute import Compute
-from problems.study.kinds.decays import SYNTHETIC_STD, fit_plain
-from problems.study.reading import read_study
+from problems.study.kinds.decays import SYNTHETIC_STD, SyntheticDecay, fit_plain, synthetic_decays
 from problems.study.study import run_study
 from tests.problems.paper import numbers as paper
 
-QUADRATIC = """
-[[parts]]
-kind = "decays"
-law = "quadratic"
-rest = "zero"
-seed = 3
-records = [
-    {synthetic = {frequency = 3.0, eta1 = 0.3, eta2 = 5.0, amplitude = 0.02}},
-    {synthetic = {frequency = 7.0, eta1 = 0.2, eta2 = 8.0, amplitude = 0.02}},
-]
-"""
+QUADRATIC = SyntheticDecay(3.0, 0.02, eta1=0.3, eta2=5.0), SyntheticDecay(7.0, 0.02, eta1=0.2, eta2=8.0)
 
 
 def exact(name: str) -> list[np.ndarray]:
@@ -56,69 +44,50 @@ class TestSynthetic:
             for other in (noise[1:], *(another[1:] for another in noises[:k])):
                 assert abs(np.corrcoef(noise[:-1], other)[0, 1]) < 4 / math.sqrt(noise.size)
 
-    @pytest.mark.slow
-    def test_is_the_same_each_time_and_differs_with_the_seed(self, study_file):
-        one, other, again = (
-            read_study(study_file(QUADRATIC.replace("seed = 3", seed))).steps[0].decays[0].record.values.tobytes()
-            for seed in ("seed = 3", "seed = 4", "seed = 3")
-        )
-        assert one == again != other
-
-    def test_seed_of_the_study_holds_without_another(self, study_file):
-        text = QUADRATIC.replace("seed = 3", "")
-        studies = [read_study(study_file(f"[study]\nseed = {seed}\n", text)) for seed in (1, 2, 1)]
-        one, two, same = (study.steps[0].decays[0].record.values for study in studies)
+    def test_is_the_same_each_time_and_differs_with_the_seed(self):
+        one, two, same = (synthetic_decays(QUADRATIC, seed)[0].record.values for seed in (1, 2, 1))
         assert not np.array_equal(one, two)
         assert np.array_equal(one, same)
 
 
 class TestFits:
-    @pytest.mark.slow
-    def test_recover_the_truth_within_their_errors(self, study_file):
+    def test_recover_the_truth_within_their_errors(self):
         """Frequency, eta1 and eta2 within four standard errors; the equivalent ratio at the amplitude of release."""
-        (part,) = read_study(study_file(QUADRATIC)).steps
-        rows = part.finding(Compute(), {}).data
-        for row, (f, eta1, eta2) in zip(rows, [(3.0, 0.3, 5.0), (7.0, 0.2, 8.0)], strict=True):
-            assert abs(row["frequency_hz"] - f) < 4 * row["frequency_stderr_hz"]
-            assert abs(row["eta1"] - eta1) < 4 * row["eta1_stderr"]
-            assert abs(row["eta2_per_m"] - eta2) < 4 * row["eta2_stderr_per_m"]
-            assert row["eta2_stderr_per_m"] < 0.1 * eta2
-            ratio = eta1 / (4 * math.pi * f) + 4 * eta2 * row["amplitude_m"] / (3 * math.pi)
+        for decay, true in zip(synthetic_decays(QUADRATIC, 3), QUADRATIC, strict=True):
+            row = fit_plain(decay, "quadratic", "zero").numbers
+            assert abs(row["frequency_hz"] - true.frequency) < 4 * row["frequency_stderr_hz"]
+            assert abs(row["eta1"] - true.eta1) < 4 * row["eta1_stderr"]
+            assert abs(row["eta2_per_m"] - true.eta2) < 4 * row["eta2_stderr_per_m"]
+            assert row["eta2_stderr_per_m"] < 0.1 * true.eta2
+            ratio = true.eta1 / (4 * math.pi * true.frequency) + 4 * true.eta2 * row["amplitude_m"] / (3 * math.pi)
             assert row["equivalent_damping_ratio"] == pytest.approx(ratio, rel=0.02)
 
-    def test_of_a_record_without_damping_is_zero(self, study_file):
+    def test_of_a_record_without_damping_is_zero(self):
         """The ratio is a result: where the record has none, none is found."""
-        undamped = "rest = 'zero'\nrecords = [{synthetic = {frequency = 3.0, damping_ratio = 0.0, amplitude = 0.02}}]"
-        (part,) = read_study(study_file('[[parts]]\nkind = "decays"\nduration = 10.0\n', undamped)).steps
-        (row,) = part.finding(Compute(), {}).data
-        assert abs(row["damping_ratio"]) < 5e-5
+        (decay,) = synthetic_decays([SyntheticDecay(3.0, 0.02)], 0)
+        assert abs(fit_plain(decay, "linear", "zero").numbers["damping_ratio"]) < 1e-4
 
-    def test_name_the_record_that_cannot_be_fitted(self, study_file):
-        (part,) = read_study(study_file(QUADRATIC)).steps
-        decay = part.decays[0]
+    def test_name_the_record_that_cannot_be_fitted(self):
+        decay, _ = synthetic_decays(QUADRATIC, 3)
         still = replace(decay, record=Measurement(decay.record.time, 0 * decay.record.values, decay.record.name))
         with pytest.raises((InputError, FitError), match="mode 1"):
-            fit_plain(still, "linear", False)
+            fit_plain(still, "linear", None)
 
 
 @pytest.mark.slow
-def test_measured_and_synthetic_records_stand_in_one_table(study_file, tmp_path):
-    """A file in mm with a release in the middle; its figure is not called synthetic."""
+def test_a_measured_record_is_not_called_synthetic(study_file, tmp_path):
+    """A file in mm with a release in the middle."""
     time = np.arange(0.0, 4.0, 0.005)
     omega, after = 2 * math.pi * 4.0, np.maximum(time - 0.5, 0.0)
     motion = 8.0 * np.exp(-0.01 * omega * after) * np.cos(omega * after)
     motion += 1e-3 * np.random.default_rng(1).standard_normal(time.size)
     np.savetxt(tmp_path / "tip.csv", np.c_[time, motion], delimiter=",", header="time_s,tip_mm", comments="")
-    synthetic = "{synthetic = {frequency = 9.0, damping_ratio = 0.01, amplitude = 0.01}}"
-    records = f'records = [{{file = "tip.csv", release_time = 0.5}}, {synthetic}]'
-    report = run_study(study_file('[[parts]]\nkind = "decays"\n', records), tmp_path / "results")
-    measured, synthetic = report.results["decays"]
-    assert (measured["synthetic"], synthetic["synthetic"]) == (False, True)
+    report = run_study(study_file('[[decays]]\nfile = "tip.csv"\nrelease_time = 0.5\n'), tmp_path / "results")
+    (measured,) = report.results["decays"]
+    assert not measured["synthetic"]
     assert measured["frequency_hz"] * math.sqrt(1 - 0.01**2) == pytest.approx(4.0, rel=2e-4)
     assert measured["amplitude_m"] == pytest.approx(8e-3, rel=0.01)
-    first, second = report.parts[0].figures
-    assert "SYNTHETIC" not in first.svg
-    assert "SYNTHETIC" in second.svg
+    assert "SYNTHETIC" not in report.steps[0].figures[0].svg
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""A part with the response curves of the file."""
+"""A step with the response curves of the file."""
 
 import pytest
 
@@ -38,4 +38,4 @@ def test_the_table_response_adds_its_curves_to_a_study(study_file, tmp_path):
 
 def test_without_its_table_it_is_refused_before_any_computation(study_file):
     with pytest.raises(InputError, match=r"\[response\]: the table is missing"):
-        read_study(study_file(BEAM, '[[parts]]\nkind = "response"\n'))
+        read_study(study_file(BEAM, '[[steps]]\nkind = "response"\n'))

@@ -37,13 +37,13 @@ def clamp(path, amplitude: float) -> None:
 
 @pytest.mark.slow
 def test_the_frequencies_are_those_of_the_beam(study_file, tmp_path):
-    report = run_study(study_file(BEAM, '[[parts]]\nkind = "modes"\nmodes = 3\n'), tmp_path / "results")
+    report = run_study(study_file(BEAM, '[[steps]]\nkind = "modes"\nmodes = 3\n'), tmp_path / "results")
     beam = Beam.from_toml(tmp_path / "study.toml")
     assert report.results["modes"]["frequency_hz"] == natural_modes(Model(beam), count=3).frequencies.tolist()
 
 
 def test_without_a_folder_nothing_is_written_and_the_reports_are_there(study_file, tmp_path):
-    path = study_file(BEAM, '[[parts]]\nkind = "modes"\nmodes = 2\n')
+    path = study_file(BEAM, '[[steps]]\nkind = "modes"\nmodes = 2\n')
     before = sorted(tmp_path.iterdir())
     report = run_study(path, None)
     assert report.page is None and sorted(tmp_path.iterdir()) == before
@@ -52,17 +52,17 @@ def test_without_a_folder_nothing_is_written_and_the_reports_are_there(study_fil
 
 def test_a_step_keeps_the_results_of_others_in_the_folder(study_file, tmp_path):
     path = study_file(BEAM)
-    times = run_study(path, tmp_path / "results").parts[-1].times
+    times = run_study(path, tmp_path / "results").steps[-1].times
     run_study(path, tmp_path / "results", steps=["beam"])
-    assert run_study(path, tmp_path / "results").parts[-1].times == times
+    assert run_study(path, tmp_path / "results").steps[-1].times == times
 
 
 def test_properties_that_vary_are_means_and_say_so(study_file, tmp_path):
     text = BEAM.replace("width = 5e-3", "width = [4e-3, 5e-3, 6e-3]").replace(
         "elements = 3", "elements = 3\ntip_mass = 2e-3"
     )
-    report = run_study(study_file(text, '[[parts]]\nkind = "beam"\n'), tmp_path / "results")
-    (table,) = report.parts[0].tables
+    report = run_study(study_file(text, '[[steps]]\nkind = "beam"\n'), tmp_path / "results")
+    (table,) = report.steps[0].tables
     assert column(table, "value") == pytest.approx([500.0, 5.0, 0.5, 8000.0, 210.0])
     assert any("width vary along the beam" in note for note in table.notes)
     assert any("2 g" in note for note in table.notes)
@@ -72,11 +72,11 @@ def test_properties_that_vary_are_means_and_say_so(study_file, tmp_path):
 @pytest.mark.slow
 def test_a_motion_is_computed_again_if_a_file_changes(study_file, tmp_path):
     """The clamp moves twice as far: the tip does too, and damping takes four times the energy."""
-    found, path = [], study_file(BEAM, MOTION, '[[parts]]\nkind = "simulation"\nanimate = true\n')
+    found, path = [], study_file(BEAM, MOTION, '[[steps]]\nkind = "simulation"\nanimate = true\n')
     for amplitude in (1e-4, 2e-4, 2e-4):
         clamp(tmp_path / "clamp.csv", amplitude)
         report = run_study(path, tmp_path / "results")
-        found.append((report.results["simulation"], report.parts[-1].times))
+        found.append((report.results["simulation"], report.steps[-1].times))
     (one, first), (two, second), (three, third) = found
     assert two["tip_position_range_m"][0] == pytest.approx(2 * one["tip_position_range_m"][0], rel=1e-3)
     assert two["dissipated_energy_j"] == pytest.approx(4 * one["dissipated_energy_j"], rel=1e-3)
@@ -85,6 +85,9 @@ def test_a_motion_is_computed_again_if_a_file_changes(study_file, tmp_path):
     assert not first.keys() & second.keys()
     assert third == second  # the times of the kept results
     moving = (tmp_path / "results" / "figures" / "figure_01.gif").read_bytes()
+    quick = run_study(path, tmp_path / "results", quick=True)
+    assert quick.steps[-1].times == third  # whatever the formats of its figure
+    assert not (tmp_path / "results" / "figures" / "figure_01.png").exists()
     assert moving.startswith(b"GIF89a") and base64.b64encode(moving).decode() in report.page.read_text()
 
 
@@ -109,8 +112,8 @@ def test_a_fit_shows_the_identified_beam_first_and_calls_the_guess_a_guess(study
         'frequency = 1.7\n[[records]]\nfile = "tip.csv"\nsensor = "position"\n'
     )
     report = run_study(study_file(text, fit), tmp_path / "results", quick=True)
-    motion, beam, modes = report.parts
-    assert [part["kind"] for part in report.results["study"]["parts"]] == ["motion", "beam", "modes"]
+    motion, beam, modes = report.steps
+    assert [step["kind"] for step in report.results["study"]["steps"]] == ["motion", "beam", "modes"]
     (properties,), (frequencies,) = beam.tables, modes.tables
     assert properties.title == "Properties of the identified beam"
     assert list(properties.columns) == ["property", "unit", "guess", "value"]
@@ -133,14 +136,14 @@ def test_a_comparison_needs_two_laws(study_file, tmp_path):
     one_law = (
         f'{text[0]}[[damping]]\nlaw = "quadratic"\neta2 = 0.1\n[[records]]\nfile = "motion.csv"\nsensor = "position"\n'
     )
-    with pytest.raises(InputError, match=r"\[parts\]: comparison: there is only one law; add tables \[\[damping\]\]"):
-        read_study(study_file(one_law, '[[parts]]\nkind = "comparison"\n'))
+    with pytest.raises(InputError, match=r"\[steps\]: comparison: there is only one law; add tables \[\[damping\]\]"):
+        read_study(study_file(one_law, '[[steps]]\nkind = "comparison"\n'))
 
 
 def test_a_beam_with_other_strain_measures_is_refused(study_file, tmp_path, paper_beam):
-    """The parts compute with the default measures, and must not pretend otherwise."""
+    """The steps compute with the default measures, and must not pretend otherwise."""
     write_document(tmp_path / "beam.json", Document(Model(paper_beam(3), StrainMeasures(axial="green"))))
-    with pytest.raises(InputError, match=r"\[beam\]: the document has strain measures that this part does not support"):
+    with pytest.raises(InputError, match=r"\[beam\]: the document has strain measures that this step does not support"):
         read_study(study_file('[beam]\ndocument = "beam.json"\n'))
     write_document(tmp_path / "beam.json", Document(Model(paper_beam(3))))
     assert len(read_study(study_file('[beam]\ndocument = "beam.json"\n')).steps) == 2

@@ -23,7 +23,7 @@ title = "air drag"
 terms = [{law = "quadratic", eta1 = 0.2, eta2 = 2.0}]
 """
 PARTS = """
-[[parts]]
+[[steps]]
 kind = "transients"
 laws = ["modal", "drag"]
 runs = [
@@ -57,7 +57,7 @@ def test_ratios_stand_under_their_laws_in_the_order_of_the_runs(report):
 
 def test_the_table_is_in_ascending_order_of_the_modes(report):
     """With the printed number of the same run beside each ratio, and none where none is printed."""
-    ratios, amplitudes = report.parts[0].tables
+    ratios, amplitudes = report.steps[0].tables
     assert column(ratios, "mode") == column(amplitudes, "mode") == [1, 1, 1, 2]
     assert column(ratios, "law") == ["modal", "air drag", "air drag", "modal"]
     assert ratios.printed == {"simulated, %": [2.0, None, None, 1.0]}
@@ -65,7 +65,7 @@ def test_the_table_is_in_ascending_order_of_the_modes(report):
 
 
 def test_a_synthetic_measurement_says_so(report):
-    figures = report.parts[0].figures
+    figures = report.steps[0].figures
     assert ["synthetic" in figure.svg for figure in figures[:3]] == [True, False, False]
     assert "synthetic" in figures[0].caption
 

@@ -127,13 +127,6 @@ def test_the_frequency_of_a_large_swing_is_that_of_harmonic_balance(paper_beam, 
 
 
 @pytest.mark.slow
-def test_the_frequency_of_a_large_swing_rises_with_the_square_of_its_amplitude(paper_beam):
-    """By 0.0193835 (A/L)^2 if inextensible: 0.30668 from curvature minus 0.28730 from inertia; 0.3 % more at 0.1 L."""
-    shift, reached = backbone(Model(paper_beam(8, **WEIGHTLESS)), 0.1, 1, "radau", 1e-8)
-    assert shift / reached**2 == pytest.approx(0.0193835, rel=0.01)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("amplitude", [0.1, 0.2])
 def test_the_frequency_of_a_hanging_beam_hardly_depends_on_its_amplitude(paper_beam, amplitude):
     shift, reached = backbone(Model(paper_beam(8)), amplitude, 0, "radau", 1e-8)
@@ -159,14 +152,6 @@ def backbone(model, amplitude, across, method, tolerance):
     frequency = (len(crossings) - 2) / (crossings[-1] - crossings[1])  # the first swing still contains the other modes
     swings = [abs(x[i:j]).max() for i, j in pairwise(before[1:])]
     return frequency / modes.frequencies[0] - 1, np.mean(swings) / LENGTH
-
-
-@pytest.mark.slow
-def test_an_undamped_release_from_a_bend_of_eight_tenths_of_the_length_needs_few_steps(weightless):
-    run = released(weightless, 9.1, duration=1.0, sample_rate=1000.0, method="radau", tolerance=1e-6)
-    assert run.tip[0, 1] > 0.79 * LENGTH and run.tip[:, 1].min() < -0.5 * LENGTH
-    assert run.steps < 10_000
-    assert abs(run.energy - run.energy[0]).max() < 1e-4 * run.energy[0]
 
 
 @pytest.mark.slow
@@ -206,32 +191,11 @@ def test_error_and_loss_of_energy_fall_with_the_tolerance_as_the_order_says(pape
     exact = run("radau", 1e-10)
     errors, losses = [], []
     for tolerance in (loose, loose / 100):
-        found = run(method, tolerance)
-        errors.append(abs(found.tip - exact.tip).max() / LENGTH)
-        losses.append(abs(found.balance_error).max() / exact.strain_energy[0])
+        loosely = run(method, tolerance)
+        errors.append(abs(loosely.tip - exact.tip).max() / LENGTH)
+        losses.append(abs(loosely.balance_error).max() / exact.strain_energy[0])
     assert errors[0] > factor * errors[1] and losses[0] > factor / 3 * losses[1]
     assert errors[1] < 5e-5 and losses[1] < 5e-5
-
-
-@pytest.mark.slow
-@BOTH
-@pytest.mark.parametrize("law", [None, RayleighDamping(alpha=1.0, beta=1e-4)], ids=["undamped", "damped"])
-def test_energy_is_kept_or_accounted_for_and_better_with_a_smaller_tolerance(thick, method, law):
-    errors = []
-    for tolerance in (1e-7, 1e-9):
-        run = simulate(
-            thick,
-            start="straight",
-            damping=law,
-            duration=0.2,
-            sample_rate=1000.0,
-            method=method,
-            tolerance=tolerance,
-        )
-        errors.append(abs(run.balance_error).max() / run.kinetic_energy.max())
-        assert bool(run.dissipated_energy[-1] > 0.01 * run.kinetic_energy.max()) == (law is not None)
-    assert errors[0] < 2e-4
-    assert errors[1] < errors[0] / 10
 
 
 # ----------------------------------------------------------------------------------------------------- objectivity

@@ -19,7 +19,6 @@ from ancf_casadi import (
     State,
     natural_modes,
     simulate,
-    static_equilibrium,
 )
 from ancf_casadi.damping import SumOfLaws
 
@@ -154,20 +153,6 @@ def test_a_simulated_decay_has_the_ratios_that_the_law_predicts(modes, law):
 def test_with_zero_coefficients_a_law_does_not_damp(modes, law):
     assert not force(law(modes, 0.0), modes.model, modes.equilibrium.coordinates, np.ones(modes.model.size)).any()
     assert abs(simulated_ratios(law(modes, 0.0), modes)).max() < NUMERICAL_DAMPING
-
-
-@pytest.mark.slow
-def test_at_the_default_tolerance_a_released_beam_keeps_swinging_in_both_modes(modes, bending_stiffness):
-    """Released at 1 mm, the first two modes have less than 2e-5 of critical damping."""
-    model = modes.model
-    held = static_equilibrium(model, tip_force=(6e-3 * bending_stiffness(model.beam) / 0.25, 0.0))
-    run = simulate(model, start=held, duration=0.95)
-    for mode in (0, 1):
-        displacement = modes.modal_coordinate(run.coordinates, mode)
-        zeta = fitted(
-            run.time, displacement, modes.angular_frequencies[mode], lambda zeta, phase: np.exp(-zeta * phase), 0.005
-        )
-        assert abs(zeta) < NUMERICAL_DAMPING
 
 
 @pytest.mark.slow
@@ -377,10 +362,7 @@ def test_the_reference_stiffness_warns_that_it_is_not_objective():
     [
         (lambda m: RayleighDamping(alpha=-1.0), "alpha: must not be negative, got -1"),
         (lambda m: RayleighDamping(beta=np.nan), "beta: must be a finite number, got nan"),
-        (
-            lambda m: RayleighDamping(stiffness="initial"),
-            "stiffness: must be one of strain-rate, tangent, reference, got",
-        ),
+        (lambda m: RayleighDamping(stiffness="initial"), "stiffness: must be one of strain-rate, tangent, reference"),
         (lambda m: QuadraticDamping(eta1=-0.1), "eta1: must not be negative, got -0.1"),
         (lambda m: QuadraticDamping(eta2="0.1"), "eta2: must be a finite number, got '0.1'"),
         (lambda m: QuadraticDamping.from_drag(-1, 1.2, m.model.beam), "drag_coefficient: must not be negative, got -1"),

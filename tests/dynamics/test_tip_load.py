@@ -98,7 +98,7 @@ def test_a_sudden_force_swings_the_tip_about_the_deflected_equilibrium_as_the_mo
 
 @pytest.mark.parametrize(
     ("component", "ratio"),
-    [("force", 0.01), ("moment", 0.97), ("force", 1.0), ("moment", 3.0), ("force", 5.5), ("moment", 0.01)],
+    [("force", 0.005), ("moment", 0.97), ("force", 1.0), ("moment", 3.0), ("force", 5.5), ("moment", 0.01)],
 )
 def test_a_harmonic_load_has_the_linear_response_of_the_model_under_modal_damping(small, component, ratio):
     """Start in the steady state, and compare the amplitude and phase of all of it: |X| to 1e-4."""
@@ -127,24 +127,6 @@ def test_a_harmonic_load_has_the_linear_response_of_the_model_under_modal_dampin
     expected = np.imag(np.outer(np.exp(2j * np.pi * frequency * run.time), phasor[[-4]]))[:, 0]
     assert abs(expected).max() > 0.1 * SMALL
     assert abs(run.tip[:, 0] - expected).max() < 1e-4 * SMALL
-
-
-def test_a_slow_harmonic_force_moves_the_tip_by_the_static_receptance(small, linear):
-    receptance = np.linalg.inv(linear.K)[ACROSS, ACROSS]
-    frequency = 5e-3 * linear.omega[0] / (2 * np.pi)
-    force = SMALL / receptance
-    law = RayleighDamping(alpha=0.2)
-    run = simulate(
-        small,
-        damping=law,
-        load=HarmonicLoad((force, 0.0), frequency),
-        duration=0.3 / frequency,
-        sample_rate=10.0,
-        method="radau",
-    )
-    load = force * np.sin(2 * np.pi * frequency * run.time)
-    assert abs(run.tip[:, 0] - receptance * load).max() < 0.01 * SMALL
-    np.testing.assert_allclose(run.tip_force, np.column_stack([load, 0 * load]), rtol=1e-12)
 
 
 def test_a_ramped_load_grows_smoothly_to_the_steady_one_and_ends_with_it():

@@ -264,28 +264,12 @@ class TestRoundTrip:
     @pytest.mark.parametrize(
         ("field", "table", "message"),
         [
-            (
-                "supports",
-                {"kind": "glue"},
-                "$.beam.supports[0].kind: must be one of clamp, pin, roller, guide, got 'glue'",
-            ),
+            ("supports", {"kind": "glue"}, "$.beam.supports[0].kind: must be one of clamp, pin, roller, guide"),
             ("supports", {"point": 0.0}, "$.beam.supports[0]: the key 'kind' is missing; "),
             ("supports", {"kind": "pin", "point": 9.0}, "$.beam: supports: the point 9.0 m is not on the beam"),
-            (
-                "supports",
-                {"kind": "pin", "point": 0, "mass": 1},
-                "$.beam.supports[0]: unknown key 'mass'; known are disp",
-            ),
-            (
-                "supports",
-                {"kind": "guide", "point": 0, "direction": [0, 0]},
-                "$.beam: supports: 1: direction: must not be the zero vector",
-            ),
-            (
-                "attachments",
-                {"kind": "clamp"},
-                "$.beam.attachments[0].kind: must be one of mass, spring, rotational_spring, dashpot, got 'clamp'",
-            ),
+            ("supports", {"kind": "pin", "point": 0, "mass": 1}, "$.beam.supports[0]: unknown key 'mass'"),
+            ("supports", {"kind": "guide", "point": 0, "direction": [0, 0]}, "$.beam: supports: 1: direction: must"),
+            ("attachments", {"kind": "clamp"}, "$.beam.attachments[0].kind: must be one of mass, spring"),
             (
                 "attachments",
                 {"kind": "spring", "point": 0, "stiffness": [1, -1]},
@@ -373,36 +357,16 @@ class TestRefusals:
             ('"length": 0.5', '"length": "0.5"', "$.beam.length: must be a number, got '0.5'"),
             ('"length": 0.5', '"length": null', "$.beam.length: must be a number, got None"),
             ('"length": 0.5', '"length": 0.5, "length": 0.5', "$.beam.length: the key appears twice"),
-            (
-                '"length": 0.5',
-                '"length": 0.5, "colour": 1',
-                "$.beam: unknown key 'colour'; known are ",
-            ),
+            ('"length": 0.5', '"length": 0.5, "colour": 1', "$.beam: unknown key 'colour'; known are "),
             ('"length": 0.5', '"length": -0.5', "$.beam.length: must be positive, got -0.5"),
             ('"length": 0.5', f'"length": 0.5, "{"k" * 300}": 1', "$.beam: has a key of 300 characters"),
-            (
-                '"law": "quadratic"',
-                '"law": "cubic"',
-                "$.damping.laws[2].law: must be one of rayleigh, quadratic, friction, modal, sum, got 'cubic'",
-            ),
-            (
-                '"law": "quadratic"',
-                f'"law": "{"c" * 500}"',
-                "$.damping.laws[2].law: must be one of rayleigh, quadratic, friction, modal, sum, got ",
-            ),
+            ('"law": "quadratic"', '"law": "cubic"', "$.damping.laws[2].law: must be one of rayleigh, quadratic"),
+            ('"law": "quadratic"', f'"law": "{"c" * 500}"', "$.damping.laws[2].law: must be one of rayleigh"),
             ('"eta2": 0.11', '"eta2": -0.11', "$.damping.laws[2].eta2: must not be negative, got -0.11"),
             ('"eta2": 0.11', '"eta2": [0.11]', "$.damping.laws[2].eta2: must be a number, got [0.11]"),
-            (
-                '"stiffness": "tangent"',
-                '"stiffness": "other"',
-                "$.damping.laws[3].stiffness: must be one of reference, strain-rate, tangent, got 'other'",
-            ),
+            ('"stiffness": "tangent"', '"stiffness": "other"', "$.damping.laws[3].stiffness: must be one of"),
             ('"note": "a note"', '"note": "\\ud800"', "$.provenance.note: holds half a character"),
-            (
-                '"axial_points": 2',
-                '"axial_points": 2.0',
-                "$.strain_measures.axial_points: must be a whole number, 1 to 9",
-            ),
+            ('"axial_points": 2', '"axial_points": 2.0', "$.strain_measures.axial_points: must be a whole number"),
             ('"2025-01-31T', '"2025-02-31T', "$.provenance: written: must be a time"),
         ],
     )
@@ -488,10 +452,7 @@ class TestParts:
             (lambda: Identification(FIT | {"k" * 201: 2}), "result: has a key of 201 characters"),
             (lambda: Identification(FIT | {"a": 10**5000}), "result.a: is beyond the range of numbers"),
             (lambda: Identification(FIT, ["x.csv"]), "data: must be a DataFile"),
-            (
-                lambda: Identification.of({"kind": "beam", "estimates": []}, data="x.csv"),
-                "data: must be a sequence of files",
-            ),
+            (lambda: Identification.of({"kind": "beam", "estimates": []}, data="x.csv"), "data: must be a sequence"),
             (lambda: Identification(FIT | {"a": {1: 2}}), "result.a: must be a text, got 1"),
             (lambda: Identification(FIT | {"a": "\ud800"}), "result.a: holds half a character"),
             (lambda: DataFile("a", "A" * 64), "sha256: expected `str` matching regex"),

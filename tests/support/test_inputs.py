@@ -164,7 +164,6 @@ def test_a_time_or_a_frequency_beyond_all_experience_is_refused(call, size):
 
 @pytest.mark.slow
 def test_a_beam_too_soft_for_its_weight_is_given_up_soon():
-    """Regression: the path of equilibria continued in tens of thousands of tiny steps."""
     soft = Beam.uniform(length=0.5, width=5e-3, thickness=5e-4, density=8000.0, elastic_modulus=2.5, elements=4)
     with pytest.raises(EquilibriumError, match=r"a value is in the wrong unit$"):
         static_equilibrium(Model(soft))

@@ -118,10 +118,10 @@ def test_a_toggle_frame_snaps_through_as_williams_found(snap, w):
 
 
 def test_the_limit_points_of_the_toggle_frame_are_found(snap):
-    assert [one.kind for one in snap.critical_points] == ["limit", "limit"]
-    for one, (w, force) in zip(snap.critical_points, TOGGLE_LIMITS, strict=True):
-        assert one.factor == pytest.approx(force, rel=1e-5)
-        assert deflection(one.equilibrium) == pytest.approx(w, rel=1e-4)
+    assert [point.kind for point in snap.critical_points] == ["limit", "limit"]
+    for point, (w, force) in zip(snap.critical_points, TOGGLE_LIMITS, strict=True):
+        assert point.factor == pytest.approx(force, rel=1e-5)
+        assert deflection(point.equilibrium) == pytest.approx(w, rel=1e-4)
     assert snap.complete
     assert snap.factors[-1] == 100.0
 
@@ -132,13 +132,7 @@ def test_three_equilibria_at_one_force_are_reported(snap):
     assert deflection(low) < TOGGLE_LIMITS[0][0] < deflection(middle) < TOGGLE_LIMITS[1][0] < deflection(high)
     assert max(unbalance(rest) for rest in (low, middle, high)) < 1e-9
     assert all(rest.loads[0].force[1] == -16.5 for rest in (low, middle, high))
-    assert (
-        len(snap.equilibria_at(20.0))
-        == len(snap.equilibria_at(50.0))
-        == len(snap.equilibria_at(0.0))
-        == len(snap.equilibria_at(100.0))
-        == 1
-    )
+    assert [len(snap.equilibria_at(force)) for force in (0.0, 20.0, 50.0, 100.0)] == [1, 1, 1, 1]
     assert snap.equilibria_at(101.0) == snap.equilibria_at(-1.0) == ()
 
 
@@ -156,7 +150,7 @@ def test_equilibria_between_limit_points_are_unstable_and_all_others_stable(snap
 def test_no_limit_point_is_jumped_over_whatever_the_largest_factor(snap, largest):
     """The limit points and the drop between them are 7 % to 0.003 % of the largest factor."""
     path = equilibrium_path(toggle(10), loads=APEX, largest_factor=largest)
-    assert [one.factor for one in path.critical_points] == pytest.approx([33.86123305, 31.26258318], rel=1e-4)
+    assert [point.factor for point in path.critical_points] == pytest.approx([33.86123305, 31.26258318], rel=1e-4)
     assert path.complete
 
 
@@ -216,18 +210,19 @@ def test_the_factor_of_a_bifurcation_does_not_depend_on_the_steps():
 def test_bifurcations_closer_than_a_step_are_all_found():
     loads = [PointLoad((-(math.pi**2), 0.0))]
     path = equilibrium_path(column(30, supports=(Pin(0.0), Roller(1.0))), loads=loads, largest_factor=120.0)
-    assert [one.kind for one in path.critical_points] == ["bifurcation"] * 10
-    assert [one.factor for one in path.critical_points] == pytest.approx([k**2 for k in range(1, 11)], rel=1e-2)
+    assert [point.kind for point in path.critical_points] == ["bifurcation"] * 10
+    assert [point.factor for point in path.critical_points] == pytest.approx([k**2 for k in range(1, 11)], rel=1e-2)
 
 
 @pytest.mark.parametrize("axis", [(0.6, 0.8), (0.7, -0.3)])
 def test_the_factor_of_a_bifurcation_does_not_depend_on_the_axis(axis):
     """Along x the forces across are exactly zero; in other directions they are rounded, and K is next to singular."""
     factors = []
-    for own in ((1.0, 0.0), axis):
-        force = -(math.pi**2) / 4 * np.array(own) / np.linalg.norm(own)
-        path = equilibrium_path(model_of(1.0, 1e6, axis=own), loads=[PointLoad(tuple(force))], largest_factor=2.0)
-        factors += [one.factor for one in path.critical_points]
+    for direction in ((1.0, 0.0), axis):
+        force = -(math.pi**2) / 4 * np.array(direction) / np.linalg.norm(direction)
+        model = model_of(1.0, 1e6, axis=direction)
+        path = equilibrium_path(model, loads=[PointLoad(tuple(force))], largest_factor=2.0)
+        factors += [point.factor for point in path.critical_points]
     assert factors == pytest.approx([factors[0]] * 2, rel=1e-8)
 
 
@@ -338,7 +333,7 @@ def test_a_path_shows_as_text_plain_data_and_a_figure(snap, buckled):
     assert rows[1][1:] == (snap.critical_points[0].factor, *snap.critical_points[0].equilibrium.tip)
     data = json.loads(json.dumps(snap.to_dict()))
     assert data["factors"] == snap.factors.tolist()
-    assert [one["kind"] for one in data["critical_points"]] == ["limit", "limit"]
+    assert [point["kind"] for point in data["critical_points"]] == ["limit", "limit"]
     straight, (left, right) = buckled
     figure = left.figure(right, straight, labels=["left", "right", "straight"])
     assert rendered(figure)[:4] == b"\x89PNG"

@@ -1,7 +1,5 @@
 """Tests of fits to response curves."""
 
-import pickle
-
 import numpy as np
 import pytest
 
@@ -74,6 +72,9 @@ def test_a_fit_recovers_the_law_from_three_noisy_curves(fit):
         assert abs(fit.estimates[name] - value) < 3.5 * fit.standard_errors[name]
     assert fit.standard_errors["ratio1"] < 0.02 * RATIO
     assert fit.standard_errors["eta2"] < 0.03 * ETA2
+    factors = fit.solution.problem.blocks[0].weights.deviations  # the noise sets them
+    assert (np.abs(factors - 1.0) < 0.5).all()
+    assert fit.fit.residual_rms == pytest.approx(fit.solution.problem.scale, rel=0.05)
 
 
 @pytest.mark.slow
@@ -84,26 +85,12 @@ def test_another_start_gives_the_same_estimates(model, modes, curves, fit):
 
 
 @pytest.mark.slow
-def test_the_noise_sets_the_weights_unless_it_is_given(fit):
-    factors = fit.solution.problem.blocks[0].weights.deviations
-    assert (np.abs(factors - 1.0) < 0.5).all()
-    assert fit.fit.residual_rms == pytest.approx(fit.solution.problem.scale, rel=0.05)
-
-
-@pytest.mark.slow
 def test_the_report_names_records_and_an_error_of_the_levels(fit):
     text = fit.report()
     assert "displacement x, tip, 2 mm, up: 13 points" in text
     assert "if all of them are 1 % too small" in text
     assert {"kind", "law", "estimates", "records", "warnings"} <= set(fit.to_dict())
     assert {"records", "level_shifts", "truncation_shifts"} <= set(fit.to_dict()["records"][0])
-
-
-@pytest.mark.slow
-def test_a_pickled_fit_is_the_same(fit):
-    other = pickle.loads(pickle.dumps(fit))
-    assert other.estimates == fit.estimates
-    np.testing.assert_allclose(other.responses[0], fit.responses[0], rtol=1e-6)
 
 
 @pytest.mark.slow

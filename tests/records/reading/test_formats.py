@@ -35,26 +35,35 @@ def uff_function(**changes):
     return function | changes
 
 
+def write_uff(path, *sets):
+    import pyuff
+
+    path.unlink(missing_ok=True)
+    pyuff.UFF(str(path)).write_sets(list(sets), mode="add")
+
+
+def write_tdms(path, *channels):
+    """Write channels of a group: name, values, and properties."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    with TdmsWriter(str(path)) as writer:
+        writer.write_segment([ChannelObject("run", *channel) for channel in channels])
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # pyuff leaves the file open
 class TestUniversalFile:
-    @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # pyuff leaves the file open
     @pytest.mark.parametrize("binary", [0, 1])
     def test_data_set_58(self, tmp_path, binary):
-        import pyuff
-
-        path = tmp_path / "record.uff"
-        pyuff.UFF(str(path)).write_sets(uff_function(binary=binary), mode="add")
-        record = Measurement.from_file(path)
+        write_uff(tmp_path / "record.uff", uff_function(binary=binary))
+        record = Measurement.from_file(tmp_path / "record.uff")
         np.testing.assert_allclose(record.time, TIME, atol=1e-12)
         np.testing.assert_allclose(record.values, 1e-3 * MM, rtol=1e-6, atol=1e-9)
         assert record.sensor.quantity == "displacement"
 
-    @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # pyuff leaves the file open
     @pytest.mark.parametrize("padding", [1, 2, 5])
     def test_zeros_behind_the_last_value_are_left_out(self, tmp_path, padding):
-        import pyuff
-
         path = tmp_path / "record.uff"
-        pyuff.UFF(str(path)).write_sets(uff_function(), mode="add")
+        write_uff(path, uff_function())
         lines = path.read_text().rstrip("\n").split("\n")
         zeros = [f"{0.0:20.11e}"] * padding  # 250 values fill half of the last row
         lines[-2] += "".join(zeros[:2])
@@ -67,27 +76,24 @@ class TestUniversalFile:
     def test_the_units_of_the_file_hold_for_functions_without_a_label(self, tmp_path):
         import pyuff
 
-        path = tmp_path / "record.uff"
         units = pyuff.prepare_164(
             units_code=5, temp_mode=1, length=1000.0, force=1000.0, temp=1.0, temp_offset=273.15
         )  # fmt: skip
         accelerations = uff_function(ordinate_spec_data_type=12, ordinate_axis_units_lab="NONE")
-        pyuff.UFF(str(path)).write_sets([units, accelerations], mode="overwrite")
-        record = Measurement.from_file(path)
+        write_uff(tmp_path / "record.uff", units, accelerations)
+        record = Measurement.from_file(tmp_path / "record.uff")
         np.testing.assert_allclose(record.values, 1e-3 * MM, rtol=1e-6, atol=1e-9)
         assert record.sensor.quantity == "acceleration"
 
     def test_other_functions_and_truncated_ones_are_refused(self, tmp_path):
-        import pyuff
-
         path = tmp_path / "record.uff"
-        pyuff.UFF(str(path)).write_sets(uff_function(func_type=2), mode="overwrite")
+        write_uff(path, uff_function(func_type=2))
         with pytest.raises(InputError, match="has no responses over time or frequency"):
             read_recording(path)
-        pyuff.UFF(str(path)).write_sets(uff_function(), mode="overwrite")
+        write_uff(path, uff_function())
         lines = path.read_text().splitlines(keepends=True)
         path.write_text("".join(lines[:20] + lines[-1:]))
-        with pytest.raises(InputError, match="has 28 of 250 values; it is damaged"):
+        with pytest.raises(InputError, match="has 28 of 250 values"):
             read_recording(path)
 
 
@@ -140,9 +146,9 @@ class TestMatlab:
             group = file.create_group("runs")
             group.attrs["MATLAB_class"] = np.bytes_("struct")
             for name, values in (("t", [TIME, TIME]), ("tip_mm", [MM, 2 * MM])):
-                fields = [file.create_dataset(f"#refs#/{name}{k}", data=own[None]) for k, own in enumerate(values)]
+                fields = [file.create_dataset(f"#refs#/{name}{k}", data=row[None]) for k, row in enumerate(values)]
                 references = group.create_dataset(name, (2, 1), dtype=h5py.ref_dtype)
-                references[:, 0] = [own.ref for own in fields]
+                references[:, 0] = [field.ref for field in fields]
         record = Measurement.from_file(path, "runs[2].tip_mm", time="runs[2].t")
         np.testing.assert_allclose(record.values, 2e-3 * MM)
 
@@ -274,7 +280,6 @@ class TestNumpy:
 
     @pytest.mark.parametrize("unit", ["Y", "M", "as"])
     def test_dates_that_do_not_count_in_seconds_are_left_out(self, tmp_path, unit):
-        """Regression: NumPy's TypeError or OverflowError was shown."""
         path = tmp_path / "record.npz"
         np.savez(path, date=np.arange(TIME.size).view(f"M8[{unit}]"), time=TIME, x_mm=MM)
         recording = read_recording(path)
@@ -323,50 +328,36 @@ class TestC3D:
         copied = read_recording(SILICONE / f"beam_{name}_V2_a.csv")
         assert len(original.channels) == len(copied.channels) == 18
         np.testing.assert_allclose(original.time, copied.time, atol=1e-9)
-        for one, other in zip(original.channels, copied.channels, strict=True):
-            np.testing.assert_allclose(one.values, other.values, atol=6e-6)  # written with five decimals
+        for channel, copy in zip(original.channels, copied.channels, strict=True):
+            np.testing.assert_allclose(channel.values, copy.values, atol=6e-6)  # written with five decimals
 
 
 class TestTdms:
     def test_a_waveform_and_a_channel_of_times(self, tmp_path):
-        from nptdms import ChannelObject, TdmsWriter
-
         path = tmp_path / "record.tdms"
-        with TdmsWriter(str(path)) as writer:
-            properties = {"wf_increment": 1 / RATE, "wf_start_offset": 0.5, "unit_string": "mm"}
-            writer.write_segment([ChannelObject("run", "tip", MM, properties)])
+        write_tdms(path, ("tip", MM, {"wf_increment": 1 / RATE, "wf_start_offset": 0.5, "unit_string": "mm"}))
         record = Measurement.from_file(path)
         np.testing.assert_allclose(record.time, 0.5 + TIME)
         np.testing.assert_allclose(record.values, 1e-3 * MM)
-        with TdmsWriter(str(path)) as writer:
-            columns = [ChannelObject("run", "Time (ms)", 1e3 * TIME), ChannelObject("run", "acc (g)", MM)]
-            writer.write_segment([*columns, ChannelObject("run", "remark", ["a", "b"])])
+        write_tdms(path, ("Time (ms)", 1e3 * TIME), ("acc (g)", MM), ("remark", ["a", "b"]))
         record = Measurement.from_file(path)
         np.testing.assert_allclose(record.time, TIME)
         np.testing.assert_allclose(record.values, 9.80665 * MM)
 
     def test_stamps_count_in_seconds(self, tmp_path):
-        from nptdms import ChannelObject, TdmsWriter
-
-        path = tmp_path / "record.tdms"
         stamps = np.datetime64("2024-05-17T09:30:00", "us") + (1e6 * TIME).round().astype("m8[us]")
-        with TdmsWriter(str(path)) as writer:
-            writer.write_segment([ChannelObject("run", "time", stamps), ChannelObject("run", "x_mm", MM)])
-        np.testing.assert_allclose(Measurement.from_file(path).time, TIME, atol=1e-6)
+        write_tdms(tmp_path / "record.tdms", ("time", stamps), ("x_mm", MM))
+        np.testing.assert_allclose(Measurement.from_file(tmp_path / "record.tdms").time, TIME, atol=1e-6)
 
     @pytest.mark.parametrize("delay", [0, 250_000, 1_500_000])  # microseconds
     def test_channels_that_start_later_have_later_times(self, tmp_path, delay):
-        from nptdms import ChannelObject, TdmsWriter
-
-        path = tmp_path / "record.tdms"
         start = np.datetime64("2024-05-17T09:30:00", "us")
-        channels = [
-            ChannelObject("run", name, MM, {"wf_increment": 0.01, "wf_start_offset": 0.0, "wf_start_time": instant})
+        channels = (
+            (name, MM, {"wf_increment": 0.01, "wf_start_offset": 0.0, "wf_start_time": instant})
             for name, instant in (("x_mm", start), ("y_mm", start + np.timedelta64(delay, "us")))
-        ]
-        with TdmsWriter(str(path)) as writer:
-            writer.write_segment(channels)
-        x, y = read_recording(path).channels
+        )
+        write_tdms(tmp_path / "record.tdms", *channels)
+        x, y = read_recording(tmp_path / "record.tdms").channels
         np.testing.assert_allclose(x.time, TIME, atol=1e-9)
         np.testing.assert_allclose(y.time, TIME + 1e-6 * delay, atol=1e-9)
 
@@ -395,22 +386,16 @@ X_Value\ttip\tComment
 class TestLvm:
     @pytest.mark.parametrize("columns", ["One", "No"])
     def test_one_segment(self, tmp_path, columns):
-        """The library reads only; this is the layout in its documentation."""
+        """The library reads only; this is the layout in its documentation.  A pickled copy is not loaded."""
         path = tmp_path / "record.lvm"
+        (tmp_path / "record.lvm.pkl").write_bytes(pickle.dumps({"Segments": 7}))
         first = [f"{0.5 + t:.6f}" if columns == "One" else "" for t in TIME]
         rows = "".join(f"{t}\t{x:.9f}\n" for t, x in zip(first, MM, strict=True))
         path.write_text(LVM.format(columns=columns, samples=len(TIME)) + rows)
         record = Measurement.from_file(path)
         np.testing.assert_allclose(record.time, 0.5 + TIME)
         np.testing.assert_allclose(record.values, 1e-3 * MM, atol=1e-12)
-        assert [file.name for file in tmp_path.iterdir()] == ["record.lvm"]
-
-    def test_a_pickled_copy_beside_the_file_is_not_loaded(self, tmp_path):
-        path = tmp_path / "record.lvm"
-        rows = "".join(f"{t}\t{x}\n" for t, x in zip(TIME, MM, strict=True))
-        path.write_text(LVM.format(columns="One", samples=len(TIME)) + rows)
-        (tmp_path / "record.lvm.pkl").write_bytes(pickle.dumps({"Segments": 7}))
-        assert len(Measurement.from_file(path).time) == len(TIME)
+        assert {file.name for file in tmp_path.iterdir()} == {"record.lvm", "record.lvm.pkl"}
 
     def test_a_long_file_takes_little_more_memory_than_its_numbers(self, tmp_path, monkeypatch):
         path = tmp_path / "record.lvm"

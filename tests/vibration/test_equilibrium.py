@@ -17,15 +17,14 @@ from ancf_casadi import (
 )
 from ancf_casadi.export.model_document import Document
 from ancf_casadi.vibration.statics import primary_equilibrium
+from tests.boundary.cases import REFERENCES
 
-# P L^2/EI: x/L, y/L, theta of the inextensible elastica with a transverse tip load, from elliptic integrals; Chebyshev
-# collocation agrees in all digits.
+# P L^2/EI: x/L, y/L, theta of the inextensible elastica with a transverse tip load
 ELASTICA = {
-    0.5: (0.984081037529, 0.162143575658, 0.244533647133),
-    1.0: (0.943566763717, 0.301720773800, 0.461351949712),
-    2.0: (0.839358279175, 0.493457480397, 0.781749831557),
-    5.0: (0.612371639276, 0.713791523612, 1.215368117612),
-    10.0: (0.445004402246, 0.810609024880, 1.430285538804),
+    load: (1 - shortening, deflection, angle)
+    for load, (shortening, deflection, angle) in zip(
+        (1.0, 2.0, 5.0, 10.0), REFERENCES["dead_tip_force"]["rows"].values(), strict=True
+    )
 }
 LOCKING = StrainMeasures(axial_points=5, bending_points=3)
 
@@ -52,23 +51,6 @@ def clamp_reaction(equilibrium):
     model = equilibrium.model
     loads = model.gravity_force(model.properties, model.beam.gravity).full().ravel()
     return (model.elastic_force(equilibrium.coordinates, model.properties).full().ravel() - loads)[:2]
-
-
-@pytest.mark.parametrize("load", [1.0, 2.0, 5.0, 10.0])
-def test_twenty_elements_follow_the_elastica(tip_loaded, load):
-    equilibrium = tip_loaded(load)
-    assert tip_error(equilibrium, ELASTICA[load]) < 1e-5
-    assert equilibrium.tip_angle == pytest.approx(ELASTICA[load][2], abs=1e-5)
-
-
-@pytest.mark.filterwarnings("ignore:an element bends")
-@pytest.mark.parametrize("load", [1.0, 2.0, 5.0, 10.0])
-def test_the_error_in_the_elastica_falls_with_the_fourth_power_of_the_element_length(tip_loaded, load):
-    """The beam is a tenth as thick as the paper's: EA L^2/EI = 1.2e9 limits stretching to 1e-9 L."""
-    errors = [tip_error(tip_loaded(load, n, thickness=0.05e-3), ELASTICA[load]) for n in (5, 10, 20, 40)]
-    orders = -np.diff(np.log2(errors))
-    assert orders[0] == pytest.approx(4.0, abs=0.5)
-    np.testing.assert_allclose(orders[1:], 4.0, atol=0.15)
 
 
 def test_with_more_gauss_points_the_element_locks(tip_loaded):
@@ -254,7 +236,7 @@ def test_a_beam_too_slender_for_arithmetic_is_an_error_with_advice(paper_beam):
 
 
 class TestPointLoads:
-    @pytest.mark.parametrize("load", [0.5, 2.0, 10.0])
+    @pytest.mark.parametrize("load", [1.0, 2.0, 10.0])
     def test_the_beam_beyond_a_load_is_straight_and_the_rest_follows_the_elastica(
         self, paper_beam, bending_stiffness, load
     ):

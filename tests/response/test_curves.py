@@ -110,25 +110,6 @@ def test_the_curve_does_not_depend_on_its_direction(duffing):
 
 
 @pytest.mark.slow
-def test_an_isola_is_followed_from_one_of_its_motions():
-    """A damping force that falls and rises with the amplitude detaches a part of the curve."""
-    damping = 0.08 * v - 1.0 * v * q**2 + 2.2 * v * q**4
-    system = SecondOrderSystem.of(q, v, a, u, conservative=a + q, damping=damping, excitation=u)
-    force = HarmonicForce(amplitude=0.017, frequency=1 / (2 * np.pi))
-    main = frequency_response(system, (0.12, 0.2), force=force)
-    assert not main.closed
-    sheet = amplitude_response(system, (0.005, 0.03), force=force)
-    order = np.flatnonzero(np.diff(np.sign(sheet.drive_amplitudes - force.amplitude)))
-    assert len(order) == 3
-    upper = sheet.motions[int(order[-1])]
-    near = HarmonicForce(amplitude=upper.drive_amplitude, frequency=upper.frequency)
-    closed = frequency_response(system, (0.12, 0.2), force=near, start=upper)
-    assert closed.closed
-    assert closed.amplitude().min() > main.amplitude().max()
-    assert [point.kind for point in closed.bifurcations].count("fold") == 2
-
-
-@pytest.mark.slow
 def test_the_response_to_a_parameter_of_the_system_ends_at_the_response_with_that_value(duffing):
     force = HarmonicForce(amplitude=0.05, frequency=0.12)
     curve = parameter_response(duffing, "mu", (0.5, 2.0), force=force)

@@ -1,12 +1,10 @@
 """Fits of properties: recovery of known truth, coverage, and combinations that the records leave open."""
 
-import itertools
 import math
 from functools import cache
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 from ancf_casadi import Beam, FitError, InputError, Model, PointLoad, Sensor, natural_modes
 from ancf_casadi.estimation.result import FitResult
@@ -124,24 +122,6 @@ class TestRecovery:
 class TestDuality:
     """1 + cos b cosh b = a b (sin b cosh b - cos b sinh b): a = m/(mu L) of a tip mass, or a = E I/(k L) of a clamp."""
 
-    MU, EI, L = 1500.0 * 0.03 * 1.5e-3, 0.6, 0.5
-
-    @pytest.mark.parametrize("a", [0.02, 0.2])
-    @pytest.mark.parametrize("kind", ["tip_mass", "clamp_stiffness"])
-    def test_a_tip_mass_and_a_soft_clamp_have_the_frequencies_of_the_closed_form(self, model_of, a, kind):
-        value = {"tip_mass": a * self.MU * self.L, "clamp_stiffness": self.EI / (a * self.L)}[kind]
-        model = model_of(gravity=(0.0, 0.0), elements=20, **{kind: value})
-        computed, _ = respond(FrequencyRecord(model, np.ones(3)))(ONES)
-
-        def equation(b):
-            c, s, ch, sh = np.cos(b), np.sin(b), np.cosh(b), np.sinh(b)
-            return (1 + c * ch - a * b * (s * ch - c * sh)) / ch
-
-        grid = np.linspace(0.1, 9.0, 400)
-        roots = [brentq(equation, p, q) for p, q in itertools.pairwise(grid) if equation(p) * equation(q) < 0]
-        exact = np.array(roots[:3]) ** 2 / (2 * np.pi) * np.sqrt(self.EI / (self.MU * self.L**4))
-        np.testing.assert_allclose(computed, exact, rtol=2e-5)
-
     @pytest.mark.slow
     def test_frequencies_cannot_separate_a_tip_mass_from_a_soft_clamp_and_the_fit_says_so(self, model_of):
         models = [model_of(length, gravity=(0.0, 0.0), tip_mass=0.005) for length in (0.3, 0.4, 0.5)]
@@ -153,7 +133,7 @@ class TestDuality:
         assert intervals["tip_mass"][0] == 0.0
         assert intervals["tip_mass"][1] > 0.005
         assert math.isinf(intervals["clamp_stiffness"][1])
-        assert intervals["clamp_stiffness"][0] < self.EI * self.MU / 0.005
+        assert intervals["clamp_stiffness"][0] < 0.6 * 1500.0 * 0.03 * 1.5e-3 / 0.005  # E I mu/m
 
     @pytest.mark.slow
     def test_a_static_test_separates_them(self, model_of):

@@ -6,7 +6,6 @@ import pytest
 from ancf_casadi import InputError, track_video
 from ancf_casadi.records.video.marks import Pose, mark_at, point_of, refined
 from ancf_casadi.records.video.recorded import SMOOTHING
-from ancf_casadi.records.video.tracking import _scatter
 from problems import fit_decay
 
 WHITE = 205.0  # grey level of the strip: a bar of it hides dark marks, and nothing else
@@ -45,28 +44,12 @@ def test_the_fit_of_a_track_finds_frequency_and_damping_ratio(strip, found):
     path, true = strip(240, rate=60.0, largest=0.2, marks=(30, 60))
     recording = track_video(path)
     places, _ = found(recording)
-    fit, exact = (fit_decay(recording.time, one[:, 1, 0]) for one in (places, true))
+    fit, exact = (fit_decay(recording.time, track[:, 1, 0]) for track in (places, true))
     for name, tolerance, stated in (("frequency", 1e-4, 2.0), ("damping_ratio", 0.02, 0.01)):
         assert exact.estimates[name] == pytest.approx(stated, rel=1e-2)
         assert fit.estimates[name] == pytest.approx(exact.estimates[name], rel=tolerance)
         low, high = fit.intervals()[name]
         assert low <= exact.estimates[name] <= high
-
-
-@pytest.mark.parametrize("rate", [240.0, 30.0, 22.0])
-def test_the_scatter_of_a_track_is_that_of_its_noise(rate):
-    """At 2 Hz, and with 11 frames per period or more."""
-    time = np.arange(400) / rate
-    motion = 150.0 * np.stack([np.cos(12.6 * time), 0.3 * np.sin(25.2 * time)], axis=1)
-    noise = 0.03 * np.random.default_rng(0).standard_normal(motion.shape)
-    noise[100:110] = np.nan
-    assert _scatter(motion + noise) == pytest.approx(0.03, rel=0.1)
-
-
-def test_the_scatter_of_a_track_in_pieces_is_not_known():
-    points = np.full((40, 2), np.nan)
-    points[::2] = 1.0
-    assert np.isnan(_scatter(points))
 
 
 @pytest.mark.parametrize(("pattern", "largest"), [("dots", 0.0025), ("checkers", 0.0055), ("texture", 0.0025)])

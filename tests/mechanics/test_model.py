@@ -103,21 +103,6 @@ def test_the_clamp_holds_the_three_rigid_motions_and_the_axial_pattern_that_two_
     assert np.linalg.eigvalsh(stiffness[slice(4, model.size), slice(4, model.size)]).min() > 1e-9 * values.max()
 
 
-def test_the_mass_matrix_holds_the_mass_of_the_beam(model):
-    mass = dense(model.mass, model.properties)
-    for direction in ([1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]):
-        translation = np.tile(direction, 5)
-        assert translation @ mass @ translation == pytest.approx(model.beam.mass, rel=1e-13)
-    np.testing.assert_allclose(mass, mass.T, atol=1e-15 * mass.max())
-    assert np.linalg.eigvalsh(mass).min() > 0.0
-
-
-def test_a_uniform_beam_turning_about_its_end_has_the_moment_of_inertia_m_l2_3(hanging):
-    velocity = (hanging.straight.reshape(-1, 2) @ np.array([[0.0, 1.0], [-1.0, 0.0]])).ravel()
-    inertia = velocity @ dense(hanging.mass, hanging.properties) @ velocity
-    assert inertia == pytest.approx(hanging.beam.mass * 0.5**2 / 3, rel=1e-13)
-
-
 def test_the_functions_are_symbolic_in_the_properties(model):
     """Mass is linear in the density, stiffness in the modulus."""
     e = deformed(model, 0)

@@ -9,7 +9,6 @@ from pathlib import Path
 import casadi as cs
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from ancf_casadi import HarmonicBase, ModalDamping, Model, natural_modes, reduce_model, simulate_reduced
 from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, friction_decay, linear_decay, quadratic_decay
@@ -212,19 +211,6 @@ def test_a_long_decay_is_fitted_from_its_first_guess(periods, rate, life, share,
     assert fit.residual_rms == pytest.approx(1e-4, rel=0.05)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("law", ["linear", "quadratic", "friction"])
-def test_every_law_fits_600_periods_in_few_iterations(law):
-    time, ω = np.arange(0.0, 12.0, 1e-3), 100 * math.pi
-    y = 1e-2 * np.exp(-3e-3 * ω * time) * np.cos(ω * time) + np.random.default_rng(4).normal(0.0, 1e-4, len(time))
-    fit = fit_decay(time, y, law=law)
-    natural = 50.0 * math.hypot(1.0, 3e-3) if law == "linear" else 50.0
-    assert abs(fit.frequency - natural) < 4 * fit.standard_errors["frequency"]
-    assert fit.intervals()["damping_ratio"][0] < 3e-3 < fit.intervals()["damping_ratio"][1]
-    assert fit.residual_rms == pytest.approx(1e-4, rel=0.02)
-    assert fit.fit.iterations < 50
-
-
 @pytest.mark.parametrize("bounded", ["eta2", "eta1"])
 def test_intervals_allow_for_a_term_at_its_bound(bounded):
     """Seven periods do not separate drag from viscous damping: either term may be all of the damping, or none."""
@@ -248,24 +234,6 @@ def test_a_damping_term_that_is_absent_is_found_absent(η1, η2):
     assert fit.eta1 == pytest.approx(η1, rel=1e-4, abs=1e-5)
     assert fit.eta2 == pytest.approx(η2, rel=1e-4, abs=1e-5)
     assert fit.amplitude == pytest.approx(0.076, rel=1e-6)
-
-
-def test_a_numerical_solution_of_the_equation_of_motion_is_fitted_to_first_order_in_its_damping():
-    ω, η1, η2, e0 = 2 * math.pi * 1.85, 0.15, 0.11, 0.076
-    motion = solve_ivp(
-        lambda t, y: [y[1], -η1 * y[1] - η2 * y[1] * abs(y[1]) - ω**2 * y[0]],
-        (0.0, 15.0),
-        [e0, 0.0],
-        t_eval=np.arange(0.0, 15.0, 0.002),
-        method="DOP853",
-        rtol=1e-10,
-        atol=1e-12,
-    )
-    fit = fit_decay(motion.t, motion.y[0], law="quadratic")
-    assert fit.eta1 == pytest.approx(η1, rel=0.01)
-    assert fit.eta2 == pytest.approx(η2, rel=0.01)
-    assert fit.frequency == pytest.approx(1.85, rel=1e-4)
-    assert fit.amplitude == pytest.approx(e0, rel=1e-3)
 
 
 FRICTION = [(1.85, 0.03, 0.15, 0.11, 0.076), (1.85, 0.05, 0.0, 0.0, 0.076), (10.19, 0.2, 0.31, 0.06, 0.0149)]

@@ -7,8 +7,12 @@ import tracemalloc
 import zipfile
 from pathlib import Path
 
+import ezc3d
+import h5py
 import numpy as np
 import pytest
+import pyuff
+from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
 from ancf_casadi.exceptions import InputError
@@ -24,8 +28,6 @@ MM = 5.0 * np.exp(-0.3 * TIME) * np.cos(2 * np.pi * 3.0 * TIME)  # displacement,
 
 
 def uff_function(**changes):
-    import pyuff
-
     function = pyuff.prepare_58(
         func_type=1, rsp_node=4, rsp_dir=3, ref_node=1, ref_dir=3, ord_data_type=4, num_pts=len(TIME),
         abscissa_spacing=1, abscissa_min=0.0, abscissa_inc=1 / RATE, abscissa_spec_data_type=17,
@@ -36,16 +38,12 @@ def uff_function(**changes):
 
 
 def write_uff(path, *sets):
-    import pyuff
-
     path.unlink(missing_ok=True)
     pyuff.UFF(str(path)).write_sets(list(sets), mode="add")
 
 
 def write_tdms(path, *channels):
     """Write channels of a group: name, values, and properties."""
-    from nptdms import ChannelObject, TdmsWriter
-
     with TdmsWriter(str(path)) as writer:
         writer.write_segment([ChannelObject("run", *channel) for channel in channels])
 
@@ -74,8 +72,6 @@ class TestUniversalFile:
         np.testing.assert_allclose(record.values, 1e-3 * MM, rtol=1e-5, atol=1e-9)
 
     def test_the_units_of_the_file_hold_for_functions_without_a_label(self, tmp_path):
-        import pyuff
-
         units = pyuff.prepare_164(
             units_code=5, temp_mode=1, length=1000.0, force=1000.0, temp=1.0, temp_offset=273.15
         )  # fmt: skip
@@ -139,8 +135,6 @@ class TestMatlab:
             read_recording(path)
 
     def test_struct_arrays_of_version_7_3_have_the_same_names(self, tmp_path):
-        import h5py
-
         path = tmp_path / "record.mat"
         with h5py.File(path, "w") as file:
             group = file.create_group("runs")
@@ -155,8 +149,6 @@ class TestMatlab:
     @pytest.mark.slow
     @pytest.mark.parametrize("place", ["data set", "group", "file"])
     def test_attributes_of_hdf5_give_unit_and_sampling_rate(self, tmp_path, place):
-        import h5py
-
         path = tmp_path / "record.h5"
         with h5py.File(path, "w") as file:
             tip = file.create_dataset("run/tip", data=MM)
@@ -172,8 +164,6 @@ class TestMatlab:
 
     @pytest.mark.parametrize("value", [-1.0, np.nan, "fast", [1.0, 2.0]])
     def test_an_attribute_that_is_no_rate_counts_for_nothing(self, tmp_path, value):
-        import h5py
-
         path = tmp_path / "record.h5"
         with h5py.File(path, "w") as file:
             file.create_dataset("tip_mm", data=MM).attrs["fs"] = value
@@ -181,8 +171,6 @@ class TestMatlab:
             Measurement.from_file(path)
 
     def test_version_7_3(self, tmp_path):
-        import h5py
-
         path = tmp_path / "record.mat"
         with h5py.File(path, "w", userblock_size=512) as file:
             file.create_dataset("time", data=TIME[None, :])
@@ -195,8 +183,6 @@ class TestMatlab:
         np.testing.assert_allclose(record.values, 1e-3 * MM)
 
     def test_a_data_set_that_is_declared_but_not_stored_is_refused(self, tmp_path):
-        import h5py
-
         path = tmp_path / "record.h5"
         with h5py.File(path, "w") as file:
             file.create_dataset("x", shape=(10**8,), chunks=(1000,), dtype="f8")
@@ -205,8 +191,6 @@ class TestMatlab:
             read_recording(path)
 
     def test_data_in_other_files_are_left_out(self, tmp_path):
-        import h5py
-
         (tmp_path / "secret").write_bytes(bytes(8000))
         path = tmp_path / "record.h5"
         with h5py.File(path, "w") as file:
@@ -293,8 +277,6 @@ class TestNumpy:
 class TestC3D:
     @pytest.mark.slow
     def test_markers_and_analog_channels(self, tmp_path):
-        import ezc3d
-
         path = tmp_path / "record.c3d"
         file = ezc3d.c3d()
         file["parameters"]["POINT"]["RATE"]["value"] = [RATE]

@@ -173,6 +173,7 @@ def test_a_beam_starts_at_rest_under_the_load_and_the_clamp_carries_load_and_wei
     lever = trapezoid([rest.position(s)[0] for s in arc], arc) / 0.5
     expected = -(rest.tip[0] * force[1] - rest.tip[1] * force[0]) - moment - lever * weight[1]
     np.testing.assert_allclose(run.clamp_force[:, 2:] @ n, expected, rtol=1e-5)
+    np.testing.assert_allclose(run.tip_force, np.tile(force, (11, 1)), rtol=1e-12)
     np.testing.assert_allclose(run.tip_moment, moment, rtol=1e-12)
 
 

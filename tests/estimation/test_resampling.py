@@ -171,3 +171,8 @@ def test_any_executor_gives_the_same_numbers(decay, transient):
 def test_settings_that_make_no_sense_are_refused(decay, settings, message):
     with pytest.raises(InputError, match=message):
         monte_carlo(decay, **settings)
+
+
+def test_a_level_that_is_no_probability_is_refused(decay):
+    with pytest.raises(InputError, match="level: must be between 0 and 1"):
+        monte_carlo(decay, runs=2).intervals(1.0)

@@ -6,6 +6,7 @@ import pytest
 from ancf_casadi import InputError, track_video
 from ancf_casadi.records.video.marks import Pose, mark_at, point_of, refined
 from ancf_casadi.records.video.recorded import SMOOTHING
+from ancf_casadi.records.video.tracking import _scatter
 from problems import fit_decay
 
 WHITE = 205.0  # grey level of the strip: a bar of it hides dark marks, and nothing else
@@ -68,6 +69,16 @@ def test_the_place_within_a_pixel_does_not_matter(render, pattern, largest, star
         mark = mark or mark_at(smooth, place, 9)
         errors.append(point_of(mark, refined(mark, smooth, Pose(np.rint(place)))) - place)
     assert np.std(errors, axis=0).max() < largest
+
+
+@pytest.mark.parametrize("rate", [240.0, 22.0])
+def test_the_scatter_of_a_track_is_that_of_its_noise(rate):
+    """At 2 Hz, and with 11 frames per period or more."""
+    time = np.arange(400) / rate
+    motion = 150.0 * np.stack([np.cos(12.6 * time), 0.3 * np.sin(25.2 * time)], axis=1)
+    noise = 0.03 * np.random.default_rng(0).standard_normal(motion.shape)
+    noise[100:110] = np.nan
+    assert _scatter(motion + noise) == pytest.approx(0.03, rel=0.1)
 
 
 @pytest.mark.slow

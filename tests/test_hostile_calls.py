@@ -84,6 +84,7 @@ RECORD = Measurement(TIME, np.exp(-TIME) * np.cos(40.0 * TIME))
 @pytest.mark.parametrize(
     ("call", "message"),
     [
+        (lambda: export.Document("beam"), "model: must be a Model"),
         (lambda: export.write_document("a.json", {}), "document: must be a Document, got a dict"),
         (lambda: export.write_document(3, None), "document: must be a Document, got None"),
         (lambda: export.write_c(None, "folder"), "functions: must be a MotionFunctions, got None"),

@@ -2,7 +2,6 @@
 
 from itertools import pairwise
 
-import casadi as cs
 import numpy as np
 import pytest
 import scipy.sparse.linalg
@@ -20,7 +19,6 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.mechanics.strain import StrainMeasures
 
 LENGTH = 0.5
 WEIGHTLESS = {"gravity": (0.0, 0.0), "axis": (1.0, 0.0)}
@@ -199,28 +197,6 @@ def test_error_and_loss_of_energy_fall_with_the_tolerance_as_the_order_says(pape
 
 
 # ----------------------------------------------------------------------------------------------------- objectivity
-
-
-@pytest.mark.parametrize("axial", ["engineering", "green"])
-@pytest.mark.parametrize("curvature", ["material", "geometric", "small"])
-def test_a_rotated_beam_has_the_strain_energy_and_the_rotated_force_of_the_beam_unrotated(paper_beam, axial, curvature):
-    model = Model(paper_beam(5), StrainMeasures(axial=axial, curvature=curvature))
-    nodes = model.straight + 0.05 * np.random.default_rng(1).standard_normal(model.size) * model.scale
-    turn = np.array([[np.cos(2.0), -np.sin(2.0)], [np.sin(2.0), np.cos(2.0)]])
-    turned = (nodes.reshape(-1, 2) @ turn.T).ravel()
-    p = model.properties
-    force = model.elastic_force(nodes, p).full().reshape(-1, 2) @ turn.T
-    assert float(model.strain_energy(turned, p)) == pytest.approx(float(model.strain_energy(nodes, p)), rel=1e-12)
-    np.testing.assert_allclose(model.elastic_force(turned, p).full().ravel(), force.ravel(), atol=1e-11 * force.max())
-
-
-def test_a_rigid_motion_of_a_bent_beam_meets_no_strain_rate_force(paper_beam):
-    model = Model(paper_beam(5))
-    e = model.straight + 0.05 * np.random.default_rng(1).standard_normal(model.size) * model.scale
-    spin = (e.reshape(-1, 2) @ np.array([[0.0, 1.0], [-1.0, 0.0]])).ravel()
-    other = np.random.default_rng(2).standard_normal(model.size) * model.scale
-    still, moved = (cs.DM(model.strain_rate_force(e, e_t, model.properties)).full() for e_t in (spin, other))
-    assert abs(still).max() < 1e-12 * abs(moved).max()
 
 
 @BOTH

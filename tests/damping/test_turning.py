@@ -67,9 +67,8 @@ def ratio_of(time, displacement, omega):
     return least_squares(residuals, [0.01, 1.0, 0.5, 0.5], xtol=1e-14, ftol=1e-14, gtol=1e-14).x[0]
 
 
-@pytest.mark.slow
 @BOTH
-@ANGLES
+@pytest.mark.parametrize("degrees", [60.0, *(pytest.param(angle, marks=pytest.mark.slow) for angle in (30.0, 90.0))])
 def test_the_modes_of_a_turned_beam_decay_with_the_ratios_given(modes, method, degrees):
     angle, law = np.radians(degrees), ModalDamping(modes, RATIOS)
     base = turned_and_shifted(angle)

@@ -257,6 +257,12 @@ def test_a_load_that_ends_releases_the_beam_between_two_samples(small, method):
 # --------------------------------------------------------------------------------------------------- sampled loads
 
 
+def test_a_record_that_never_rests_is_one_piece():
+    """White noise has many blows; before and after it there is no load."""
+    load = SampledLoad(np.arange(50_000) / 1000, np.random.default_rng(2).normal(size=(50_000, 2)))
+    assert [piece.end for piece in load.pieces()] == [0.0, 49.999, np.inf]
+
+
 def test_a_sampled_load_passes_through_its_samples_and_stays_between_them():
     random = np.random.default_rng(1)
     time = 0.1 + np.cumsum(random.uniform(1e-4, 2e-3, size=200))

@@ -386,7 +386,7 @@ class TestRefusals:
         assert "has 1 shapes for 2 frequencies" in refused(tmp_path, json.dumps(fewer))
 
     def test_modes_of_another_mesh(self, paper_beam):
-        law = ModalDamping(natural_modes(Model(paper_beam(3)), count=1), (0.01,))
+        law = ModalDamping(natural_modes(Model(paper_beam(3)), count=1), (0.01,)) + RayleighDamping(alpha=0.1)
         with pytest.raises(InputError, match="another number of elements"):
             Document(Model(paper_beam(4)), law)
 

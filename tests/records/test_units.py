@@ -65,7 +65,7 @@ def test_a_name_carries_its_unit(name, symbol, factor):
         ("acc_m_s_-2", "m_s_-2"), ("jerk_m_s3", "m_s3"), ("acc_mps3", "mps3"), ("x_mm_per_rev", "mm_per_rev"),
         ("counts_per_mm", "counts_per_mm"), ("F N/mm", "N/mm"), ("force_N_m", "N_m"), ("v m s", "m s"),
         ("area_mm2", "mm2"), ("curvature_m-1", "m-1"), ("eps_um_m", "um_m"), ("x_mm_min", "mm_min"),
-        ("x_mm_y_mm", "mm_y_mm"), ("acc [m/s^3", "[m/s^3"),
+        ("x_mm_y_mm", "mm_y_mm"), ("acc [m/s^3", "[m/s^3"), ("a m/s s", "m/s s"),
     ],
 )  # fmt: skip
 def test_a_unit_that_is_not_certain_is_kept_as_text(name, symbol):

@@ -9,6 +9,8 @@ from ancf_casadi import (
     Beam,
     Clamp,
     HarmonicBase,
+    Measurement,
+    ModalDamping,
     Model,
     PointLoad,
     PointMass,
@@ -21,8 +23,8 @@ from ancf_casadi import (
 )
 from ancf_casadi.mechanics.beam import SplitBeam
 from ancf_casadi.vibration.equilibrium import largest_bend
-from problems import FrequencyRecord, MarkerRecord, ResponseRecord, StaticRecord, fit_beam
-from problems.beam.mesh import split_model
+from problems import FrequencyRecord, MarkerRecord, MotionRecord, ResponseRecord, StaticRecord, fit_beam
+from problems.beam.mesh import split_law, split_model, split_record
 from problems.beam.properties import elements_of
 from tests.problems.beam.response_curves import noisy, swept
 
@@ -189,3 +191,26 @@ def test_split_beam_is_the_same_beam():
     assert elements_of("thickness[2:3]", fine.beam) == slice(2, 6)
     assert fine.beam.thickness[2:4] == (3e-4, 3e-4)
     assert isinstance(fine.beam.with_(tip_mass=1e-3), SplitBeam)
+
+
+def test_split_start_has_the_same_motion():
+    coarse = film(6)
+    state = natural_modes(coarse, count=2).state(1, 0.05)
+    run = simulate(coarse, start=state, duration=0.2, sample_rate=50.0)
+    start = run.state(-1)
+    record = MotionRecord([Measurement(run.time, run.tip[:, 0], sensor=Sensor("position"))], start=start,
+                          release_time=0.0)  # fmt: skip
+    fine = split_model(coarse)
+    other = split_record(record, coarse, fine).start
+    settings = {"duration": 0.2, "sample_rate": 50.0}
+    further, again = simulate(coarse, start=start, **settings), simulate(fine, start=other, **settings)
+    np.testing.assert_allclose(again.tip, further.tip, atol=2e-4)
+
+
+def test_split_law_damps_the_same_modes():
+    model = film(4)
+    modes = natural_modes(model, count=2)
+    law = ModalDamping(modes, ratios=[0.01, 0.02]) + RayleighDamping(alpha=0.1)
+    fine = natural_modes(split_model(model), count=2)
+    ratios = split_law(law).damping_ratios(fine, [1e-3, 1e-3]), law.damping_ratios(modes, [1e-3, 1e-3])
+    np.testing.assert_allclose(*ratios, rtol=1e-2)

@@ -277,11 +277,13 @@ def test_proportional_ratios_are_alpha_over_2_omega_plus_beta_omega_over_2(modes
         np.testing.assert_allclose(ratios, 0.228181 / (2 * omega) + 3.18013e-5 * omega / 2, rtol=1e-8)
 
 
-def test_generic_damping_is_the_matrix_of_eq_32(modes):
+@pytest.mark.parametrize("measured", [None, (1.85, 10.19)])
+def test_generic_damping_is_the_matrix_of_eq_32(modes, measured):
     model, shapes, zeta = modes.model, modes.shapes[:, :2], np.array(RATIOS)
     mass = model.mass(model.properties).full()
-    expected = mass @ shapes @ np.diag(2 * zeta * modes.angular_frequencies[:2]) @ shapes.T @ mass
-    C = damping_matrix(ModalDamping(modes, RATIOS), modes)
+    omega = modes.angular_frequencies[:2] if measured is None else 2 * np.pi * np.array(measured)
+    expected = mass @ shapes @ np.diag(2 * zeta * omega) @ shapes.T @ mass
+    C = damping_matrix(ModalDamping(modes, RATIOS, frequencies=measured), modes)
     np.testing.assert_allclose(C, expected, atol=1e-14 * abs(expected).max())
 
 

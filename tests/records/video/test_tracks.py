@@ -79,6 +79,8 @@ def test_the_scatter_of_a_track_is_that_of_its_noise(rate):
     noise = 0.03 * np.random.default_rng(0).standard_normal(motion.shape)
     noise[100:110] = np.nan
     assert _scatter(motion + noise) == pytest.approx(0.03, rel=0.1)
+    noise[::2] = np.nan  # no two frames in a row
+    assert np.isnan(_scatter(motion + noise))
 
 
 @pytest.mark.slow

@@ -1,4 +1,3 @@
-import ast
 import importlib
 import re
 import subprocess
@@ -27,9 +26,8 @@ def test_modules_import_only_what_the_contracts_in_pyproject_allow():
     assert "0 broken" in run.stdout
 
 
-@pytest.mark.parametrize("package", ["ancf_casadi", "problems"])
-def test_importing_the_packages_does_not_import_matplotlib(package):
-    run = python(f"import sys, {package}; print('matplotlib' in sys.modules)")
+def test_the_command_does_not_import_matplotlib():
+    run = python("import sys, problems.cli; print('matplotlib' in sys.modules)")
     assert run.stdout.strip() == "False", run.stderr
 
 
@@ -52,32 +50,12 @@ def test_every_error_is_an_ancf_error_and_says_where():
     assert isinstance(error, ancf_casadi.AncfError)
 
 
-@pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: str(folder.relative_to(ROOT)))
-def test_a_folder_says_what_belongs_there(folder):
-    assert ast.get_docstring(ast.parse((folder / "__init__.py").read_text()))
-
-
-def test_no_name_of_a_test_has_digits_that_may_differ_between_processes(request):
-    """Workers that collect different names run nothing; the last digits of a computed number are such names."""
-    names = [item.nodeid for item in request.session.items]
-    assert not [name for name in names if re.search(r"\d\.0*[1-9]\d{6}", name)]
-
-
-def test_no_hint_installs_the_package_by_a_name_that_no_index_has():
-    """The package is installed from a clone; a hint names the library that is missing."""
-    product = [
-        path for folder in ("ancf_casadi", "problems", "docs", "examples") for path in (ROOT / folder).rglob("*")
-    ]
-    texts = [path for path in (*product, ROOT / "README.md") if path.suffix in (".py", ".md", ".toml")]
-    assert not [path for path in texts if "ancf-casadi[" in path.read_text()]
-
-
 def test_no_module_is_hidden_by_a_name_of_its_package():
     for path in MODULES:
         *package, name = path.relative_to(ROOT).with_suffix("").parts
         if name != "__init__" and package:
-            found = getattr(importlib.import_module(".".join(package)), name, None)
-            assert found is None or found is sys.modules[".".join([*package, name])], path
+            public = getattr(importlib.import_module(".".join(package)), name, None)
+            assert public is None or public is sys.modules[".".join([*package, name])], path
 
 
 def test_the_page_on_the_architecture_names_every_folder_and_only_files_that_exist():

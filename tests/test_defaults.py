@@ -29,8 +29,8 @@ BENDING_STIFFNESS = 210e9 * 5e-3 * 0.5e-3**3 / 12
 
 def steel(elements=20, **changes):
     """The paper's beam, Table 1."""
-    given = {"length": L, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
-    return Model(Beam.uniform(**given, elements=elements, **changes))
+    table = {"length": L, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
+    return Model(Beam.uniform(**table, elements=elements, **changes))
 
 
 @pytest.fixture(scope="module")
@@ -108,36 +108,22 @@ def test_an_undamped_release_from_four_fifths_of_the_length_keeps_its_energy():
     assert abs(run.tip[:, 1]).max() > 0.7 * L
 
 
-def bent(modes, mode, amplitude):
-    """Return the state of a weightless beam under the load that bends it like a mode."""
-    model, free = modes.model, slice(4, modes.model.size)
-    shape = modes.shapes[:, mode] / modes.tip_amplitudes()[mode]
-    load = model.mass(model.properties).sparse() @ shape * amplitude * modes.angular_frequencies[mode] ** 2
-    e = model.straight.copy()
-    for factor in np.linspace(0.2, 1.0, 5):
-        for _ in range(8):
-            off = model.elastic_force(e, model.properties).full().ravel() - factor * load
-            stiffness = model.tangent_stiffness(e, model.properties).full()[free, free]
-            e[free] -= np.linalg.solve(stiffness, off[free])
-    return State(e, np.zeros(model.size))
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("mode", "amplitude"), [(0, 1e-4), (4, 1e-4), (1, 1e-3), (0, 1e-2), (2, 3e-3)])
 def test_defaults_neither_damp_nor_detune_a_mode(mode, amplitude):
     """Numerical damping below 1e-5 and the frequency within 3e-5, against a motion integrated to 1e-10."""
     modes = natural_modes(steel(axis=(1.0, 0.0), gravity=(0.0, 0.0)))
-    frequency, start = modes.frequencies[mode], bent(modes, mode, amplitude * L)
+    frequency, start = modes.frequencies[mode], modes.state(mode + 1, amplitude * L)
     settings = {"start": start, "duration": 3 / frequency, "sample_rate": 50 * frequency}
-    found = []
+    ratios, angular_frequencies = [], []
     for run in (simulate(modes.model, **settings), simulate(modes.model, method="radau", tolerance=1e-10, **settings)):
         velocity = modes.modal_coordinate(run.velocities + modes.equilibrium.coordinates, mode)
         phasor = modes.modal_coordinate(run.coordinates, mode) - 1j * velocity / modes.angular_frequencies[mode]
-        omega = np.polyfit(run.time, np.unwrap(np.angle(phasor)), 1)[0]
-        found.append((-np.polyfit(run.time, np.log(abs(phasor)), 1)[0] / omega, omega))
-    assert abs(found[0][0] - found[1][0]) < 1e-5
-    assert found[0][1] == pytest.approx(found[1][1], rel=3e-5)
-    assert found[1][1] == pytest.approx(modes.angular_frequencies[mode], rel=2e-3)
+        angular_frequencies.append(np.polyfit(run.time, np.unwrap(np.angle(phasor)), 1)[0])
+        ratios.append(-np.polyfit(run.time, np.log(abs(phasor)), 1)[0] / angular_frequencies[-1])
+    assert abs(ratios[0] - ratios[1]) < 1e-5
+    assert angular_frequencies[0] == pytest.approx(angular_frequencies[1], rel=3e-5)
+    assert angular_frequencies[1] == pytest.approx(modes.angular_frequencies[mode], rel=2e-3)
 
 
 @pytest.mark.slow
@@ -271,7 +257,7 @@ def test_continuing_from_any_sample_of_a_driven_run_gives_the_uninterrupted_run(
 
 
 def test_without_a_base_motion_the_clamp_stays_where_the_state_has_it(whole):
-    """The clamp used to jump back to 0, which gave 100 times the strain energy and 34 m/s."""
+    """A clamp that jumps back to 0 gives 100 times the strain energy."""
     assert abs(whole.base[-1, 0]) > 1e-3
     run = simulate(whole.model, damping=DAMPED, start=whole.state(-1), duration=0.1, sample_rate=200.0, tolerance=1e-9)
     np.testing.assert_allclose(run.base, np.tile(whole.base[-1], (len(run.time), 1)), atol=1e-15)
@@ -290,17 +276,9 @@ def test_a_turned_clamp_stays_turned(whole):
 
 @pytest.mark.parametrize(
     ("sample", "base", "message"),
-    [
-        (
-            -1,
-            HarmonicBase(5e-3, 1.9),
-            r"^start: the clamp of the state is at \(0\.005, 0\), that of the base motion",
-        ),
-        (20, None, r"^start: the clamp of the state has the velocity \(0\.0\S+, 0\) m/s, the base motion \(0, 0\) m/s"),
-        (20, HarmonicBase(5e-3, 3.8), "^start: the clamp of the state is at"),
-    ],
+    [(-1, HarmonicBase(5e-3, 1.9), "is at"), (20, None, "has the velocity"), (20, HarmonicBase(5e-3, 3.8), "is at")],
 )
 def test_a_state_that_does_not_agree_with_the_base_motion_is_refused_in_one_line(whole, sample, base, message):
-    with pytest.raises(InputError, match=message) as caught:
+    with pytest.raises(InputError, match=f"^start: the clamp of the state {message}") as caught:
         simulate(whole.model, base=base, start=whole.state(sample), duration=0.1)
     assert "\n" not in str(caught.value)

@@ -1,6 +1,5 @@
 """Public functions return, or refuse hostile arguments with an error of the package."""
 
-import contextlib
 import importlib.util
 import inspect
 import random
@@ -51,35 +50,12 @@ def test_every_public_function_is_called(folder):
 def faults(folder, seed, count):
     rng = random.Random(seed)
     drawn = (hostile_call(rng, folder) for _ in range(count))
-    found = [(name, outcome(function, arguments)) for name, arguments, function in drawn]
-    return [fault for fault in found if fault[1] not in ("returned", "refused", "stopped")]
+    outcomes = [(name, outcome(function, arguments)) for name, arguments, function in drawn]
+    return [fault for fault in outcomes if fault[1] not in ("returned", "refused", "stopped")]
 
 
 def test_hostile_calls_return_or_are_refused(there):
     assert faults(there, 1, 40) == []
-
-
-def endless():
-    while True:
-        pass
-
-
-def deaf():
-    """Swallow the first two of Ctrl-C."""
-    for _ in range(2):
-        with contextlib.suppress(KeyboardInterrupt):
-            endless()
-    endless()
-
-
-@pytest.mark.parametrize(
-    ("function", "found"), [(endless, "stopped"), (deaf, "takes 0 s in spite of Ctrl-C"), (dict, "returned")]
-)
-def test_long_work_that_ctrl_c_ends_is_told_from_work_that_it_does_not_end(monkeypatch, function, found):
-    monkeypatch.setattr(hostile_calls, "SECONDS", 0.1)
-    monkeypatch.setattr(hostile_calls, "GRACE", 0.1)
-    monkeypatch.setattr(hostile_calls, "PATIENCE", 1000)
-    assert outcome(function, {}) == found
 
 
 @pytest.mark.slow
@@ -95,11 +71,9 @@ def test_the_calls_are_valid_before_a_value_is_replaced(there, monkeypatch):
     expected = dict.fromkeys(valid, "returned") | {"reproduce": "stopped"}
     if not importlib.util.find_spec("cv2"):
         expected["track_video"] = "refused"
-    found = {}
     for name, call in valid.items():
         monkeypatch.setattr(hostile_calls, "SECONDS", 0.5 if name == "reproduce" else 10.0)
-        found[name] = outcome(*call)
-    assert found == expected
+        assert outcome(*call) == expected[name], name
 
 
 TIME = np.linspace(0.0, 1.0, 101)
@@ -110,6 +84,7 @@ RECORD = Measurement(TIME, np.exp(-TIME) * np.cos(40.0 * TIME))
 @pytest.mark.parametrize(
     ("call", "message"),
     [
+        (lambda: export.Document("beam"), "model: must be a Model"),
         (lambda: export.write_document("a.json", {}), "document: must be a Document, got a dict"),
         (lambda: export.write_document(3, None), "document: must be a Document, got None"),
         (lambda: export.write_c(None, "folder"), "functions: must be a MotionFunctions, got None"),
@@ -133,13 +108,12 @@ RECORD = Measurement(TIME, np.exp(-TIME) * np.cos(40.0 * TIME))
     ],
 )
 def test_a_wrong_argument_is_named(call, message):
-    """Regression: raw exceptions of Python, NumPy and CasADi, and complex values that lost their imaginary parts."""
     with pytest.raises(InputError, match=f"^{message}"):
         call()
 
 
 @pytest.mark.parametrize(
-    ("name", "changed", "found"),
+    ("name", "changed", "expected"),
     [
         ("fit_beam, curves", {"unknowns": np.zeros(0), "priors": None}, "returned"),
         ("fit_beam", {"bounds": {1: 2, "a": (0.0, 1.0)}}, "refused"),
@@ -149,15 +123,6 @@ def test_a_wrong_argument_is_named(call, message):
         ("damping_curve", {"periods": 1e308}, "refused"),
     ],
 )
-def test_a_call_that_ended_in_an_exception_of_python(there, name, changed, found):
-    """Regression: the truth of an empty array, names of unknowns that are no texts, ragged lists, infinite products."""
+def test_empty_arrays_names_that_are_no_texts_ragged_lists_and_infinite_products(there, name, changed, expected):
     function, arguments = calls(there)[name]
-    assert outcome(function, arguments | changed) == found
-
-
-def test_c_code_of_a_model_with_one_mode(there):
-    """Regression: the program for a single mode ended in LinAlgError."""
-    function, arguments = calls(there)["write_c"]
-    source, _, program = function(**arguments)
-    assert source.stat().st_size > 1000
-    assert "q[0] = " in program.read_text()
+    assert outcome(function, arguments | changed) == expected

@@ -51,15 +51,3 @@ def test_named_commands_and_options_exist(path):
 def test_each_command_of_an_earlier_version_leads_to_one_that_exists():
     assert not REPLACED.keys() & COMMANDS.keys()
     assert {re.split("[ ,]", now)[0] for now in REPLACED.values()} <= COMMANDS.keys()
-
-
-def test_other_names_are_found(tmp_path):
-    page = tmp_path / "page.md"
-    page.write_text(
-        "Use `ancf-casadi fit-response`, or `fit-decay --modals 3`:\n```sh\nancf-casadi run \\\n  --fast\n```\n"
-    )
-    assert [line.split() for line in command_lines(page)] == [
-        ["fit-response"], ["fit-decay", "--modals", "3"], ["run", "\\", "--fast"],
-    ]  # fmt: skip
-    with pytest.raises(AssertionError):
-        test_named_commands_and_options_exist(page)

@@ -1,7 +1,6 @@
 """Figures show their data with the right labels, and give the same bytes each time."""
 
 import sys
-import zlib
 from subprocess import run
 
 import numpy as np
@@ -46,19 +45,6 @@ def test_the_shapes_of_a_motion_figure_tell_start_and_end_without_colour(motion)
 
 
 @pytest.mark.slow
-def test_png_is_complete_and_the_same_each_time(motion):
-    """Signature, image size in the header, end mark, and no date or version that would change the bytes."""
-    first, second = rendered(motion.figure()), rendered(motion.figure())
-    assert first == second
-    assert first.startswith(b"\x89PNG\r\n\x1a\n")
-    assert first.endswith(b"IEND" + zlib.crc32(b"IEND").to_bytes(4))
-    width, height = int.from_bytes(first[16:20]), int.from_bytes(first[20:24])
-    assert 900 < width < 1300
-    assert 400 < height < 600
-    assert b"Software" not in first
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("suffix", "begins"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF-"), (".PDF", b"%PDF-")]
 )
@@ -81,13 +67,6 @@ def test_drawing_needs_no_display_and_no_global_state():
         "import sys, ancf_casadi.plot; from problems.study.drawing import new_figure; new_figure(2.0); "
         "print('matplotlib.pyplot' in sys.modules)"
     )
-    done = run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
-    assert done.stdout == "False\n"
-
-
-@pytest.mark.slow
-def test_the_package_does_not_load_matplotlib():
-    code = "import sys, ancf_casadi, problems.cli; print('matplotlib' in sys.modules)"
     done = run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout == "False\n"
 

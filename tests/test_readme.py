@@ -1,4 +1,4 @@
-"""The README is correct: its Python runs, its commands exist, and CI runs its test line."""
+"""The README is correct: its Python runs, its commands and pages exist."""
 
 import json
 import re
@@ -29,29 +29,9 @@ def test_the_python_runs_and_finds_the_damping_it_put_in(capsys):
     assert names["match"].max_relative_error < 1e-6
     assert names["fit"].frequency == pytest.approx(1.85, rel=1e-3)
     assert names["fit"].damping_ratio == pytest.approx(0.0100, rel=0.03)
-    errors = names["fit"].standard_errors  # once 28 times too small for the error of the damping ratio
+    errors = names["fit"].standard_errors
     assert names["fit"].damping_ratio == pytest.approx(0.0100, abs=3 * errors["damping_ratio"])
     assert names["fit"].frequency == pytest.approx(names["modes"].frequencies[0], abs=3 * errors["frequency"])
-
-
-def test_the_time_of_a_quick_look_is_stated_as_it_was_measured():
-    """Processor time, and the time on two cores, which cannot be less than half of it."""
-    stated = re.search(r"`reproduce --quick` .* takes (\d+) s of processor time, or (\d+) s on two cores\.", README)
-    work, clock = map(int, stated.groups())
-    assert work / 2 <= clock <= work
-    benchmarks = (ROOT / "benchmarks" / "README.md").read_text().splitlines()
-    (row,) = [line for line in benchmarks if line.startswith("| `reproduce --quick`")]
-    assert f"{work} s" in row.replace("*", "")
-
-
-def test_two_lines_set_everything_up():
-    assert sum("-m pytest" in line for line in shell_lines()) == 1
-    assert sum(line.endswith("ancf-casadi reproduce") for line in shell_lines()) == 1
-    assert all("venv" in line for line in shell_lines()[:2])
-
-
-def test_ci_runs_the_test_line():
-    assert "grep -m1 -- '-m pytest' README.md" in (ROOT / ".ci" / "run").read_text()
 
 
 def test_the_commands_exist(capsys):
@@ -83,12 +63,7 @@ def test_the_example_of_a_measured_file_runs(tmp_path, monkeypatch, capsys):
     assert eval(python, {"fit_decay": fit_decay, "Measurement": Measurement}).amplitude == fit["amplitude_m"]
 
 
-def test_the_picture_is_there():
-    for path in re.findall(r"!\[.*?\]\((.*?)\)", README):
-        assert (ROOT / path).stat().st_size > 10_000
-
-
-def test_the_pages_it_names_exist():
-    named = re.findall(r"[^!]\[[^\]]+\]\((docs/[^)#]+)\)", README)
+def test_the_pages_and_pictures_that_it_names_exist():
+    named = re.findall(r"\[.*?\]\(((?:docs|examples)/[^)#]+)\)", README)
     assert len(named) > 10
-    assert all((ROOT / path).is_file() for path in named)
+    assert all((ROOT / path).exists() for path in named)

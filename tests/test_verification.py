@@ -2,7 +2,6 @@
 
 from itertools import pairwise
 
-import casadi as cs
 import numpy as np
 import pytest
 import scipy.sparse.linalg
@@ -20,7 +19,6 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.mechanics.strain import StrainMeasures
 
 LENGTH = 0.5
 WEIGHTLESS = {"gravity": (0.0, 0.0), "axis": (1.0, 0.0)}
@@ -127,13 +125,6 @@ def test_the_frequency_of_a_large_swing_is_that_of_harmonic_balance(paper_beam, 
 
 
 @pytest.mark.slow
-def test_the_frequency_of_a_large_swing_rises_with_the_square_of_its_amplitude(paper_beam):
-    """By 0.0193835 (A/L)^2 if inextensible: 0.30668 from curvature minus 0.28730 from inertia; 0.3 % more at 0.1 L."""
-    shift, reached = backbone(Model(paper_beam(8, **WEIGHTLESS)), 0.1, 1, "radau", 1e-8)
-    assert shift / reached**2 == pytest.approx(0.0193835, rel=0.01)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("amplitude", [0.1, 0.2])
 def test_the_frequency_of_a_hanging_beam_hardly_depends_on_its_amplitude(paper_beam, amplitude):
     shift, reached = backbone(Model(paper_beam(8)), amplitude, 0, "radau", 1e-8)
@@ -159,14 +150,6 @@ def backbone(model, amplitude, across, method, tolerance):
     frequency = (len(crossings) - 2) / (crossings[-1] - crossings[1])  # the first swing still contains the other modes
     swings = [abs(x[i:j]).max() for i, j in pairwise(before[1:])]
     return frequency / modes.frequencies[0] - 1, np.mean(swings) / LENGTH
-
-
-@pytest.mark.slow
-def test_an_undamped_release_from_a_bend_of_eight_tenths_of_the_length_needs_few_steps(weightless):
-    run = released(weightless, 9.1, duration=1.0, sample_rate=1000.0, method="radau", tolerance=1e-6)
-    assert run.tip[0, 1] > 0.79 * LENGTH and run.tip[:, 1].min() < -0.5 * LENGTH
-    assert run.steps < 10_000
-    assert abs(run.energy - run.energy[0]).max() < 1e-4 * run.energy[0]
 
 
 @pytest.mark.slow
@@ -206,57 +189,14 @@ def test_error_and_loss_of_energy_fall_with_the_tolerance_as_the_order_says(pape
     exact = run("radau", 1e-10)
     errors, losses = [], []
     for tolerance in (loose, loose / 100):
-        found = run(method, tolerance)
-        errors.append(abs(found.tip - exact.tip).max() / LENGTH)
-        losses.append(abs(found.balance_error).max() / exact.strain_energy[0])
+        loosely = run(method, tolerance)
+        errors.append(abs(loosely.tip - exact.tip).max() / LENGTH)
+        losses.append(abs(loosely.balance_error).max() / exact.strain_energy[0])
     assert errors[0] > factor * errors[1] and losses[0] > factor / 3 * losses[1]
     assert errors[1] < 5e-5 and losses[1] < 5e-5
 
 
-@pytest.mark.slow
-@BOTH
-@pytest.mark.parametrize("law", [None, RayleighDamping(alpha=1.0, beta=1e-4)], ids=["undamped", "damped"])
-def test_energy_is_kept_or_accounted_for_and_better_with_a_smaller_tolerance(thick, method, law):
-    errors = []
-    for tolerance in (1e-7, 1e-9):
-        run = simulate(
-            thick,
-            start="straight",
-            damping=law,
-            duration=0.2,
-            sample_rate=1000.0,
-            method=method,
-            tolerance=tolerance,
-        )
-        errors.append(abs(run.balance_error).max() / run.kinetic_energy.max())
-        assert bool(run.dissipated_energy[-1] > 0.01 * run.kinetic_energy.max()) == (law is not None)
-    assert errors[0] < 2e-4
-    assert errors[1] < errors[0] / 10
-
-
 # ----------------------------------------------------------------------------------------------------- objectivity
-
-
-@pytest.mark.parametrize("axial", ["engineering", "green"])
-@pytest.mark.parametrize("curvature", ["material", "geometric", "small"])
-def test_a_rotated_beam_has_the_strain_energy_and_the_rotated_force_of_the_beam_unrotated(paper_beam, axial, curvature):
-    model = Model(paper_beam(5), StrainMeasures(axial=axial, curvature=curvature))
-    nodes = model.straight + 0.05 * np.random.default_rng(1).standard_normal(model.size) * model.scale
-    turn = np.array([[np.cos(2.0), -np.sin(2.0)], [np.sin(2.0), np.cos(2.0)]])
-    turned = (nodes.reshape(-1, 2) @ turn.T).ravel()
-    p = model.properties
-    force = model.elastic_force(nodes, p).full().reshape(-1, 2) @ turn.T
-    assert float(model.strain_energy(turned, p)) == pytest.approx(float(model.strain_energy(nodes, p)), rel=1e-12)
-    np.testing.assert_allclose(model.elastic_force(turned, p).full().ravel(), force.ravel(), atol=1e-11 * force.max())
-
-
-def test_a_rigid_motion_of_a_bent_beam_meets_no_strain_rate_force(paper_beam):
-    model = Model(paper_beam(5))
-    e = model.straight + 0.05 * np.random.default_rng(1).standard_normal(model.size) * model.scale
-    spin = (e.reshape(-1, 2) @ np.array([[0.0, 1.0], [-1.0, 0.0]])).ravel()
-    other = np.random.default_rng(2).standard_normal(model.size) * model.scale
-    still, moved = (cs.DM(model.strain_rate_force(e, e_t, model.properties)).full() for e_t in (spin, other))
-    assert abs(still).max() < 1e-12 * abs(moved).max()
 
 
 @BOTH

@@ -63,11 +63,11 @@ def moving(model, coordinates, rate):
 def frames(path):
     """Return the pictures of a GIF file, (k, rows, columns, 3), and how long each is shown, s."""
     with Image.open(path) as file:
-        found = []
+        shown = []
         for k in range(file.n_frames):
             file.seek(k)
-            found.append((np.asarray(file.convert("RGB")).astype(int), file.info["duration"] / 1e3))
-    return np.array([one for one, _ in found]), [seconds for _, seconds in found]
+            shown.append((np.asarray(file.convert("RGB")).astype(int), file.info["duration"] / 1e3))
+    return np.array([picture for picture, _ in shown]), [seconds for _, seconds in shown]
 
 
 def inked(picture, colour=GREEN):
@@ -159,7 +159,7 @@ def test_markers_are_shown_where_and_while_they_were_measured(run, film):
     assert found.shape == (31, 2, 2)
     assert np.isnan(found[:6]).all() and np.isnan(found[21:]).all() and np.isfinite(found[6:21, 1]).all()
     assert np.isnan(found[8:10, 0]).all() and np.isfinite(found[11:21, 0]).all()
-    assert found[11, 1] == pytest.approx([np.interp(0.22 - 1e-3, run.time, one) for one in run.tip.T])
+    assert found[11, 1] == pytest.approx([np.interp(0.22 - 1e-3, run.time, x) for x in run.tip.T])
 
 
 def test_supports_move_and_turn_with_the_base(paper_beam, film):
@@ -180,7 +180,7 @@ def test_supports_move_and_turn_with_the_base(paper_beam, film):
         for _, move in moves:
             move(k)
         assert pin.get_xdata() == pytest.approx([100 * angle[k]])
-        directions = [one._marker.get_user_transform().transform_affine((1.0, 0.0)) for one in (pin, roller, clamp)]
+        directions = [mark._marker.get_user_transform().transform_affine((1.0, 0.0)) for mark in (pin, roller, clamp)]
         turned = [np.arctan2(y, x) for x, y in directions]
         assert turned == pytest.approx([angle[k], 0.0, np.pi / 2 + angle[k] + 0.2])
     assert roller.get_xdata() == pytest.approx([250.0])
@@ -189,12 +189,12 @@ def test_supports_move_and_turn_with_the_base(paper_beam, film):
 def test_a_periodic_motion_is_repeated_without_a_jump(model, film, tmp_path):
     """The picture after the last is the first; the text allows for their whole number."""
     reduced = reduce_model(model, modes=1)
-    found = periodic_motion(reduced, base=HarmonicBase(20e-3, 1.5))
-    found.animate(tmp_path / "steady.gif")
+    steady = periodic_motion(reduced, base=HarmonicBase(20e-3, 1.5))
+    steady.animate(tmp_path / "steady.gif")
     (_, beams), *_ = film[0].panels
     count, tip = len(film[0].clock), beams[""].positions[:, -1]
     assert 0.04 * count >= 2.0 and f"{0.04 * count * 1.5:.3g} times slower" in film[0].clock[0]
-    expected = found.trajectory(4 * count).tip[:-1:4]
+    expected = steady.trajectory(4 * count).tip[:-1:4]
     assert tip == pytest.approx(expected, abs=2e-4 * 0.5)
     assert beams[""].trails[0][0] == pytest.approx(beams[""].trails[0][-1])  # the whole path
 
@@ -223,9 +223,7 @@ def test_computed_motion_lies_on_the_pictures_of_a_video(run, model, tmp_path):
     run.animate(tmp_path / "video.gif", slower=1.0, points=(), background=footage)
     pictures, seconds = frames(tmp_path / "video.gif")
     assert pictures.shape[1:] == (300, 400, 3) and np.abs(pictures[0, 150, 20] - 180).max() <= 6
-    assert len(pictures) == len(time) and sum(seconds) == pytest.approx(
-        0.56 + 0.04
-    )  # GIF files join pictures that are alike
+    assert len(pictures) == len(time) and sum(seconds) == pytest.approx(0.6)  # GIF files join pictures that are alike
     for k, instant in enumerate(time):
         tip = footage.pixels([np.interp(instant, run.time, one) for one in run.tip.T])
         before = footage.pixels([np.interp(instant, run.time, one) for one in run.position(0.48).T])
@@ -313,18 +311,11 @@ def test_what_cannot_be_shown_is_refused_before_a_file_is_written(run, tmp_path,
     assert not list(tmp_path.iterdir())
 
 
-def test_modes_that_do_not_exist_are_refused(model, tmp_path):
-    with pytest.raises(InputError, match="modes: must be a whole number, 1 to 2, got 3"):
-        natural_modes(model, count=2).animate(tmp_path / "a.gif", modes=[3])
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"images": np.zeros((2, 8, 8))}, "images: picture 0 is no array of bytes"),
         ({"images": np.zeros((3, 8, 8), np.uint8)}, "images: must be a sequence of 2 pictures"),
-        ({"images": np.datetime64("2026-11-24")}, "images: must be a sequence of 2 pictures"),
-        ({"images": np.array(1.0)}, "images: must be a sequence of 2 pictures"),
         ({"images": {0: 1, 1: 2}}, "images: must be a sequence of 2 pictures"),
         ({"time": [0.1, 0.1]}, "time: must be numbers that increase"),
         ({"scale": 0.0}, "scale: must be positive"),

@@ -19,7 +19,6 @@ from ancf_casadi import (
     State,
     natural_modes,
     simulate,
-    static_equilibrium,
 )
 from ancf_casadi.damping import SumOfLaws
 
@@ -157,20 +156,6 @@ def test_with_zero_coefficients_a_law_does_not_damp(modes, law):
 
 
 @pytest.mark.slow
-def test_at_the_default_tolerance_a_released_beam_keeps_swinging_in_both_modes(modes, bending_stiffness):
-    """Released at 1 mm, the first two modes have less than 2e-5 of critical damping."""
-    model = modes.model
-    held = static_equilibrium(model, tip_force=(6e-3 * bending_stiffness(model.beam) / 0.25, 0.0))
-    run = simulate(model, start=held, duration=0.95)
-    for mode in (0, 1):
-        displacement = modes.modal_coordinate(run.coordinates, mode)
-        zeta = fitted(
-            run.time, displacement, modes.angular_frequencies[mode], lambda zeta, phase: np.exp(-zeta * phase), 0.005
-        )
-        assert abs(zeta) < NUMERICAL_DAMPING
-
-
-@pytest.mark.slow
 def test_damping_by_the_reference_stiffness_has_the_predicted_ratio_in_very_small_motion_only(modes):
     """The axial part resists the rotation of elements: at 0.2 % of the length the ratio more than doubles."""
     law = reference(2e-3)
@@ -292,17 +277,14 @@ def test_proportional_ratios_are_alpha_over_2_omega_plus_beta_omega_over_2(modes
         np.testing.assert_allclose(ratios, 0.228181 / (2 * omega) + 3.18013e-5 * omega / 2, rtol=1e-8)
 
 
-def test_generic_damping_is_the_matrix_of_eq_32(modes):
+@pytest.mark.parametrize("measured", [None, (1.85, 10.19)])
+def test_generic_damping_is_the_matrix_of_eq_32(modes, measured):
     model, shapes, zeta = modes.model, modes.shapes[:, :2], np.array(RATIOS)
     mass = model.mass(model.properties).full()
-    expected = mass @ shapes @ np.diag(2 * zeta * modes.angular_frequencies[:2]) @ shapes.T @ mass
-    C = damping_matrix(ModalDamping(modes, RATIOS), modes)
+    omega = modes.angular_frequencies[:2] if measured is None else 2 * np.pi * np.array(measured)
+    expected = mass @ shapes @ np.diag(2 * zeta * omega) @ shapes.T @ mass
+    C = damping_matrix(ModalDamping(modes, RATIOS, frequencies=measured), modes)
     np.testing.assert_allclose(C, expected, atol=1e-14 * abs(expected).max())
-
-
-def test_generic_damping_gives_the_measured_modes_their_ratios_and_the_others_none(modes):
-    ratios = ModalDamping(modes, RATIOS).damping_ratios(modes, np.zeros(5))
-    np.testing.assert_allclose(ratios, [*RATIOS, 0.0, 0.0, 0.0], atol=1e-12)
 
 
 def test_generic_damping_uses_the_measured_frequencies_where_given(modes):
@@ -313,9 +295,9 @@ def test_generic_damping_uses_the_measured_frequencies_where_given(modes):
 
 def test_parameters_have_units_and_bounds_and_a_sum_numbers_equal_names(modes):
     law = RayleighDamping(ALPHA, BETA) + (RayleighDamping(beta=2 * BETA) + ModalDamping(modes, RATIOS))
-    found = [(parameter.name, parameter.value, parameter.unit) for parameter in law.parameters]
+    parameters = [(parameter.name, parameter.value, parameter.unit) for parameter in law.parameters]
     ratios = [("ratio1", RATIOS[0], "1"), ("ratio2", RATIOS[1], "1")]
-    assert found == [("alpha", ALPHA, "1/s"), ("beta", BETA, "s"), ("beta_2", 2 * BETA, "s"), *ratios]
+    assert parameters == [("alpha", ALPHA, "1/s"), ("beta", BETA, "s"), ("beta_2", 2 * BETA, "s"), *ratios]
     assert all(parameter.lower == 0.0 < parameter.value < parameter.upper for parameter in law.parameters)
     assert all(parameter.upper < 1.0 for parameter in law.parameters[3:])
     air = QuadraticDamping(eta1=ETA1)
@@ -345,13 +327,6 @@ def test_laws_add_up_in_force_and_ratio_in_any_order(modes):
         assert len(both.laws) == 4
 
 
-@pytest.mark.parametrize("law", [*OBJECTIVE.values(), lambda modes, k: QuadraticDamping(eta2=k * ETA2)])
-@pytest.mark.parametrize("seed", range(3))
-def test_every_law_takes_energy_out_of_every_motion_of_the_straight_beam(modes, law, seed):
-    rate = np.random.default_rng(seed).normal(size=modes.model.size)
-    assert rate @ force(law(modes, 1.0), modes.model, modes.model.straight, rate) > -1e-12
-
-
 def test_a_beam_that_turns_as_a_whole_meets_air_but_no_damping_of_its_stiffness(modes):
     model = modes.model
     turned = (model.straight.reshape(-1, 2) @ np.array([[0.0, 1.0], [-1.0, 0.0]])).ravel()
@@ -377,15 +352,13 @@ def test_the_reference_stiffness_warns_that_it_is_not_objective():
     [
         (lambda m: RayleighDamping(alpha=-1.0), "alpha: must not be negative, got -1"),
         (lambda m: RayleighDamping(beta=np.nan), "beta: must be a finite number, got nan"),
-        (
-            lambda m: RayleighDamping(stiffness="initial"),
-            "stiffness: must be one of strain-rate, tangent, reference, got",
-        ),
+        (lambda m: RayleighDamping(stiffness="initial"), "stiffness: must be one of strain-rate, tangent, reference"),
         (lambda m: QuadraticDamping(eta1=-0.1), "eta1: must not be negative, got -0.1"),
         (lambda m: QuadraticDamping(eta2="0.1"), "eta2: must be a finite number, got '0.1'"),
         (lambda m: QuadraticDamping.from_drag(-1, 1.2, m.model.beam), "drag_coefficient: must not be negative, got -1"),
         (lambda m: QuadraticDamping.from_drag(1, 0, m.model.beam), "air_density: must be positive, got 0"),
         (lambda m: QuadraticDamping.from_drag(1, 1.2, m.model), "beam: must be a Beam, got a Model; use model.beam"),
+        (lambda m: QuadraticDamping(eta2=0.1).damping_ratios(m, [0.01]), "amplitudes: has 1 values for 5 modes"),
         (lambda m: ModalDamping(m, [0.01] * 6), "ratios: has 6 values for 5 modes"),
         (lambda m: ModalDamping(m, []), "ratios: has 0 values for 5 modes"),
         (lambda m: ModalDamping(m, 0.01), "ratios: must have one value per mode, got 0.01"),
@@ -405,8 +378,3 @@ def test_coefficients_that_make_no_sense_are_refused_by_name(modes, make, messag
 def test_modes_of_another_mesh_are_refused(modes, hanging):
     with pytest.raises(InputError, match=r"^modes: belong to a beam with another number of elements$"):
         simulate(hanging, damping=ModalDamping(modes, RATIOS), duration=0.1)
-
-
-def test_each_mode_needs_an_amplitude(hanging):
-    with pytest.raises(InputError, match="amplitudes: has 1 values for 2 modes"):
-        QuadraticDamping(eta2=0.1).damping_ratios(natural_modes(hanging, count=2), [0.01])

@@ -42,20 +42,6 @@ def test_the_curve_is_the_equivalent_damping_ratio_at_each_amplitude(terms):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("terms", TERMS)
-def test_errors_are_those_of_the_scatter(terms):
-    """The deviations from the curve without noise, over their standard errors, have a mean square of 1."""
-    clean = damping_curve(record(*terms))
-    deviations = []
-    for seed in range(30):
-        curve = damping_curve(record(*terms, noise=2e-4, seed=seed))
-        count = len(curve.time)
-        deviations.append((curve.damping_ratio - clean.damping_ratio[:count]) / curve.damping_ratio_errors)
-        deviations.append((curve.frequency - clean.frequency[:count]) / curve.frequency_errors)
-    assert np.mean(np.concatenate(deviations) ** 2) == pytest.approx(1.0, abs=0.2)
-
-
-@pytest.mark.slow
 def test_the_equation_of_motion_shows_its_terms():
     """A line through the curve of a numerical solution of Eq. (26) has eta1/(2 omega) and 4 eta2/(3 pi)."""
     η1, η2 = 0.1, 0.3

@@ -86,15 +86,15 @@ def test_amplitude_and_integrals_solve_the_averaged_equation(η0, η1, η2):
     a, b, c = η1 / 2, 4 * ω * η2 / (3 * math.pi), 2 * η0 / (math.pi * ω)
     expected = integrated(lambda A: -(c + a * A + b * A**2))
     for envelope in [friction(η0, η1, η2), *([] if η0 else [quadratic(η1, η2)])]:
-        for found, right in zip(numbers(envelope), expected, strict=True):
-            np.testing.assert_allclose(found, right, rtol=1e-10)
+        for computed, right in zip(numbers(envelope), expected, strict=True):
+            np.testing.assert_allclose(computed, right, rtol=1e-10)
 
 
 @pytest.mark.parametrize("p", EXPONENTS)
 def test_the_flow_of_the_power_law_solves_its_averaged_equation(p):
     expected = integrated(lambda A: -0.15 * E0 * (A / E0) ** p)
-    for found, right in zip(numbers(power(0.15, p)), expected, strict=True):
-        np.testing.assert_allclose(found, right, rtol=1e-10)
+    for computed, right in zip(numbers(power(0.15, p)), expected, strict=True):
+        np.testing.assert_allclose(computed, right, rtol=1e-10)
 
 
 def test_the_motion_rests_after_the_stop():

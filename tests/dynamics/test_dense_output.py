@@ -20,8 +20,6 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics.dense_output import Slopes, Steps
-from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, powers
 
 STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 SWING = HarmonicBase(amplitude=5e-3, frequency=1.85)
@@ -34,46 +32,6 @@ def strip(elements=8, **changes):
 @pytest.fixture(scope="module")
 def swing():
     return simulate(strip(), damping=RayleighDamping(alpha=0.2), base=SWING, duration=2.0, tolerance=1e-6)
-
-
-class TestRigidRotation:
-    """A beam that turns by 2 rad in a step about its clamp, at a constant rate."""
-
-    rate, step = 40.0, 0.05
-
-    def motion(self, times):
-        """Coordinates, velocities and accelerations, (k, 3, size)."""
-        angle = self.rate * np.asarray(times)[:, None]
-        nodes = strip(4, axis=(1.0, 0.0)).straight.reshape(-1, 2)
-        along, across = np.exp(1j * angle) * nodes[:, 0], 1j * np.exp(1j * angle) * nodes[:, 0]
-        parts = along, self.rate * across, -(self.rate**2) * along
-        return np.array([np.ascontiguousarray(part).view(float) for part in parts]).swapaxes(0, 1)
-
-    def test_is_exact_and_does_not_stretch_the_beam(self):
-        slopes = Slopes(strip(4, axis=(1.0, 0.0)))
-        instants = np.array([0.0, self.step])
-        stages = self.motion(self.step * RADAU.nodes)[None, :, 0]
-        steps = Steps(slopes, instants, self.motion(instants), np.zeros((1, 4, 3)), stages)
-        x = np.array([0.1, 0.37, 0.8])
-        z, _ = steps.slopes(np.zeros(3, dtype=int), x, 3)
-        assert abs(z[0]) == pytest.approx(np.ones_like(abs(z[0])), abs=1e-12)
-        exact = self.motion(self.step * x)
-        for order in range(3):
-            known = np.ascontiguousarray(exact[:, order, :4]).view(complex)
-            found = slopes.nodes(known, z[order])
-            np.testing.assert_allclose(found, exact[:, order], atol=1e-9 * self.rate**order)
-        # coordinates interpolated one by one stretch it a thousand times as much as its axial forces would
-        values = (self.motion(instants) * self.step ** np.arange(3)[:, None]).reshape(6, -1)
-        plain = np.array(powers(x, 1)[0]).T @ (QUINTIC.T @ values)
-        assert abs(abs(slopes.at(plain)) - 1.0).max() > 1e-5
-
-    def test_lengths_follow_the_rates_at_the_ends_where_there_are_no_stages(self):
-        """A beam that grows like exp(t) in every direction."""
-        slopes, instants = Slopes(strip(4)), np.array([0.0, 0.3])
-        ends = np.exp(instants)[:, None, None] * np.stack([slopes.model.straight] * 3)
-        steps = Steps(slopes, instants, ends, np.zeros((1, 4, 3)))
-        z, _ = steps.slopes(np.zeros(1, dtype=int), np.array([0.4]), 2)
-        assert abs(z) == pytest.approx(np.full_like(abs(z), np.exp(0.12)), rel=1e-12)
 
 
 def test_velocities_are_the_rates_of_the_coordinates(swing):

@@ -84,14 +84,6 @@ def test_the_tangent_law_adds_energy_along_the_direction_in_which_the_beam_buckl
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("law", DISSIPATIVE.values(), ids=DISSIPATIVE)
-def test_the_energy_lost_never_falls_while_a_strip_buckles_and_bends(standing, modes, law):
-    run = fallen(standing, law(modes), "radau", tolerance=1e-6)
-    assert run.dissipated_energy[-1] > 1e-5
-    assert np.diff(run.dissipated_energy).min() >= 0.0
-
-
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:an element bends")
 @BOTH
 def test_simulate_warns_where_the_tangent_law_adds_energy(standing, method):

@@ -1,7 +1,5 @@
 """Steps of Radau IIA: their cost and their premises."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -12,18 +10,14 @@ from ancf_casadi import (
     ModalDamping,
     Model,
     RayleighDamping,
-    State,
     StrainMeasures,
     natural_modes,
     simulate,
-    static_equilibrium,
 )
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.excitation import excitation_pieces
-from ancf_casadi.dynamics.radau import newton
 from ancf_casadi.dynamics.radau import stepper as radau
 from ancf_casadi.dynamics.radau.collocation import Collocation, first_equal
-from ancf_casadi.dynamics.radau.newton import Newton
 from ancf_casadi.dynamics.start import initial_state
 
 BEAM = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
@@ -67,47 +61,6 @@ def test_samples_do_not_change_the_steps():
     ]
     np.testing.assert_allclose(runs[0].coordinates, runs[1].coordinates[::40], rtol=0, atol=1e-13)
     assert runs[0].steps == runs[1].steps
-
-
-@pytest.mark.slow
-def test_keeping_the_matrices_does_not_change_the_motion(monkeypatch):
-    """Most steps of an undamped release reuse matrices; with fresh ones, the tip moves alike within 1e-7."""
-    model = Model(Beam.uniform(**BEAM, elements=6, axis=(1.0, 0.0), gravity=(0.0, 0.0)))
-    start = static_equilibrium(model, tip_force=(0.0, 0.13))
-    settings = {"start": start, "duration": 0.05, "method": "radau", "tolerance": 1e-7}
-    factorised = []  # one flag per attempted step
-    converge = Newton.converge
-
-    def noting(self):
-        factorised.append(self.factorisations > sum(factorised))
-        return converge(self)
-
-    monkeypatch.setattr(Newton, "converge", noting)
-    kept = simulate(model, **settings)
-    assert np.mean(factorised) < 0.7
-    monkeypatch.setattr(newton, "STEADY", 0.0)
-    factorised.clear()
-    fresh = simulate(model, **settings)
-    assert all(factorised)
-    assert abs(kept.tip - fresh.tip).max() < 1e-7 * BEAM["length"] * math.sqrt(model.size)
-
-
-@pytest.mark.slow
-def test_small_vibrations_keep_their_frequency():
-    """In mode 2 at 1e-3 L, the phase error after 10 periods is below 1e-6 of them at the default tolerance."""
-    model = Model(Beam.uniform(**BEAM, elements=5, axis=(1.0, 0.0), gravity=(0.0, 0.0)))
-    modes = natural_modes(model, count=2)
-    shape = modes.shapes[:, 1] / modes.tip_amplitudes()[1]
-    velocities = 1e-3 * BEAM["length"] * modes.angular_frequencies[1] * shape
-    start = State(modes.equilibrium.coordinates, velocities)
-    settings = {"start": start, "duration": 10 / modes.frequencies[1], "sample_rate": 2000.0, "method": "radau"}
-    runs = [simulate(model, tolerance=tolerance, **settings) for tolerance in (1e-7, 1e-10)]
-    phases = []
-    for run in runs:
-        displacement = modes.modal_coordinate(run.coordinates, 1)
-        velocity = modes.modal_coordinate(run.velocities + modes.equilibrium.coordinates, 1)
-        phases.append(np.unwrap(np.angle(displacement - 1j * velocity / modes.angular_frequencies[1])))
-    assert abs(phases[0] - phases[1]).max() < 1e-6 * 2 * np.pi * 10
 
 
 # --------------------------------------------------------------------------------------------------- shared Functions

@@ -65,24 +65,6 @@ def test_derivatives_by_load_and_properties_agree_with_central_differences(model
 
 
 @pytest.mark.slow
-def test_derivatives_by_lumped_properties_agree_with_central_differences(model):
-    """The load and its rate bend a strip with a heavy tip on a soft clamp."""
-    values = {"tip_mass": 1e-3, "clamp_stiffness": 1e-3}
-    heavy = Model(model.beam.with_(**values))
-    by_lumped = held(heavy)[1][:, 12:14]
-    for k, (name, value) in enumerate(values.items()):
-        ends = [held(Model(heavy.beam.with_(**{name: value * (1 + sign * 1e-4)})))[0] for sign in (1, -1)]
-        expected = np.concatenate(
-            [
-                heavy.of_free(getattr(ends[0], part) - getattr(ends[1], part)) / 2e-4
-                for part in ("coordinates", "velocities")
-            ]
-        )
-        assert abs(expected).max() > 1e-3
-        np.testing.assert_allclose(by_lumped[:, k] * value, expected, atol=1e-6 * abs(expected).max())
-
-
-@pytest.mark.slow
 def test_the_motion_from_an_unknown_load_is_that_of_the_state_and_so_are_its_derivatives(model):
     """Compare with ``simulate`` from the state, and with differences of tightly integrated motions."""
     law = QuadraticDamping(eta1=0.6, eta2=4.0)

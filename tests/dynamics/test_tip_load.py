@@ -1,7 +1,5 @@
 """Force and moment at the tip against closed forms, statics and the linear response of the model."""
 
-import pickle
-
 import casadi as cs
 import numpy as np
 import pytest
@@ -98,7 +96,7 @@ def test_a_sudden_force_swings_the_tip_about_the_deflected_equilibrium_as_the_mo
 
 @pytest.mark.parametrize(
     ("component", "ratio"),
-    [("force", 0.01), ("moment", 0.97), ("force", 1.0), ("moment", 3.0), ("force", 5.5), ("moment", 0.01)],
+    [("force", 0.005), ("moment", 0.97), ("force", 1.0), ("moment", 3.0), ("force", 5.5), ("moment", 0.01)],
 )
 def test_a_harmonic_load_has_the_linear_response_of_the_model_under_modal_damping(small, component, ratio):
     """Start in the steady state, and compare the amplitude and phase of all of it: |X| to 1e-4."""
@@ -127,24 +125,6 @@ def test_a_harmonic_load_has_the_linear_response_of_the_model_under_modal_dampin
     expected = np.imag(np.outer(np.exp(2j * np.pi * frequency * run.time), phasor[[-4]]))[:, 0]
     assert abs(expected).max() > 0.1 * SMALL
     assert abs(run.tip[:, 0] - expected).max() < 1e-4 * SMALL
-
-
-def test_a_slow_harmonic_force_moves_the_tip_by_the_static_receptance(small, linear):
-    receptance = np.linalg.inv(linear.K)[ACROSS, ACROSS]
-    frequency = 5e-3 * linear.omega[0] / (2 * np.pi)
-    force = SMALL / receptance
-    law = RayleighDamping(alpha=0.2)
-    run = simulate(
-        small,
-        damping=law,
-        load=HarmonicLoad((force, 0.0), frequency),
-        duration=0.3 / frequency,
-        sample_rate=10.0,
-        method="radau",
-    )
-    load = force * np.sin(2 * np.pi * frequency * run.time)
-    assert abs(run.tip[:, 0] - receptance * load).max() < 0.01 * SMALL
-    np.testing.assert_allclose(run.tip_force, np.column_stack([load, 0 * load]), rtol=1e-12)
 
 
 def test_a_ramped_load_grows_smoothly_to_the_steady_one_and_ends_with_it():
@@ -193,6 +173,7 @@ def test_a_beam_starts_at_rest_under_the_load_and_the_clamp_carries_load_and_wei
     lever = trapezoid([rest.position(s)[0] for s in arc], arc) / 0.5
     expected = -(rest.tip[0] * force[1] - rest.tip[1] * force[0]) - moment - lever * weight[1]
     np.testing.assert_allclose(run.clamp_force[:, 2:] @ n, expected, rtol=1e-5)
+    np.testing.assert_allclose(run.tip_force, np.tile(force, (11, 1)), rtol=1e-12)
     np.testing.assert_allclose(run.tip_moment, moment, rtol=1e-12)
 
 
@@ -247,20 +228,6 @@ def test_a_run_continues_from_any_sample_under_the_same_load(shaken, small):
 
 
 @pytest.mark.slow
-def test_both_integrators_find_the_same_motion_under_a_force_and_a_moment(small):
-    load = HarmonicLoad((0.02, 0.01), 1.5, moment=4e-3, stop=0.35)
-    law = RayleighDamping(alpha=0.2, beta=1e-4)
-    idas, radau = (
-        simulate(small, damping=law, load=load, duration=0.6, tolerance=tolerance, method=method)
-        for method, tolerance in (("idas", 1e-9), ("radau", 1e-8))
-    )
-    assert np.ptp(idas.tip, axis=0).min() > 0.02
-    assert abs(idas.tip - radau.tip).max() < 2e-6
-    assert abs(idas.clamp_force - radau.clamp_force).max() < 1e-3 * np.ptp(idas.clamp_force)
-    assert abs(idas.load_work - radau.load_work).max() < 1e-5 * np.ptp(idas.load_work)
-
-
-@pytest.mark.slow
 @BOTH
 @pytest.mark.parametrize(
     "load",
@@ -288,6 +255,12 @@ def test_a_load_that_ends_releases_the_beam_between_two_samples(small, method):
 
 
 # --------------------------------------------------------------------------------------------------- sampled loads
+
+
+def test_a_record_that_never_rests_is_one_piece():
+    """White noise has many blows; before and after it there is no load."""
+    load = SampledLoad(np.arange(50_000) / 1000, np.random.default_rng(2).normal(size=(50_000, 2)))
+    assert [piece.end for piece in load.pieces()] == [0.0, 49.999, np.inf]
 
 
 def test_a_sampled_load_passes_through_its_samples_and_stays_between_them():
@@ -320,33 +293,6 @@ def test_no_blow_is_stepped_over_however_short_weak_and_late_it_is(small, method
     work = run.load_work[[730, 740, 1500, 1510]]
     assert work[0] == pytest.approx(0.0, abs=1e-3 * work[1])
     assert work[3] - work[2] == pytest.approx(0.04 * work[1], rel=0.02)
-
-
-def test_a_record_that_never_rests_is_one_piece_with_a_limited_step():
-    """White noise changes by its largest value within a few samples."""
-    time = np.arange(50_000) / 1000
-    load = SampledLoad(time, np.random.default_rng(2).normal(size=(time.size, 2)))
-    before, record, after = load.pieces()
-    assert (before.end, record.end, after.end) == (0.0, time[-1], np.inf)
-    assert 4e-4 < record.largest_step < 2e-3
-
-
-def test_a_sampled_load_travels_between_processes_after_its_use():
-    load = SampledLoad([0.0, 1.0], [[1.0, 0.0], [2.0, 0.5]], [0.1, 0.2])
-    assert load.pieces() is load.pieces()
-    again = pickle.loads(pickle.dumps(load))
-    assert [piece.end for piece in again.pieces()] == [piece.end for piece in load.pieces()]
-    for name in ("time", "force", "moment"):
-        assert np.array_equal(getattr(again, name), getattr(load, name))
-
-
-def test_a_staircase_needs_short_steps_at_its_steps_alone():
-    load = SampledLoad([0.0, 1.0, 1.001, 2.0, 2.001, 5.0], np.outer([1.0, 1.0, 2.0, 2.0, 0.0, 0.0], [1.0, 0.0]))
-    pieces = load.pieces()
-    long = [piece for piece in pieces if piece.largest_step == np.inf]
-    short = [piece for piece in pieces if piece.largest_step < np.inf]
-    assert [piece.largest_step for piece in short] == pytest.approx([2e-3, 1e-3], rel=1e-9)
-    assert len(long) == len(pieces) - 2 and len(pieces) == 7
 
 
 # ----------------------------------------------------------------------------------------------------- derivatives

@@ -138,9 +138,9 @@ def test_the_parts_of_a_fit_agree_or_not_on_what_several_of_them_determine():
 
 def test_values_are_shown_to_the_digits_of_their_errors():
     """To four digits, 10.00069 and 10.00385 look the same."""
-    one = Agreement("frequency", "Hz", np.array([10.00069, 10.00385]), np.array([2.2e-4, 2.5e-4]))
-    assert one.warning is not None and "10.00069 +- 0.00022, 10.00385 +- 0.00025; " in one.warning
-    assert one.text().startswith("frequency: 10.0023 +- 0.0016 Hz, 95 % interval [9.98")
+    frequency = Agreement("frequency", "Hz", np.array([10.00069, 10.00385]), np.array([2.2e-4, 2.5e-4]))
+    assert frequency.warning is not None and "10.00069 +- 0.00022, 10.00385 +- 0.00025; " in frequency.warning
+    assert frequency.text().startswith("frequency: 10.0023 +- 0.0016 Hz, 95 % interval [9.98")
 
 
 def test_a_few_values_that_are_on_their_line_by_chance_agree():

@@ -272,32 +272,33 @@ def test_the_result_reads_as_text_and_as_json():
 def test_the_text_says_nothing_of_a_correlation_that_is_unknown():
     single = least_squares(lambda a: cs.vertcat(a - 1, a - 2), [Unknown("a", 0.0)], series=[1, 1])
     assert math.isnan(single.autocorrelation) and single.to_dict()["autocorrelation"] is None
-    assert single.lines()[0].startswith(
-        "2 residuals, root mean square 0.5; effective number of independent residuals 2"
-    )
+    assert "correlate" not in single.lines()[0]
     assert "successive residuals correlate at" in straight().lines()[0]
 
 
 def test_as_many_residuals_as_unknowns_give_no_interval():
     fit = least_squares(lambda a, b: cs.vertcat(a - 1, a * b - 6), [Unknown("a", 2.0), Unknown("b", 2.0)])
-    assert np.isnan(fit.intervals()).all()
+    np.testing.assert_allclose(fit.values, [1.0, 6.0], rtol=1e-9)
+    assert np.isnan(fit.errors).all() and np.isnan(fit.intervals()).all()
     with pytest.raises(InputError, match="fit: has no scatter"):
         profile_interval(fit, "a")
 
 
-@pytest.mark.parametrize("level", [0.0, 1.0, -1.0, math.nan, "high"])
-def test_a_level_that_is_no_probability_is_refused(level):
-    with pytest.raises(InputError, match="level: must be"):
-        straight().intervals(level)
-    with pytest.raises(InputError, match="level: must be"):
-        profile_interval(straight(), "a", level)
-
-
-def test_unusable_requests_are_refused():
-    with pytest.raises(InputError, match="c: is not an unknown of the fit; the unknowns are a, b"):
-        profile_interval(straight(), "c")
-    with pytest.raises(InputError, match="huber: must be positive, got 0"):
-        least_squares(line, [Unknown("a", 0.0), Unknown("b", 0.0)], huber=0.0)
+@pytest.mark.parametrize(
+    ("request_of", "message"),
+    [
+        *(
+            (lambda level=level: straight().intervals(level), "level: must be")
+            for level in (0.0, 1.0, math.nan, "high")
+        ),
+        (lambda: profile_interval(straight(), "a", -1.0), "level: must be"),
+        (lambda: profile_interval(straight(), "c"), "c: is not an unknown of the fit"),
+        (lambda: least_squares(line, [Unknown("a", 0.0), Unknown("b", 0.0)], huber=0.0), "huber: must be positive"),
+    ],
+)
+def test_unusable_requests_are_refused(request_of, message):
+    with pytest.raises(InputError, match=message):
+        request_of()
 
 
 def test_the_quantile_is_students():
@@ -363,17 +364,15 @@ def test_residuals_that_are_not_noise_are_told_of_unless_they_are_within_the_noi
         return least_squares(lambda a, b: a + b * cs.DM(x) - cs.DM(noise), unknowns, series=[400])
 
     assert colour_warning(fit(white)) is None
-    found = fit(coloured)
-    message = colour_warning(found)
-    assert found.effective_samples < 100
-    assert message.startswith(
-        f"the 400 residuals are not noise and determine the unknowns as well as {found.effective_samples:.0f} "
+    biased = fit(coloured)
+    assert biased.effective_samples < 100
+    assert f"the 400 residuals are not noise and determine the unknowns as well as {biased.effective_samples:.0f} " in (
+        colour_warning(biased)
     )
-    assert (found.errors > 2 * found.white_errors).all()
-    assert "the standard errors allow for their colour" in message
-    assert "times those for white" in found.colour()
-    assert found.to_dict()["unknowns"][0]["standard_error_white"] == pytest.approx(found.white_errors[0])
-    assert colour_warning(found, noise_free=2 * math.sqrt(np.mean(coloured**2))) is None
+    assert (biased.errors > 2 * biased.white_errors).all()
+    assert "times those for white" in biased.colour()
+    assert biased.to_dict()["unknowns"][0]["standard_error_white"] == pytest.approx(biased.white_errors[0])
+    assert colour_warning(biased, noise_free=2 * math.sqrt(np.mean(coloured**2))) is None
 
 
 @pytest.mark.parametrize("lower", [-math.inf, 0.5])

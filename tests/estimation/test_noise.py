@@ -188,9 +188,9 @@ def test_the_correlation_of_few_residuals_is_that_of_their_noise():
 @pytest.mark.slow
 def test_series_of_different_colours_have_their_own_spectra():
     """A white sensor and one with slow noise, which determine an unknown each: no common process fits both."""
-    rng, one, runs = np.random.default_rng(1), swings(100), 100
+    rng, swing, runs = np.random.default_rng(1), swings(100), 100
     basis, hits, stated = np.zeros((200, 10)), 0, np.zeros(10)
-    basis[:100, :5], basis[100:, 5:] = one, one
+    basis[:100, :5], basis[100:, 5:] = swing, swing
     for _ in range(runs):
         noise = np.concatenate([rng.standard_normal(100), autoregressive(rng, 0.8, 100)])
         x = basis.T @ noise
@@ -200,5 +200,5 @@ def test_series_of_different_colours_have_their_own_spectra():
         stated += variances / runs
     assert covers(hits, 4 * runs)  # with a common process 77 %
     np.testing.assert_allclose(stated[:4], 1.0, atol=0.15)
-    true = np.diag(one.T @ scipy.linalg.toeplitz(0.8 ** np.arange(100)) @ one)
+    true = np.diag(swing.T @ scipy.linalg.toeplitz(0.8 ** np.arange(100)) @ swing)
     np.testing.assert_allclose(stated[5:9], true[:4], rtol=0.3)

@@ -40,7 +40,7 @@ def quantiles(density, shares):
     """Return quantiles of the unknown of a density, by quadrature over its coordinate."""
     steps = np.sinh(np.linspace(-8.0, 8.0, 401))  # in units of the scale; fine in the middle, and far out
     x = density.start + density.scale[0] * steps
-    weights = np.exp([density.value(np.array([one])) for one in x])
+    weights = np.exp([density.value(np.array([coordinate])) for coordinate in x])
     if density.unknowns(x[:1, None])[0, 0] > density.unknowns(x[-1:, None])[0, 0]:  # a reciprocal
         x, weights = x[::-1], weights[::-1]
     parts = (weights[1:] + weights[:-1]) / 2 * np.abs(np.diff(x))

@@ -94,12 +94,12 @@ def test_rest_and_frequencies_agree_with_the_model(functions):
     model, exported = functions
     p, beam = values(exported.parameters), model.beam
     names = np.array([signal.name for signal in exported.parameters])
-    thicker = Model(beam.with_(thickness=[1.1 * own for own in beam.thickness]))
-    for one, given in ((model, p), (thicker, np.where(np.char.startswith(names, "thickness"), 1.1 * p, p))):
-        rest = one.of_free(static_equilibrium(one).coordinates)
-        np.testing.assert_allclose(exported.equilibrium(given).full().ravel(), rest, atol=1e-9)
-        frequencies = natural_modes(one, count=3).frequencies
-        np.testing.assert_allclose(exported.frequencies(given).full().ravel(), frequencies, rtol=1e-7)
+    thicker = Model(beam.with_(thickness=[1.1 * thickness for thickness in beam.thickness]))
+    for other, parameters in ((model, p), (thicker, np.where(np.char.startswith(names, "thickness"), 1.1 * p, p))):
+        rest = other.of_free(static_equilibrium(other).coordinates)
+        np.testing.assert_allclose(exported.equilibrium(parameters).full().ravel(), rest, atol=1e-9)
+        frequencies = natural_modes(other, count=3).frequencies
+        np.testing.assert_allclose(exported.frequencies(parameters).full().ravel(), frequencies, rtol=1e-7)
 
 
 @pytest.mark.slow

@@ -186,10 +186,7 @@ X = cs.SX.sym("x")
         (cs.Function("rhs_raw", [X], [X]), "rhs_raw: is the name of another Function or table"),
         (cs.Function("own", [X], [X], ["w"], ["y"]), "own: w is a reserved name in C"),
         (cs.Function("own", [X], [X], ["x"], ["double"]), "own: double is a reserved name in C"),
-        (
-            cs.Function("own", [X], [X * cs.SX.sym("k")], {"allow_free": True}),
-            "own: depends on k, which is not an input",
-        ),
+        (cs.Function("own", [X], [X * cs.SX.sym("k")], {"allow_free": True}), "own: depends on k, which"),
     ],
 )
 def test_functions_that_would_not_compile_are_refused(functions, tmp_path, function, message):

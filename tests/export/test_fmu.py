@@ -65,8 +65,8 @@ def document(paper_beam) -> Document:
     )
     known = {"name": "frequency", "value": 1.85, "unit": "Hz", "standard_error": 0.01}
     result = {"kind": "decay", "estimates": [known, {**known, "name": "drift", "standard_error": None}]}
-    found = Identification.of(result), Identification(result, [DataFile("tip<&.csv", "0f" * 32)])
-    return Document(model, law, found, Provenance.of_this(written="2025-01-31T12:00:00Z"))
+    identifications = Identification.of(result), Identification(result, [DataFile("tip<&.csv", "0f" * 32)])
+    return Document(model, law, identifications, Provenance.of_this(written="2025-01-31T12:00:00Z"))
 
 
 @pytest.fixture(scope="module")
@@ -91,24 +91,15 @@ def run_fmu(path, start_values, size=1.0, relative_tolerance=1e-8):
     """Simulate the FMU under the shove; return the samples at the instants of ``simulate``."""
     names = [f"base_{c}_acceleration" for c in ("x", "y", "angle")]
     steps = [(0.0, 1), (PHASE, 1), (PHASE, -1), (2 * PHASE, -1), (2 * PHASE, 0), (DURATION, 0)]
-    given = np.array(
-        [(t, *(sign * size * ACCELERATION)) for t, sign in steps],
-        dtype=[("time", float), *((name, float) for name in names)],
-    )
+    dtype = [("time", float), *((name, float) for name in names)]
+    accelerations = np.array([(t, *(sign * size * ACCELERATION)) for t, sign in steps], dtype=dtype)
     outputs = ["tip_x", "tip_y", "marker_1_x", "marker_1_y", "marker_2_x", "marker_2_y", "kinetic_energy",
                "strain_energy", "base_x", "base_y"]  # fmt: skip
-    found = fmpy.simulate_fmu(
-        path,
-        stop_time=DURATION,
-        output_interval=1 / RATE,
-        start_values=start_values,
-        relative_tolerance=relative_tolerance,
-        input=given,
-        output=outputs,
-    )
-    last = np.append(np.diff(found["time"]) > 1e-9, True)  # of two samples at an event
-    assert np.allclose(found["time"][last], np.arange(round(DURATION * RATE) + 1) / RATE, atol=1e-9)
-    return {name: found[name][last] for name in outputs}
+    settings = {"stop_time": DURATION, "output_interval": 1 / RATE, "relative_tolerance": relative_tolerance}
+    samples = fmpy.simulate_fmu(path, start_values=start_values, input=accelerations, output=outputs, **settings)
+    last = np.append(np.diff(samples["time"]) > 1e-9, True)  # of two samples at an event
+    assert np.allclose(samples["time"][last], np.arange(round(DURATION * RATE) + 1) / RATE, atol=1e-9)
+    return {name: samples[name][last] for name in outputs}
 
 
 def check(found, run, energies, tolerance=1e-7):
@@ -251,18 +242,6 @@ def test_the_description_names_beam_and_identifications(exported, document, tmp_
     assert read_document(tmp_path / "resources" / "beam.json").to_dict() == document.to_dict()
 
 
-@pytest.mark.slow
-def test_an_fmu_without_a_document(reduced, tmp_path, monkeypatch):
-    """A document changes the description and the resources, and nothing else."""
-    monkeypatch.setattr(fmu, "_compile", lambda compiler, sources, library, headers: library.write_bytes(b""))
-    for name, document in (("alone", None), ("described", Document(reduced.model, reduced.law))):
-        write_fmu(reduced, tmp_path / f"{name}.fmu", document=document)
-    with zipfile.ZipFile(tmp_path / "alone.fmu") as alone, zipfile.ZipFile(tmp_path / "described.fmu") as described:
-        assert {*described.namelist()} - {*alone.namelist()} == {"resources/beam.json"}
-        assert alone.read("sources/beam.c") == described.read("sources/beam.c")
-        assert b'description="Beam in 4 modes"' in alone.read("modelDescription.xml")
-
-
 @pytest.fixture(scope="module")
 def reduced(paper_beam):
     model = Model(paper_beam(8, axis=(0.6, -0.8)))
@@ -285,9 +264,11 @@ def rest(reduced):
 
 @pytest.mark.slow
 def test_the_reduced_model_is_valid_and_agrees_with_simulate_reduced(small, reduced, rest):
+    """With a small tolerance, and with that of the file."""
     assert validate_fmu(small) == []
     run = simulate_reduced(reduced, base=Shove(), duration=DURATION, sample_rate=RATE, start=rest)
-    check(run_fmu(small, {}, relative_tolerance=1e-10), run, run.energy.T[:2], 1e-6)
+    for tolerance, error in ((1e-10, 1e-6), (None, 2e-5)):
+        check(run_fmu(small, {}, relative_tolerance=tolerance), run, run.energy.T[:2], error)
 
 
 @pytest.mark.slow
@@ -339,12 +320,6 @@ def test_an_input_that_jumps_does_not_stop_the_importer(request, kind, accelerat
     assert found["base_x_velocity"][-1] == pytest.approx(0.1 * acceleration, rel=0.05)  # by the held inputs
 
 
-@pytest.mark.slow
-def test_the_tolerance_of_the_reduced_model_keeps_the_error_small(small, reduced, rest):
-    run = simulate_reduced(reduced, base=Shove(), duration=DURATION, sample_rate=RATE, start=rest)
-    check(run_fmu(small, {}, relative_tolerance=None), run, run.energy.T[:2], 2e-5)
-
-
 def test_a_failing_compiler_leaves_no_files(functions, tmp_path, monkeypatch):
     (tmp_path / "cc").write_text('#!/bin/sh\ntouch "$TMPDIR/draft.s"\nexit 1\n')
     (tmp_path / "cc").chmod(0o755)
@@ -380,10 +355,9 @@ class TestRefusals:
         with pytest.raises(InputError, match=r"^CC: an FMU needs a C compiler"):
             write_fmu(functions, "beam.fmu")
 
-    @pytest.mark.parametrize(("compiler", "words"), [("false", "exit code 1"), ("/no/such/cc", ".*No such file")])
-    def test_with_a_broken_compiler(self, functions, monkeypatch, compiler, words):
-        monkeypatch.setenv("CC", compiler)
-        with pytest.raises(InputError, match=rf"^{compiler}: cannot compile the FMU \({words}"):
+    def test_with_a_compiler_that_is_not_there(self, functions, monkeypatch):
+        monkeypatch.setenv("CC", "/no/such/cc")
+        with pytest.raises(InputError, match=r"^/no/such/cc: cannot compile the FMU"):
             write_fmu(functions, "beam.fmu")
 
     def test_a_marker_beside_the_beam(self, document):

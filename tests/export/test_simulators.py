@@ -91,28 +91,30 @@ def test_modal_damping_becomes_rates_that_meet_mode_1(hanging):
     assert "ModalDamping becomes alpha" in found.warnings[0]
 
 
-def test_what_cannot_be_written_is_refused_in_one_line(paper_beam, tmp_path):
-    path = tmp_path / "beam.xml"
-    for changes, words in (
-        ({"supports": (Clamp(0.0), Clamp(0.5))}, "supports: must be one clamp or pin at the beginning"),
-        ({"attachments": (Spring(0.3, (0.0, 1.0)),)}, "a Spring cannot be written"),
-    ):
-        with pytest.raises(InputError, match=words):
-            write_mujoco(Model(paper_beam(4, **changes)), path)
-    with pytest.raises(InputError, match="a flow of air"):
-        write_mujoco(Model(paper_beam(4)), path, damping=QuadraticDamping(eta1=0.1, flow=(1.0, 0.0)))
-    with pytest.raises(InputError, match=r"mode 3 has the damping ratio 1.*; those below 1"):
-        write_mujoco(Model(paper_beam(4)), path, damping=RayleighDamping(beta=1.5e-2))
-    with pytest.raises(InputError, match=r"tolerance: 64 segments only reach .* allow for more"):
-        write_mujoco(Model(paper_beam(4)), path, tolerance=1e-9)
-    with pytest.raises(InputError, match=r"^amplitude: 1e\+308 is not within 1e-30 to 1e\+30; check the unit$"):
-        write_exudyn(Model(paper_beam(4)), path, amplitude=1e308)
-    small = {"length": 2e-3, "width": 1e-4, "thickness": 5e-6, "density": 2e3, "elastic_modulus": 2e11}
-    with pytest.raises(InputError, match="model: is so small"):
-        write_mujoco(Model(paper_beam(10, **small)), path)
-    path.write_text("mine")
+SMALL = {"length": 2e-3, "width": 1e-4, "thickness": 5e-6, "density": 2e3, "elastic_modulus": 2e11, "elements": 10}
+
+
+@pytest.mark.parametrize(
+    ("changes", "options", "message"),
+    [
+        ({"supports": (Clamp(0.0), Clamp(0.5))}, {}, "^supports: must be one clamp or pin"),
+        ({"attachments": (Spring(0.3, (0.0, 1.0)),)}, {}, "a Spring cannot be written"),
+        ({}, {"damping": QuadraticDamping(eta1=0.1, flow=(1.0, 0.0))}, "a flow of air"),
+        ({}, {"damping": RayleighDamping(beta=1.5e-2)}, "mode 3 has the damping ratio 1"),
+        ({}, {"tolerance": 1e-9}, "tolerance: 64 segments only reach"),
+        ({}, {"amplitude": 1e308}, "^amplitude: .* check the unit"),
+        (SMALL, {}, "^model: is so small"),
+    ],
+)
+def test_what_cannot_be_written_is_refused_in_one_line(paper_beam, tmp_path, changes, options, message):
+    with pytest.raises(InputError, match=message):
+        write_mujoco(Model(paper_beam(**{"elements": 4, **changes})), tmp_path / "beam.xml", **options)
+
+
+def test_a_file_of_another_origin_is_not_overwritten(paper_beam, tmp_path):
+    (tmp_path / "beam.xml").write_text("mine")
     with pytest.raises(InputError, match="already exists"):
-        write_mujoco(Model(paper_beam(4)), path)
+        write_mujoco(Model(paper_beam(4)), tmp_path / "beam.xml")
 
 
 def test_the_command_writes_a_beam_for_a_simulator_and_says_how_well_it_fits(tmp_path, monkeypatch, capsys):

@@ -7,7 +7,7 @@ from ancf_casadi.mechanics.element import element
 LENGTH = 0.1
 WIDTH, THICKNESS, DENSITY, MODULUS = 5e-3, 2e-3, 8000.0, 2e9
 PROPERTIES = np.array([WIDTH, THICKNESS, DENSITY, MODULUS, LENGTH, 1.0, 0.0])
-AREA, SECOND_MOMENT, LINE_DENSITY = WIDTH * THICKNESS, WIDTH * THICKNESS**3 / 12, DENSITY * WIDTH * THICKNESS
+AREA, LINE_DENSITY = WIDTH * THICKNESS, DENSITY * WIDTH * THICKNESS
 
 MEASURES = [
     StrainMeasures(axial, curvature)
@@ -60,12 +60,7 @@ def difference(function, x):
     return np.array(columns).T
 
 
-def test_a_straight_unstretched_element_stores_no_energy_and_exerts_no_force(functions):
-    assert energy(functions, straight()) < 1e-28 * MODULUS
-    assert np.abs(dense(functions.elastic_force, straight(), PROPERTIES)).max() < 1e-14 * MODULUS * AREA
-
-
-@pytest.mark.parametrize("angle", [0.3, np.pi / 2, -2.5])
+@pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 2, -2.5])
 def test_a_rigid_rotation_and_translation_store_no_energy_and_exert_no_force(functions, angle):
     moved = turn(straight(), angle) + np.tile([1.0, -2.0, 0.0, 0.0], 2)
     assert energy(functions, moved) < 1e-25 * MODULUS
@@ -150,15 +145,6 @@ def test_in_an_unstrained_element_the_strain_rate_force_is_the_elastic_stiffness
     expected = dense(functions.tangent_stiffness, e, PROPERTIES) @ velocity
     got = dense(functions.strain_rate_force, e, velocity, PROPERTIES)
     np.testing.assert_allclose(got, expected, atol=1e-10 * abs(expected).max())
-
-
-def test_the_mass_matrix_gives_the_kinetic_energies_of_translation_and_of_rotation_about_the_end(functions):
-    mass = dense(functions.mass, PROPERTIES)
-    whole = LINE_DENSITY * LENGTH
-    translation, rotation = np.tile([3.0, -4.0, 0.0, 0.0], 2), spin(straight())
-    assert translation @ mass @ translation / 2 == pytest.approx(whole * 25 / 2, rel=1e-12)
-    assert rotation @ mass @ rotation / 2 == pytest.approx(whole * LENGTH**2 / 6, rel=1e-12)
-    assert np.linalg.eigvalsh(mass).min() > 0.0
 
 
 def test_the_mass_matrix_is_that_of_the_hermite_cubic():

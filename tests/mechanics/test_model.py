@@ -6,8 +6,6 @@ import pytest
 
 from ancf_casadi import InputError, Model, StrainMeasures
 
-STEP = 1e-6
-
 
 @pytest.fixture(scope="module")
 def model(paper_beam):
@@ -34,16 +32,6 @@ def dense(function, *arguments):
     return function(*arguments).full().squeeze()
 
 
-def spin(e):
-    """Velocities of a rigid rotation at 1 rad/s about the origin."""
-    return (e.reshape(-1, 2) @ np.array([[0.0, 1.0], [-1.0, 0.0]])).ravel()
-
-
-def turn(e, angle):
-    rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return (e.reshape(-1, 2) @ rotation.T).ravel()
-
-
 def elements_of(e):
     """Coordinates of each element."""
     return [e[4 * k : 4 * k + 8] for k in range(len(e) // 4 - 1)]
@@ -51,14 +39,8 @@ def elements_of(e):
 
 def properties_of_elements(model):
     """Properties of each element as columns: those in P, the length and the axis."""
-    given = [model.beam.element_lengths[0], *model.beam.axis]
-    return np.vstack([model.properties, np.outer(given, np.ones(model.beam.elements))])
-
-
-def difference(function, x):
-    """Central differences of a function of a vector, one column per component of x."""
-    columns = [(function(x + h) - function(x - h)) / (2 * STEP) for h in STEP * np.eye(len(x))]
-    return np.array(columns).T
+    length_and_axis = [model.beam.element_lengths[0], *model.beam.axis]
+    return np.vstack([model.properties, np.outer(length_and_axis, np.ones(model.beam.elements))])
 
 
 def test_the_straight_beam_has_its_nodes_along_the_axis_and_unit_slopes(model):
@@ -77,16 +59,16 @@ def test_energies_and_forces_are_the_sums_over_the_elements_with_their_own_prope
     e, velocity, g = deformed(model, 0), np.random.default_rng(1).normal(size=model.size), [1.0, -9.81]
     energy = 0.0
     sums = {name: np.zeros(model.size) for name in ("elastic", "tangent", "strain_rate", "drag", "friction", "gravity")}
-    one, properties = model.element, properties_of_elements(model)
-    for k, (part, part_velocity) in enumerate(zip(elements_of(e), elements_of(velocity), strict=True)):
+    element, properties = model.element, properties_of_elements(model)
+    for k, (nodes, rates) in enumerate(zip(elements_of(e), elements_of(velocity), strict=True)):
         p, rows = properties[:, k], slice(4 * k, 4 * k + 8)
-        energy += float(one.strain_energy(part, p))
-        sums["elastic"][rows] += dense(one.elastic_force, part, p)
-        sums["tangent"][rows] += dense(one.tangent_force, part, part_velocity, p)
-        sums["strain_rate"][rows] += dense(one.strain_rate_force, part, part_velocity, p)
-        sums["drag"][rows] += dense(one.drag_force, part_velocity, p)
-        sums["friction"][rows] += dense(one.friction_force, part_velocity, p, 0.5)
-        sums["gravity"][rows] += dense(one.gravity_force, p, g)
+        energy += float(element.strain_energy(nodes, p))
+        sums["elastic"][rows] += dense(element.elastic_force, nodes, p)
+        sums["tangent"][rows] += dense(element.tangent_force, nodes, rates, p)
+        sums["strain_rate"][rows] += dense(element.strain_rate_force, nodes, rates, p)
+        sums["drag"][rows] += dense(element.drag_force, rates, p)
+        sums["friction"][rows] += dense(element.friction_force, rates, p, 0.5)
+        sums["gravity"][rows] += dense(element.gravity_force, p, g)
     P = model.properties
     assert float(model.strain_energy(e, P)) == pytest.approx(energy, rel=1e-13)
     got = {
@@ -113,70 +95,12 @@ def test_matrices_are_the_sums_over_the_elements_and_couple_neighbouring_nodes_o
     assert model.mass(P).nnz() == model.tangent_stiffness(e, P).nnz() == 16 * (5 + 2 * 4)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_the_elastic_force_is_the_gradient_of_the_strain_energy(model, seed):
-    e = deformed(model, seed)
-    force = dense(model.elastic_force, e, model.properties)
-    gradient = difference(lambda x: float(model.strain_energy(x, model.properties)), e)
-    np.testing.assert_allclose(force, gradient, atol=1e-6 * abs(force).max())
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_tangent_stiffness_is_the_jacobian_of_the_elastic_force(model, seed):
-    e = deformed(model, seed)
-    stiffness = dense(model.tangent_stiffness, e, model.properties)
-    differences = difference(lambda x: dense(model.elastic_force, x, model.properties), e)
-    np.testing.assert_allclose(stiffness, differences, atol=1e-7 * abs(stiffness).max())
-
-
-@pytest.mark.parametrize("angle", [0.4, 2.0, np.pi])
-def test_a_rigid_rotation_stores_no_energy_and_causes_no_elastic_or_strain_rate_force(model, angle):
-    e = turn(model.straight, angle)
-    scale = abs(dense(model.tangent_stiffness, e, model.properties)).max()
-    assert float(model.strain_energy(e, model.properties)) < 1e-25 * scale
-    assert abs(dense(model.elastic_force, e, model.properties)).max() < 1e-14 * scale
-    assert abs(dense(model.strain_rate_force, e, spin(e), model.properties)).max() < 1e-14 * scale
-
-
-def test_a_rigid_motion_of_a_bent_beam_causes_no_strain_rate_force(model):
-    e = deformed(model, 3)
-    rigid = spin(e) + np.tile([0.7, -0.4, 0.0, 0.0], 5)
-    scale = abs(dense(model.tangent_stiffness, e, model.properties)).max()
-    assert abs(dense(model.strain_rate_force, e, rigid, model.properties)).max() < 1e-14 * scale
-
-
-def test_the_linearised_strain_rate_force_of_the_straight_beam_is_its_elastic_stiffness(model):
-    stiffness = dense(model.tangent_stiffness, model.straight, model.properties)
-    columns = [dense(model.strain_rate_force, model.straight, unit, model.properties) for unit in np.eye(model.size)]
-    np.testing.assert_allclose(np.array(columns).T, stiffness, atol=1e-13 * abs(stiffness).max())
-
-
 def test_the_clamp_holds_the_three_rigid_motions_and_the_axial_pattern_that_two_gauss_points_do_not_see(model):
     """Equal changes of all slopes strain no Gauss point; the clamp fixes the first slope and thereby all."""
     stiffness = dense(model.tangent_stiffness, model.straight, model.properties)
     values = np.linalg.eigvalsh(stiffness)
     assert (values < 1e-9 * values.max()).sum() == 4
     assert np.linalg.eigvalsh(stiffness[slice(4, model.size), slice(4, model.size)]).min() > 1e-9 * values.max()
-
-
-def test_the_mass_matrix_holds_the_mass_of_the_beam(model):
-    mass = dense(model.mass, model.properties)
-    for direction in ([1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]):
-        translation = np.tile(direction, 5)
-        assert translation @ mass @ translation == pytest.approx(model.beam.mass, rel=1e-13)
-    np.testing.assert_allclose(mass, mass.T, atol=1e-15 * mass.max())
-    assert np.linalg.eigvalsh(mass).min() > 0.0
-
-
-def test_a_uniform_beam_turning_about_its_end_has_the_moment_of_inertia_m_l2_3(hanging):
-    velocity = spin(hanging.straight)
-    inertia = velocity @ dense(hanging.mass, hanging.properties) @ velocity
-    assert inertia == pytest.approx(hanging.beam.mass * 0.5**2 / 3, rel=1e-13)
-
-
-def test_gravity_forces_add_up_to_the_weight(model):
-    force = dense(model.gravity_force, model.properties, [1.5, -9.81]).reshape(-1, 4)
-    np.testing.assert_allclose(force[:, :2].sum(axis=0), model.beam.mass * np.array([1.5, -9.81]), rtol=1e-13)
 
 
 def test_the_functions_are_symbolic_in_the_properties(model):
@@ -221,7 +145,7 @@ def test_the_slope_is_the_derivative_of_the_position_and_continuous_across_nodes
 )
 def test_a_point_that_is_not_on_the_beam_is_rejected(model, s, message):
     for interpolation in (model.interpolation, model.slope_interpolation):
-        with pytest.raises(InputError, match=f"^{re.escape(message)}$"):
+        with pytest.raises(InputError, match=f"^{re.escape(message)}"):
             interpolation(s)
 
 

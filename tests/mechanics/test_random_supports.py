@@ -67,7 +67,7 @@ class Description:
             axis=(math.cos(angle), math.sin(angle)),
             gravity=turned(turn, (0.0, -self.weight)),
             natural_curvature=-self.curvature if reverse else self.curvature,
-            supports=[support(*one) for one in zip(self.kinds, map(at, self.points), self.directions, strict=False)],
+            supports=[support(*held) for held in zip(self.kinds, map(at, self.points), self.directions, strict=False)],
             attachments=[attachment(k, at(point), self.sizes[k]) for k, point in enumerate(self.attached)],
         )
         try:
@@ -80,8 +80,9 @@ class Description:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_frequencies_depend_neither_on_the_laboratory_nor_on_the_end_where_a_beam_begins(seed):
     """Nodes sit elsewhere after the exchange of the ends, so that the errors of the elements differ."""
-    given = Description(seed)
-    plain, rotated, reverse = given.frequencies(), given.frequencies(2.0), given.frequencies(reverse=True)
+    description = Description(seed)
+    plain, rotated = description.frequencies(), description.frequencies(2.0)
+    reverse = description.frequencies(reverse=True)
     if plain is None:
         assert rotated is None and reverse is None
     else:

@@ -54,14 +54,8 @@ def hertz(beam, count=4):
         ({"attachments": (Spring(0.6, (1.0, 1.0)),)}, "^attachments: the point 0.6 m is not on the beam"),
         ({"supports": (PointMass(0.1, 1.0),)}, "^supports: must be a Support, got a PointMass$"),
         ({"attachments": (Pin(0.1),)}, "^attachments: must be an Attachment, got a Pin$"),
-        (
-            {"supports": (Pin(0.3),), "attachments": (PointMass(0.300002, 1e-3),)},
-            "^supports, attachments: 0.3 and 0.300002 m are too close for an element; give both one point$",
-        ),
-        (
-            {"attachments": tuple(PointMass(0.01 * k, 1e-3) for k in range(1, 7))},
-            "^elements: supports and attachments are at 6 points between the ends, but the beam has 5 nodes there",
-        ),
+        ({"supports": (Pin(0.3),), "attachments": (PointMass(0.300002, 1e-3),)}, "^supports, attachments:"),
+        ({"attachments": tuple(PointMass(0.01 * k, 1e-3) for k in range(1, 7))}, "^elements"),
     ],
 )
 def test_a_beam_refuses_what_cannot_be_at_its_points(changes, message):
@@ -111,7 +105,7 @@ def test_points_that_differ_by_rounding_are_the_same():
     beam = strip(
         supports=(Clamp(1e-13), Pin(0.1 + 0.2)), attachments=(PointMass(0.3, 1e-3), PointMass(0.5 + 1e-12, 1e-3))
     )
-    points = [one.point for one in (*beam.supports, *beam.attachments)]
+    points = [feature.point for feature in (*beam.supports, *beam.attachments)]
     assert points == [0.0, points[1], points[1], 0.5]
     assert points[1] == pytest.approx(0.3, rel=1e-15)
     assert beam.tip_mass == 1e-3
@@ -127,10 +121,10 @@ def test_unequal_elements_give_the_same_frequencies_as_equal_ones():
 
 
 def test_the_order_of_features_does_not_matter():
-    given = strip(supports=SUPPORTS, attachments=FEATURES)
-    turned = strip(supports=SUPPORTS[::-1], attachments=FEATURES[::-1])
-    assert given == turned
-    assert given.lumped == turned.lumped
+    beam = strip(supports=SUPPORTS, attachments=FEATURES)
+    reversed_order = strip(supports=SUPPORTS[::-1], attachments=FEATURES[::-1])
+    assert beam == reversed_order
+    assert beam.lumped == reversed_order.lumped
 
 
 # ------------------------------------------------------------------------------------------- relations of the features
@@ -153,8 +147,8 @@ def test_stiff_springs_hold_like_a_pin_and_a_roller():
 
 
 def test_two_masses_at_a_point_are_one():
-    one, two = [PointMass(0.2, 3e-3)], [PointMass(0.2, 1e-3), PointMass(0.2, 2e-3)]
-    np.testing.assert_allclose(hertz(strip(attachments=two)), hertz(strip(attachments=one)), rtol=1e-12)
+    single, pair = [PointMass(0.2, 3e-3)], [PointMass(0.2, 1e-3), PointMass(0.2, 2e-3)]
+    np.testing.assert_allclose(hertz(strip(attachments=pair)), hertz(strip(attachments=single)), rtol=1e-12)
 
 
 def test_the_far_end_may_be_clamped_instead():
@@ -276,7 +270,7 @@ def test_the_energy_of_a_pushed_beam_is_balanced(name, method):
     Each other feature is in the test of the moving base.
     """
     beam = strip(5, **MOTIONS[name], **THICK, **WEIGHTLESS)
-    held = any(one.point == 0.5 for one in beam.supports)
+    held = any(support.point == 0.5 for support in beam.supports)
     start = static_equilibrium(Model(beam), loads=[PointLoad((0.0, 0.5), point=0.25)]) if held else "equilibrium"
     load = None if held else HarmonicLoad((0.0, 0.2), 5.0, stop=0.1)
     law = RayleighDamping(alpha=0.1)

@@ -62,9 +62,7 @@ class TestProcessing:
         assert part.values.tolist() == [2.0, 3.0, 4.0, 5.0]
         assert (part.name, part.sensor) == ("ten", sensor)
         assert record.cut(end=0.35).values.tolist() == [0.0, 1.0, 2.0, 3.0]
-        with pytest.raises(
-            InputError, match=r"cut: from 0.21 to 0.22 s there are 0 samples of a record from 0 to 0.9 s"
-        ):
+        with pytest.raises(InputError, match=r"cut: from 0\.21 to 0\.22 s there are 0 samples"):
             record.cut(0.21, 0.22)
 
     @pytest.mark.parametrize("factor", [2, 5, 20])
@@ -116,12 +114,13 @@ class TestProcessing:
 
     def test_decimation_of_uneven_samples_is_refused_with_the_remedy(self):
         time = np.delete(np.arange(1000) / 100, [500, 501])
-        with pytest.raises(InputError, match=r"after 4.99 s the step is 0.03 s instead of 0.01 s; cut the record"):
-            Measurement(time, time).decimated(4)
-        with pytest.raises(InputError, match="factor: 50 samples are too few"):
-            Measurement(time[:50], time[:50]).decimated(4)
-        with pytest.raises(InputError, match="factor: must be a whole number, 1 or more, got 0"):
-            Measurement(time, time).decimated(0)
+        for record, factor, message in (
+            (Measurement(time, time), 4, "after 4.99 s the step is 0.03 s instead of 0.01 s"),
+            (Measurement(time[:50], time[:50]), 4, "factor: 50 samples are too few"),
+            (Measurement(time, time), 0, "factor: must be a whole number"),
+        ):
+            with pytest.raises(InputError, match=message):
+                record.decimated(factor)
 
     def test_a_straight_line_is_removed(self):
         time = np.array([0.0, 0.1, 0.5, 0.6, 1.3])

@@ -1,6 +1,5 @@
 """Units as people write them."""
 
-from dataclasses import replace
 from time import process_time
 
 import numpy as np
@@ -48,45 +47,29 @@ def test_anything_else_is_not(text):
         ("Time (ms)", "ms", 1e-3), ("x [mm] raw", "mm", 1e-3), ("tip_mm", "mm", 1e-3), ("x_mm_raw", "mm", 1e-3),
         ("t/ms", "ms", 1e-3), ("s / mm", "mm", 1e-3), ("Weg in mm", "mm", 1e-3), ("Disp, mm", "mm", 1e-3),
         ("v_mm_per_s", "mm_per_s", 1e-3), ("time.ms", "ms", 1e-3), ("ms", "ms", 1e-3), ("m1_x_m", "m", 1.0),
-        ("acc m/s²", "m/s²", 1.0),
+        ("acc m/s²", "m/s²", 1.0), ("acc m / s^2", "m / s^2", 1.0), ("acc m s-2", "m s-2", 1.0),
+        ("Beschleunigung a / m/s²", "m/s²", 1.0), ("a in m/s^2", "m/s^2", 1.0),
     ],
 )  # fmt: skip
 def test_a_name_carries_its_unit(name, symbol, factor):
-    found, unit = unit_in_name(name)
-    assert found == symbol
+    shown, unit = unit_in_name(name)
+    assert shown == symbol
     assert unit is not None
     assert unit.factor == factor
 
 
 @pytest.mark.parametrize(
-    "name",
+    ("name", "symbol"),
     [
-        "Disp [foo]",
-        "v (mm/foo)",
-        "y(t)",
-        "acc_ms2",
-        "acc_m_s_2",
-        "acc_m_s_-2",
-        "jerk_m_s3",
-        "jerk_mm_s3",
-        "acc_mps3",
-        "x_mm_per_rev",
-        "counts_per_mm",
-        "F N/mm",
-        "force_N_m",
-        "v m s",
-        "area_mm2",
-        "curvature_m-1",
-        "eps_um_m",
-        "x_mm_min",
-        "x_mm_y_mm",
-        "acc [m/s^3",
+        ("Disp [foo]", "foo"), ("v (mm/foo)", "mm/foo"), ("y(t)", "t"), ("acc_ms2", "ms2"), ("acc_m_s_2", "m_s_2"),
+        ("acc_m_s_-2", "m_s_-2"), ("jerk_m_s3", "m_s3"), ("acc_mps3", "mps3"), ("x_mm_per_rev", "mm_per_rev"),
+        ("counts_per_mm", "counts_per_mm"), ("F N/mm", "N/mm"), ("force_N_m", "N_m"), ("v m s", "m s"),
+        ("area_mm2", "mm2"), ("curvature_m-1", "m-1"), ("eps_um_m", "um_m"), ("x_mm_min", "mm_min"),
+        ("x_mm_y_mm", "mm_y_mm"), ("acc [m/s^3", "[m/s^3"), ("a m/s s", "m/s s"),
     ],
-)
-def test_a_unit_that_is_not_certain_is_kept_as_text(name):
-    symbol, unit = unit_in_name(name)
-    assert symbol
-    assert unit is None
+)  # fmt: skip
+def test_a_unit_that_is_not_certain_is_kept_as_text(name, symbol):
+    assert unit_in_name(name) == (symbol, None)
 
 
 @pytest.mark.parametrize(
@@ -119,12 +102,6 @@ def test_each_spelling_in_a_name_means_the_same_unit(quantity, factor, names):
         assert (unit.quantity, unit.factor) == (quantity, pytest.approx(factor, rel=1e-12)), name
 
 
-def test_the_words_of_a_quotient_may_stand_apart():
-    for name in ("acc m / s^2", "acc m s-2", "Beschleunigung a / m/s²", "a in m/s^2"):
-        assert unit_in_name(name)[1] == replace(parse_unit("m/s^2"), symbol=unit_in_name(name)[0]), name
-    assert unit_in_name("Weg s / mm")[1] == parse_unit("mm")
-
-
 @pytest.mark.parametrize("pattern", ["m ", "m_", " ", ".", "/", "(", "per_", "mm2_", "a_", "1"])
 def test_the_time_to_find_a_unit_grows_with_the_length_of_the_name(pattern):
     """Twice the length takes at most about twice the time; eight times shows a quadratic pattern clearly."""
@@ -137,38 +114,9 @@ def test_the_time_to_find_a_unit_grows_with_the_length_of_the_name(pattern):
     assert times[1] < 24 * max(times[0], 1e-3)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "x",
-        "tip",
-        "marker_left",
-        "g",
-        "in",
-        "h",
-        "Tip - 1 x",
-        "x_min_value",
-        "",
-        "tip_x",
-        "m2_x",
-        "tip_m2",
-        "x_gps",
-        "upper_x",
-    ],
-)
+@pytest.mark.parametrize("name", "x tip marker_left g in h x_min_value tip_x m2_x tip_m2 x_gps upper_x".split())
 def test_a_name_without_a_unit_has_none(name):
-    assert unit_in_name(name) == ("", None)
-
-
-def test_a_doubtful_unit_is_shown_as_a_whole():
-    shown = {
-        "jerk_m_s3": "m_s3",
-        "x_mm_per_rev": "mm_per_rev",
-        "F N/mm": "N/mm",
-        "acc_m_s_2": "m_s_2",
-        "e_um_m": "um_m",
-    }
-    assert {name: unit_in_name(name)[0] for name in shown} == shown
+    assert unit_in_name(name) == unit_in_name("") == unit_in_name("Tip - 1 x") == ("", None)
 
 
 def test_an_argument_may_scale_a_unit():

@@ -31,6 +31,7 @@ from ancf_casadi import (
 )
 from ancf_casadi.reduction.reduced import rebuilt
 from ancf_casadi.response.harmonic_balance.beams import reduced_system
+from tests.boundary.cases import REFERENCES
 
 LENGTH, SLENDERNESS = 1.0, 1000.0  # m, length per radius of gyration
 RADIUS = LENGTH / SLENDERNESS  # of gyration, m
@@ -59,9 +60,9 @@ BASE = RNG.uniform(-1, 1, 9) * (0.1, 0.1, 1.0, 0.5, 0.5, 3.0, 5.0, 5.0, 20.0)
 
 def strip(elements, **changes):
     """Steel strip along x that sags a little."""
-    given = {"axis": (1.0, 0.0), "gravity": (0.0, -0.5), **changes}
+    settings = {"axis": (1.0, 0.0), "gravity": (0.0, -0.5), **changes}
     return Model(Beam.uniform(length=LENGTH, width=0.02, thickness=12**0.5 * RADIUS, density=8000.0,
-                              elastic_modulus=210e9, elements=elements, **given))  # fmt: skip
+                              elastic_modulus=210e9, elements=elements, **settings))  # fmt: skip
 
 
 @pytest.fixture(scope="module", params=SET_UPS)
@@ -124,7 +125,9 @@ def test_the_acceleration_balances_the_forces_of_the_full_model_on_a_base_that_m
     """Virtual work with e_tt from differentiating the coordinates twice; the elastic force is that of the energy."""
     model, law = modes.model, RayleighDamping(alpha=0.3) + QuadraticDamping(eta2=20.0)
     reduced = reduce_model(model, modes=modes, damping=law, drag_points=100)
-    moved = BASE * (1.0 if all(one.sliding is None for one in model.beam.supports) else (1, 1, 0, 1, 1, 0, 1, 1, 0))
+    moved = BASE * (
+        1.0 if all(support.sliding is None for support in model.beam.supports) else (1, 1, 0, 1, 1, 0, 1, 1, 0)
+    )
     a, p = reduced.rhs(Q, V, moved, reduced.values).full().ravel(), model.properties
     t = cs.MX.sym("t")
     where, rate, rate2 = moved[:3], moved[3:6], moved[6:]
@@ -145,19 +148,14 @@ def test_the_acceleration_balances_the_forces_of_the_full_model_on_a_base_that_m
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("supports", "expected"),
-    [
-        # references/boundary_and_loads.json, backbone_pp and backbone_cc
-        (PINNED, {0.5: 1.023126357, 1: 1.089158179, 2: 1.317776065, 3: 1.625676615, 5: 2.350141977}),
-        (CLAMPED, {0.5: 1.005599932, 1: 1.02217196, 1.5: 1.049077959}),
-    ],
-    ids=["pinned", "clamped"],
+    ("supports", "name", "amplitudes"),
+    [(PINNED, "backbone_pp", (0.5, 1, 2, 3, 5)), (CLAMPED, "backbone_cc", (0.5, 1, 1.5))],
 )
-def test_ends_that_do_not_move_harden_the_beam(supports, expected):
+def test_ends_that_do_not_move_harden_the_beam(supports, name, amplitudes):
     """Amplitudes are those of the middle, in radii of gyration."""
     reduced = reduce_model(strip(20, supports=supports, gravity=(0.0, 0.0)), modes=5)
-    curve = backbone(reduced, amplitude=1.02 * max(expected) * RADIUS, points=10)
-    for amplitude, ratio in expected.items():
+    curve = backbone(reduced, amplitude=1.02 * max(amplitudes) * RADIUS, points=10)
+    for amplitude, (ratio,) in zip(amplitudes, REFERENCES[name]["rows"].values(), strict=True):
         assert curve.frequency(amplitude * RADIUS) / curve.natural_frequency == pytest.approx(ratio, rel=5e-5)
 
 
@@ -211,7 +209,7 @@ def test_motion_on_a_base_that_moves_and_turns_is_that_of_the_full_beam():
 
 def test_a_model_rebuilt_with_the_same_properties_is_the_same(bare):
     motion = Q, V, V, np.zeros(12), bare.values
-    forces = [reduced_system(own).functions(1).balance(*motion) for own in (bare, rebuilt(bare, bare.model))]
+    forces = [reduced_system(model).functions(1).balance(*motion) for model in (bare, rebuilt(bare, bare.model))]
     np.testing.assert_allclose(forces[1], forces[0], rtol=1e-8)
 
 

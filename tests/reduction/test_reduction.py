@@ -105,11 +105,8 @@ def test_a_tip_mass_and_an_elastic_clamp_are_damped_as_in_the_full_model(paper_b
 def test_the_modal_law_and_its_symbolic_parameters_give_the_measured_ratios(hanging, modes):
     reduced = reduce_model(hanging, modes=modes, damping=ModalDamping(modes, RATIOS))
     np.testing.assert_allclose(linearised(reduced)[1], RATIOS, rtol=2e-5)
-    assert [signal.name for signal in reduced.parameters] == [
-        "gravity_x",
-        "gravity_y",
-        *(f"ratio{k}" for k in range(1, 6)),
-    ]
+    names = [signal.name for signal in reduced.parameters]
+    assert names == ["gravity_x", "gravity_y", *(f"ratio{k}" for k in range(1, 6))]
     undamped, damped = reduce_model(hanging, modes=modes), (reduced.values, np.append(reduced.values[:2], np.zeros(5)))
     rates = [reduced.rhs(Q, V, BASE, p).full() for p in damped]
     bare = undamped.rhs(Q, V, BASE, undamped.values).full()
@@ -204,10 +201,8 @@ def test_energies_are_those_of_the_full_model_and_constant_without_damping(hangi
     total = sum(reduced.energies(q, v, base, values))
     change = cs.jtimes(total, q, v) + cs.jtimes(total, v, reduced.rhs(q, v, base, values))
     rate = cs.Function("rate", [q, v, base, values], [change])
-    assert (
-        abs(float(rate(Q, V, STILL, reduced.values)))
-        < 1e-12 * np.abs(kinetic) * reduced.modes.angular_frequencies[0] + 1e-13
-    )
+    limit = 1e-12 * np.abs(kinetic) * reduced.modes.angular_frequencies[0] + 1e-13
+    assert abs(float(rate(Q, V, STILL, reduced.values))) < limit
 
 
 def test_gravity_is_a_parameter_and_the_static_bend_converges_with_the_modes(weightless):
@@ -220,15 +215,6 @@ def test_gravity_is_a_parameter_and_the_static_bend_converges_with_the_modes(wei
         errors.append(np.linalg.norm(reduced.tip(rest.x, STILL).full().ravel() - (0.4795670775, -0.1322053449)) / 0.5)
     assert np.all(np.array(errors) < (1e-2, 1e-3, 1e-4, 3e-5))
     assert np.all(np.diff(errors) < 0)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("amplitude", "exact"), [(0.1, 1.000194484), (0.2, 1.000785941)])
-def test_the_frequency_of_large_motion_is_exact_and_converges_with_the_modes(weightless, docs, amplitude, exact):
-    errors = [abs(docs.frequency(reduce_model(weightless, modes=m), amplitude * 0.5) - exact) for m in (1, 3, 5)]
-    assert errors[0] < 6e-6
-    assert errors[1] < 5e-7
-    assert errors[2] < 1e-7
 
 
 def test_the_frequency_rises_with_the_square_of_the_amplitude_by_the_exact_coefficient(weightless, docs):

@@ -13,7 +13,6 @@ from ancf_casadi import (
     FrictionDamping,
     InputError,
     ModalDamping,
-    Model,
     NumericsError,
     QuadraticDamping,
     RayleighDamping,
@@ -183,9 +182,3 @@ def test_the_backbone_is_reported_drawn_and_written():
     assert len(data["amplitudes"]) == len(data["frequencies_hz"]) == len(data["damping_ratios"])
     assert len(curve.table().rows) == len(curve.motions)
     assert len(curve.figure().axes) == 2
-
-
-def test_a_model_is_a_model(hanging):
-    with pytest.raises(InputError, match="model"):
-        backbone("beam", amplitude=0.1)
-    assert isinstance(hanging, Model)

@@ -51,9 +51,9 @@ def second_mode(reduced):
 
 @pytest.mark.slow
 def test_the_second_mode_of_the_beam_softens_and_jumps(second_mode):
-    kinds = [own.kind for own in second_mode.bifurcations]
+    kinds = [point.kind for point in second_mode.bifurcations]
     assert kinds == ["fold", "fold"]
-    first, second = (own.motion for own in second_mode.bifurcations)
+    first, second = (point.motion for point in second_mode.bifurcations)
     assert second_mode.jumps.up == (first.frequency,)
     assert second_mode.jumps.down == (second.frequency,)
     assert second.frequency < first.frequency < 10.57
@@ -66,10 +66,10 @@ def test_the_second_mode_of_the_beam_softens_and_jumps(second_mode):
 
 @pytest.mark.slow
 def test_the_tangent_is_vertical_at_a_fold(second_mode):
-    for own in second_mode.bifurcations:
-        nearest = min(abs(own.motion.multipliers - 1.0))
+    for point in second_mode.bifurcations:
+        nearest = min(abs(point.motion.multipliers - 1.0))
         assert nearest < 1e-4
-        at, frequencies = own.index, second_mode.frequencies
+        at, frequencies = point.index, second_mode.frequencies
         assert (frequencies[at] - frequencies[at - 1]) * (frequencies[at] - frequencies[at + 1]) > 0.0
 
 
@@ -86,7 +86,7 @@ def test_the_ends_of_a_curve_are_those_of_the_range(second_mode):
 
 @pytest.mark.slow
 def test_a_curve_in_the_amplitude_passes_the_same_motions(reduced, second_mode):
-    frequency = sum(own.motion.frequency for own in second_mode.bifurcations) / 2
+    frequency = sum(point.motion.frequency for point in second_mode.bifurcations) / 2
     sheet = amplitude_response(reduced, (1e-4, 2e-3), base=HarmonicBase(amplitude=1.0, frequency=frequency))
     crossings = np.flatnonzero(np.diff(np.sign(sheet.drive_amplitudes - 5e-4)))
     assert len(crossings) == 3  # between the folds, three motions belong to one excitation
@@ -103,29 +103,10 @@ def test_a_curve_in_the_amplitude_passes_the_same_motions(reduced, second_mode):
 def test_the_curve_does_not_depend_on_its_direction(duffing):
     force = HarmonicForce(amplitude=0.1, frequency=0.1)
     up, down = (frequency_response(duffing, ends, force=force) for ends in ((0.1, 0.3), (0.3, 0.1)))
-    folds = [sorted(own.motion.frequency for own in curve.bifurcations) for curve in (up, down)]
+    folds = [sorted(point.motion.frequency for point in curve.bifurcations) for curve in (up, down)]
     assert folds[0] == pytest.approx(folds[1], rel=1e-7)
     assert up.jumps.up == pytest.approx(down.jumps.up, rel=1e-7)
     assert up.jumps.down == pytest.approx(down.jumps.down, rel=1e-7)
-
-
-@pytest.mark.slow
-def test_an_isola_is_followed_from_one_of_its_motions():
-    """A damping force that falls and rises with the amplitude detaches a part of the curve."""
-    damping = 0.08 * v - 1.0 * v * q**2 + 2.2 * v * q**4
-    system = SecondOrderSystem.of(q, v, a, u, conservative=a + q, damping=damping, excitation=u)
-    force = HarmonicForce(amplitude=0.017, frequency=1 / (2 * np.pi))
-    main = frequency_response(system, (0.12, 0.2), force=force)
-    assert not main.closed
-    sheet = amplitude_response(system, (0.005, 0.03), force=force)
-    order = np.flatnonzero(np.diff(np.sign(sheet.drive_amplitudes - force.amplitude)))
-    assert len(order) == 3
-    upper = sheet.motions[int(order[-1])]
-    near = HarmonicForce(amplitude=upper.drive_amplitude, frequency=upper.frequency)
-    closed = frequency_response(system, (0.12, 0.2), force=near, start=upper)
-    assert closed.closed
-    assert closed.amplitude().min() > main.amplitude().max()
-    assert [own.kind for own in closed.bifurcations].count("fold") == 2
 
 
 @pytest.mark.slow
@@ -177,7 +158,7 @@ def test_derivatives_of_a_motion_agree_with_differences(paper_beam, duffing, kin
         base = HarmonicBase(amplitude=2e-3, frequency=10.2)
         body = reduce_model(model, modes=modes, damping=law) if kind == "reduced" else model
         motion = periodic_motion(body, damping=law, base=base)
-        values = [np.array([own.value for own in law.parameters])]
+        values = [np.array([parameter.value for parameter in law.parameters])]
         values += [model.properties] if kind == "full" else []
     values += [np.array([motion.frequency]), np.array([motion.drive_amplitude])]
     function = motion_function(motion)

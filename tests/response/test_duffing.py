@@ -81,7 +81,7 @@ def small_motion_errors(ε):
     balance = ((s - 3 / 8 * μ * A**2) ** 2 + ζ**2) / (F / (2 * A)) ** 2
     exponents = np.stack(theory.exponents(A, s), axis=1)
     growth = np.log([motion.multipliers for motion in curve.motions]) * curve.frequencies[:, None]
-    folds = sorted(own.motion.frequency / HZ - 1 for own in curve.bifurcations if own.kind == "fold")
+    folds = sorted(point.motion.frequency / HZ - 1 for point in curve.bifurcations if point.kind == "fold")
     expected = sorted(s for s, _ in theory.folds())
     clear = np.abs(exponents.real.max(axis=1)) > ζ / 20
     assert np.array_equal(curve.stable[clear], exponents.real.max(axis=1)[clear] < 0)
@@ -126,7 +126,7 @@ def test_points_of_the_curve_at_large_amplitude_return_to_themselves_and_unstabl
     ζ, μ, F = STRONG
     curve = frequency_response(duffing(ζ, μ), (0.8 * HZ, 4 * HZ), force=HarmonicForce(F, HZ), tolerance=1e-10)
     assert curve.amplitude().max() > 3
-    assert [own.kind for own in curve.bifurcations] == ["fold", "fold"]
+    assert [point.kind for point in curve.bifurcations] == ["fold", "fold"]
     for motion in curve.motions[::8]:
         Ω, at_start = motion.frequency / HZ, state(motion)
         end = integrated(ζ, μ, F, Ω, at_start, 60 if motion.stable else 1)
@@ -143,7 +143,7 @@ def test_a_slow_sweep_jumps_where_the_curve_says(direction, sign):
     ζ, μ, F = STRONG
     curve = frequency_response(duffing(ζ, μ), (0.8 * HZ, 4 * HZ), force=HarmonicForce(F, HZ))
     (jump,) = getattr(curve.jumps, direction)
-    (fold,) = (own for own in curve.bifurcations if own.motion.frequency == pytest.approx(jump, rel=1e-6))
+    (fold,) = (point for point in curve.bifurcations if point.motion.frequency == pytest.approx(jump, rel=1e-6))
     branch = curve.motions[: fold.index] if sign > 0 else curve.motions[fold.index + 1 :]
     near = min(branch, key=lambda motion: abs(motion.frequency / jump - 1 + 0.01 * sign))
     assert near.stable

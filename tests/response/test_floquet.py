@@ -55,9 +55,7 @@ def test_constant_matrices_give_the_exponentials_of_their_eigenvalues(samples, h
 )
 def test_the_multipliers_on_the_boundaries_of_the_mathieu_equation_are_plus_or_minus_one(q, m, characteristic):
     multipliers = mathieu(characteristic(m, q), q)
-    assert multipliers.sum() == pytest.approx(
-        2 * (-1) ** m, abs=1e-9
-    )  # they coincide, so that each has an error of a root
+    assert multipliers.sum() == pytest.approx(2 * (-1) ** m, abs=1e-9)  # each has an error of a root: they coincide
     assert multipliers.prod() == pytest.approx(1, abs=1e-10)
 
 
@@ -65,12 +63,8 @@ def test_the_multipliers_on_the_boundaries_of_the_mathieu_equation_are_plus_or_m
 def test_the_mathieu_equation_is_unstable_in_its_tongues_only(m):
     q = 0.8
     low, high = sorted((mathieu_a(m, q), mathieu_b(m, q)))
-    assert [is_stable(mathieu(a, q)) for a in (low - 1e-4, low + 1e-4, high - 1e-4, high + 1e-4)] == [
-        True,
-        False,
-        False,
-        True,
-    ]
+    assert is_stable(mathieu(low - 1e-4, q)) and is_stable(mathieu(high + 1e-4, q))
+    assert not is_stable(mathieu(low + 1e-4, q)) and not is_stable(mathieu(high - 1e-4, q))
 
 
 def test_viscous_damping_shifts_the_mathieu_equation():
@@ -96,10 +90,9 @@ def test_a_constant_system_seen_from_rotating_axes_keeps_its_multipliers(stiff):
     assert is_stable(found) == is_stable(slow)
 
 
-def varying_system(samples):
+def varying_system(φ):
     """Return matrices of three coupled degrees of freedom, all of which vary."""
     K, D, M = lightly_damped(3, 4.0)
-    φ = phases(samples)
     return (
         K * (1 + 0.2 * np.exp(np.cos(φ))) + 0.3 * np.sin(2 * φ),
         D + 0.1 * np.exp(np.sin(φ)),
@@ -109,27 +102,19 @@ def varying_system(samples):
 
 def test_the_product_of_the_multipliers_follows_the_integral_of_the_damping():
     period = 5.0
-    K, D, M = varying_system(64)
+    K, D, M = varying_system(phases(64))
     traces = np.trace(np.linalg.solve(M, D), axis1=1, axis2=2)
     assert floquet_multipliers(K, D, M, period).prod() == pytest.approx(np.exp(-period * traces.mean()), rel=1e-9)
 
 
 def test_the_multipliers_are_those_of_the_monodromy_matrix_by_time_integration():
     def rate(t, z):
-        (K, D, M), z = continuous(2 * np.pi * t / 5), z.reshape(6, 6)
+        (K, D, M), z = varying_system(2 * np.pi * t / 5), z.reshape(6, 6)
         return np.concatenate([z[3:], -np.linalg.solve(M, K @ z[:3] + D @ z[3:])]).ravel()
-
-    def continuous(φ):
-        K, D, M = lightly_damped(3, 4.0)
-        return (
-            K * (1 + 0.2 * np.exp(np.cos(φ))) + 0.3 * np.sin(2 * φ),
-            D + 0.1 * np.exp(np.sin(φ)),
-            M * (1 + 0.1 * np.cos(φ)),
-        )
 
     run = solve_ivp(rate, (0, 5), np.eye(6).ravel(), method="DOP853", rtol=1e-12, atol=1e-13)
     expected = np.linalg.eigvals(run.y[:, -1].reshape(6, 6))
-    assert distance(floquet_multipliers(*varying_system(64), 5.0), expected) < 1e-9
+    assert distance(floquet_multipliers(*varying_system(phases(64)), 5.0), expected) < 1e-9
 
 
 @pytest.mark.slow

@@ -96,7 +96,7 @@ def test_a_load_at_a_point_shakes_the_full_and_the_reduced_beam_as_the_linear_re
     for size in (1e-5, 0.02):
         load = HarmonicLoad((size, 0.0), f, point=0.12)
         full, few = periodic_motion(beam, damping=damping, load=load), periodic_motion(reduced, load=load)
-        amplitudes = [[own.amplitude(s) for s in frf.points] for own in (full, few)]
+        amplitudes = [[motion.amplitude(s) for s in frf.points] for motion in (full, few)]
         np.testing.assert_allclose(amplitudes[0], amplitudes[1], rtol=2e-3)
         if size < 1e-3:
             np.testing.assert_allclose(amplitudes[0], size * frf.amplitude[:, 0, 0], rtol=1e-4)
@@ -149,7 +149,7 @@ def test_between_the_folds_of_mode_3_disturbed_runs_return_to_stable_motions_and
     curve = frequency_response(
         beam, (0.98 * third, 1.01 * third), damping=damping, base=HarmonicBase(0.1e-3, third), points=30
     )
-    assert [own.kind for own in curve.bifurcations] == ["fold", "fold"]
+    assert [point.kind for point in curve.bifurcations] == ["fold", "fold"]
     (up,), (down,) = curve.jumps
     assert down < 0.99 * third < up
     crossings = np.flatnonzero(np.diff(np.sign(curve.frequencies - 0.986 * third)))

@@ -1,8 +1,5 @@
 """Names of columns, files, records and titles stand in figures as they were written."""
 
-import ast
-from pathlib import Path
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -12,7 +9,6 @@ from ancf_casadi.plot import rendered
 from ancf_casadi.records.figures import record_figure, spectra_figure
 from ancf_casadi.support.figures import literal_text, prefixed
 
-ROOT = Path(__file__).parents[2]
 FORMULA = r"$\undefined$, $5"
 TIME = np.arange(50) / 50
 WAVE = np.sin(40 * TIME)
@@ -60,21 +56,7 @@ def test_powers_of_ten_and_formulas_that_are_added_later_remain_formulas():
     assert above.title.get_parse_math() and all(text.get_parse_math() for text in above.get_yticklabels())
 
 
-def test_every_function_that_makes_a_figure_shows_texts_as_they_are():
-    """The figures of studies pass through ``problems.study.drawing.drawn`` instead."""
-    for package in ("ancf_casadi", "problems"):
-        for path in (ROOT / package).rglob("*.py"):
-            source = path.read_text(encoding="utf-8")
-            for function in ast.walk(ast.parse(source)) if "Figure(" in source else ():
-                if isinstance(function, ast.FunctionDef) and function.name != "new_figure":
-                    calls = (node for node in ast.walk(function) if isinstance(node, ast.Call))
-                    makes = any(ast.unparse(call.func) == "Figure" for call in calls)
-                    named = [ast.unparse(decorator) for decorator in function.decorator_list]
-                    assert not makes or "literal_text" in named, f"{path}: {function.name}"
-
-
 def test_a_figure_that_passes_twice_is_the_same():
-    """Regression: names beside an axis in a figure of a fit, drawn in a study, had a backslash before each $."""
 
     def draw():
         figure = Figure()

@@ -66,13 +66,10 @@ run = partial(simulate, MODEL, duration=0.1)
         (lambda: natural_modes(BEAM), "model: must be a Model, got a Beam; use Model(beam)"),
         (lambda: natural_modes(Model), "model: must be a Model, got the class Model"),
         (lambda: natural_modes(MODEL, equilibrium=MODES), "equilibrium: must be an Equilibrium, got a Modes; use mode"),
-        (lambda: static_equilibrium(BEAM), "model: must be a Model, got a Beam; use Model(beam)"),
-        (lambda: Model("x"), "beam: must be a Beam, got 'x'"),
         (lambda: Model(MODEL), "beam: must be a Beam, got a Model; use model.beam"),
         (lambda: Model(BEAM, "green"), "measures: must be a StrainMeasures, got 'green'"),
         (lambda: simulate(BEAM, duration=1.0), "model: must be a Model, got a Beam; use Model(beam)"),
         (lambda: run(damping=[LAW]), "damping: must be a DampingLaw, got a list; use the sum of the laws"),
-        (lambda: run(damping=0.01), "damping: must be a DampingLaw, got 0.01"),
         (lambda: run(base="x"), "base: must be a BaseMotion, got 'x'"),
         (lambda: run(start=np.zeros(12)), "start: must be a text, an Equilibrium or a State, got an array; use State("),
         (lambda: run(options=[1]), "options: must be a mapping, got a list"),
@@ -81,9 +78,7 @@ run = partial(simulate, MODEL, duration=0.1)
         (lambda: run(largest_step=np.ones(2)), "largest_step: must be a finite number, got array([1., 1.])"),
         (lambda: State([1.0], "x"), "velocities: must be numbers"),
         (lambda: LAW + 1.0, "damping: must be a DampingLaw, got 1.0"),
-        (lambda: motion(BEAM, duration=1.0), "model: must be a Model, got a Beam; use Model(beam)"),
         (lambda: motion(MODEL, duration=1.0, start_load="x"), "start_load: must be True or False, got 'x'"),
-        (lambda: reduce_model(BEAM), "model: must be a Model, got a Beam; use Model(beam)"),
         (lambda: simulate_reduced(MODEL, duration=1.0), "reduced: must be a ReducedModel, got a Model; use reduce_mod"),
         (lambda: ModalDamping(np.ones(2), (0.01,)), "modes: must be a Modes, got an array"),
         (lambda: ModalDamping(MODEL, (0.01,)), "modes: must be a Modes, got a Model; use natural_modes(model)"),
@@ -164,7 +159,6 @@ def test_a_time_or_a_frequency_beyond_all_experience_is_refused(call, size):
 
 @pytest.mark.slow
 def test_a_beam_too_soft_for_its_weight_is_given_up_soon():
-    """Regression: the path of equilibria continued in tens of thousands of tiny steps."""
     soft = Beam.uniform(length=0.5, width=5e-3, thickness=5e-4, density=8000.0, elastic_modulus=2.5, elements=4)
     with pytest.raises(EquilibriumError, match=r"a value is in the wrong unit$"):
         static_equilibrium(Model(soft))
@@ -202,8 +196,8 @@ def test_instants_of_a_load_have_finite_differences():
 def test_a_direction_may_have_any_length():
     """The squares of 1e308 overflow, with a warning of NumPy."""
     swing = periodic_motion(MODEL, damping=RayleighDamping(0.1), base=HarmonicBase(1e-3, 1.0))
-    found, expected = (swing.amplitude(direction=(size, -size)) for size in (1e308, 1.0))
-    assert math.isclose(found, expected, rel_tol=1e-12)
+    largest, expected = (swing.amplitude(direction=(size, -size)) for size in (1e308, 1.0))
+    assert math.isclose(largest, expected, rel_tol=1e-12)
 
 
 @pytest.mark.parametrize("stop", [1e-30, 1e-14])

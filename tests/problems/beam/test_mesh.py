@@ -202,9 +202,8 @@ def test_split_start_has_the_same_motion():
                           release_time=0.0)  # fmt: skip
     fine = split_model(coarse)
     other = split_record(record, coarse, fine).start
-    further, again = (
-        simulate(model, start=one, duration=0.2, sample_rate=50.0) for model, one in ((coarse, start), (fine, other))
-    )
+    settings = {"duration": 0.2, "sample_rate": 50.0}
+    further, again = simulate(coarse, start=start, **settings), simulate(fine, start=other, **settings)
     np.testing.assert_allclose(again.tip, further.tip, atol=2e-4)
 
 

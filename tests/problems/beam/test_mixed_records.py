@@ -163,8 +163,10 @@ def test_a_log_normal_prior_weighs_the_logarithm_and_the_report_says_how_far_it_
     share = alone**-2 / (alone**-2 + 2.05e9**-2)
     assert held.fit.data_shares["elastic_modulus"] == pytest.approx(share, rel=0.05)
     assert f"the data determine {held.fit.data_shares['elastic_modulus']:.0%}" in held.report()
-    own = held.to_dict()["fit"]["unknowns"][0]
-    assert own["prior"] == pytest.approx((205e9, 2.05e9)) and own["data_share"] == pytest.approx(share, rel=0.05)
+    unknown = held.to_dict()["fit"]["unknowns"][0]
+    assert unknown["prior"] == pytest.approx((205e9, 2.05e9)) and unknown["data_share"] == pytest.approx(
+        share, rel=0.05
+    )
 
 
 @pytest.mark.parametrize(

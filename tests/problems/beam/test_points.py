@@ -39,7 +39,7 @@ def beam_of(model, law, record, harmonics=5):
 
 
 def unknowns(law):
-    return np.array([*(own.value for own in law.parameters), *np.ones(MODES + 1)])
+    return np.array([*(parameter.value for parameter in law.parameters), *np.ones(MODES + 1)])
 
 
 @pytest.mark.parametrize(

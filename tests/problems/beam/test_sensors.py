@@ -46,10 +46,10 @@ def fitted(swing, record, **settings):
     "sensor", [SENSORS[k] for k in (0, 3, 5, 6, 8, 9, 10)], ids=lambda sensor: f"{sensor.quantity} {sensor.label}"
 )
 def test_the_damping_is_found_from_one_sensor_of_each_quantity(swing, sensor):
-    found = fitted(swing, MotionRecord([swing.measurement(sensor, 0.01)], start=swing.start))
-    assert abs(found.fit["alpha"] - TRUTH) < 3.0 * found.standard_errors["alpha"] < 0.03
+    fit = fitted(swing, MotionRecord([swing.measurement(sensor, 0.01)], start=swing.start))
+    assert abs(fit.fit["alpha"] - TRUTH) < 3.0 * fit.standard_errors["alpha"] < 0.03
     noise = 0.01 * swing.truth(sensor).std()
-    assert found.fit.residual_rms == pytest.approx(noise, rel=0.25)
+    assert fit.fit.residual_rms == pytest.approx(noise, rel=0.25)
 
 
 @pytest.mark.slow
@@ -72,24 +72,24 @@ def test_sensors_of_all_units_share_one_fit_and_fix_modulus_and_density(swing):
     gap = np.where((records[6].time > 0.2) & (records[6].time < 0.4), np.nan, records[6].values)
     records[6] = Measurement(records[6].time, gap, sensor=records[6].sensor)
     noise = 0.01 * swing.truth(SENSORS[2]).std()
-    channels = [Channel(one, std=noise if k == 2 else None) for k, one in enumerate(records)]
+    channels = [Channel(record, std=noise if k == 2 else None) for k, record in enumerate(records)]
     guess = Model(swing.model.beam.with_(elastic_modulus=1.05 * 264e3, density=0.97 * 1070.0))
-    found = fit_beam(
+    fit = fit_beam(
         guess,
         MotionRecord(channels, start=swing.start),
         GUESS,
         fixed=("beta",),
         unknowns=("elastic_modulus", "density"),
     )
-    assert abs(scores(found, [TRUTH, 264e3, 1070.0])).max() < 3.0 and relative(found).max() < 2e-3
-    deviations = found.solution.problem.blocks[0].weights.deviations
+    assert abs(scores(fit, [TRUTH, 264e3, 1070.0])).max() < 3.0 and relative(fit).max() < 2e-3
+    deviations = fit.solution.problem.blocks[0].weights.deviations
     truth = [0.01 * swing.truth(sensor).std() for sensor in SENSORS]
     assert deviations == pytest.approx(truth, rel=0.3) and deviations[2] == noise
-    assert [one["channel"] for one in found.to_dict()["records"][0]["channels"]][3] == "velocity normal, tip"
-    assert "weighted by 1/" in found.report()
-    json.dumps(found.to_dict(), allow_nan=False)
-    assert len(found.figure().axes) == 2 * 8 and rendered(found.figure()).startswith(b"\x89PNG")
-    assert [one.size for one in found.residuals] == [one.time.size for one in records]
+    assert [channel["channel"] for channel in fit.to_dict()["records"][0]["channels"]][3] == "velocity normal, tip"
+    assert "weighted by 1/" in fit.report()
+    json.dumps(fit.to_dict(), allow_nan=False)
+    assert len(fit.figure().axes) == 2 * 8 and rendered(fit.figure()).startswith(b"\x89PNG")
+    assert [residuals.size for residuals in fit.residuals] == [record.time.size for record in records]
 
 
 @pytest.mark.slow
@@ -103,8 +103,8 @@ def test_a_motion_without_force_determines_ratios_only(swing):
         shaken = MarkerRecord(np.arange(80) / 100, swing.run.tip[: 80 * EVERY : EVERY], start=State(*_state(swing)))
         fitted(swing, shaken, unknowns=("width", "elastic_modulus", "density"))
     force = swing.measurement(Sensor("force"), 0.01)
-    found = fitted(swing, MotionRecord([swing.measurement(X, 0.01), force]), **unknown)
-    assert abs(scores(found, [TRUTH, 264e3, 1070.0, 0.004])).max() < 3.0 and relative(found).max() < 0.02
+    fit = fitted(swing, MotionRecord([swing.measurement(X, 0.01), force]), **unknown)
+    assert abs(scores(fit, [TRUTH, 264e3, 1070.0, 0.004])).max() < 3.0 and relative(fit).max() < 0.02
 
 
 def _state(swing):
@@ -119,25 +119,25 @@ def test_an_offset_of_a_sensor_and_the_release_are_found_with_rest_before_it(swi
     held = {X: swing.start.tip[0], Sensor("velocity"): 0.0}
     channels = []
     for (sensor, value), late in zip(held.items(), (0.0, 0.013), strict=True):
-        own = swing.measurement(sensor, 0.005)
-        noise = 0.005 * own.values.std() * np.random.default_rng(3).normal(size=rest.size)
-        time, values = np.concatenate([rest, own.time]), np.concatenate([value + noise, own.values])
-        one = Measurement(time + 0.25 + late, values, sensor=sensor)
-        channels.append(Channel(one, offset=(0.0, 0.03) if late else None))
-    found = fitted(swing, MotionRecord(channels, start=swing.start, release_time=(0.23, 0.26)))
-    assert found.fit.names == ("alpha", "release_1", "offset_1_2")
-    score = (found.fit.values - [TRUTH, 0.25, 0.013]) / found.fit.errors
-    assert abs(score).max() < 3.0 and found.fit.errors[1:].max() < 3e-4
+        moving = swing.measurement(sensor, 0.005)
+        noise = 0.005 * moving.values.std() * np.random.default_rng(3).normal(size=rest.size)
+        time, values = np.concatenate([rest, moving.time]), np.concatenate([value + noise, moving.values])
+        record = Measurement(time + 0.25 + late, values, sensor=sensor)
+        channels.append(Channel(record, offset=(0.0, 0.03) if late else None))
+    fit = fitted(swing, MotionRecord(channels, start=swing.start, release_time=(0.23, 0.26)))
+    assert fit.fit.names == ("alpha", "release_1", "offset_1_2")
+    score = (fit.fit.values - [TRUTH, 0.25, 0.013]) / fit.fit.errors
+    assert abs(score).max() < 3.0 and fit.fit.errors[1:].max() < 3e-4
 
 
 @pytest.mark.slow
 def test_a_release_at_a_sample_of_a_force_is_found_although_the_force_jumps_there(swing):
-    own = [swing.measurement(sensor, 0.02, seed) for seed, sensor in enumerate((X, Sensor("force")))]
-    time = own[0].time - own[0].time[0]
-    late = [Measurement(time + 0.1, one.values, sensor=one.sensor) for one in own]
-    found = fitted(swing, MotionRecord(late, start=swing.start, release_time=(0.081, 0.119)))
-    assert found.solution.problem.blocks[0].sensors[1].measurement.time[0] == pytest.approx(0.12)
-    score = (found.fit.values - [TRUTH, 0.1 - own[0].time[0]]) / found.fit.errors
+    early = [swing.measurement(sensor, 0.02, seed) for seed, sensor in enumerate((X, Sensor("force")))]
+    time = early[0].time - early[0].time[0]
+    late = [Measurement(time + 0.1, record.values, sensor=record.sensor) for record in early]
+    fit = fitted(swing, MotionRecord(late, start=swing.start, release_time=(0.081, 0.119)))
+    assert fit.solution.problem.blocks[0].sensors[1].measurement.time[0] == pytest.approx(0.12)
+    score = (fit.fit.values - [TRUTH, 0.1 - early[0].time[0]]) / fit.fit.errors
     assert abs(score).max() < 3.0
 
 
@@ -150,36 +150,36 @@ def test_the_view_of_a_camera_is_found(swing):
     seen += 1e-4 * np.random.default_rng(4).normal(size=seen.shape)
     camera = Camera(scale=(0.9, 1.1), rotation=(-0.2, 0.2), origin=((-0.05, 0.05), (-0.05, 0.05)))
     record = MarkerRecord(swing.run.time[::EVERY], seen, (0.1, 0.2), start=swing.start, camera=camera)
-    found = fitted(swing, record)
-    assert found.fit.names == ("alpha", "camera_scale_1", "camera_rotation_1", "camera_x_1", "camera_y_1")
-    score = (found.fit.values - [TRUTH, scale, turn, *origin]) / found.fit.errors
-    assert abs(score).max() < 3.0 and found.fit.errors[1:].max() < 1e-3
-    assert found.fit.residual_rms == pytest.approx(1e-4, rel=0.15)
+    fit = fitted(swing, record)
+    assert fit.fit.names == ("alpha", "camera_scale_1", "camera_rotation_1", "camera_x_1", "camera_y_1")
+    score = (fit.fit.values - [TRUTH, scale, turn, *origin]) / fit.fit.errors
+    assert abs(score).max() < 3.0 and fit.fit.errors[1:].max() < 1e-3
+    assert fit.fit.residual_rms == pytest.approx(1e-4, rel=0.15)
 
 
 @pytest.mark.slow
 def test_a_measurement_is_a_record_of_a_free_beam_that_is_released_from_an_estimated_load(swing):
-    found = fitted(swing, swing.measurement(X, 0.01), unknowns=("start_force_x",))
-    score = (found.fit.values - [TRUTH, 0.004]) / found.fit.errors
+    fit = fitted(swing, swing.measurement(X, 0.01), unknowns=("start_force_x",))
+    score = (fit.fit.values - [TRUTH, 0.004]) / fit.fit.errors
     assert abs(score).max() < 3.0
 
 
 @pytest.mark.slow
 def test_the_zero_of_an_accelerometer_is_found_within_its_bounds(swing):
-    own = swing.measurement(Sensor("acceleration"), 0.01)
-    biased = Measurement(own.time, own.values + 0.3, sensor=own.sensor)
-    found = fitted(swing, MotionRecord([Channel(biased, zero=(-1.0, 1.0))], start=swing.start))
-    score = (found.fit.values - [TRUTH, 0.3]) / found.fit.errors
-    assert found.fit.units == ("1/s", "m/s^2") and abs(score).max() < 3.0
+    exact = swing.measurement(Sensor("acceleration"), 0.01)
+    biased = Measurement(exact.time, exact.values + 0.3, sensor=exact.sensor)
+    fit = fitted(swing, MotionRecord([Channel(biased, zero=(-1.0, 1.0))], start=swing.start))
+    score = (fit.fit.values - [TRUTH, 0.3]) / fit.fit.errors
+    assert fit.fit.units == ("1/s", "m/s^2") and abs(score).max() < 3.0
 
 
 @pytest.mark.slow
 def test_markers_that_are_lost_for_a_while_are_gaps(swing):
     seen = swing.run.tip[::EVERY] + 1e-4 * np.random.default_rng(6).normal(size=(81, 2))
     seen[20:40, 1] = np.nan
-    found = fitted(swing, MarkerRecord(swing.run.time[::EVERY], seen, start=swing.start))
-    assert [one.size for one in found.residuals] == [81, 61]
-    assert abs(found.fit["alpha"] - TRUTH) < 3.0 * found.standard_errors["alpha"]
+    fit = fitted(swing, MarkerRecord(swing.run.time[::EVERY], seen, start=swing.start))
+    assert [residuals.size for residuals in fit.residuals] == [81, 61]
+    assert abs(fit.fit["alpha"] - TRUTH) < 3.0 * fit.standard_errors["alpha"]
 
 
 @pytest.mark.slow
@@ -193,9 +193,9 @@ def test_deflections_under_known_weights_fix_the_scale_of_a_motion(swing):
     table = StaticRecord(model, loads, moved, sensor, std=1e-4)
     record = MotionRecord([swing.measurement(X, 0.01)])
     unknown = {"unknowns": ("elastic_modulus", "density", "start_force_x")}
-    found = fitted(swing, [record, table], **unknown)
-    assert abs(scores(found, [TRUTH, 264e3, 1070.0, 0.004])).max() < 3.0 and relative(found).max() < 0.02
-    assert found.fit.series == (80, 1, 1) and len(found.residuals) == 1
+    fit = fitted(swing, [record, table], **unknown)
+    assert abs(scores(fit, [TRUTH, 264e3, 1070.0, 0.004])).max() < 3.0 and relative(fit).max() < 0.02
+    assert fit.fit.series == (80, 1, 1) and len(fit.residuals) == 1
     with pytest.raises(InputError, match="records: values need standard deviations"):
         fitted(swing, [record, StaticRecord(model, loads, moved, sensor)], **unknown)
 
@@ -214,7 +214,7 @@ def test_a_known_force_at_the_tip_fixes_the_scale_and_enters_the_force_at_the_cl
     settings = {"load": push, "release_time": (0.09, 0.12)}
     both = fitted(swing, MotionRecord(channels, **settings))
     assert abs(both.fit.values - [TRUTH, 0.1]).max() < 3.0 * both.fit.errors.max()
-    assert [np.sqrt(np.mean(one**2)) for one in both.residuals] == pytest.approx(
+    assert [np.sqrt(np.mean(residuals**2)) for residuals in both.residuals] == pytest.approx(
         [0.01 * run.tip[:, 0].std(), 0.01 * run.clamp_force[:, 0].std()], rel=0.25
     )
     alone = fitted(swing, MotionRecord(channels[:1], **settings), unknowns=("elastic_modulus", "density"))
@@ -225,20 +225,20 @@ def test_a_known_force_at_the_tip_fixes_the_scale_and_enters_the_force_at_the_cl
 
 @pytest.mark.slow
 def test_a_prediction_of_another_start_agrees_within_noise_and_shows_a_wrong_model(swing):
-    found = fitted(swing, MotionRecord([swing.measurement(X, 0.01)], start=swing.start))
+    fit = fitted(swing, MotionRecord([swing.measurement(X, 0.01)], start=swing.start))
     other = [swing.measurement(sensor, 0.01, 7) for sensor in (Sensor("displacement"), Sensor("slope"))]
-    right = found.predict(MotionRecord(other, start=swing.start))
+    right = fit.predict(MotionRecord(other, start=swing.start))
     assert set(right.rms_errors) == {"displacement x, tip", "slope tip"}
     assert max(right.relative_errors.values()) == pytest.approx(0.01, rel=0.2)
     assert 0.0 < max(right.standard_errors.values()) < 0.003 and not right.warnings
     weak = static_equilibrium(swing.model, tip_force=(0.003, 0.0))
-    wrong = found.predict(MotionRecord(other, start=weak))
+    wrong = fit.predict(MotionRecord(other, start=weak))
     assert min(wrong.relative_errors.values()) > 0.1 and len(wrong.warnings) == 2
     assert all(warning in wrong.report() for warning in wrong.warnings)
     json.dumps(wrong.to_dict(), allow_nan=False)
     assert rendered(wrong.figure()).startswith(b"\x89PNG")
     loaded = Model(swing.model.beam.with_(tip_mass=1e-3))
-    heavy = found.predict(MotionRecord(other, start=swing.start, model=loaded))
+    heavy = fit.predict(MotionRecord(other, start=swing.start, model=loaded))
     assert min(heavy.relative_errors.values()) > 0.1
 
 

@@ -29,7 +29,6 @@ def released(start, rate, samples):
 
 @pytest.mark.slow
 def test_a_doubled_frequency_along_the_beam_is_no_mode(start):
-    """Regression: along the beam, 2.7 Hz was taken for mode 2; the fit started from a tenth of the modulus."""
     run = released(start, 60.0, 100)
     record = MarkerRecord(run.time, run.tip + 5e-4 * np.random.default_rng(0).normal(size=run.tip.shape), start=start)
     problem, _, first = beam_problem(MODEL, record, LAW, **UNKNOWN)

@@ -9,7 +9,6 @@ from pathlib import Path
 import casadi as cs
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from ancf_casadi import HarmonicBase, ModalDamping, Model, natural_modes, reduce_model, simulate_reduced
 from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, friction_decay, linear_decay, quadratic_decay
@@ -62,18 +61,20 @@ def noise(seed, samples=2500):
 
 
 @pytest.mark.parametrize("rate", [500, 1000])
-@pytest.mark.parametrize(("frequency", "ratio", "r0"), MODES)
+@pytest.mark.parametrize(("frequency", "ratio", "r0"), [*MODES, *((2.0, ratio, 0.05) for ratio in (0.1, 0.2, 0.35))])
 def test_a_decay_without_noise_gives_back_the_truth(frequency, ratio, r0, rate):
     time = np.arange(0.0, 5.0, 1 / rate)
-    fit = fit_decay(time, swing(frequency, ratio, r0, time=time))
-    assert fit.frequency == pytest.approx(frequency, rel=1e-12)
-    assert fit.damping_ratio == pytest.approx(ratio, rel=1e-10)
-    assert fit.displacement(0.0)[0] == pytest.approx(r0, rel=1e-10)
-    assert fit.amplitude == pytest.approx(r0 / math.sqrt(1 - ratio**2), rel=1e-10)  # of the envelope, released at rest
-    assert fit.offset == pytest.approx(0.0, abs=1e-12)
+    values = swing(frequency, ratio, r0, time=time) - 0.02
+    fit = fit_decay(time + 3.0, values)
+    assert fit.frequency == pytest.approx(frequency, rel=1e-9)
+    assert fit.damping_ratio == pytest.approx(ratio, rel=1e-9)
+    assert fit.amplitude == pytest.approx(r0 / math.sqrt(1 - ratio**2), rel=1e-9)  # of the envelope, released at rest
+    assert fit.offset == pytest.approx(-0.02, rel=1e-9)
+    np.testing.assert_allclose(fit.displacement(time + 3.0), values, atol=1e-9 * r0)
     assert fit.residual_rms < 1e-12
-    assert fit.release_time == 0.0
-    assert fit.warnings == ()
+    assert fit.release_time == 3.0
+    assert fit.eta1 == pytest.approx(4 * math.pi * ratio * frequency)
+    assert fit.eta2 == 0.0 and math.isnan(fit.correlation) and "eta2" not in fit.standard_errors
 
 
 @pytest.mark.parametrize("start", [(0.995, 0.3, 0.5), (1.004, 4.0, 2.0)])
@@ -145,14 +146,6 @@ def test_tiny_and_negative_damping_is_resolved(ratio):
     assert fit.warnings == ()
 
 
-@pytest.mark.parametrize("ratio", [0.1, 0.2, 0.35])
-def test_strong_damping_is_found(ratio):
-    fit = fit_decay(TIME, swing(2.0, ratio, 0.05) - 0.02)
-    assert fit.frequency == pytest.approx(2.0, rel=1e-9)
-    assert fit.damping_ratio == pytest.approx(ratio, rel=1e-9)
-    assert fit.offset == pytest.approx(-0.02, rel=1e-9)
-
-
 def test_uneven_times_and_any_start_of_the_clock_do_not_matter():
     time = np.sort(np.random.default_rng(11).uniform(0.0, 5.0, 2000))
     fit = fit_decay(time + 1000.0, swing(1.85, 0.01, -0.05, 0.3, time - time[0]) + 0.4)
@@ -167,12 +160,13 @@ def test_uneven_times_and_any_start_of_the_clock_do_not_matter():
 
 def test_rest_before_the_release_is_left_out():
     time = np.arange(0.0, 8.0, 0.002)
-    fit = fit_decay(time, swing(1.85, 0.01, 0.05, time=np.maximum(time - 2.0, 0.0)) + 1e-5 * noise(12, len(time)))
-    assert fit.release_time == pytest.approx(2.0, abs=0.03)
-    assert fit.damping_ratio == pytest.approx(0.01, rel=0.01)
-    given = fit_decay(time, swing(1.85, 0.01, 0.05, time=np.maximum(time - 2.0, 0.0)), release_time=2.0)
-    assert given.release_time == pytest.approx(2.0)
-    assert given.damping_ratio == pytest.approx(0.01, rel=1e-9)
+    y = swing(1.85, 0.01, 0.05, time=np.maximum(time - 2.0, 0.0))
+    detected = fit_decay(time, y + 1e-5 * noise(12, len(time)))
+    assert detected.release_time == pytest.approx(2.0, abs=0.03)
+    assert detected.damping_ratio == pytest.approx(0.01, rel=0.01)
+    stated = fit_decay(time, y, release_time=2.0)
+    assert stated.release_time == pytest.approx(2.0)
+    assert stated.damping_ratio == pytest.approx(0.01, rel=1e-9)
 
 
 @pytest.mark.parametrize(("frequency", "η1", "η2", "e0", "_"), TABLE_4)
@@ -200,19 +194,12 @@ def test_a_noisy_quadratic_decay_says_how_little_it_tells_of_eta2(frequency, η1
     assert (fit.intervals()["eta2"][0] == 0.0) == uncertain
 
 
-# Periods, samples per period, periods in which the amplitude falls to 1/e, share of drag, and the seeds of the noise.
-LONG = [
-    (600, 5, 600 / 11.3, 0.0, (17, 21, 25, 30, 35, 41)),
-    (600, 6, 60.0, 0.0, (3, 10, 16, 18, 19, 22, 31, 37)),
-    (800, 6, 800 / 14, 0.5, (6, 9, 15, 48, 49, 61)),
-]
-
-
+@pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize(
-    ("periods", "rate", "life", "share", "seed"), [(*about, seed) for *about, seeds in LONG for seed in seeds]
+    ("periods", "rate", "life", "share"), [(600, 5, 600 / 11.3, 0.0), (600, 6, 60.0, 0.0), (800, 6, 800 / 14, 0.5)]
 )
 def test_a_long_decay_is_fitted_from_its_first_guess(periods, rate, life, share, seed):
-    """When the barrier of IPOPT outweighed the residuals at the guess, the amplitude went to zero."""
+    """Periods, samples per period, periods in which the amplitude falls to 1/e, and share of drag."""
     time, e0, ratio = np.arange(periods * rate) / rate, 0.01, 1 / (2 * math.pi * life)
     η1, η2 = 4 * math.pi * ratio * (1 - share), ratio * share * 3 * math.pi / (4 * e0)
     fit = fit_decay(time, drag(1.0, η1, η2, e0, time=time) + 1e-4 * noise(seed, len(time)), law="quadratic")
@@ -224,33 +211,21 @@ def test_a_long_decay_is_fitted_from_its_first_guess(periods, rate, life, share,
     assert fit.residual_rms == pytest.approx(1e-4, rel=0.05)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("law", ["linear", "quadratic", "friction"])
-def test_every_law_fits_600_periods_in_few_iterations(law):
-    time, ω = np.arange(0.0, 12.0, 1e-3), 100 * math.pi
-    y = 1e-2 * np.exp(-3e-3 * ω * time) * np.cos(ω * time) + np.random.default_rng(4).normal(0.0, 1e-4, len(time))
-    fit = fit_decay(time, y, law=law)
-    natural = 50.0 * math.hypot(1.0, 3e-3) if law == "linear" else 50.0
-    assert abs(fit.frequency - natural) < 4 * fit.standard_errors["frequency"]
-    assert fit.intervals()["damping_ratio"][0] < 3e-3 < fit.intervals()["damping_ratio"][1]
-    assert fit.residual_rms == pytest.approx(1e-4, rel=0.02)
-    assert fit.fit.iterations < 50
-
-
-@pytest.mark.parametrize(("seed", "bounded"), [(5, "eta2"), (60, "eta1")])
-def test_intervals_allow_for_a_term_at_its_bound(seed, bounded):
+@pytest.mark.parametrize("bounded", ["eta2", "eta1"])
+def test_intervals_allow_for_a_term_at_its_bound(bounded):
     """Seven periods do not separate drag from viscous damping: either term may be all of the damping, or none."""
     time = np.linspace(0.0, 7.0, 73)
     η1, η2, e0 = 0.0, 0.43, 0.05374
-    fit = fit_decay(time, drag(1.0, η1, η2, e0, time=time) + 1e-3 * noise(seed, len(time)), law="quadratic")
-    assert fit.at_bound == (bounded,)
+    records = (drag(1.0, η1, η2, e0, time=time) + 1e-3 * noise(seed, len(time)) for seed in range(100))
+    fits = (fit_decay(time, record, law="quadratic") for record in records)
+    fit = next(fit for fit in fits if fit.at_bound == (bounded,))
     ratio = float(equivalent_damping_ratio(η1, η2, 2 * math.pi, e0))
     truth = {"frequency": 1.0, "damping_ratio": ratio, "eta1": η1, "eta2": η2, "amplitude": e0}
     for name, value in truth.items():
         low, high = fit.intervals()[name]
         assert fit.profile(name) == pytest.approx((low, high), abs=0.25 * (high - low))
         assert low - (high - low) / 2 <= value <= high + (high - low) / 2
-    assert fit.intervals()["eta1"][0] == fit.intervals()["eta2"][0] == 0.0
+    assert fit.intervals()[bounded][0] == 0.0
 
 
 @pytest.mark.parametrize(("η1", "η2"), [(0.0, 0.33), (0.15, 0.0), (0.0, 0.0)])
@@ -259,24 +234,6 @@ def test_a_damping_term_that_is_absent_is_found_absent(η1, η2):
     assert fit.eta1 == pytest.approx(η1, rel=1e-4, abs=1e-5)
     assert fit.eta2 == pytest.approx(η2, rel=1e-4, abs=1e-5)
     assert fit.amplitude == pytest.approx(0.076, rel=1e-6)
-
-
-def test_a_numerical_solution_of_the_equation_of_motion_is_fitted_to_first_order_in_its_damping():
-    ω, η1, η2, e0 = 2 * math.pi * 1.85, 0.15, 0.11, 0.076
-    motion = solve_ivp(
-        lambda t, y: [y[1], -η1 * y[1] - η2 * y[1] * abs(y[1]) - ω**2 * y[0]],
-        (0.0, 15.0),
-        [e0, 0.0],
-        t_eval=np.arange(0.0, 15.0, 0.002),
-        method="DOP853",
-        rtol=1e-10,
-        atol=1e-12,
-    )
-    fit = fit_decay(motion.t, motion.y[0], law="quadratic")
-    assert fit.eta1 == pytest.approx(η1, rel=0.01)
-    assert fit.eta2 == pytest.approx(η2, rel=0.01)
-    assert fit.frequency == pytest.approx(1.85, rel=1e-4)
-    assert fit.amplitude == pytest.approx(e0, rel=1e-3)
 
 
 FRICTION = [(1.85, 0.03, 0.15, 0.11, 0.076), (1.85, 0.05, 0.0, 0.0, 0.076), (10.19, 0.2, 0.31, 0.06, 0.0149)]
@@ -304,17 +261,14 @@ def test_friction_that_stops_the_mode_within_the_record_is_found():
     assert fit.intervals()["eta1"][0] < 0.05 < fit.intervals()["eta1"][1]
 
 
-def test_friction_is_told_from_none():
+@pytest.mark.parametrize(("η0", "bounded"), [(0.05, False), (0.0, True)])
+def test_friction_is_told_from_none(η0, bounded):
     """The interval of the coefficient excludes zero with friction, and contains zero without."""
-    with_friction = fit_decay(TIME, rub(1.85, 0.05, 0.15, 0.11, 0.076) + 2e-4 * noise(22), law="friction")
-    low, high = with_friction.intervals()["eta0"]
-    assert 0.0 < low < 0.05 < high
-    assert not any("eta0 does not differ" in warning for warning in with_friction.warnings)
-    without = fit_decay(TIME, rub(1.85, 0.0, 0.15, 0.11, 0.076) + 2e-4 * noise(22), law="friction")
-    assert without.intervals()["eta0"][0] == 0.0
-    assert "eta0" in without.at_bound or any(
-        "eta0 does not differ significantly from zero" in w for w in without.warnings
-    )
+    fit = fit_decay(TIME, rub(1.85, η0, 0.15, 0.11, 0.076) + 2e-4 * noise(22), law="friction")
+    low, high = fit.intervals()["eta0"]
+    assert low <= η0 < high
+    assert (low == 0.0) == bounded
+    assert any(text.startswith(("eta0 is at its bound", "eta0 does not differ")) for text in fit.warnings) == bounded
 
 
 def test_the_friction_of_the_exact_motion_is_found_to_first_order():
@@ -362,16 +316,11 @@ def test_several_records_may_differ_in_length_and_clock():
 @pytest.mark.parametrize(
     ("records", "options", "message"),
     [
-        ([], {}, "records: is empty; give at least one Measurement"),
-        (
-            Measurement(TIME, TIME),
-            {},
-            "records: must be a sequence of Measurement, got a Measurement; put it",
-        ),
-        ([TIME], {}, "records: must be a Measurement, got an array; use"),
+        ([], {}, "records: is empty"),
+        (Measurement(TIME, TIME), {}, "records: must be a sequence"),
+        ([TIME], {}, "records: must be a Measurement"),
         ([Measurement(TIME, TIME)], {"release_times": [0.0, 1.0]}, "release_times: has 2 values for 1 records"),
         ([Measurement(TIME, TIME)], {"release_times": ["now"]}, "release_times: must be a finite number"),
-        ([Measurement(TIME, TIME)], {"law": "cubic"}, "law: must be one of"),
     ],
 )
 def test_unusable_records_are_refused(records, options, message):
@@ -428,12 +377,15 @@ def test_both_kinds_of_intervals_agree_where_the_record_is_good(law):
 def test_an_interval_at_a_bound_is_one_sided_either_way():
     """For some noise, the best estimate of the drag of a record without drag is zero."""
     records = (drag(1.85, 0.15, 0.0, 0.076) + 2e-4 * noise(seed) for seed in range(30))
-    fit = next(fit for fit in (fit_decay(TIME, y, law="quadratic") for y in records) if "eta2" in fit.at_bound)
+    fits = (fit_decay(TIME, record, law="quadratic", rest="zero") for record in records)
+    fit = next(fit for fit in fits if "eta2" in fit.at_bound)
     low, high = fit.intervals()["eta2"]
     assert low == fit.eta2 == 0.0
     assert 0.0 < high < 0.02
     assert fit.profile("eta2") == pytest.approx((0.0, high), rel=0.02, abs=1e-9)
     assert any(warning.startswith("eta2 is at its bound 0;") for warning in fit.warnings)
+    assert re.search(r"eta2 .*\(at its bound\)\n", fit.report()) and re.search(r"offset .*\(fixed\)", fit.report())
+    assert "nan" not in fit.report()
 
 
 @pytest.mark.slow
@@ -448,21 +400,11 @@ def test_intervals_next_to_a_bound_cover_the_truth():
     assert np.mean(covered) >= 0.92
 
 
-def test_a_fixed_quantity_and_one_at_its_bound_are_said_to_be_so():
-    fit = fit_decay(TIME, swing(1.85, 0.01, 0.05) + 1e-4 * noise(29), rest="zero")
-    assert "offset                          0 m  (fixed)" in fit.report()
-    records = (drag(1.85, 0.15, 0.0, 0.076) + 2e-4 * noise(seed) for seed in range(30))
-    fit = next(fit for fit in (fit_decay(TIME, y, law="quadratic") for y in records) if "eta2" in fit.at_bound)
-    assert re.search(r"eta2 +0 1/m  \[0, [0-9.]+\]  \(at its bound\)\n", fit.report())
-    assert "nan" not in fit.report()
-
-
 def test_a_quantity_the_law_does_not_estimate_has_no_interval():
     fit = fit_decay(TIME, swing(1.85, 0.01, 0.05) + 1e-4 * noise(29))
-    with pytest.raises(InputError, match="eta2: is not estimated by this fit; it has frequency, damping_ratio, eta1"):
-        fit.profile("eta2")
-    with pytest.raises(InputError, match="level: must be between 0 and 1"):
-        fit.profile("eta1", 2.0)
+    for arguments, message in ((("eta2",), "eta2: is not estimated"), (("eta1", 2.0), "level: must be between")):
+        with pytest.raises(InputError, match=message):
+            fit.profile(*arguments)
 
 
 def test_a_fit_that_does_not_converge_recommends_what_the_caller_can_change(monkeypatch):
@@ -592,26 +534,11 @@ def test_the_figure_shows_record_residuals_their_autocorrelation_and_the_law():
     assert np.mean(np.abs(correlation[1:]) < repeated.lines[2].get_ydata()[0]) > 0.9
 
 
-def test_a_linear_decay_is_a_quadratic_one_without_drag():
-    fit = fit_decay(TIME, swing(1.85, 0.01, 0.05))
-    assert fit.eta1 == pytest.approx(2 * 0.01 * 2 * math.pi * 1.85)
-    assert fit.eta2 == 0.0
-    assert math.isnan(fit.correlation)
-    assert "eta2" not in fit.standard_errors
-
-
 def test_a_law_that_does_not_tell_all_is_noticed():
     record = swing(2.0, 0.01, 0.05) + swing(12.5, 0.005, 0.004) + 1e-6 * noise(14)
     fit = fit_decay(TIME, record)
     assert fit.frequency == pytest.approx(2.0, rel=1e-3)
     assert any("are not noise: they oscillate" in warning for warning in fit.warnings)
-
-
-def test_the_fitted_curve_is_that_of_the_record():
-    for law in ("linear", "quadratic"):
-        y = (swing(1.85, 0.01, 0.05) if law == "linear" else drag(1.85, 0.15, 0.11, 0.05)) + 0.1
-        fit = fit_decay(TIME + 3.0, y, law=law)
-        np.testing.assert_allclose(fit.displacement(TIME[::50] + 3.0), y[::50], atol=1e-9)
 
 
 @pytest.mark.slow
@@ -629,33 +556,24 @@ def test_the_result_reads_as_text_and_as_json():
     assert fit_decay(TIME, swing(1.85, 0.0, 0.05)).to_dict()["damping_ratio_stderr"] is None
 
 
-def test_nothing_is_printed(capfd):
-    fit_decay(TIME, swing(1.85, 0.01, 0.05))
-    assert capfd.readouterr() == ("", "")
-
-
 @pytest.mark.parametrize(
     ("arguments", "options", "message"),
     [
         ((TIME, TIME[:-1]), {}, "values: has 2499 values for 2500 times"),
         ((TIME, None), {}, "displacement: is missing"),
-        ((Measurement(TIME, TIME), TIME), {}, "displacement: is part of the record already"),
+        ((Measurement(TIME, TIME), TIME), {}, "displacement: is part of the record"),
         ((TIME[::-1], TIME), {}, "time: must increase"),
-        ((TIME, TIME + math.inf), {}, "values: must be finite; sample 1 is inf"),
+        ((TIME, TIME + math.inf), {}, "values: must be finite"),
         ((TIME, np.ones(2500)), {}, "record: is constant"),
         ((TIME, noise(16)), {}, "record: is noise"),
         ((TIME, np.exp(-TIME)), {}, "nothing oscillates"),
         ((TIME[:9], np.cos(TIME[:9])), {}, "record: has 9 samples"),
-        (
-            (TIME, swing(1.85, 0.01, 0.05)),
-            {"law": "cubic"},
-            "law: must be one of linear, quadratic, friction, power, smooth, auto, got 'cubic'",
-        ),
-        ((TIME, swing(1.85, 0.01, 0.05)), {"ratio_bounds": (0.0, 1.0)}, "ratio_bounds: must be in order and between"),
-        ((TIME, swing(1.85, 0.01, 0.05)), {"ratio_bounds": (0.5, 0.1)}, "ratio_bounds: must be in order and between"),
-        ((TIME, swing(1.85, 0.01, 0.05)), {"ratio_bounds": 0.1}, "ratio_bounds: must be a pair"),
-        ((TIME, swing(1.85, 0.01, 0.05)), {"release_time": "now"}, "release_time: must be a finite number"),
-        ((TIME, swing(1.85, 0.01, 0.05)), {"release_time": 9.0}, "record: has 0 samples of free decay"),
+        ((TIME, np.cos(TIME)), {"law": "cubic"}, "law: must be one of linear, quadratic"),
+        ((TIME, np.cos(TIME)), {"ratio_bounds": (0.0, 1.0)}, "ratio_bounds: must be in order"),
+        ((TIME, np.cos(TIME)), {"ratio_bounds": (0.5, 0.1)}, "ratio_bounds: must be in order"),
+        ((TIME, np.cos(TIME)), {"ratio_bounds": 0.1}, "ratio_bounds: must be a pair"),
+        ((TIME, np.cos(TIME)), {"release_time": "now"}, "release_time: must be a finite number"),
+        ((TIME, np.cos(TIME)), {"release_time": 9.0}, "record: has 0 samples"),
     ],
 )
 def test_unusable_input_is_refused(arguments, options, message):
@@ -692,28 +610,6 @@ class TestSiliconeBeam:
         fit = fit_decay(Measurement.from_file(SILICONE / f"beam_{name}_tip.csv"))
         assert fit.frequency == pytest.approx(frequency, abs=0.06)
         assert 0.05 < fit.damping_ratio < 0.08
-
-
-@pytest.mark.parametrize(
-    ("law", "truth", "scatter", "stated"),
-    [
-        ("linear", (10.0, 0.0), 1e-5, "damping_ratio is at its bound 0"),
-        ("linear", (0.4, 0.02), 1e-3, "the law does not hold over the record: frequency is 0.4"),
-        ("linear", (2.0, 0.001), 0.3, "damping_ratio does not differ significantly from zero"),
-        ("power", (2.0, 0.01), 1e-3, "damping_ratio and exponent ("),
-    ],
-    ids=["bound", "change", "zero", "correlation"],
-)
-def test_notes_use_the_names_and_values_of_the_report(law, truth, scatter, stated):
-    frequency, ratio = truth
-    values = swing(frequency, ratio, 0.02) + scatter * 0.02 * noise(5)
-    if stated.startswith("the law"):
-        values = 0.02 * np.exp(-0.05 * TIME) * np.cos(2 * math.pi * (0.4 * TIME + 0.01 * TIME**2))
-        values += 1e-5 * noise(5)
-    fit = fit_decay(TIME, values, law=law, release_time=0.0)
-    notes = " ".join(fit.warnings)
-    assert stated in notes
-    assert not re.search(r"\b(zeta|omega|e0)\b", notes)
 
 
 @pytest.mark.parametrize(("offset", "amplitude"), [(1e9, 1e-2), (1e8, 1e-3), (-1e10, 1.0)])

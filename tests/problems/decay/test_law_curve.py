@@ -48,8 +48,8 @@ def test_the_band_of_a_logarithmic_frequency_holds_the_truth_where_the_record_ha
         rng = np.random.default_rng(seed)
         x = [*map(cs.MX, (*values, rng.uniform(0.0, 2 * math.pi)))]
         truth = [
-            cs.evalf(one).full().item()
-            for one in (model.against_amplitude(np.array([1e-3]), *x)[1], model.quantities(*x)[0])
+            cs.evalf(part).full().item()
+            for part in (model.against_amplitude(np.array([1e-3]), *x)[1], model.quantities(*x)[0])
         ]
         y = cs.evalf(model.curve(time, *x)).full().ravel() + 1e-3 * rng.standard_normal(len(time))
         fit = fit_decay(time, y, law="friction", frequency_law="logarithmic", release_time=0.0)

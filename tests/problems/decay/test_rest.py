@@ -74,7 +74,7 @@ def test_silicone_creeps(load, most):
     assert fit_decay(time, tip).residual_rms > 2 * fit.residual_rms
     for name in ("frequency", "damping_ratio", "creep"):
         assert abs(getattr(later, name) - getattr(fit, name)) < 2 * fit.standard_errors[name]
-    ends = (one.offset + one.drift / one.creep for one in (fit, later))
+    ends = (fit.offset + fit.drift / fit.creep for fit in (fit, later))
     assert np.ptp(list(ends)) < 5e-5
 
 

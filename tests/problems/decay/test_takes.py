@@ -44,7 +44,7 @@ def test_takes_that_differ_are_told_of_and_their_scatter_is_in_the_error():
     ratio = fits.agreements[1]
     assert not ratio.agrees
     assert ratio.scatter == pytest.approx(np.std(ratios, ddof=1), rel=0.1)
-    assert fits.standard_errors["damping_ratio"] > 5 * max(one.standard_errors["damping_ratio"] for one in fits.alone)
+    assert fits.standard_errors["damping_ratio"] > 5 * max(fit.standard_errors["damping_ratio"] for fit in fits.alone)
     assert fits.standard_errors["damping_ratio"] > 2 * fits[0].standard_errors["damping_ratio"]
     assert any(text.startswith("the records do not agree on damping_ratio: 0.01") for text in fits.warnings)
     assert "the 4 records do not agree" in fits.report()
@@ -55,7 +55,7 @@ def test_takes_that_differ_are_told_of_and_their_scatter_is_in_the_error():
 
 def test_the_parameters_of_a_law_are_compared():
     fits = fitted([0.01, 0.01], law="quadratic")
-    assert {"frequency", "eta1"} <= {one.name for one in fits.agreements} <= {"frequency", "eta1", "eta2"}
+    assert {"frequency", "eta1"} <= {agreement.name for agreement in fits.agreements} <= {"frequency", "eta1", "eta2"}
 
 
 def test_one_take_alone_has_nothing_to_agree_with():
@@ -100,7 +100,7 @@ def test_records_agree_on_the_frequency_at_an_amplitude_that_they_share(frequenc
         takes.append(Measurement(t, A * np.cos(phase) + 1e-5 * rng.standard_normal(t.size)))
     fits = fit_decays(takes, frequency_law=frequency_law, release_times=[0.0, 0.0])
     assert [fit.frequency for fit in fits] == pytest.approx([5.7, 5.85], rel=2e-3)
-    shared = next(one for one in fits.agreements if one.name == "frequency")
+    shared = next(agreement for agreement in fits.agreements if agreement.name == "frequency")
     assert shared.mean == pytest.approx(5.85, rel=2e-3)
     assert shared.values == pytest.approx([5.85, 5.85], rel=2e-3)
     assert {"frequency_1", "frequency_2"} <= set(fits.estimates)

@@ -7,8 +7,12 @@ import tracemalloc
 import zipfile
 from pathlib import Path
 
+import ezc3d
+import h5py
 import numpy as np
 import pytest
+import pyuff
+from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
 from ancf_casadi.exceptions import InputError
@@ -24,8 +28,6 @@ MM = 5.0 * np.exp(-0.3 * TIME) * np.cos(2 * np.pi * 3.0 * TIME)  # displacement,
 
 
 def uff_function(**changes):
-    import pyuff
-
     function = pyuff.prepare_58(
         func_type=1, rsp_node=4, rsp_dir=3, ref_node=1, ref_dir=3, ord_data_type=4, num_pts=len(TIME),
         abscissa_spacing=1, abscissa_min=0.0, abscissa_inc=1 / RATE, abscissa_spec_data_type=17,
@@ -35,26 +37,31 @@ def uff_function(**changes):
     return function | changes
 
 
+def write_uff(path, *sets):
+    path.unlink(missing_ok=True)
+    pyuff.UFF(str(path)).write_sets(list(sets), mode="add")
+
+
+def write_tdms(path, *channels):
+    """Write channels of a group: name, values, and properties."""
+    with TdmsWriter(str(path)) as writer:
+        writer.write_segment([ChannelObject("run", *channel) for channel in channels])
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # pyuff leaves the file open
 class TestUniversalFile:
-    @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # pyuff leaves the file open
     @pytest.mark.parametrize("binary", [0, 1])
     def test_data_set_58(self, tmp_path, binary):
-        import pyuff
-
-        path = tmp_path / "record.uff"
-        pyuff.UFF(str(path)).write_sets(uff_function(binary=binary), mode="add")
-        record = Measurement.from_file(path)
+        write_uff(tmp_path / "record.uff", uff_function(binary=binary))
+        record = Measurement.from_file(tmp_path / "record.uff")
         np.testing.assert_allclose(record.time, TIME, atol=1e-12)
         np.testing.assert_allclose(record.values, 1e-3 * MM, rtol=1e-6, atol=1e-9)
         assert record.sensor.quantity == "displacement"
 
-    @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # pyuff leaves the file open
     @pytest.mark.parametrize("padding", [1, 2, 5])
     def test_zeros_behind_the_last_value_are_left_out(self, tmp_path, padding):
-        import pyuff
-
         path = tmp_path / "record.uff"
-        pyuff.UFF(str(path)).write_sets(uff_function(), mode="add")
+        write_uff(path, uff_function())
         lines = path.read_text().rstrip("\n").split("\n")
         zeros = [f"{0.0:20.11e}"] * padding  # 250 values fill half of the last row
         lines[-2] += "".join(zeros[:2])
@@ -65,29 +72,24 @@ class TestUniversalFile:
         np.testing.assert_allclose(record.values, 1e-3 * MM, rtol=1e-5, atol=1e-9)
 
     def test_the_units_of_the_file_hold_for_functions_without_a_label(self, tmp_path):
-        import pyuff
-
-        path = tmp_path / "record.uff"
         units = pyuff.prepare_164(
             units_code=5, temp_mode=1, length=1000.0, force=1000.0, temp=1.0, temp_offset=273.15
         )  # fmt: skip
         accelerations = uff_function(ordinate_spec_data_type=12, ordinate_axis_units_lab="NONE")
-        pyuff.UFF(str(path)).write_sets([units, accelerations], mode="overwrite")
-        record = Measurement.from_file(path)
+        write_uff(tmp_path / "record.uff", units, accelerations)
+        record = Measurement.from_file(tmp_path / "record.uff")
         np.testing.assert_allclose(record.values, 1e-3 * MM, rtol=1e-6, atol=1e-9)
         assert record.sensor.quantity == "acceleration"
 
     def test_other_functions_and_truncated_ones_are_refused(self, tmp_path):
-        import pyuff
-
         path = tmp_path / "record.uff"
-        pyuff.UFF(str(path)).write_sets(uff_function(func_type=2), mode="overwrite")
+        write_uff(path, uff_function(func_type=2))
         with pytest.raises(InputError, match="has no responses over time or frequency"):
             read_recording(path)
-        pyuff.UFF(str(path)).write_sets(uff_function(), mode="overwrite")
+        write_uff(path, uff_function())
         lines = path.read_text().splitlines(keepends=True)
         path.write_text("".join(lines[:20] + lines[-1:]))
-        with pytest.raises(InputError, match="has 28 of 250 values; it is damaged"):
+        with pytest.raises(InputError, match="has 28 of 250 values"):
             read_recording(path)
 
 
@@ -133,24 +135,20 @@ class TestMatlab:
             read_recording(path)
 
     def test_struct_arrays_of_version_7_3_have_the_same_names(self, tmp_path):
-        import h5py
-
         path = tmp_path / "record.mat"
         with h5py.File(path, "w") as file:
             group = file.create_group("runs")
             group.attrs["MATLAB_class"] = np.bytes_("struct")
             for name, values in (("t", [TIME, TIME]), ("tip_mm", [MM, 2 * MM])):
-                fields = [file.create_dataset(f"#refs#/{name}{k}", data=own[None]) for k, own in enumerate(values)]
+                fields = [file.create_dataset(f"#refs#/{name}{k}", data=row[None]) for k, row in enumerate(values)]
                 references = group.create_dataset(name, (2, 1), dtype=h5py.ref_dtype)
-                references[:, 0] = [own.ref for own in fields]
+                references[:, 0] = [field.ref for field in fields]
         record = Measurement.from_file(path, "runs[2].tip_mm", time="runs[2].t")
         np.testing.assert_allclose(record.values, 2e-3 * MM)
 
     @pytest.mark.slow
     @pytest.mark.parametrize("place", ["data set", "group", "file"])
     def test_attributes_of_hdf5_give_unit_and_sampling_rate(self, tmp_path, place):
-        import h5py
-
         path = tmp_path / "record.h5"
         with h5py.File(path, "w") as file:
             tip = file.create_dataset("run/tip", data=MM)
@@ -166,8 +164,6 @@ class TestMatlab:
 
     @pytest.mark.parametrize("value", [-1.0, np.nan, "fast", [1.0, 2.0]])
     def test_an_attribute_that_is_no_rate_counts_for_nothing(self, tmp_path, value):
-        import h5py
-
         path = tmp_path / "record.h5"
         with h5py.File(path, "w") as file:
             file.create_dataset("tip_mm", data=MM).attrs["fs"] = value
@@ -175,8 +171,6 @@ class TestMatlab:
             Measurement.from_file(path)
 
     def test_version_7_3(self, tmp_path):
-        import h5py
-
         path = tmp_path / "record.mat"
         with h5py.File(path, "w", userblock_size=512) as file:
             file.create_dataset("time", data=TIME[None, :])
@@ -189,8 +183,6 @@ class TestMatlab:
         np.testing.assert_allclose(record.values, 1e-3 * MM)
 
     def test_a_data_set_that_is_declared_but_not_stored_is_refused(self, tmp_path):
-        import h5py
-
         path = tmp_path / "record.h5"
         with h5py.File(path, "w") as file:
             file.create_dataset("x", shape=(10**8,), chunks=(1000,), dtype="f8")
@@ -199,8 +191,6 @@ class TestMatlab:
             read_recording(path)
 
     def test_data_in_other_files_are_left_out(self, tmp_path):
-        import h5py
-
         (tmp_path / "secret").write_bytes(bytes(8000))
         path = tmp_path / "record.h5"
         with h5py.File(path, "w") as file:
@@ -274,7 +264,6 @@ class TestNumpy:
 
     @pytest.mark.parametrize("unit", ["Y", "M", "as"])
     def test_dates_that_do_not_count_in_seconds_are_left_out(self, tmp_path, unit):
-        """Regression: NumPy's TypeError or OverflowError was shown."""
         path = tmp_path / "record.npz"
         np.savez(path, date=np.arange(TIME.size).view(f"M8[{unit}]"), time=TIME, x_mm=MM)
         recording = read_recording(path)
@@ -288,8 +277,6 @@ class TestNumpy:
 class TestC3D:
     @pytest.mark.slow
     def test_markers_and_analog_channels(self, tmp_path):
-        import ezc3d
-
         path = tmp_path / "record.c3d"
         file = ezc3d.c3d()
         file["parameters"]["POINT"]["RATE"]["value"] = [RATE]
@@ -323,50 +310,36 @@ class TestC3D:
         copied = read_recording(SILICONE / f"beam_{name}_V2_a.csv")
         assert len(original.channels) == len(copied.channels) == 18
         np.testing.assert_allclose(original.time, copied.time, atol=1e-9)
-        for one, other in zip(original.channels, copied.channels, strict=True):
-            np.testing.assert_allclose(one.values, other.values, atol=6e-6)  # written with five decimals
+        for channel, copy in zip(original.channels, copied.channels, strict=True):
+            np.testing.assert_allclose(channel.values, copy.values, atol=6e-6)  # written with five decimals
 
 
 class TestTdms:
     def test_a_waveform_and_a_channel_of_times(self, tmp_path):
-        from nptdms import ChannelObject, TdmsWriter
-
         path = tmp_path / "record.tdms"
-        with TdmsWriter(str(path)) as writer:
-            properties = {"wf_increment": 1 / RATE, "wf_start_offset": 0.5, "unit_string": "mm"}
-            writer.write_segment([ChannelObject("run", "tip", MM, properties)])
+        write_tdms(path, ("tip", MM, {"wf_increment": 1 / RATE, "wf_start_offset": 0.5, "unit_string": "mm"}))
         record = Measurement.from_file(path)
         np.testing.assert_allclose(record.time, 0.5 + TIME)
         np.testing.assert_allclose(record.values, 1e-3 * MM)
-        with TdmsWriter(str(path)) as writer:
-            columns = [ChannelObject("run", "Time (ms)", 1e3 * TIME), ChannelObject("run", "acc (g)", MM)]
-            writer.write_segment([*columns, ChannelObject("run", "remark", ["a", "b"])])
+        write_tdms(path, ("Time (ms)", 1e3 * TIME), ("acc (g)", MM), ("remark", ["a", "b"]))
         record = Measurement.from_file(path)
         np.testing.assert_allclose(record.time, TIME)
         np.testing.assert_allclose(record.values, 9.80665 * MM)
 
     def test_stamps_count_in_seconds(self, tmp_path):
-        from nptdms import ChannelObject, TdmsWriter
-
-        path = tmp_path / "record.tdms"
         stamps = np.datetime64("2024-05-17T09:30:00", "us") + (1e6 * TIME).round().astype("m8[us]")
-        with TdmsWriter(str(path)) as writer:
-            writer.write_segment([ChannelObject("run", "time", stamps), ChannelObject("run", "x_mm", MM)])
-        np.testing.assert_allclose(Measurement.from_file(path).time, TIME, atol=1e-6)
+        write_tdms(tmp_path / "record.tdms", ("time", stamps), ("x_mm", MM))
+        np.testing.assert_allclose(Measurement.from_file(tmp_path / "record.tdms").time, TIME, atol=1e-6)
 
     @pytest.mark.parametrize("delay", [0, 250_000, 1_500_000])  # microseconds
     def test_channels_that_start_later_have_later_times(self, tmp_path, delay):
-        from nptdms import ChannelObject, TdmsWriter
-
-        path = tmp_path / "record.tdms"
         start = np.datetime64("2024-05-17T09:30:00", "us")
-        channels = [
-            ChannelObject("run", name, MM, {"wf_increment": 0.01, "wf_start_offset": 0.0, "wf_start_time": instant})
+        channels = (
+            (name, MM, {"wf_increment": 0.01, "wf_start_offset": 0.0, "wf_start_time": instant})
             for name, instant in (("x_mm", start), ("y_mm", start + np.timedelta64(delay, "us")))
-        ]
-        with TdmsWriter(str(path)) as writer:
-            writer.write_segment(channels)
-        x, y = read_recording(path).channels
+        )
+        write_tdms(tmp_path / "record.tdms", *channels)
+        x, y = read_recording(tmp_path / "record.tdms").channels
         np.testing.assert_allclose(x.time, TIME, atol=1e-9)
         np.testing.assert_allclose(y.time, TIME + 1e-6 * delay, atol=1e-9)
 
@@ -395,22 +368,16 @@ X_Value\ttip\tComment
 class TestLvm:
     @pytest.mark.parametrize("columns", ["One", "No"])
     def test_one_segment(self, tmp_path, columns):
-        """The library reads only; this is the layout in its documentation."""
+        """The library reads only; this is the layout in its documentation.  A pickled copy is not loaded."""
         path = tmp_path / "record.lvm"
+        (tmp_path / "record.lvm.pkl").write_bytes(pickle.dumps({"Segments": 7}))
         first = [f"{0.5 + t:.6f}" if columns == "One" else "" for t in TIME]
         rows = "".join(f"{t}\t{x:.9f}\n" for t, x in zip(first, MM, strict=True))
         path.write_text(LVM.format(columns=columns, samples=len(TIME)) + rows)
         record = Measurement.from_file(path)
         np.testing.assert_allclose(record.time, 0.5 + TIME)
         np.testing.assert_allclose(record.values, 1e-3 * MM, atol=1e-12)
-        assert [file.name for file in tmp_path.iterdir()] == ["record.lvm"]
-
-    def test_a_pickled_copy_beside_the_file_is_not_loaded(self, tmp_path):
-        path = tmp_path / "record.lvm"
-        rows = "".join(f"{t}\t{x}\n" for t, x in zip(TIME, MM, strict=True))
-        path.write_text(LVM.format(columns="One", samples=len(TIME)) + rows)
-        (tmp_path / "record.lvm.pkl").write_bytes(pickle.dumps({"Segments": 7}))
-        assert len(Measurement.from_file(path).time) == len(TIME)
+        assert {file.name for file in tmp_path.iterdir()} == {"record.lvm", "record.lvm.pkl"}
 
     def test_a_long_file_takes_little_more_memory_than_its_numbers(self, tmp_path, monkeypatch):
         path = tmp_path / "record.lvm"

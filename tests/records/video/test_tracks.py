@@ -45,28 +45,12 @@ def test_the_fit_of_a_track_finds_frequency_and_damping_ratio(strip, found):
     path, true = strip(240, rate=60.0, largest=0.2, marks=(30, 60))
     recording = track_video(path)
     places, _ = found(recording)
-    fit, exact = (fit_decay(recording.time, one[:, 1, 0]) for one in (places, true))
+    fit, exact = (fit_decay(recording.time, track[:, 1, 0]) for track in (places, true))
     for name, tolerance, stated in (("frequency", 1e-4, 2.0), ("damping_ratio", 0.02, 0.01)):
         assert exact.estimates[name] == pytest.approx(stated, rel=1e-2)
         assert fit.estimates[name] == pytest.approx(exact.estimates[name], rel=tolerance)
         low, high = fit.intervals()[name]
         assert low <= exact.estimates[name] <= high
-
-
-@pytest.mark.parametrize("rate", [240.0, 30.0, 22.0])
-def test_the_scatter_of_a_track_is_that_of_its_noise(rate):
-    """At 2 Hz, and with 11 frames per period or more."""
-    time = np.arange(400) / rate
-    motion = 150.0 * np.stack([np.cos(12.6 * time), 0.3 * np.sin(25.2 * time)], axis=1)
-    noise = 0.03 * np.random.default_rng(0).standard_normal(motion.shape)
-    noise[100:110] = np.nan
-    assert _scatter(motion + noise) == pytest.approx(0.03, rel=0.1)
-
-
-def test_the_scatter_of_a_track_in_pieces_is_not_known():
-    points = np.full((40, 2), np.nan)
-    points[::2] = 1.0
-    assert np.isnan(_scatter(points))
 
 
 @pytest.mark.parametrize(("pattern", "largest"), [("dots", 0.0025), ("checkers", 0.0055), ("texture", 0.0025)])
@@ -85,6 +69,18 @@ def test_the_place_within_a_pixel_does_not_matter(render, pattern, largest, star
         mark = mark or mark_at(smooth, place, 9)
         errors.append(point_of(mark, refined(mark, smooth, Pose(np.rint(place)))) - place)
     assert np.std(errors, axis=0).max() < largest
+
+
+@pytest.mark.parametrize("rate", [240.0, 22.0])
+def test_the_scatter_of_a_track_is_that_of_its_noise(rate):
+    """At 2 Hz, and with 11 frames per period or more."""
+    time = np.arange(400) / rate
+    motion = 150.0 * np.stack([np.cos(12.6 * time), 0.3 * np.sin(25.2 * time)], axis=1)
+    noise = 0.03 * np.random.default_rng(0).standard_normal(motion.shape)
+    noise[100:110] = np.nan
+    assert _scatter(motion + noise) == pytest.approx(0.03, rel=0.1)
+    noise[::2] = np.nan  # no two frames in a row
+    assert np.isnan(_scatter(motion + noise))
 
 
 @pytest.mark.slow

@@ -153,10 +153,7 @@ def test_damaged_bytes_anywhere_end_in_a_track_or_in_one_line(strip):
     ("arguments", "message"),
     [
         ({"markers": [1.0, 2.0]}, "^markers: must have the shape"),
-        (
-            {"markers": [[60.0, 200.0]], "radius": 5},
-            "marker 1 at .60, 200.: there is no dot, corner or texture within 5",
-        ),
+        ({"markers": [[60.0, 200.0]], "radius": 5}, "marker 1 at .60, 200.: there is no dot, corner or texture"),
         ({"markers": [[159.4, 81.9]], "radius": 5}, "there is no dot, corner or texture"),  # an edge of the strip
         ({"markers": [[2.0, 2.0]]}, "or the picture ends there"),
         ({"region": (5, 5, 1, 9)}, "^region: must be left, top, right and bottom"),
@@ -173,7 +170,5 @@ def test_a_wrong_argument_is_named(strip, arguments, message):
 
 def test_without_opencv_one_line_names_it(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "cv2", None)
-    with pytest.raises(
-        InputError, match=r"^cv2: is not installed, but video files need it; pip install opencv-python-h"
-    ):
+    with pytest.raises(InputError, match=r"^cv2: is not installed, but video files need it"):
         track_video(tmp_path / "a.avi")

@@ -137,16 +137,6 @@ def test_blocks_and_rows_give_the_same_record_or_message(csv, monkeypatch, text,
     assert read() == found
 
 
-def test_plain_numbers_are_read_in_blocks(csv, monkeypatch, capsys):
-    """A row by itself takes about ten times as long."""
-    monkeypatch.setattr(reader._Reader, "_cells", None)
-    monkeypatch.setattr("ancf_casadi.records.reading.text.reader.BLOCK_BYTES", 5000)
-    text = "t,x,y\n" + "".join(f"{k},{k / 7!r},1\n" for k in range(950))
-    record = Measurement.from_file(csv(text), "x", time_unit="ms", progress=True)
-    assert record.values.tolist() == [k / 7 for k in range(950)]
-    assert capsys.readouterr().err == ""
-
-
 @pytest.mark.parametrize("end", ["END\n", "END", "\nOVL;OVL\n\n", "-- end of record --\nTest finished\n", "END;;\n"])
 @pytest.mark.parametrize("comma", [",", "."])
 def test_words_at_the_end_are_left_out_with_a_note(tmp_path, end, comma):

@@ -53,7 +53,6 @@ def duration(path, text):
 
 @pytest.mark.parametrize("cell", CELLS)
 def test_the_time_grows_as_the_size(tmp_path, cell):
-    """Regression: a name of 300 000 blanks or points, or a number of 100 000 digits, took more than half a minute."""
     small, large = (texts(CELLS[cell](size)) for size in SIZES)
     for place, text in small.items():  # three trials, because other work disturbs one
         before = min(duration(tmp_path / "a.csv", text) for _ in range(2))

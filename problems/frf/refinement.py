@@ -77,12 +77,12 @@ def refine(start: TrialFit) -> tuple[TrialFit, Fit]:
         unknowns.append(Unknown(f"frequency_{mode}", *next(numbers), lower=0.0, unit="Hz"))
         unknowns.append(Unknown(f"damping_ratio_{mode}", *next(numbers), lower=0.0, upper=LARGEST_RATIO))
 
-    def projected(x: Array) -> tuple[Array, Array]:
+    def project_residuals(x: Array) -> tuple[Array, Array]:
         trial = start.with_modes(x)
         return trial.weighted_residuals, trial.jacobian
 
     k, count = start.values.shape
-    residuals = kept(Differentiable(projected, 2 * k * count, len(unknowns)), "projected")
+    residuals = kept(Differentiable(project_residuals, 2 * k * count, len(unknowns)), "projected")
     settings: dict[str, Any] = {
         "gauss_newton": True,
         "series": [k] * (2 * count),

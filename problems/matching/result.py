@@ -138,7 +138,7 @@ class FrequencyMatch(FitResult):
     @property
     def estimates(self) -> dict[str, float]:
         """Value of each property that may change, SI units."""
-        return self._named(self.identifiability.factors * self._given_values)
+        return self._by_name(self.identifiability.factors * self._given_values)
 
     @property
     def units(self) -> dict[str, str]:
@@ -148,7 +148,7 @@ class FrequencyMatch(FitResult):
     @property
     def standard_errors(self) -> dict[str, float]:
         """Standard error of each property that may change, SI units; nan if the data do not determine it."""
-        return self._named(self.identifiability.standard_errors * np.abs(self._given_values))
+        return self._by_name(self.identifiability.standard_errors * np.abs(self._given_values))
 
     def intervals(self, level: float = CONFIDENCE_LEVEL) -> dict[str, Interval]:
         """Return the interval of each property that may change, within its bounds; nan if it is not determined.
@@ -172,7 +172,7 @@ class FrequencyMatch(FitResult):
     def _given_values(self) -> Array:
         return self.matching.space.given_values
 
-    def _named(self, values: Array) -> dict[str, float]:
+    def _by_name(self, values: Array) -> dict[str, float]:
         return dict(zip(self._names, values.tolist(), strict=True))
 
     @property
@@ -250,7 +250,7 @@ class FrequencyMatch(FitResult):
     @property
     def holding(self) -> tuple[tuple[str, float], ...]:
         """Active bounds that limit the fit, with their multipliers in descending order."""
-        costs = self._named(self.multipliers)
+        costs = self._by_name(self.multipliers)
         active = sorted(((name, costs[name]) for name in self.at_bound), key=lambda pair: -pair[1])
         return tuple((name, cost) for name, cost in active if cost > LIMITING_MULTIPLIER * active[0][1])
 

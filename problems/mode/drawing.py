@@ -55,7 +55,7 @@ def _draw_curves(axes: Axes, fit: ModeFit, pairs: list[tuple[ResponseRecord, str
     """Draw amplitudes, phases or levels of records against the frequency, and the computed branches."""
     first_record = pairs[0][0]
     units = {"amplitude": first_record.sensor.unit, "phase": "rad", "level": first_record.excitation_unit}
-    largest = max(float(_measured(curve, name).max()) for curve, _ in pairs)
+    largest = max(float(_measured_values(curve, name).max()) for curve, _ in pairs)
     scale, unit = (1.0, "rad") if name == "phase" else prefixed(largest, units[name])
     for k, (record, constant) in enumerate(pairs):
         colour = f"C{k % 10}"
@@ -63,7 +63,7 @@ def _draw_curves(axes: Axes, fit: ModeFit, pairs: list[tuple[ResponseRecord, str
         control = float(np.median(_controlled_quantity(record)))
         control_scale, symbol = prefixed(control, control_unit)
         label = f"{control / control_scale:.3g} {symbol}".rstrip()
-        axes.plot(record.f, _measured(record, name) / scale, ".", ms=4, color=colour, label=label)
+        axes.plot(record.f, _measured_values(record, name) / scale, ".", ms=4, color=colour, label=label)
         _draw_branches(axes, fit, record, constant, name, scale, colour)
     axes.set(xlabel="frequency, Hz", ylabel=f"{name}, {unit}".removesuffix(", "))
     if name != "phase":
@@ -72,7 +72,7 @@ def _draw_curves(axes: Axes, fit: ModeFit, pairs: list[tuple[ResponseRecord, str
     axes.ticklabel_format(axis="x", useOffset=False)
 
 
-def _measured(record: ResponseRecord, name: str) -> Array:
+def _measured_values(record: ResponseRecord, name: str) -> Array:
     """Return the amplitudes, phases or levels of a record."""
     if name == "phase":
         assert record.measured_phases is not None

@@ -89,7 +89,7 @@ class ModeFit(BlocksResult):
     def quantities(self) -> tuple[tuple[str, ...], tuple[str, ...], Quantities]:
         """Names and units of the quantities, and the function from the unknowns to them."""
         further = [k for k in range(len(self.fit.names)) if k not in self._law_positions]
-        names = (*MODE_QUANTITIES, *(_renamed(self.fit.names[k]) for k in further))
+        names = (*MODE_QUANTITIES, *(_report_name(self.fit.names[k]) for k in further))
         units = (*map(self.model.unit, MODE_QUANTITIES), *(self.fit.units[k] for k in further))
         positions = [list(DECAY_QUANTITIES).index(name) for name in MODE_QUANTITIES]
         model = replace(self.model, lowest=self.min_amplitude)
@@ -114,7 +114,9 @@ class ModeFit(BlocksResult):
     def _ends(self, level: float) -> Array:
         """Return the intervals (q, 2) of all quantities within their bounds."""
         names, bounds = self.quantities[0], self.model.bounds
-        unknowns = dict(zip((_renamed(unknown.name) for unknown in self.fit.unknowns), self.fit.unknowns, strict=True))
+        unknowns = dict(
+            zip((_report_name(unknown.name) for unknown in self.fit.unknowns), self.fit.unknowns, strict=True)
+        )
         limits = [bounds[name] if name in bounds else (unknowns[name].lower, unknowns[name].upper) for name in names]
         lower, upper = np.array(limits).T[:, :, None]
         return np.clip(derived_intervals(self.fit, self.quantities[2], level), lower, upper)
@@ -141,9 +143,9 @@ class ModeFit(BlocksResult):
     @cached_property
     def agreements(self) -> tuple[Agreement, ...]:
         """Agreement of the records, to first order, on each unknown that several determine; empty for one record."""
-        return tuple(self._reported(agreement) for agreement in super().agreements)
+        return tuple(self._convert_agreement(agreement) for agreement in super().agreements)
 
-    def _reported(self, agreement: Agreement) -> Agreement:
+    def _convert_agreement(self, agreement: Agreement) -> Agreement:
         """Convert an agreement on an unknown to the quantity that reports print in its place."""
         name, unit, factor = self.fit.unknowns[self.fit.names.index(agreement.name)].report
         return replace(
@@ -229,6 +231,6 @@ class ModeFit(BlocksResult):
         }
 
 
-def _renamed(name: str) -> str:
+def _report_name(name: str) -> str:
     """Return the name of an unknown in reports: the amplitude of a release in place of e0."""
     return name.replace("e0_", "amplitude_") if name.startswith("e0_") else name

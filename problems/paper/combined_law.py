@@ -153,7 +153,9 @@ class CombinedLawFit:
             if math.isnan(error)
         ]
         if not self.explains_all_modes:
-            implied = ", ".join(f"{value:.3g} +- {error:.2g}" for value, error in zip(*self.implied(), strict=True))
+            implied = ", ".join(
+                f"{value:.3g} +- {error:.2g}" for value, error in zip(*self.eta2_by_mode(), strict=True)
+            )
             notes.append(
                 f"one eta2 does not explain all modes (chi-squared {self.chi_squared:.3g} with "
                 f"{self.degrees_of_freedom} degrees of freedom): the modes alone give {implied} 1/m; "
@@ -161,7 +163,7 @@ class CombinedLawFit:
             )
         return tuple(notes)
 
-    def implied(self) -> tuple[Array, Array]:
+    def eta2_by_mode(self) -> tuple[Array, Array]:
         """Return eta2 of the beam by each mode alone and its standard error, (N,), 1/m."""
         return self.coefficients[:, 1] / self.drag_constants, self.coefficient_errors[:, 1] / self.drag_constants
 
@@ -277,7 +279,7 @@ def _mark_synthetic(figure: Figure) -> None:
 
 def _eta2_figure(fit: CombinedLawFit) -> Figure:
     """Draw eta2 of each mode alone with 95 % intervals, and the common value with its interval as a band."""
-    (figure, (axes,)), (eta2, errors) = new_figure(3.2), fit.implied()
+    (figure, (axes,)), (eta2, errors) = new_figure(3.2), fit.eta2_by_mode()
     numbers, half = np.arange(1, len(eta2) + 1), 1.96 * np.nan_to_num(fit.errors[-1])
     axes.axhspan(fit.eta2 - half, fit.eta2 + half, color=COMPUTED, alpha=0.25, lw=0)
     axes.axhline(fit.eta2, color=COMPUTED, lw=1.2, label="one value for all modes, 95 % band")

@@ -231,7 +231,7 @@ def ratios_over_time(decay: SimulatedDecay) -> tuple[Array, Array, Array]:
     return curve.time, curve.damping_ratio, equivalent_damping_ratio(*map(cs.DM, inputs)).full().ravel()
 
 
-def draw_marked(axes: Axes, x: Array, y: Array, count: int, **style: Any) -> None:
+def draw_markers(axes: Axes, x: Array, y: Array, count: int, **style: Any) -> None:
     """Draw markers at evenly chosen points of a curve."""
     chosen = np.unique(np.linspace(0, len(x) - 1, count).astype(int))
     axes.plot(x[chosen], y[chosen], **style)

@@ -13,7 +13,7 @@ from problems.paper.effects import (
     crossing,
     decay_duration,
     decay_numbers,
-    draw_marked,
+    draw_markers,
     ratios_over_time,
     simulate_decays,
 )
@@ -99,10 +99,10 @@ def _figure(decays: Sequence[SimulatedDecay], ratios: Sequence[Ratios]) -> Figur
     figure, (amplitude, ratio) = new_figure(5.4, 2, sharex=True)
     for k, (law, decay, (time, on_beam, by_formula)) in enumerate(zip(LAWS, decays, ratios, strict=True)):
         markers = {**series(k), "linestyle": "", "ms": 5}
-        draw_marked(amplitude, decay.envelope.time, 1e3 * decay.envelope.amplitude, CURVE_MARKERS, **markers)
+        draw_markers(amplitude, decay.envelope.time, 1e3 * decay.envelope.amplitude, CURVE_MARKERS, **markers)
         amplitude.plot(decay.formula.time, 1e3 * decay.formula.amplitude, **line(k))
         amplitude.plot([], [], **series(k), ms=5, label=law.title)
-        draw_marked(ratio, time, 100 * on_beam, CURVE_MARKERS, **markers)
+        draw_markers(ratio, time, 100 * on_beam, CURVE_MARKERS, **markers)
         ratio.plot(time, 100 * by_formula, **line(k))
     amplitude.set(ylabel="amplitude, mm", yscale="log")
     plain_log_ticks(amplitude, "y")

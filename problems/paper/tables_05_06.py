@@ -18,7 +18,7 @@ from problems.paper.effects import (
     characteristics,
     decay_duration,
     decay_numbers,
-    draw_marked,
+    draw_markers,
     simulate_decays,
 )
 from problems.paper.step import paper_step
@@ -170,7 +170,7 @@ def _frequencies_figure(law: QuadraticLaw, decays: Sequence[SimulatedDecay], end
         axes.set_title(f"{law.title}, {decay.frequency:g} Hz")
         style = {**series(k), "linestyle": "", "ms": 5, "label": f"{decay.frequency:g} Hz"}
         resolved = np.where(decay.envelope.amplitude > LEAST_AMPLITUDE, 1e3 * decay.envelope.amplitude, np.nan)
-        draw_marked(envelopes, decay.envelope.time, resolved, ENVELOPE_MARKERS, **style)
+        draw_markers(envelopes, decay.envelope.time, resolved, ENVELOPE_MARKERS, **style)
         envelopes.plot(decay.formula.time, 1e3 * decay.formula.amplitude, **line(k), lw=1)
     envelopes.set(xlabel="time, s", ylabel="amplitude, mm", yscale="log", xlim=(0.0, end))
     if min(decay.formula.amplitude[-1] for decay in decays) < LEAST_AMPLITUDE:

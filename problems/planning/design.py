@@ -126,18 +126,18 @@ class Design:
 
     def loss(self, information: Array, goal: Array | None) -> Array:
         """Return the loss of lists with the information (..., n, n); ``goal`` has the weights of C_kk, None for D."""
-        information = self._regularised(information)
+        information = self._regularise(information)
         if goal is None:
             return np.asarray(-np.linalg.slogdet(information)[1])
         return np.asarray(np.einsum("...kk,k->...", np.linalg.inv(information), goal))
 
-    def _regularised(self, information: Array) -> Array:
+    def _regularise(self, information: Array) -> Array:
         """Return the information plus a negligible one, which makes it invertible."""
         return np.asarray(information + self.negligible**2 * np.eye(len(self.prior)))
 
     def gains(self, amounts: Array, goal: Array | None) -> Array:
         """Return the gains g (c,): the decrease of the loss per further record, to first order."""
-        covariance = np.linalg.inv(self._regularised(self.total(amounts)))
+        covariance = np.linalg.inv(self._regularise(self.total(amounts)))
         weights = covariance if goal is None else covariance @ np.diag(goal) @ covariance
         return np.asarray(np.einsum("ij,kji->k", weights, self.informations))
 
@@ -145,7 +145,7 @@ class Design:
         """Return the optimal shares (c,) of a budget."""
         count = len(self.costs)
         purchases = self.informations * (budget / self.costs)[:, None, None]
-        prior = self._regularised(self.prior)
+        prior = self._regularise(self.prior)
         # coordinates in which equal shares have the information I
         root = np.linalg.inv(np.linalg.cholesky(prior + purchases.mean(axis=0))).T
         w = cs.SX.sym("w", count)

@@ -102,7 +102,7 @@ class Plan(Reported):
         InputError
             If there is no such candidate, or a number is negative.
         """
-        return self._named(self.design.errors(self.design.total(self._amounts(counts))))
+        return self._errors_by_name(self.design.errors(self.design.total(self._amounts(counts))))
 
     def shares(self, budget: float = 1.0, goal: str = "D") -> dict[str, float]:
         """Return the share of a budget that is best spent on each candidate, if parts of records could be had.
@@ -218,7 +218,7 @@ class Plan(Reported):
         points = np.unique(record.places)
         series = [np.flatnonzero(record.places == point).tolist() for point in points]
         informations = [other_information + record.series_information(indices) for indices in series]
-        return points, self._named([self.design.errors(information) for information in informations])
+        return points, self._errors_by_name([self.design.errors(information) for information in informations])
 
     def over_time(self, name: str, counts: Mapping[str, float] | None = None) -> tuple[Array, dict[str, Array]]:
         """Return the standard errors if a motion ended earlier, at up to 60 instants.
@@ -244,7 +244,7 @@ class Plan(Reported):
         distinct = np.unique(record.times)
         times = distinct[np.unique(np.linspace(0, len(distinct) - 1, INSTANTS + 1).astype(int)[1:])]
         informations = other_information + record.informations_until(times)
-        return times, self._named([self.design.errors(information) for information in informations])
+        return times, self._errors_by_name([self.design.errors(information) for information in informations])
 
     def duration(self, name: str, unknown: str, error: float, counts: Mapping[str, float] | None = None) -> float:
         """Return the time that a motion must last for a standard error of an unknown, s; infinite if it is too short.
@@ -306,7 +306,7 @@ class Plan(Reported):
         y = Coordinates.of(self.unknowns)
         return np.asarray(np.abs(y.slopes(y.guess)) * y.scale)
 
-    def _named(self, errors: Any) -> dict[str, Any]:
+    def _errors_by_name(self, errors: Any) -> dict[str, Any]:
         """Convert standard errors in units of the scales, (n,) or (t, n), to those of the unknowns by name."""
         named_errors = (np.asarray(errors) * self._sizes).T
         return dict(zip(self.guess, named_errors if named_errors.ndim > 1 else named_errors.tolist(), strict=True))

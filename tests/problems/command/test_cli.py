@@ -213,8 +213,8 @@ class TestFitDecay:
         assert data["law"] == data["comparison"]["best"] == "linear"
         assert {"linear", "quadratic", "friction"} <= {law["law"] for law in data["comparison"]["laws"]}
         assert main(["fit-decay", "decay.csv", "--law", "auto"]) == 0
-        assert "most probable: linear" in capsys.readouterr().out
-        assert "leave out --robust" in refused(["fit-decay", "decay.csv", "--law", "auto", "--robust"], files, capsys)
+        text = capsys.readouterr().out
+        assert "most probable: linear" in text and max(map(len, text.splitlines())) <= 100
 
     def test_drift_and_outliers_are_borne_on_request(self, files, capsys):
         assert main(["fit-decay", "decay.csv", "--rest", "drift", "--robust", "--json"]) == 0
@@ -677,14 +677,10 @@ class TestUnusableInput:
     @pytest.mark.parametrize(
         ("old", "new", "what"),
         [
-            ("ratios = [0.0050,", "ratios = [1.0,", "[damping]: ratios: 1: must be at least 0 and below 1"),
             ("ratios = [0.0050,", "ratios = [-0.1,", "[damping]: ratios: 1: must not be negative, got -0.1"),
             ("ratios = [0.0050,", f"ratios = [{'0.01, ' * 16}", "[damping]: ratios: has 20 values for 16 modes"),
             ("ratios = [0.0050,", "rations = [0.0050,", "[damping]: unknown key 'rations'; known are freq"),
             ('"quadratic"', '"cubic"', "[damping]: law: must be one of rayleigh, quadratic, friction, modal, sum,"),
-            ('"quadratic"', '["quadratic"]', "[damping]: law: must be a text, got ['quad"),
-            ("eta2 = 0.11", "eta2 = -0.11", "[damping]: eta2: must not be negative, got -0.11"),
-            ("eta2 = 0.11", "zeta2 = 0.11", "[damping]: unknown key 'zeta2'; known are air_density, drag"),
             ("frequency = 1.876", "frequency = 0", "[base]: frequency: must be positive, got 0"),
             ("stop = 0.2 ", "stop_at = 'once'\nstop = 'late' ", "[base]: stop: must be a number, got 'late'"),
             ("duration = 0.4", "duration = 0", "[simulation]: duration: must be positive, got 0"),

@@ -135,13 +135,6 @@ def test_a_motion_that_would_fill_the_memory_is_refused(run, study):
 
 class TestCompareLaws:
     @pytest.mark.slow
-    def test_on_a_decay(self, run, decay):
-        decay("a.csv", (3.0, 0.02, 5e-3))
-        done = run("fit-decay", "a.csv", "--law", "auto")
-        assert done.code == 0 and "most probable: linear" in done.out
-        assert max(map(len, done.out.splitlines())) <= 100
-
-    @pytest.mark.slow
     def test_on_a_motion(self, run, study):
         assert run("run", "study.toml", "simulation", "--out", "results").code == 0
         done = run("run", "study.toml", "compare")

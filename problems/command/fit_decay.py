@@ -14,7 +14,7 @@ from typing import Any, get_args
 
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.release import separate_takes
-from ancf_casadi.decay.rest import Rest
+from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.files import check_file

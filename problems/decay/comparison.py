@@ -22,9 +22,9 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.decay.first_guess import first_guess, with_rest
+from ancf_casadi.decay.first_guess import first_guess, with_rest_position
 from ancf_casadi.decay.phase import FrequencyLaw
-from ancf_casadi.decay.rest import Rest
+from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.estimation.criteria import Expectation, expectation
 from ancf_casadi.estimation.fit import Fit
@@ -100,7 +100,7 @@ def compare_decay_laws(
     record = as_record(time, displacement)
     release = None if release_time is None else number(release_time, "release_time")
     guess = first_guess(record, release_time=release, rest="creep")
-    guesses = {rest: with_rest(guess, record, rest) for rest in rests}
+    guesses = {rest: with_rest_position(guess, record, rest) for rest in rests}
     bent = evident_law(after_release(record, guess.release), guesses[rests[0]], frequency_laws)
     best = next(model for model in models if model.frequency_law == bent)
     fits: dict[DecayModel, DecayFit] = {}

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.decay.outliers import without_outliers
 from ancf_casadi.decay.phase import FrequencyLaw
-from ancf_casadi.decay.rest import Rest
+from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.estimation.solver.unknown import Priors
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement

@@ -58,7 +58,7 @@ from ancf_casadi.decay.closed_forms import (
 )
 from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.phase import FREQUENCY_TERMS, FrequencyLaw, frequency_change, integral
-from ancf_casadi.decay.rest import REST_TERMS, Rest, rest_position
+from ancf_casadi.decay.rest_position import REST_TERMS, Rest, rest_position
 from ancf_casadi.decay.smooth import (
     AMPLITUDE_SPAN,
     MIDDLE,

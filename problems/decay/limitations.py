@@ -26,8 +26,8 @@ import numpy as np
 import scipy  # its packages are imported on first use
 
 from ancf_casadi.decay.first_guess import DecayGuess, first_guess
-from ancf_casadi.decay.release import MOST_UNEXPLAINED, unexplained_before, unexplained_share
-from ancf_casadi.decay.rest import REST_TERMS
+from ancf_casadi.decay.release import MAX_UNEXPLAINED, unexplained_before, unexplained_share
+from ancf_casadi.decay.rest_position import REST_TERMS
 from ancf_casadi.decay.smooth import SMOOTH_DAMPING, SMOOTH_FREQUENCY
 from ancf_casadi.decay.spectrum import oscillating_power, peak_frequencies
 from ancf_casadi.estimation.agreement import DISAGREE, part_estimates
@@ -177,7 +177,7 @@ def _is_random(decay: DecayFit, record: Measurement) -> bool:
     ω, length = 2 * math.pi * decay.frequency, len(decay.time)
     left = 1 - decay.explained_share
     free = unexplained_share(decay.time, record.values[-length:], ω) if left > LEAST_UNEXPLAINED else 0.0
-    if left > MOST_UNEXPLAINED and free > min(MOST_UNEXPLAINED, left / 3):  # another law or mode would explain more
+    if left > MAX_UNEXPLAINED and free > min(MAX_UNEXPLAINED, left / 3):  # another law or mode would explain more
         return True
     forced, unforced = unexplained_before(record.time[:-length], record.values[:-length], ω, decay.damping_ratio * ω)
     decaying = float(np.var(decay.displacement(decay.time)))

@@ -9,7 +9,7 @@ noise, more would seem to be modes.  At last, modes that fade at once beside the
 An oscillation that is found beside known modes is none of its own in three cases.
 
 Moving mode.  A mode whose frequency depends on its amplitude leaves an oscillation close to its frequency.  Two modes
-under linear damping must be evident (``ancf_casadi.decay.evidence``) beside one mode with friction, linear and
+under linear damping must be evident (``ancf_casadi.decay.bic``) beside one mode with friction, linear and
 quadratic damping, and a frequency that is logarithmic in the amplitude or changes with a power of it.  The samples
 count as the number of those with white noise that would determine the modes as well.
 
@@ -35,10 +35,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ancf_casadi.decay.evidence import evident, visible
-from ancf_casadi.decay.first_guess import CLOSE
+from ancf_casadi.decay.bic import is_visible, larger_model_is_evident
+from ancf_casadi.decay.first_guess import SAME_MODE_DISTANCE
 from ancf_casadi.decay.phase import FrequencyLaw
-from ancf_casadi.decay.release import MINIMUM_PERIODS
+from ancf_casadi.decay.release import MIN_PERIODS
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
@@ -88,13 +88,13 @@ class ModeSearch:
             if one is not None:
                 return self._move(near, mode, one)
         orders = [(k, order) for k, known in enumerate(self.modes) if (order := harmonic_order(known, mode))]
-        if not (close or orders or is_visible(mode)):  # alone: no misfit of a mode shapes the rest there
+        if not (close or orders or mode_is_visible(mode)):  # alone: no misfit of a mode shapes the rest there
             return self._as_noise(mode)
         try:
             joint = together([*self.shapes, mode], t, self.values - self.other - sum(self.harmonics.values()))
         except FitError:
             joint = None
-        if joint is not None and not is_visible(joint[-1]):
+        if joint is not None and not mode_is_visible(joint[-1]):
             return self._as_noise(mode)
         if any(self._is_harmonic(k, order, mode) for k, order in orders):
             return ""
@@ -174,7 +174,7 @@ def lasts(mode: DecayFit) -> bool:
     """Return whether an oscillation lasts for some periods."""
     rate, length = decay_rate(mode), float(mode.time[-1] - mode.time[0])
     lasts = min(length, math.log(20) / rate if rate > 0.0 else math.inf)  # until a twentieth is left
-    return bool(mode.frequency * lasts >= MINIMUM_PERIODS)
+    return bool(mode.frequency * lasts >= MIN_PERIODS)
 
 
 def decay_rate(mode: DecayFit) -> float:
@@ -182,15 +182,15 @@ def decay_rate(mode: DecayFit) -> float:
     return mode.values["damping_ratio"] * 2 * math.pi * mode.values["frequency"]
 
 
-def is_visible(mode: DecayFit) -> bool:
-    """Return whether the noise, with its colour, leaves a mode visible beside those fitted with it."""
-    place = next(k for k in mode.indices if mode.fit.names[k].startswith("e0"))
-    return bool(visible(mode.fit.values[place], mode.fit.errors[place], mode.samples))
+def mode_is_visible(mode: DecayFit) -> bool:
+    """Return whether a mode stands out of the noise, with its colour, beside the modes fitted with it."""
+    k = next(k for k in mode.indices if mode.fit.names[k].startswith("e0"))
+    return bool(is_visible(mode.fit.values[k], mode.fit.errors[k], mode.samples))
 
 
 def is_near(first: DecayFit, second: DecayFit) -> bool:
     """Return whether two modes are so close that they may be one."""
-    return bool(abs(first.frequency - second.frequency) <= CLOSE * first.frequency)
+    return bool(abs(first.frequency - second.frequency) <= SAME_MODE_DISTANCE * first.frequency)
 
 
 def single(first: DecayFit, second: DecayFit, t: Array, y: Array) -> DecayFit | None:
@@ -205,14 +205,14 @@ def single(first: DecayFit, second: DecayFit, t: Array, y: Array) -> DecayFit | 
     left, beside = (float(fit.residuals @ fit.residuals) for fit in (one, two))
     samples = min(effective_samples(two), effective_samples(one))
     further = len(two.fit.names) - len(one.fit.names)
-    return None if evident(left, beside, samples, further, float(y @ y)) else one
+    return None if larger_model_is_evident(left, beside, samples, further, float(y @ y)) else one
 
 
 def is_better(mode: DecayFit, rest: Array, curve: Array) -> bool:
     """Return whether another fit of a mode clearly leaves less than the present one, with its curve and its rest."""
     left = rest + curve - mode.displacement(mode.time)
     squares = float(rest @ rest), float(left @ left)
-    return evident(*squares, effective_samples(mode), 0, float(curve @ curve))
+    return larger_model_is_evident(*squares, effective_samples(mode), 0, float(curve @ curve))
 
 
 def effective_samples(fit: DecayFit) -> float:
@@ -237,7 +237,7 @@ def _moving(mode: DecayFit, t: Array, y: Array) -> DecayFit | None:
 def harmonic_order(mode: DecayFit, other: DecayFit) -> int | None:
     """Return the order of the harmonic of a mode that another, weaker one may be; None if it cannot be one."""
     order = round(other.frequency / mode.frequency)
-    near = abs(other.frequency - order * mode.frequency) <= CLOSE * order * mode.frequency
+    near = abs(other.frequency - order * mode.frequency) <= SAME_MODE_DISTANCE * order * mode.frequency
     return order if order in HARMONICS and near and mode.amplitude > other.amplitude else None
 
 
@@ -263,4 +263,4 @@ def harmonic(mode: DecayFit, order: int, t: Array, rest: Array) -> Array:
 def is_harmonic(left: Array, beside: Array, mode: DecayFit, fundamental: Array) -> bool:
     """Return whether the rest after a harmonic leaves no evidence of a mode, which leaves the rest ``beside``."""
     squares = float(left @ left), float(beside @ beside)
-    return not evident(*squares, effective_samples(mode), 2, float(fundamental @ fundamental))
+    return not larger_model_is_evident(*squares, effective_samples(mode), 2, float(fundamental @ fundamental))

@@ -19,7 +19,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.decay.first_guess import first_guess
-from ancf_casadi.decay.rest import REST_TERMS
+from ancf_casadi.decay.rest_position import REST_TERMS
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.solver.least_squares import least_squares

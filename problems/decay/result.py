@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.envelope import LawCurve
 from ancf_casadi.decay.phase import FrequencyLaw
-from ancf_casadi.decay.rest import REST_TERMS
+from ancf_casadi.decay.rest_position import REST_TERMS
 from ancf_casadi.estimation.intervals import Quantities
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import LeastSquaresResult

@@ -36,9 +36,9 @@ from ancf_casadi.decay.first_guess import DecayGuess, first_guess
 from ancf_casadi.decay.outliers import without_outliers
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.quantisation import rounding_errors
-from ancf_casadi.decay.rest import REST_TERMS
+from ancf_casadi.decay.rest_position import REST_TERMS
 from ancf_casadi.decay.smooth import MIDDLE, SMOOTH_DAMPING, SMOOTH_FREQUENCY, smooth_nodes, smooth_steps
-from ancf_casadi.decay.spectrum import is_even
+from ancf_casadi.decay.spectrum import has_even_steps
 from ancf_casadi.estimation.agreement import DISAGREE, allowing_for_errors, allowing_for_later_starts
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solve import standardised_residuals
@@ -227,7 +227,7 @@ def reduced_counts(decays: Sequence[Measurement], ω: Sequence[float]) -> list[i
     ]
     lengths = [len(decay.time) for decay in decays]
     ratio = max(count / length for count, length in zip(needed, lengths, strict=True))
-    if 2 * ratio >= 1.0 or not all(is_even(decay.time) for decay in decays):
+    if 2 * ratio >= 1.0 or not all(has_even_steps(decay.time) for decay in decays):
         return lengths
     return [math.ceil(ratio * length) for length in lengths]
 

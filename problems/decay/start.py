@@ -1,6 +1,6 @@
 """Starting values of a decay fit, from amplitude and phase over time.
 
-With the track A_k, theta_k (``ancf_casadi.decay.track``), the integrals of the slow flow are linear in its unknowns,
+With the track A_k, theta_k (``decay.amplitude_phase``), the integrals of the slow flow are linear in its unknowns,
 
     ln A = ln e0 - c int 1/A dt - a t - b int A dt,    theta = phi + omega t + omega k int delta(A)/k dt,
 
@@ -19,10 +19,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from ancf_casadi.decay.evidence import evident
+from ancf_casadi.decay.amplitude_phase import (
+    Track,
+    cumulative_integral,
+    fit_loss_rates,
+    track_oscillation,
+    weighted_least_squares,
+)
+from ancf_casadi.decay.bic import larger_model_is_evident
 from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.phase import FrequencyLaw
-from ancf_casadi.decay.track import Track, losses_of, regression, since_start, track
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from problems.decay.laws import DECAY_TERMS, EXPONENTS, DecayModel
@@ -67,7 +73,7 @@ def evident_law(decay: Measurement, guess: DecayGuess, laws: Sequence[FrequencyL
     A = found.amplitude
     left = [_bent(found, DecayModel("linear", frequency_law=law, reference=float(A.max())))[0] for law in laws]
     best = int(np.argmin(left))
-    return laws[best] if evident(left[0], left[best], len(A), 2, float(A @ A)) else laws[0]
+    return laws[best] if larger_model_is_evident(left[0], left[best], len(A), 2, float(A @ A)) else laws[0]
 
 
 def span_of(decays: Sequence[Measurement], guesses: Sequence[DecayGuess]) -> float:
@@ -88,7 +94,7 @@ def span_of(decays: Sequence[Measurement], guesses: Sequence[DecayGuess]) -> flo
 def _track(time: Array, values: Array, guess: DecayGuess, per_amplitude: float = 1.0) -> Track:
     """Return the oscillation of a decay about its rest position, divided by a unit of the amplitude."""
     about = (values - guess.equilibrium(time)) / per_amplitude
-    return track(time, about, guess.ω * math.sqrt(1 - guess.ζ**2))
+    return track_oscillation(time, about, guess.ω * math.sqrt(1 - guess.ζ**2))
 
 
 def _bent(found: Track, model: DecayModel) -> tuple[float, tuple[float, ...], list[float]]:
@@ -96,9 +102,9 @@ def _bent(found: Track, model: DecayModel) -> tuple[float, tuple[float, ...], li
     A, fits = found.amplitude, []
     for shape in SHAPES.get(model.frequency_law, ((),)):
         linear = np.eye(len(model.frequency_terms) - len(shape)).tolist()  # unknowns of which the phase is linear
-        changes = [since_start(found.time, model.change(A, *one, *shape)) for one in linear]
+        changes = [cumulative_integral(found.time, model.change(A, *one, *shape)) for one in linear]
         line = [np.ones(len(A)), found.time, *changes]
-        coefficients, left = regression(line, found.phase, A)
+        coefficients, left = weighted_least_squares(line, found.phase, A)
         fits.append((left, shape, coefficients))
     return min(fits)
 
@@ -109,7 +115,7 @@ def _phase(found: Track, model: DecayModel) -> tuple[float, dict[str, float], fl
     left, _, (φ, ω) = _bent(found, replace(model, frequency_law="constant"))
     if model.bends:
         less, shape, (φ_0, ω_0, *changes) = _bent(found, model)
-        if evident(left, less, len(A), len(model.frequency_terms), float(A @ A)):
+        if larger_model_is_evident(left, less, len(A), len(model.frequency_terms), float(A @ A)):
             bending = (*(change / ω_0 for change in changes), *shape)
             return ω_0, dict(zip(model.frequency_terms, bending, strict=True)), φ_0
     return ω, {}, φ
@@ -121,19 +127,19 @@ def _damping(found: Track, model: DecayModel, ω: float) -> tuple[float, dict[st
     if model.law == "power":
         candidates = []
         for p in np.arange(EXPONENTS[0], EXPONENTS[1] + 0.5, 0.5).tolist():
-            loss = since_start(time, (A / model.reference) ** (p - 1))
-            (level, rate), left = regression([np.ones(len(A)), -loss], np.log(A), A)
+            loss = cumulative_integral(time, (A / model.reference) ** (p - 1))
+            (level, rate), left = weighted_least_squares([np.ones(len(A)), -loss], np.log(A), A)
             candidates.append((left, level, rate, p))
         _, level, rate, p = min(candidates)
         return math.exp(level), {"zeta": rate / ω, "exponent": p}
     losses = {
         "zeta": ω * time,
         "eta1": time / 2,
-        "eta2": 4 * ω / (3 * math.pi) * since_start(time, A),
-        "eta0": 2 / (math.pi * ω) * since_start(time, 1 / A),
+        "eta2": 4 * ω / (3 * math.pi) * cumulative_integral(time, A),
+        "eta0": 2 / (math.pi * ω) * cumulative_integral(time, 1 / A),
     }
     names = DECAY_TERMS[model.law] or ("zeta",)
-    level, found_terms, _ = losses_of(A, [losses[name] for name in names])
+    level, found_terms, _ = fit_loss_rates(A, [losses[name] for name in names])
     values = dict(zip(names, found_terms, strict=True))
     total = sum(value * losses[name][-1] for name, value in values.items())
     # of the damping, with which a term starts that the regression finds negative

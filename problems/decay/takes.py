@@ -10,7 +10,7 @@ from typing import Any, overload
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.decay.rest import REST_TERMS
+from ancf_casadi.decay.rest_position import REST_TERMS
 from ancf_casadi.estimation.agreement import Agreement
 from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, Quantities
 from ancf_casadi.estimation.prediction import RecordPrediction

@@ -24,7 +24,7 @@ import numpy as np
 
 from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.phase import FrequencyLaw
-from ancf_casadi.decay.rest import Rest
+from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.decay.smooth import AMPLITUDE_SPAN
 from ancf_casadi.estimation.block import Block
 from ancf_casadi.estimation.solve import FitProblem, FitSolution, solve

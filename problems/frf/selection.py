@@ -162,7 +162,7 @@ class Selection:
             fit = quick_fit(TrialFit(model, self.values, weights, f, ζ), TRIAL_TOLERANCE)
             if fit is None:
                 return None
-            kept = self._kept(fit)
+            kept = self._positions(fit)
             if kept.all():
                 return fit
             f, ζ = fit.frequencies[kept], fit.ratios[kept]
@@ -206,7 +206,7 @@ class Selection:
         threshold = (refined.parameters - smaller.parameters) * math.log(effective) + VERY_STRONG
         return bool(gain > threshold)
 
-    def _kept(self, fit: TrialFit) -> Mask:
+    def _positions(self, fit: TrialFit) -> Mask:
         """Return which modes of a fit are not dropped."""
         f, ζ, lines = fit.frequencies, fit.ratios, fit.model.frequencies
         kept = (f >= lines[0]) & (f <= lines[-1])

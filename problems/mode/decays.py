@@ -29,7 +29,7 @@ from problems.beam.curves.response_block import ResponseBlock, first_weights
 from problems.decay.laws import DecayModel
 from problems.decay.limitations import NOISE_FREE
 from problems.decay.result import DecayFit
-from problems.decay.solution import fitted_part, rounding_error, rounding_of
+from problems.decay.solution import fitted_samples, rounding_curves, rounding_error
 from problems.mode.oscillator import closest_motions, response_curve
 
 # factor on standard deviations below which rounding hides the closest points (test_known_values_are_recovered...)
@@ -50,7 +50,7 @@ class ModeDecay:
     def rounding(self, values: Mapping[str, float]) -> Array:
         """Return the errors (m, 4) of rounding, for values of the unknowns by name."""
         own = np.array([values[name] for name in self.names])
-        return rounding_of(self.model, own, self.decay, self.step, self.alone.residual_rms)
+        return rounding_curves(self.model, own, self.decay, self.step, self.alone.residual_rms)
 
     def curve(self, given: Mapping[str, cs.MX]) -> cs.MX:
         """Return the decay (m,) for unknowns by name, in the unit of the sensor."""
@@ -201,7 +201,7 @@ def mode_decay(
     """Return a decay as its fit alone used it; the names of the unknowns of its release end with its number."""
     names = tuple(name if name in shared else f"{name}_{number}" for name in alone.fit.names)
     label = record.name or f"decay {number}"
-    return ModeDecay(label, fitted_part(record, alone), replace(model, sensor=record.sensor), names, alone,
+    return ModeDecay(label, fitted_samples(record, alone), replace(model, sensor=record.sensor), names, alone,
                      resolution(record.values))  # fmt: skip
 
 

@@ -39,13 +39,13 @@ from problems.beam.curves.record import ResponseRecord
 from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law, with_priors
 from problems.decay.result import DecayFit
 from problems.decay.solution import (
-    MOST_TURNS,
-    allow_for_late_parts,
+    MAX_ITERATIONS,
+    allow_for_late_residuals,
     allow_for_rounding,
     as_record,
-    fit_one,
-    is_settled,
-    without_stated_smoothness,
+    fit_record,
+    has_converged,
+    without_smoothness_test,
 )
 from problems.mode.decays import (
     DecayBlock,
@@ -143,7 +143,7 @@ def fit_mode(
     releases = [None] * len(decays) if release_times is None else numbers(release_times, "release_times")
     if len(releases) != len(decays):
         raise InputError(f"has {len(releases)} values for {len(decays)} decays", "release_times")
-    alone = [fit_one(one, stated, release_time=t, robust=robust) for one, t in zip(decays, releases, strict=True)]
+    alone = [fit_record(one, stated, release_time=t, robust=robust) for one, t in zip(decays, releases, strict=True)]
     factors = [reading_factor(one) for one in curves]
     turned = [oriented(one, float(np.angle(factor[0]))) for one, factor in zip(curves, factors, strict=True)]
     curves = [one for one, _ in turned]
@@ -242,11 +242,11 @@ def _stated(
 def _settled(solution: FitSolution) -> FitSolution:
     """Return the solution with the sizes of the changes of smooth laws that its residuals show."""
     smoothness = _smoothness(solution)
-    for _ in range(MOST_TURNS if smoothness.size else 0):
+    for _ in range(MAX_ITERATIONS if smoothness.size else 0):
         before, problem = smoothness, solution.problem
         solution = solve(replace(problem, unknowns=tuple(started(problem.unknowns, solution.fit.estimates))))
         smoothness = _smoothness(solution)
-        if is_settled(before, smoothness):
+        if has_converged(before, smoothness):
             break
     return solution
 
@@ -268,7 +268,7 @@ def _span(curves: Sequence[ResponseRecord]) -> float:
 
 def _with_noise_of_decays(solution: FitSolution) -> FitSolution:
     """Return a solution whose noise is as in ``fit_decay``, with the scatter between late parts and the rest."""
-    solution = replace(solution, fit=without_stated_smoothness(solution.fit))
+    solution = replace(solution, fit=without_smoothness_test(solution.fit))
     for block, fitted in solution.parts:
         if isinstance(block, DecayBlock):
             ends = fitted.rows.start + np.cumsum([0, *block.series])
@@ -277,7 +277,7 @@ def _with_noise_of_decays(solution: FitSolution) -> FitSolution:
             pairs = zip(block.decays, block.weights.deviations.tolist(), strict=True)
             rounding = [fitted.scale / std * one.rounding(fitted.fit.estimates) for one, std in pairs]
             fit = allow_for_rounding(fitted.fit, decays, rounding)
-            return replace(solution, fit=allow_for_late_parts(fit, decays, noise_free))
+            return replace(solution, fit=allow_for_late_residuals(fit, decays, noise_free))
     return solution
 
 

@@ -58,7 +58,7 @@ from problems.beam.curves.points import MOST_STEPS, POINTS_CLOSE, CurvePoints, M
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
 from problems.decay.laws import DECAY_TERMS, DecayModel
 from problems.decay.solution import simpler_models, smooth_values
-from problems.decay.start import SHAPES
+from problems.decay.starting_values import NONLINEAR_STARTS
 
 POINTS_CLOSE_ENOUGH = 1e-3  # the same, where rounding keeps further steps from shrinking
 LONGEST_STEP = 0.2  # of log A
@@ -208,7 +208,7 @@ def _best_regression(
 ) -> tuple[float, dict[str, float]]:
     """Return the misfit and the values of the best exponents and corners."""
     best: tuple[float, dict[str, float]] | None = None
-    for bending in SHAPES.get(model.frequency_law, ((),)):
+    for bending in NONLINEAR_STARTS.get(model.frequency_law, ((),)):
         for damping in ((p,) for p in EXPONENT_STARTS) if model.law == "power" else ((),):
             left, values = _regression(model, groups, known, bending, damping)
             if best is None or left < best[0]:
@@ -228,7 +228,7 @@ def _regression(
     omega, A, g = map(np.concatenate, zip(*groups.values(), strict=True))
     weight, middle, none = 1 / np.abs(g), float(np.median(omega)), np.zeros(len(g))
     columns = [np.concatenate([none + 1, none])]
-    if model.bends:
+    if model.frequency_varies:
         linear = np.eye(len(model.frequency_terms) - len(bending))
         columns += [np.concatenate([model.change(A, *one, *bending), none]) for one in linear]
     first = len(columns)  # of the damping
@@ -255,7 +255,7 @@ def _regression(
     x = found.x / size
     square = max(float(x[0]), 1e-6 * middle**2)
     values = {"omega": math.sqrt(square)}
-    if model.bends:
+    if model.frequency_varies:
         changes = x[1:first] / (2 * square)
         values |= dict(zip(model.frequency_terms, (*changes.tolist(), *bending), strict=True))
     values |= dict(zip(names, x[first:].tolist(), strict=False))

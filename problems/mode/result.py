@@ -23,14 +23,14 @@ from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.tables import Table
 from problems.beam.curves.checks import oriented
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
-from problems.decay.law_curve import given_amplitudes, with_bands
+from problems.decay.law_curve import check_amplitudes, curve_with_bands
 from problems.decay.laws import DECAY_QUANTITIES, DecayModel
-from problems.decay.prediction import predicted
-from problems.decay.takes import OF_RECORD
+from problems.decay.prediction import predict_decay
+from problems.decay.takes import RELEASE_QUANTITIES
 from problems.mode.decays import ModeCurveBlock, curves_of_mode
 from problems.mode.oscillator import reading_factor
 
-OF_MODE = tuple(name for name in DECAY_QUANTITIES if name not in OF_RECORD)
+OF_MODE = tuple(name for name in DECAY_QUANTITIES if name not in RELEASE_QUANTITIES)
 USUAL_PARTICIPATION = (0.05, 20.0)  # of a mode that its base drives; beyond, the unit of the levels is in doubt
 
 
@@ -131,12 +131,12 @@ class ModeFit(BlocksResult):
             If an amplitude is not positive, or the level is not between 0 and 1.
         """
         given = np.geomspace(self.min_amplitude, self.max_amplitude, 60) if amplitudes is None else amplitudes
-        chosen = given_amplitudes(given)
+        chosen = check_amplitudes(given)
 
         def against(*x: cs.MX) -> tuple[cs.MX, cs.MX]:
             return self.model.against_amplitude(chosen, *(x[k] for k in self._laws), cs.MX(1), cs.MX(0))
 
-        return with_bands(self.fit, against, chosen, level, self.model.unit("amplitude"))
+        return curve_with_bands(self.fit, against, chosen, level, self.model.unit("amplitude"))
 
     @cached_property
     def agreements(self) -> tuple[Agreement, ...]:
@@ -190,7 +190,7 @@ class ModeFit(BlocksResult):
         if isinstance(record, Measurement):
             model = replace(self.given, reference=self.model.reference, sensor=record.sensor)
             noise = [float(np.mean(one.noise)) for one in self.channels if one.unit == record.sensor.unit]
-            return predicted(self.fit, [(model, self._laws)], noise[0] if noise else math.nan, record)
+            return predict_decay(self.fit, [(model, self._laws)], noise[0] if noise else math.nan, record)
         block = self.curve_block
         pairs = zip(block.records, block.constants, strict=True) if block else ()
         names = {str(one.excitation_unit): name for one, name in pairs}

@@ -29,7 +29,7 @@ from ancf_casadi import (
     simulate,
     simulate_reduced,
 )
-from ancf_casadi.reduction.reduced import rebuilt
+from ancf_casadi.reduction.reduced import rebuild_reduction
 from ancf_casadi.response.harmonic_balance.beams import reduced_system
 
 LENGTH, SLENDERNESS = 1.0, 1000.0  # m, length per radius of gyration
@@ -211,7 +211,7 @@ def test_motion_on_a_base_that_moves_and_turns_is_that_of_the_full_beam():
 
 def test_a_model_rebuilt_with_the_same_properties_is_the_same(bare):
     motion = Q, V, V, np.zeros(12), bare.values
-    forces = [reduced_system(own).functions(1).balance(*motion) for own in (bare, rebuilt(bare, bare.model))]
+    forces = [reduced_system(own).functions(1).balance(*motion) for own in (bare, rebuild_reduction(bare, bare.model))]
     np.testing.assert_allclose(forces[1], forces[0], rtol=1e-8)
 
 

@@ -29,8 +29,8 @@ from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.assembly import per_element, scatter, structure_properties
-from ancf_casadi.vibration.equilibrium import Equilibrium, neighbour
-from ancf_casadi.vibration.modal_state import ModalState, coordinate_derivatives, follow, followed_modes, gradient
+from ancf_casadi.vibration.equilibrium import Equilibrium, neighbouring_equilibrium
+from ancf_casadi.vibration.modal_state import ModalState, coordinate_derivatives, follow, gradient, modal_state
 from ancf_casadi.vibration.modes import natural_modes
 from ancf_casadi.vibration.statics import stable_position, static_equilibrium
 from problems.beam.properties import scaled, scaled_model
@@ -42,7 +42,7 @@ STATIC_QUANTITIES = ("position", "displacement", "slope", "strain", "force", "mo
 
 def modal_response(model: Model, numbers: Index, owners: Index) -> Respond:
     """Return the function from factors to the natural frequencies (Hz) of modes, from 0, and their Jacobian."""
-    standard = followed_modes(natural_modes(model, count=int(numbers.max()) + 1), numbers)
+    standard = modal_state(natural_modes(model, count=int(numbers.max()) + 1), numbers)
 
     def respond(factors: Array) -> tuple[Array, Array]:
         properties, directions = scaled(standard.properties, owners, factors)
@@ -84,7 +84,7 @@ def _read_at_rest(
     """Return the readings in one case, (k,), and their Jacobian, (k, p), from the equilibrium of the given beam."""
     own, directions = scaled(rest.structure.properties, owners, factors)
     structure = replace(rest.structure, properties=own)
-    at = neighbour(structure, rest.exact)
+    at = neighbouring_equilibrium(structure, rest.exact)
     if at is None:
         at = stable_position(scaled_model(model, owners, factors), rest.all_loads)
     state = ModalState(structure, at, np.arange(0), np.zeros(0), np.zeros((model.size, 0)))
@@ -99,7 +99,7 @@ def _base_forces(state: ModalState, dq: Array, directions: Array) -> tuple[Array
     """Return the generalized forces on the base, (4,), and their derivatives, (4, N)."""
     size = state.model.size
     force, change = np.zeros((size, 1)), np.zeros(dq.shape)
-    for part in state.structure.parts:
+    for part in state.structure.groups:
         own, by_coordinate, by_property, _ = per_element(part.balance.linearisation, *state.inputs(part))
         force += scatter(part.coordinates, own, size)
         moved = by_coordinate @ dq[part.coordinates] + by_property @ directions[part.properties]

@@ -114,9 +114,8 @@ def _draw(film: Film, moves: Movements) -> Figure:
 def _panels(figure: Figure, film: Film) -> list[Axes]:
     """Return panels of one scale, in as many rows and columns as make them large, with titles and gravity."""
     drawn_beams = [beam for _, beams in film.panels for beam in beams.values()]
-    positions = 1e3 * np.concatenate(
-        [beam.reshape(-1, 2) for beam in (*(beam.positions for beam in drawn_beams), film.markers)]
-    )
+    shown = [*(beam.positions for beam in drawn_beams), film.markers]
+    positions = 1e3 * np.concatenate([points.reshape(-1, 2) for points in shown])
     low, high = np.nanmin(positions, axis=0), np.nanmax(positions, axis=0)
     middle, size = (low + high) / 2, (high - low) + 0.2 * float((high - low).max())  # with room for symbols
     count = len(film.panels)

@@ -240,9 +240,8 @@ def _in_few_colours(pictures: Iterator[Image.Image], background: Image.Image | N
         reduced = background.quantize(TRANSPARENT - len(colours))
         background_colours = bytes(reduced.getpalette() or [])
     palette = Image.new("P", (1, 1))
-    palette.putpalette(
-        (colours.tobytes() + background_colours).ljust(3 * (TRANSPARENT + 1), b"\xff")
-    )  # PNG files need all
+    colour_bytes = colours.tobytes() + background_colours
+    palette.putpalette(colour_bytes.ljust(3 * (TRANSPARENT + 1), b"\xff"))  # PNG files need all
     for picture in pictures:
         yield picture.quantize(palette=palette, dither=Image.Dither.NONE)
 

@@ -220,9 +220,7 @@ class SumOfLaws(DampingLaw):
     def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return the sum of the local forces."""
         terms = zip(self.laws, self._split(parameters), strict=True)
-        return sum(
-            (law.local_force(body, e, e_t, properties, law_parameters) for law, law_parameters in terms), 0 * e_t
-        )
+        return sum((law.local_force(body, e, e_t, properties, values) for law, values in terms), 0 * e_t)
 
     def projection(self, model: Model) -> Array:
         """Return the projections of all terms side by side."""

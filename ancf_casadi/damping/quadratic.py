@@ -152,11 +152,10 @@ class QuadraticDamping(DampingLaw):
 
     def with_parameters(self, values: Sequence[float] | Array) -> QuadraticDamping:
         """Return the law with other values of its parameters, in order; one out of range raises an ``InputError``."""
-        values_by_name = dict(
-            zip((parameter.name for parameter in self.parameters), check_values(self, values), strict=True)
-        )
-        flow = values_by_name.pop("flow_x", 0.0), values_by_name.pop("flow_y", 0.0)
-        return replace(self, **values_by_name, flow=flow)
+        names = [parameter.name for parameter in self.parameters]
+        coefficients = dict(zip(names, check_values(self, values), strict=True))
+        flow = coefficients.pop("flow_x", 0.0), coefficients.pop("flow_y", 0.0)
+        return replace(self, **coefficients, flow=flow)
 
     def loads(self, beam: Beam) -> tuple[LineLoad, ...]:
         """Return the force per length q of a flow on a beam at rest, for each part of constant mass per length."""
@@ -173,9 +172,8 @@ class QuadraticDamping(DampingLaw):
         """Return ``eta1 int S^T mu v dp + eta2 1183/876 int S^T mu |v| v dp``, Eq. (23), v relative to the air."""
         flow_axes = np.flatnonzero(self.flow)
         if flow_axes.size:
-            parameters, flow = cs.vertsplit(
-                parameters, [0, len(self.parameters) - flow_axes.size, len(self.parameters)]
-            )
+            count = len(self.parameters)
+            parameters, flow = cs.vertsplit(parameters, [0, count - flow_axes.size, count])
             e_t = e_t - cs.repmat(cs.DM(body.unit_velocities[:, flow_axes]) @ flow, 1, e_t.shape[1])
         forces = []
         if self.eta1:

@@ -160,15 +160,11 @@ def local_decay(τ: Array, y: Array, λ: float, ω: float, other_frequencies: Se
         if not abs(correction) < ω:  # beyond is noise
             return None
         λ, ω = λ - correction.real, ω + correction.imag
-    size, rate = (
-        (a * pseudo_inverse[0] + b * pseudo_inverse[1]) / amplitude,
-        (a * pseudo_inverse[2] + b * pseudo_inverse[3]) / amplitude**2,
-    )
-    turn = (a * pseudo_inverse[3] - b * pseudo_inverse[2]) / amplitude**2
-    errors = [float(np.linalg.norm(row)) for row in (rate, turn, size)]
-    return LocalDecay(
-        λ, ω, amplitude, errors[0], errors[1], errors[2], float(np.sum((y - basis @ (pseudo_inverse @ y)) ** 2))
-    )
+    p = pseudo_inverse[:4]  # from which the gradients of lambda, omega and amplitude with the samples follow
+    gradients = (a * p[2] + b * p[3]) / amplitude, (a * p[3] - b * p[2]) / amplitude, a * p[0] + b * p[1]
+    λ_error, ω_error, amplitude_error = (float(np.linalg.norm(gradient)) / amplitude for gradient in gradients)
+    misfit = float(np.sum((y - basis @ (pseudo_inverse @ y)) ** 2))
+    return LocalDecay(λ, ω, amplitude, λ_error, ω_error, amplitude_error, misfit)
 
 
 def waves(τ: Array, frequencies: Sequence[float]) -> Array:

@@ -323,9 +323,8 @@ def _windows(
         if decay is None:
             return
         sum_of_squares, degrees_of_freedom = sum_of_squares + decay.misfit, degrees_of_freedom + end - begin - unknowns
-        if not is_visible(
-            decay.amplitude, decay.amplitude_error * math.sqrt(sum_of_squares / degrees_of_freedom), end - begin
-        ):
+        noise = math.sqrt(sum_of_squares / degrees_of_freedom)
+        if not is_visible(decay.amplitude, decay.amplitude_error * noise, end - begin):
             return
         λ, ω = decay.λ, decay.ω
         yield middle, decay
@@ -359,9 +358,8 @@ def _noise(
     if not rank.any():
         return np.full(len(windows), residuals.std()), residuals
     determined = rank > 0
-    typical_variance = np.median(
-        np.repeat(power[determined] / scipy.special.chdtri(rank[determined], 0.5), rank[determined])
-    )
+    variances = power[determined] / scipy.special.chdtri(rank[determined], 0.5)
+    typical_variance = np.median(np.repeat(variances, rank[determined]))
     p_values = scipy.special.chdtrc(np.maximum(rank, 1), power / max(typical_variance, np.finfo(float).tiny))
     is_noisier = determined & (p_values < NOISE_P_VALUE)
     is_typical = determined & ~is_noisier

@@ -14,6 +14,7 @@ separate, SIAM Journal on Numerical Analysis 10 (1973).
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 
@@ -164,13 +165,10 @@ def _candidates(t: Array, y: Array, baseline: Array) -> list[_Candidate]:
     for oscillation in oscillations:
         refinement = local_decay(t - t[-1] / 2, y, oscillation.λ, oscillation.ω_d)
         if refinement is not None and 0.0 < refinement.ω < math.pi / float(np.median(np.diff(t))):
-            oscillation = min(
-                oscillation,
-                _with_rate(t, y, refinement.ω, max(refinement.λ, 0.0), baseline),
-                key=lambda oscillation: oscillation.misfit,
-            )
+            refined = _with_rate(t, y, refinement.ω, max(refinement.λ, 0.0), baseline)
+            oscillation = min(oscillation, refined, key=lambda candidate: candidate.misfit)
         candidates.append(oscillation)
-    return sorted(candidates, key=lambda oscillation: oscillation.misfit)
+    return sorted(candidates, key=lambda candidate: candidate.misfit)
 
 
 def _line(t: Array) -> Array:
@@ -202,16 +200,10 @@ def _fit_heavy_damping(t: Array, y: Array, baseline: Array) -> _Candidate | None
         best = min(best, *trials, key=lambda candidate: candidate.misfit)
     rates = np.geomspace(0.5 / t[-1], len(t) / (4 * t[-1]), HEAVY_TRIALS)
     exponentials = np.exp(-np.outer(rates, t))
-    relaxation_misfit = min(
-        _misfit(y, np.vstack([exponentials[i], exponentials[j], baseline])) for i in range(len(rates)) for j in range(i)
-    )
-    return (
-        best
-        if larger_model_is_evident(
-            relaxation_misfit, best.misfit, INDEPENDENT_SHARE * len(y), 0, float(np.var(y)) * len(y)
-        )
-        else None
-    )
+    pairs = itertools.combinations(exponentials, 2)
+    relaxation_misfit = min(_misfit(y, np.vstack([*pair, baseline])) for pair in pairs)
+    samples, motion = INDEPENDENT_SHARE * len(y), float(np.var(y)) * len(y)
+    return best if larger_model_is_evident(relaxation_misfit, best.misfit, samples, 0, motion) else None
 
 
 def _misfit(y: Array, basis: Array) -> float:

@@ -23,9 +23,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import UNEVEN
 from ancf_casadi.support.arrays import Array, Index
 
-NEIGHBOURS = (
-    25  # samples to either side whose residuals a sample must exceed; a transient of several modes has large ones
-)
+NEIGHBOURS = 25  # samples to either side whose residuals an outlier must exceed, as those of a transient are large
 MIN_EXPLAINED = 0.9  # least share of five residuals about an outlier that it explains; a step would explain 0.87
 MAX_OUTLIERS = 0.05  # share of a record; more are no outliers, but another kind of noise
 LISTED_OUTLIERS = 3  # outliers whose times a note lists

@@ -68,9 +68,7 @@ RELEASE_JUMP = 1.25  # least growth of the amplitude at a release, from one wind
 MAX_UNEXPLAINED = 0.04  # share of the motion that a free decay leaves; random responses leave more
 MAX_UNEXPLAINED_BY_TAKES = 0.02  # the same for several releases
 QUANTISATION_ERROR = 0.25  # error of the amplitude of a quantised oscillation, in steps of the quantisation
-DECAY_TOLERANCE = (
-    1.05  # largest growth of the amplitude from window to window that counts as a decay, for the noise in it
-)
+DECAY_TOLERANCE = 1.05  # largest growth of the amplitude, due to noise, from window to window of a decay
 MOTION_LEVEL = 0.02  # departure that does not count as motion, relative to the largest swing
 
 
@@ -100,13 +98,9 @@ def find_release(time: Array, measured: Array) -> Release:
         excitation_end = find_end_of_excitation(time, measured)  # the rest may be a weak excitation
     begin = _after_gaps(time, max(rest_end, excitation_end), period)
     gap = float(time[begin] - time[begin - 1]) if begin else 0.0
-    reason = (
-        "the end of an excitation"
-        if excitation_end > rest_end
-        else "the end of rest"
-        if rest_end
-        else "the first sample"
-    )
+    reason = "the end of rest" if rest_end else "the first sample"
+    if excitation_end > rest_end:
+        reason = "the end of an excitation"
     if gap <= GAP * typical_step(time):
         return Release(begin, reason)
     note = (
@@ -200,9 +194,8 @@ def find_end_of_excitation(time: Array, displacement: Array) -> int:
 
     stride = math.isqrt(windows)
     coarse_end = best_end(range(MIN_WINDOWS + 1, windows - MIN_WINDOWS + 1, stride))
-    end = best_end(
-        range(max(MIN_WINDOWS + 1, coarse_end - stride), min(windows - MIN_WINDOWS, coarse_end + 2 * stride) + 1)
-    )
+    first, last = max(MIN_WINDOWS + 1, coarse_end - stride), min(windows - MIN_WINDOWS, coarse_end + 2 * stride)
+    end = best_end(range(first, last + 1))
     best_misfit = misfits[end]  # of ten unknowns: q, its amplitude, B, p, C and s
     if not sustained[end] or not is_evident(single_misfit, best_misfit, 10 - 4):
         return 0
@@ -394,9 +387,8 @@ def _one_mode_misfit(k: Array, z: ComplexArray) -> float:
 def _modes_misfit(k: Array, z: ComplexArray, modes: int) -> float:
     """Return the misfit of several free modes, by the matrix pencil."""
     all_windows = np.arange(round(k[-1]) + 1.0)
-    filled = np.exp(
-        np.interp(all_windows, k, np.log(np.abs(z))) + 1j * np.interp(all_windows, k, np.unwrap(np.angle(z)))
-    )
+    logarithm = np.log(np.abs(z)) + 1j * np.unwrap(np.angle(z))
+    filled = np.exp(np.interp(all_windows, k, logarithm))
     hankel = np.lib.stride_tricks.sliding_window_view(filled, len(filled) // 2 + 1)
     vectors = np.linalg.svd(hankel, full_matrices=False)[2][:modes].T
     poles = np.linalg.eigvals(np.linalg.lstsq(vectors[:-1], vectors[1:])[0])

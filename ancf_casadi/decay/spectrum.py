@@ -58,13 +58,9 @@ def peak_frequencies(time: Array, swing: Array) -> list[float]:
 def strongest_peak(time: Array, values: Array, lowest_frequency: float) -> float | None:
     """Return the frequency (Hz) above the lowest whose power stands out most of that around it; None if none does."""
     frequency, power = power_spectrum(time, values)
-    best_ratio, peak_frequency = (
-        gain_threshold(len(values), 3) / 2,
-        None,
-    )  # relative to the mean power of noise, its median over ln 2
-    edges = np.searchsorted(
-        frequency, lowest_frequency * 2 ** np.arange(0.0, math.log2(max(frequency[-1] / lowest_frequency, 1.0)), 0.5)
-    )
+    best_ratio, peak_frequency = gain_threshold(len(values), 3) / 2, None  # to the mean power of noise, median/ln 2
+    octaves = math.log2(max(frequency[-1] / lowest_frequency, 1.0))
+    edges = np.searchsorted(frequency, lowest_frequency * 2 ** np.arange(0.0, octaves, 0.5))
     for begin, end in pairwise([*edges.tolist(), len(frequency)]):
         if end - begin > 2 * PADDING:
             peak = begin + int(np.argmax(power[begin:end]))

@@ -165,9 +165,8 @@ def derived_element(
     """
     e, e_t, p = inputs
     s, d = (cs.SX(0, 1) if argument is None else argument for argument in (strains, weights))
-    mass, line_mass = (
-        cs.SX.zeros(e.numel(), e.numel()) if argument is None else argument for argument in (mass, line_mass)
-    )
+    no_mass = cs.SX.zeros(e.numel(), e.numel())
+    mass, line_mass = no_mass if mass is None else mass, no_mass if line_mass is None else line_mass
     weight = cs.SX.zeros(e.numel(), 2) if gravity is None else gravity
     elastic_force = cs.jtimes(s, e, d * s, True)
     strain_rate_force = cs.jtimes(s, e, d * cs.jtimes(s, e, e_t), True)

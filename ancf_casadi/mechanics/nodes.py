@@ -141,10 +141,8 @@ class Nodes(Displayed):
             else:
                 direction = np.array(support.sliding)
                 normal_projector = np.eye(2) - np.outer(direction, direction)
-                weights[[x, y]], G[[x, y]] = (
-                    direction,
-                    normal_projector @ np.hstack([np.eye(2), self._base_frame_matrix(place)]),
-                )
+                weights[[x, y]] = direction
+                G[[x, y]] = normal_projector @ np.hstack([np.eye(2), self._base_frame_matrix(place)])
                 leader[[x, y]] = x
             if not support.turns and not math.isfinite(getattr(support, "stiffness", math.inf)):
                 weights[[first, second]], G[[first, second], 2:] = 0.0, self._base_frame_matrix(slope)
@@ -202,10 +200,10 @@ class Nodes(Displayed):
         symbolic = not isinstance(values, np.ndarray)
         if self.held_at_base_alone:
             resultant = x[:NODE, :] if symbolic else x[:NODE]
+        elif symbolic:
+            resultant = cs.sparsify(cs.DM(self.whole_of_base)).T @ x
         else:
-            resultant = (
-                cs.sparsify(cs.DM(self.whole_of_base)).T @ x if symbolic else np.tensordot(self.whole_of_base.T, x, 1)
-            )
+            resultant = np.tensordot(self.whole_of_base.T, x, 1)
         return cast(V, resultant)
 
     def whole(self, q: V, base: V) -> V:

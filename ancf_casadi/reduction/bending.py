@@ -133,11 +133,9 @@ def select_points(slopes: Slopes, count: int, rows: Index | None = None) -> Slop
     q = np.random.default_rng(0).uniform(-1.0, 1.0, (200, m)) * max_coordinates  # random bent shapes
     angles = slopes.angles + q @ slopes.rotations.T
     bent_slopes = np.vstack([slopes.lengths * np.cos(angles), slopes.lengths * np.sin(angles)])
-    first_order = np.concatenate([slopes.at_rest[:, :, None], slopes.jacobian * max_coordinates], axis=2).reshape(
-        points, -1
-    )
+    first_order = np.concatenate([slopes.at_rest[:, :, None], slopes.jacobian * max_coordinates], axis=2)
     # weight of the state at rest and of the first-order motion among the snapshots
-    snapshots = np.column_stack([1e4 * first_order, bent_slopes.T])
+    snapshots = np.column_stack([1e4 * first_order.reshape(points, -1), bent_slopes.T])
     basis = scipy.linalg.svd(snapshots, full_matrices=False)[0][:, :count]
     if rows is None:
         rows = np.sort(scipy.linalg.qr(basis.T, pivoting=True, mode="r")[1][:count])

@@ -259,11 +259,9 @@ def rebuild_reduction(reduction: Reduction, model: Model) -> Reduction:
     """Return the reduction of a beam with other properties, with as many modes and the same points."""
     loads, drag_points = reduction.law.loads(model.beam), len(reduction.projection.drag_mass)
     position = neighbouring_equilibrium(Structure.of(model, loads), reduction.modes.equilibrium.exact)
-    equilibrium = (
-        None
-        if position is None
-        else Equilibrium(model, position.coordinates, remainder=position.remainder, loads=loads)
-    )
+    equilibrium = None
+    if position is not None:
+        equilibrium = Equilibrium(model, position.coordinates, remainder=position.remainder, loads=loads)
     modes = natural_modes(model, count=reduction.count, equilibrium=equilibrium)
     rows = reduction.projection.slopes.rows if isinstance(reduction.projection, SlopeProjection) else np.empty(0, int)
     return Reduction(modes, reduction.law, _project_modes(modes, drag_points, len(rows), rows))

@@ -205,9 +205,8 @@ def simulate_reduced(
                 raise SimulationError(message, float(starts[is_infinite][0]))
             samples.append(path[sampled])
             x, steps = path[-1], steps + len(h)
-        clamp_motions.append(
-            clamp(instants[None, sampled_count:count]).full().T[: count - sampled_count]
-        )  # CasADi returns 1 for no instant
+        samples_of_clamp = clamp(instants[None, sampled_count:count]).full().T
+        clamp_motions.append(samples_of_clamp[: count - sampled_count])  # CasADi returns one for no instant
         q, v = np.split(x, 2)
         state = _full_state(reduced, q, v, clamp(piece.end).full().ravel(), piece.end)
         sampled_count = count

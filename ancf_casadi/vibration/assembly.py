@@ -206,11 +206,8 @@ def structure_properties(model: Model) -> Array:
 @lru_cache(maxsize=32)
 def _beam_groups(model: Model) -> tuple[EqualElements, ...]:
     """Return the element groups of a model, with the properties of ``structure_properties``."""
-    indices, names, groups = (
-        np.arange(model.properties.size).reshape(model.properties.shape),
-        [*model.lumped],
-        [],
-    )
+    indices = np.arange(model.properties.size).reshape(model.properties.shape)
+    names, groups = [*model.lumped], []
     for group in model.groups:
         constants = group.constants.T
         # those of an element that is alone, a spring or mass, may change with the displacement of a support

@@ -72,9 +72,8 @@ class ProportionalLoading:
             x, y = support.displacement
             displaced = replace(support, displacement=(factor * x, factor * y), **turned)
             # a clamp of the beginning that is not displaced would take its node from the model
-            supports.append(
-                replace(displaced, displacement=(1e-29, 0.0)) if displaced == Clamp() != support else displaced
-            )
+            at_rest = displaced == Clamp() != support
+            supports.append(replace(displaced, displacement=(1e-29, 0.0)) if at_rest else displaced)
         return replace(self.model, beam=replace(self.model.beam, supports=tuple(supports)))
 
     def point(self, factor: float, equilibrium: Equilibrium) -> PathPoint:
@@ -94,10 +93,8 @@ class PathPoint:
     @cached_property
     def equilibrium(self) -> Equilibrium:
         """The point as a result."""
-        loads, model = (
-            tuple(load.scaled(self.factor) for load in self.loading.loads),
-            self.loading.model_at(self.factor),
-        )
+        loads = tuple(load.scaled(self.factor) for load in self.loading.loads)
+        model = self.loading.model_at(self.factor)
         coordinates = model.whole(self.q, np.array([0.0, 0.0, *model.beam.axis]))
         return Equilibrium(model, coordinates, remainder=self.remainder, loads=loads)
 
@@ -144,10 +141,9 @@ class PathPoint:
     def rate(self) -> Array:
         """The derivative of R with respect to s/largest, (N,)."""
         largest, model = self.loading.largest, self.structure.model
-        loaded = Structure.of(model, [load.scaled(largest) for load in self.loading.loads])
-        rate = (
-            replace(loaded, groups=loaded.groups[len(model.groups) :]).linearisation(self.at)[0] - self.loading.weight
-        )
+        structure = Structure.of(model, [load.scaled(largest) for load in self.loading.loads])
+        loaded_elements = replace(structure, groups=structure.groups[len(model.groups) :])
+        rate = loaded_elements.linearisation(self.at)[0] - self.loading.weight
         if self.loading.moves:
             neighbours = [replace(self, factor=self.factor + sign * FACTOR_STEP * largest) for sign in (1.0, -1.0)]
             if any(getattr(support, "rotation", 0.0) for support in model.beam.supports):  # the free directions turn

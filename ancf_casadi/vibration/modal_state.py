@@ -237,12 +237,8 @@ def _follow_step(state: ModalState, properties: Array, smallest: bool) -> ModalS
     if not smallest and (correlations[order, np.arange(len(order))] ** 2).min() <= 0.5:
         return None
     signs = np.sign(correlations[order, np.arange(len(order))])  # each mode continues with its sign
-    numbers, eigenvalues, shapes = (
-        trial.numbers[order],
-        trial.eigenvalues[order],
-        trial.shapes[:, order] * signs,
-    )
-    return replace(trial, numbers=numbers, eigenvalues=eigenvalues, shapes=shapes)
+    shapes = trial.shapes[:, order] * signs
+    return replace(trial, numbers=trial.numbers[order], eigenvalues=trial.eigenvalues[order], shapes=shapes)
 
 
 def _correlations(first: ModalState, second: ModalState) -> Array:

@@ -204,12 +204,8 @@ class Modes(Reported):
 
         They satisfy R = M Phi mu and Phi^T M (e - e_rest) = modal.  None if the method fails.
         """
-        model, structure, reference, coordinates = (
-            self.model,
-            self.equilibrium.structure,
-            self.equilibrium.coordinates,
-            start,
-        )
+        model, structure = self.model, self.equilibrium.structure
+        reference, coordinates = self.equilibrium.coordinates, start
         modal_inertia = model.of_free(model.mass(model.properties).sparse() @ self.shapes)
         for _ in range(12):
             balance, stiffness, _ = structure.linearisation(Position.of(coordinates))

@@ -286,14 +286,8 @@ def equilibrium_path(
     critical_points: list[CriticalPoint] = []
     for path_step in islice(follow_path(point, tangent, step, regular=start is None), most_steps):
         if path_step.critical is not None and path_step.kind is not None:
-            critical_points.append(
-                CriticalPoint(
-                    path_step.critical.factor,
-                    path_step.kind,
-                    path_step.critical.equilibrium,
-                    null_shape(path_step.critical),
-                )
-            )
+            critical, shape = path_step.critical, null_shape(path_step.critical)
+            critical_points.append(CriticalPoint(critical.factor, path_step.kind, critical.equilibrium, shape))
         for path_point in (path_step.critical, path_step.end):
             if path_point is not None:
                 factors.append(path_point.factor)

@@ -139,12 +139,8 @@ def _follow_load(model: Model, loads: Sequence[Load], *, stable: bool) -> tuple[
         trials += 1
         s = min(factor + step, 1.0)
         loaded = Equilibrium(model, position.coordinates, loads=tuple(load.scaled(s) for load in loads))
-        trial = neighbouring_equilibrium(
-            loaded.structure,
-            position,
-            (1.0 - s) * weight,
-            None if support_motion is None else (s - factor) * support_motion,
-        )
+        motion = None if support_motion is None else (s - factor) * support_motion
+        trial = neighbouring_equilibrium(loaded.structure, position, (1.0 - s) * weight, motion)
         if trial is None:
             step /= 2
             continue
@@ -187,11 +183,11 @@ def _follow_branch(crossing: PathPoint, side: int) -> Iterator[PathStep]:
         follow_path(crossing, branch_tangent(crossing, shape, branch_side), MAX_STEP, regular=False)
         for branch_side in (side, -side)
     ]
-    steps = [next(way, None) for way in branches]
-    k = next((k for k, step in enumerate(steps) if step is not None and step.end.negative == 0), 0)
-    step = steps[k]
-    if step is not None:
-        yield step
+    first_steps = [next(branch, None) for branch in branches]
+    k = next((k for k, step in enumerate(first_steps) if step is not None and step.end.negative == 0), 0)
+    first_step = first_steps[k]
+    if first_step is not None:
+        yield first_step
         yield from branches[k]
 
 

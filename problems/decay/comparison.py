@@ -110,9 +110,8 @@ def compare_decay_laws(
     while candidates := _next_candidates(best, [model for model in models if model not in {*fits, *failed}], lags):
         for model in candidates:
             try:
-                (fit,) = fit_records(
-                    [guesses[model.rest]], [record], model, other_fit=comparison.best if comparison else None
-                )
+                best_fit = comparison.best if comparison else None
+                (fit,) = fit_records([guesses[model.rest]], [record], model, other_fit=best_fit)
                 _refuse_creep_within_a_period(fit)
                 fits[model] = fit
             except FitError as error:
@@ -164,9 +163,8 @@ def _other_records(fits: Sequence[DecayFit], truth: int, rival: int) -> dict[str
     time, noise_growth = np.asarray(pair[0].fit.times), max(best.fit.noise.growth, 1.0)
     later_times = time + time[-1] + np.median(np.diff(time))
     x = _scaled_unknowns(pair[0], 1.0)
-    amplitude_ratio = (
-        float(cs.evalf(pair[0].model.amplitude(later_times[:1], *(x[i] for i in pair[0].indices)))) / pair[0].fit["e0"]
-    )
+    later_amplitude = cs.evalf(pair[0].model.amplitude(later_times[:1], *(x[i] for i in pair[0].indices)))
+    amplitude_ratio = float(later_amplitude) / pair[0].fit["e0"]
     records = {"twice the amplitude": (2.0, time), "twice the length": (1.0, np.concatenate([time, later_times])),
                "a later begin": (amplitude_ratio, time)}  # fmt: skip
     expectations = {}

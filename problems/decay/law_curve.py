@@ -82,16 +82,12 @@ def _average_laws(comparison: LawComparison[DecayFit], amplitudes: ArrayLike | N
         amplitudes = law_curve(comparison.best).amplitude
     weights, fits = np.array([weight for weight, _ in comparison.probable]), [fit for _, fit in comparison.probable]
     curves = [law_curve(fit, amplitudes, level=level) for fit in fits]
-    ratios, frequencies = (
-        np.array([getattr(curve, name) for curve in curves]) for name in ("damping_ratio", "frequency")
-    )
-    bands = (np.array([getattr(curve, name) for curve in curves]) for name in ("damping_ratio_band", "frequency_band"))
-    ratio_band, frequency_band = (
-        mixed_ends(weights, values, ends, level) for values, ends in zip((ratios, frequencies), bands, strict=True)
-    )
-    return LawCurve(
-        curves[0].amplitude, weights @ ratios, ratio_band, weights @ frequencies, frequency_band, curves[0].unit
-    )
+
+    def average(name: str) -> tuple[Array, Array]:
+        values, ends = (np.array([getattr(curve, key) for curve in curves]) for key in (name, f"{name}_band"))
+        return weights @ values, mixed_ends(weights, values, ends, level)
+
+    return LawCurve(curves[0].amplitude, *average("damping_ratio"), *average("frequency"), curves[0].unit)
 
 
 def curve_with_bands(

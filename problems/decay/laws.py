@@ -188,7 +188,7 @@ class DecayModel:
         """Name of the unknown omega in Hz: the frequency, or that at the amplitude to which the law refers."""
         return FREQUENCY_AT.get(self.frequency_law, "frequency_at_zero")
 
-    def shared(self, guess: DecayGuess) -> list[Unknown]:
+    def mode_unknowns(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of the mode."""
         ω, T = guess.ω, guess.duration
         reported = Reported("omega", self.omega_in_hz, "Hz", 1 / (2 * math.pi))
@@ -230,7 +230,7 @@ class DecayModel:
         share = guess.ζ / len(names)
         return [Unknown(n, share * unit[n], scale * unit[n], 0.0, unit=DECAY_QUANTITIES[n].unit) for n in names]
 
-    def own(self, guess: DecayGuess) -> list[Unknown]:
+    def release_unknowns(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of a release and its record."""
         A, sensor_amplitude = guess.amplitude, guess.amplitude * guess.ω**self.sensor.derivatives
         reported = Reported("e0", "amplitude", self.unit("amplitude"))

@@ -44,10 +44,8 @@ if TYPE_CHECKING:
 MIN_EXPLAINED = 0.5  # share of the motion, below which a fit is refused
 MIN_RESOLUTION_STEPS = 1.4  # amplitude over the resolution: a square wave of three levels has 4/pi = 1.27
 DITHER = 0.35  # residuals over the resolution, beyond which noise makes up for few steps
-MAX_UNEXPLAINED_BEFORE = (
-    0.15  # share of the motion of a record that an excitation before the decay may leave unexplained
-)
-SMALL_UNEXPLAINED = 0.003  # share of the motion that free modes leave, beyond which it is a third of this
+MAX_UNEXPLAINED_BEFORE = 0.15  # unexplained share of the motion before the decay, beyond which it is random
+SMALL_UNEXPLAINED = 0.003  # unexplained share of the decay, beyond which a third of the share before is allowed
 DETECTED_REASONS = ("the first sample", "the end of")  # reasons for a release that the record shows
 GROWS = "the oscillation grows"
 NOISE_FREE = 1e-6  # residual relative to the amplitude, below which there is no noise

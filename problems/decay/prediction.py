@@ -45,13 +45,13 @@ def predict_decay(
     rest_law = max((model.rest for model, _ in modes), key=list(REST_TERMS).index)
     guess = guess_of_displacement(first_guess(record, rest=rest_law), sensor.derivatives)
     time, measured = record.time[guess.release :], record.values[guess.release :]
-    releases = [model.own(guess) for model, _ in modes]
+    releases = [model.release_unknowns(guess) for model, _ in modes]
     ends = np.cumsum([0, *map(len, releases)]).tolist()
 
     def curve(mode: cs.MX, release: cs.MX) -> cs.MX:
         total = cs.MX(0)
         for (model, indices), begin, end in zip(modes, ends, ends[1:], strict=False):
-            mode_indices = indices[: len(model.shared(guess))]
+            mode_indices = indices[: len(model.mode_unknowns(guess))]
             total += model.curve(time - time[0], *(mode[k] for k in mode_indices), *cs.vertsplit(release[begin:end]))
         return total
 

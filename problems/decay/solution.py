@@ -439,10 +439,10 @@ def _prior_residuals(model: DecayModel, unknowns: Sequence[Unknown]) -> cs.Funct
 
 def _unknowns(model: DecayModel, guesses: Sequence[DecayGuess]) -> tuple[list[Unknown], list[tuple[int, ...]]]:
     """Return the unknowns of the mode, then those of each record, and the positions of the unknowns of each record."""
-    unknowns = model.shared(max(guesses, key=lambda guess: guess.amplitude))
+    unknowns = model.mode_unknowns(max(guesses, key=lambda guess: guess.amplitude))
     shared, columns = tuple(range(len(unknowns))), []
     for guess, suffix in zip(guesses, _suffixes(guesses), strict=True):
-        release_unknowns = model.own(guess)
+        release_unknowns = model.release_unknowns(guess)
         columns.append((*shared, *range(len(unknowns), len(unknowns) + len(release_unknowns))))
         unknowns += [replace(u, name=u.name + suffix) for u in release_unknowns]
     return unknowns, columns

@@ -22,10 +22,7 @@ from problems.decay.laws import DECAY_QUANTITIES
 from problems.decay.prediction import predict_decay
 from problems.decay.result import DecayFit
 
-RELEASE_QUANTITIES = (
-    "amplitude",
-    *REST_TERMS["creep"],
-)  # quantities that belong to a release and a sensor, not to a mode
+RELEASE_QUANTITIES = ("amplitude", *REST_TERMS["creep"])  # of a release and a sensor, not of a mode
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,9 +122,8 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
         for name in ("frequency", *model.terms, *ratio):
             if name == "frequency_change" and model.frequency_law == "smooth":
                 continue  # which refers to the smallest amplitude of each record
-            values, errors = (
-                np.array([quantities[name] for quantities in columns]) for columns in zip(*at_smallest, strict=True)
-            )
+            values = np.array([quantities[name] for quantities, _ in at_smallest])
+            errors = np.array([standard_errors[name] for _, standard_errors in at_smallest])
             if (errors > 0.0).all():
                 agreements.append(Agreement(name, model.unit(name), values, errors, *model.bounds[name]))
         return tuple(agreements)

@@ -218,7 +218,7 @@ def _stated(
     starts = [{names.get(name, name): value for name, value in one.items()}
               for one in _starts(model, curves, units, known, first)]  # fmt: skip
     best = starts[0]
-    own = model.shared(_guess(model, best))
+    own = model.mode_unknowns(_guess(model, best))
     shared = tuple(one.name for one in own)
     unknowns = [one for one in started(first.fit.unknowns if first else own, best) if one.name in shared]
     blocks = list[Block]()

@@ -276,7 +276,7 @@ def modal_constant_of(model: DecayModel, points: Points, values: Mapping[str, fl
 
 def law_at(model: DecayModel, amplitude: Array, values: Mapping[str, float]) -> tuple[Array, Array]:
     """Return damping ratio and frequency (Hz) at amplitudes for values of the unknowns by name."""
-    names = [one.name for one in model.shared(guess_of(values["omega"], LEAST_RATIO, model.reference))]
+    names = [one.name for one in model.mode_unknowns(guess_of(values["omega"], LEAST_RATIO, model.reference))]
     law = [cs.MX(values[name]) for name in names]
     ratio, frequency = model.against_amplitude(amplitude, *law, cs.MX(1), cs.MX(0))
     return np.asarray(cs.evalf(ratio)).ravel(), np.asarray(cs.evalf(frequency)).ravel()

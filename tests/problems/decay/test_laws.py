@@ -308,14 +308,14 @@ def test_several_records_share_the_frequency_law():
 
 @pytest.mark.slow
 def test_a_comparison_survives_a_law_that_cannot_be_fitted(monkeypatch):
-    fit_from = comparison_module.fit_from
+    fit_records = comparison_module.fit_records
 
-    def failing(guesses, records, model, **near):
+    def failing(guesses, records, model, **options):
         if model.law == "friction":
             raise FitError("no minimum was found")
-        return fit_from(guesses, records, model, **near)
+        return fit_records(guesses, records, model, **options)
 
-    monkeypatch.setattr(comparison_module, "fit_from", failing)
+    monkeypatch.setattr(comparison_module, "fit_records", failing)
     comparison = compare_decay_laws(
         TIME, record("linear", "constant", 1e-4), frequency_laws=("constant",), rests=("constant",)
     )
